@@ -1,0 +1,53 @@
+# `make help` is the index of everything one can do here.
+SHELL := /bin/bash
+PYTHON := .venv/bin/python
+ARGS ?=
+.DEFAULT_GOAL := help
+
+##@ Start
+.PHONY: help demo simulate
+help: ## Show this list
+	@awk 'BEGIN {FS = ":.*## "} /^##@/ {printf "\n\033[1m%s\033[0m\n", substr($$0, 5)} /^[a-z-]+:.*## / {printf "  \033[36m%-16s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+demo: venv ## A wheelchair in a corridor while its link fails; ARGS="--mode cloud-only --no-ui"
+	$(PYTHON) -m robot_offload demo $(ARGS)
+
+simulate: venv ## The protocol in virtual time; ARGS="--hours 1 --seed 7"
+	$(PYTHON) -m robot_offload.simulate $(ARGS)
+
+##@ Check
+.PHONY: test lint types fmt
+test: venv ## All tests: unit, contract, simulation, real ROS processes
+	$(PYTHON) -m pytest $(ARGS)
+
+test-fast: venv ## Only what takes seconds
+	$(PYTHON) -m pytest tests/unit tests/contract $(ARGS)
+
+lint: venv ## Style and import directions
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/lint-imports --no-cache
+
+types: venv ## mypy --strict
+	.venv/bin/mypy
+
+fmt: venv ## Rewrite in the project's format
+	.venv/bin/ruff check --fix .
+	.venv/bin/ruff format .
+
+##@ Measure
+.PHONY: bench-switch
+bench-switch: venv ## The switching figures of docs/benchmarks.md; ARGS="--quick"
+	$(PYTHON) -m robot_offload.bench switch $(ARGS)
+
+##@ Maintain
+.PHONY: venv pins clean
+venv: ## Make or refresh .venv (the other targets do it by themselves)
+	@python3 scripts/bootstrap.py
+
+pins: ## Resolve requirements/all.txt anew from the groups of pyproject.toml
+	uv pip compile --quiet --universal --python-version 3.12 --generate-hashes --no-emit-index-url --no-header \
+	  --group pyproject.toml:ros --group pyproject.toml:operator --group pyproject.toml:dev -o requirements/all.txt
+
+clean: ## Remove what was built here
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis out

@@ -1,0 +1,20 @@
+"""The one place that reads clocks. Steady means CLOCK_BOOTTIME: it goes on while the host sleeps."""
+
+from __future__ import annotations
+
+import time
+
+
+def now_s() -> float:
+    """Seconds of this host's steady clock. Never compared with another host's."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+def now_us() -> int:
+    """The same in microseconds."""
+    return time.clock_gettime_ns(time.CLOCK_BOOTTIME) // 1000
+
+
+def wall_us() -> int:
+    """System clock minus steady clock in microseconds, for the estimate of the offset that user nodes would see."""
+    return time.clock_gettime_ns(time.CLOCK_REALTIME) // 1000 - now_us()

@@ -1,0 +1,76 @@
+"""The port behind which a link hides: named channels of bytes between the robot's and the cloud's agent.
+
+Two implementations: `zenoh.py` (the agents' own session) and `ros.py` (topics over whatever DDS transport joins the
+two sides). Nothing here knows what the bytes mean; a link never judges freshness, tokens or ages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+OnMessage = Callable[[str, bytes, bytes], None]
+"""(channel, header, payload), called on a thread of the link as soon as a message has arrived; must not block."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One named stream of messages; both ends declare the same channels.
+
+    Attributes:
+        name: unique in the session, e.g. `beat`, `probe`, `in/scan`, `out/cmd_vel`.
+        reliable: whether the transport retransmits. Reliable does not mean delivered: a message put while the
+            session is down is lost.
+        urgent: sent before everything else (beats, probes).
+    """
+
+    name: str
+    reliable: bool = True
+    urgent: bool = False
+
+
+@dataclass(frozen=True)
+class LinkStatus:
+    """What a link can say about itself.
+
+    Attributes:
+        connected: a session with the other side is open. It says nothing about freshness: beats do.
+        endpoint: the endpoint in use or being tried, e.g. `quic/cloud.example:7447`; empty for DDS.
+        fallback: the endpoint is the fallback (TLS over TCP), with its longer limits.
+        sessions: how many sessions were opened since the start; grows with every reconnect.
+        message: what a person should read when it is not connected, e.g. the last error.
+    """
+
+    connected: bool
+    endpoint: str = ""
+    fallback: bool = False
+    sessions: int = 0
+    message: str = ""
+
+
+class Link(Protocol):
+    """One end of one session."""
+
+    def start(self) -> None:
+        """Starts connecting (robot) or listening (cloud) in the background and returns at once."""
+
+    def send(self, channel: str, header: bytes, payload: bytes) -> bool:
+        """Hands a message to the transport; never blocks longer than about 20 ms.
+
+        Returns:
+            False when it was certainly not sent (no session, queue full). True promises nothing.
+        """
+
+    def status(self) -> LinkStatus:
+        """The present state; cheap, callable from any thread."""
+
+    def reopen(self, reason: str) -> None:
+        """Drops the session with everything buffered in it and opens a new one from a new source port.
+
+        Called at each dead verdict: only the end of a session discards stale samples in the transport, and stale
+        connection tracking on the path is left behind. Returns at once; calls during a running reopen are ignored.
+        """
+
+    def close(self) -> None:
+        """Ends the session and its threads for good."""

@@ -1,0 +1,311 @@
+"""The agents' own link: one mutually authenticated Zenoh session, dialled by the robot.
+
+Every connection is a session of its own: whatever ends it (lease, `reopen`, the cloud's restart), the robot closes the
+session and opens another, so that nothing buffered survives, certificates are read anew and the peer is checked again.
+The cloud's listener stays for the life of the process: a QUIC port that a robot still dials is not free again for half
+a minute after the listener was closed.
+"""
+
+from __future__ import annotations
+
+import logging
+import ssl
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import zenoh
+
+from robot_offload_agent.clock import now_s
+from robot_offload_agent.errors import ConfigurationError
+from robot_offload_agent.link.port import Channel, LinkStatus, OnMessage
+from robot_offload_agent.link.zenoh_config import ZenohSettings, key
+from robot_offload_agent.link.zenoh_rules import EndpointChoice, Patience
+from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
+
+log = logging.getLogger(__name__)
+
+_CLOSE_S = 0.9
+"""How long `close` waits for the session to say goodbye."""
+_SUCCESSION_S = 1.0
+"""How long a second session may stay silent before it takes over from the first all the same."""
+
+
+class ZenohLink:
+    """See `port.Link`. All methods are safe to call from any thread, before and after the link is up.
+
+    Attributes:
+        settings: as given.
+    """
+
+    def __init__(self, settings: ZenohSettings, channels: Sequence[Channel], on_message: OnMessage) -> None:
+        """Checks everything that can be checked without a network.
+
+        Raises:
+            ConfigurationError: a certificate file is missing or does not fit, or a channel has no usable name.
+        """
+        names = [channel.name for channel in channels]
+        for name in names:
+            key(settings, settings.side, name)
+        if len(set(names)) != len(names):
+            raise ConfigurationError(f"channels {', '.join(names)}: each name once")
+        problem = certificate_problem(settings)
+        if problem:
+            raise ConfigurationError(problem)
+        self.settings = settings
+        self._channels = tuple(channels)
+        self._names = frozenset(names)
+        self._on_message = on_message
+        self._choice = EndpointChoice(bool(settings.fallback), settings.fallback_after_ms / 1e3)
+        self._patience = Patience(settings.open_timeout_ms, settings.slow_open_timeout_ms)
+        self._change = threading.Condition()
+        self._thread: threading.Thread | None = None
+        # What follows is guarded by _change; the sessions may be read without.
+        self._session: ZenohSession | None = None
+        self._successor: ZenohSession | None = None
+        self._earlier_sessions = 0
+        self._earlier_malformed = 0
+        self._message = "not started"
+        self._reopening = ""
+        self._closing = False
+
+    def start(self) -> None:
+        """Starts connecting (robot) or listening (cloud) in the background and returns at once."""
+        if self._thread is not None:
+            raise RuntimeError("the link was started already")
+        work = self._dial if self.settings.dials else self._listen
+        self._thread = threading.Thread(target=work, name=f"link-{self.settings.session}", daemon=True)
+        self._thread.start()
+
+    def send(self, channel: str, header: bytes, payload: bytes) -> bool:
+        """Hands a message to the transport; see `port.Link.send`.
+
+        Raises:
+            KeyError: no such channel.
+        """
+        if channel not in self._names:
+            raise KeyError(f"channel {channel!r} is not one of {', '.join(sorted(self._names))}")
+        session = self._session
+        return session is not None and self._up(session) and session.send(channel, header, payload)
+
+    def _up(self, session: ZenohSession) -> bool:
+        return session.connections > 0 and not self._reopening
+
+    def status(self) -> LinkStatus:
+        """The present state."""
+        with self._change:
+            session = self._session
+            connected = session is not None and self._up(session)
+            return LinkStatus(
+                connected=connected,
+                endpoint=self._where(self._choice.fallback),
+                fallback=self._choice.fallback,
+                sessions=self._earlier_sessions + (session.opened if session is not None else 0),
+                message="" if connected else self._message,
+            )
+
+    def _where(self, fallback: bool) -> str:
+        return ", ".join(self.settings.fallback if fallback else self.settings.endpoints)
+
+    @property
+    def malformed(self) -> int:
+        """How many messages arrived so far that are none of ours."""
+        with self._change:
+            return self._earlier_malformed + (self._session.malformed if self._session is not None else 0)
+
+    def reopen(self, reason: str) -> None:
+        """See `port.Link.reopen`. The cloud keeps its listener: it is the robot that comes anew."""
+        with self._change:
+            if self.settings.dials and self._session is not None and not self._reopening:
+                log.info("Reopened the %s session reason=%s", self.settings.session, reason)
+                self._reopening = reason or "asked to"
+                self._message = f"reopening: {self._reopening}"
+                self._change.notify_all()
+
+    def close(self) -> None:
+        """Ends the session and its threads for good; returns within about a second."""
+        with self._change:
+            self._closing = True
+            self._change.notify_all()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(_CLOSE_S)
+
+    # -- the robot --------------------------------------------------------------------------------------------------
+
+    def _dial(self) -> None:
+        while not self._closing:
+            began_s = now_s()
+            session = self._open(self._choice.fallback)
+            if session is None:
+                if self._choice.failed(began_s, now_s()):
+                    log.warning("Changed to %s", self._where(self._choice.fallback))
+                self._pause(self.settings.retry_ms / 1e3)
+                continue
+            self._begin(session)
+            self._stay()
+        self._end_session("closed", wait_s=_CLOSE_S / 2)
+
+    def _stay(self) -> None:
+        """Returns when the session has ended, for whatever reason."""
+        while True:
+            with self._change:
+                # On the fallback the primary is tried again now and then.
+                left_s = self.settings.primary_retry_s if self._choice.fallback else None
+                self._change.wait_for(self._session_over, left_s)
+                if self._session_over():
+                    break
+            if (session := self._open(fallback=False)) is not None:
+                self._succeed(session)
+        if not self._closing and not self._reopening:
+            log.warning("Lost the %s session with %s", self.settings.session, self._where(self._choice.fallback))
+        self._end_session(f"reopening: {self._reopening}" if self._reopening else "the session was lost")
+
+    def _session_over(self) -> bool:
+        return self._closing or self._session is None or not self._up(self._session)
+
+    def _begin(self, session: ZenohSession) -> None:
+        """Takes a session into use where there is none."""
+        with self._change:
+            self._session = session
+            self._reopening = ""
+            self._choice.opened(session.fallback)
+        self._declare(session)
+        what = "Opened" if self.settings.dials else "Listened for"
+        log.info("%s the %s session endpoint=%s", what, self.settings.session, self._where(session.fallback))
+
+    def _succeed(self, session: ZenohSession) -> None:
+        """Lets a second session take the place of the present one once it delivers, so that no silence lies between.
+
+        The message that shows it may have come by the first as well: one of a channel may be doubled.
+        """
+        with self._change:
+            self._successor = session
+        self._declare(session)
+        with self._change:
+            self._change.wait_for(lambda: self._successor is None or self._session_over(), _SUCCESSION_S)
+            if self._successor is None:
+                return
+            if session.connections > 0 and not self._closing and not self._reopening:
+                self._promote(session)  # nobody says anything at present, or the first has ended meanwhile
+                return
+            self._successor = None
+        self._retire(session)
+
+    def _promote(self, session: ZenohSession) -> None:
+        """Call with _change held."""
+        old, self._session = self._session, session
+        self._successor = None
+        self._choice.opened(session.fallback)
+        log.info("Changed to %s for the %s session", self._where(session.fallback), self.settings.session)
+        if old is not None:
+            self._retire(old)
+        self._change.notify_all()
+
+    def _end_session(self, message: str, wait_s: float = 0.0) -> None:
+        with self._change:
+            old, self._session = self._session, None
+            self._message = message
+        if old is not None:
+            self._retire(old).join(wait_s)
+
+    def _retire(self, session: ZenohSession) -> threading.Thread:
+        """Closes a session beside, for closing may hang as long as the network does."""
+        with self._change:
+            self._earlier_sessions += session.opened
+            self._earlier_malformed += session.malformed
+        thread = threading.Thread(target=session.close, name=f"link-{self.settings.session}-close", daemon=True)
+        thread.start()
+        return thread
+
+    # -- the cloud --------------------------------------------------------------------------------------------------
+
+    def _listen(self) -> None:
+        while not self._closing:
+            session = self._open(fallback=False)
+            if session is None:
+                self._pause(self.settings.retry_ms / 1e3)
+                continue
+            with self._change:
+                self._message = "no robot is connected"
+            self._begin(session)
+            with self._change:
+                self._change.wait_for(lambda: self._closing)
+        self._end_session("closed", wait_s=_CLOSE_S / 2)
+
+    # -- both -------------------------------------------------------------------------------------------------------
+
+    def _open(self, fallback: bool) -> ZenohSession | None:
+        """One attempt; the reason of a failure becomes the status message."""
+        where = self._where(fallback)
+        try:
+            session = ZenohSession(self.settings, fallback, self._patience.next_ms(now_s()))
+            self._patience.succeeded()
+            return session
+        except PeerRefusedError as error:
+            message = f"{where} was refused: {error}"
+        except zenoh.ZError as error:
+            if self.settings.dials:
+                hint = "no answer, or a certificate was refused"
+                message = f"no session with {where}: {certificate_problem(self.settings) or hint}"
+            else:
+                # The wheel appends its source line.
+                message = f"cannot listen on {where}: {str(error).partition(' at /')[0]}"
+        with self._change:
+            if message != self._message and self._session is None:
+                log.warning("Opened no %s session yet: %s", self.settings.session, message)
+                self._message = message
+        return None
+
+    def _declare(self, session: ZenohSession) -> None:
+        try:
+            session.declare(self._channels, self._deliver, self._connection_changed)
+        except zenoh.ZError as error:
+            session.connections = 0
+            log.warning("The %s session ended as soon as it was open: %s", self.settings.session, error)
+
+    def _pause(self, duration_s: float) -> None:
+        with self._change:
+            self._change.wait_for(lambda: self._closing, duration_s)
+
+    # -- on threads of the wheel ------------------------------------------------------------------------------------
+
+    def _deliver(self, session: ZenohSession, channel: str, header: bytes, payload: bytes) -> None:
+        if session is self._successor:
+            with self._change:
+                if session is self._successor:
+                    self._promote(session)
+        if session is not self._session or self._reopening:
+            return  # stale: from a session that is being closed
+        try:
+            self._on_message(channel, header, payload)
+        except Exception:
+            log.exception("Handling a message of channel %s failed", channel)
+
+    def _connection_changed(self, session: ZenohSession) -> None:
+        fallback = session.protocols() == {"tls"}
+        with self._change:
+            self._change.notify_all()
+            if session is not self._session or self.settings.dials:
+                return
+            self._choice.opened(fallback)
+            log.info("Counted connections session=%s robots=%d", self.settings.session, session.connections)
+
+
+def certificate_problem(settings: ZenohSettings) -> str:
+    """What is wrong with the certificate files, "" when nothing is: missing, unreadable, or not made for each other."""
+    for name in ("ca", "certificate", "private_key"):
+        path = Path(getattr(settings, name))
+        try:
+            path.read_bytes()
+        except OSError as error:
+            return f"{name} {path}: {error.strerror}"
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    try:
+        context.load_verify_locations(settings.ca)
+    except ssl.SSLError:
+        return f"ca {settings.ca}: holds no certificate in PEM form"
+    try:
+        context.load_cert_chain(settings.certificate, settings.private_key)
+    except ssl.SSLError as error:
+        return f"certificate {settings.certificate} and private_key {settings.private_key}: {error.reason or error}"
+    return ""

@@ -1,0 +1,200 @@
+"""Settings of a Zenoh session and, from them, keys and configuration: pure, no session is opened here.
+
+Why it is configured this way is measured in docs/decisions/0002-two-zenoh-sessions.md.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from robot_offload_agent.errors import ConfigurationError
+
+KEY_PREFIX = "robot_offload"
+BULK_BYTES = 1000
+"""Header + payload above this do not fit in one QUIC datagram (about 1150 bytes) together with their key."""
+
+_UID = re.compile(r"[A-Za-z0-9._-]{1,63}")
+_CHANNEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*(/[A-Za-z0-9._-]+)*")  # one that begins with _ is the link's own
+_ADDRESS = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[^\s\[\]:/?#]+):(\d{1,5})")
+_QUEUE_BATCHES = 16  # the wheel's maximum; with the default of 2, 0.1 % is lost on a link that loses nothing
+_WAIT_BEFORE_DROP_US = 20_000  # a full queue holds a sender up for no longer than this
+_NEVER_MS = 3_600_000
+_POSITIVE = (
+    "lease_ms", "open_timeout_ms", "slow_open_timeout_ms", "retry_ms", "fallback_after_ms", "primary_retry_s",
+    "backlog_ms",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ZenohSettings:
+    """What one side needs to know for one of its two sessions.
+
+    Attributes:
+        side: `robot` dials, `cloud` listens.
+        session: `pulse` (beats, datagrams only) or `data` (streams and datagrams).
+        uid: of the RobotOffload; part of every key.
+        endpoints: QUIC, `quic/host:port`; the cloud's host is the address to listen on, e.g. 0.0.0.0. Whether
+            messages are datagrams or streams is the session's matter: never part of the endpoint.
+        ca: PEM file of the authorities that the other side's certificate must come from.
+        certificate: PEM file of this side's certificate. Like `ca` and `private_key` it is read whenever a robot
+            dials, but by a listener only once: a cloud with new files is started anew.
+        private_key: PEM file of its key.
+        fallback: TLS over TCP, `tls/host:port`, for networks without UDP; empty for none. The cloud listens on both.
+        verify_name: the cloud's certificate must name the host that the robot dials; otherwise it must carry
+            `peer_name`.
+        peer_name: the common name of the cloud's certificate where `verify_name` is off. The wheel trusts all public
+            authorities beside `ca`: without this check any valid certificate of the internet would pass for the
+            cloud. So it must be a name that no public authority certifies, such as one without a dot.
+        lease_ms: a session that hears nothing for this long ends. The end is the only thing that discards stale
+            messages in the transport, so it is short: 500 for the pulse, 1000 for data.
+        open_timeout_ms: of one attempt to open a session. Opening takes about three round trips.
+        slow_open_timeout_ms: of every second attempt when the others have failed for a while, for slow paths; and how
+            long the cloud waits for a robot that has begun to connect.
+        retry_ms: pause between two attempts; with open_timeout_ms it says how long after a cut the session is back.
+        fallback_after_ms: the fallback is tried when two attempts or more in this time got no session, and after
+            as long without success again the primary.
+        primary_retry_s: how often the primary is tried again while the fallback is in use.
+        backlog_ms: bulk (above BULK_BYTES) of a channel is refused while an earlier message of it is on its way
+            for longer: a link that carries less than is put into it would deliver everything seconds old.
+    """
+
+    side: str
+    session: str
+    uid: str
+    endpoints: tuple[str, ...]
+    ca: str
+    certificate: str
+    private_key: str
+    fallback: tuple[str, ...] = ()
+    verify_name: bool = True
+    peer_name: str = "cloud"
+    lease_ms: int = 500
+    open_timeout_ms: int = 500
+    slow_open_timeout_ms: int = 3000
+    retry_ms: int = 100
+    fallback_after_ms: float = 5000
+    primary_retry_s: float = 10.0
+    backlog_ms: float = 150
+
+    def __post_init__(self) -> None:
+        """Raises ConfigurationError naming the first value that cannot work."""
+        if self.side not in ("robot", "cloud"):
+            raise ConfigurationError(f"side {self.side!r}: say robot or cloud")
+        if self.session not in ("pulse", "data"):
+            raise ConfigurationError(f"session {self.session!r}: say pulse or data")
+        if not _UID.fullmatch(self.uid):
+            raise ConfigurationError(f"uid {self.uid!r}: use 1 to 63 letters, digits, '.', '_' and '-'")
+        if not self.endpoints:
+            raise ConfigurationError(f"{self.session} endpoints: at least one quic/HOST:PORT is needed")
+        for name in _POSITIVE:
+            if getattr(self, name) <= 0:
+                raise ConfigurationError(f"{name} {getattr(self, name)!r}: must be more than 0")
+        for endpoint in self.endpoints:
+            _check_endpoint(endpoint, "quic")
+        for endpoint in self.fallback:
+            _check_endpoint(endpoint, "tls")
+
+    @property
+    def dials(self) -> bool:
+        """Whether this side opens the connection."""
+        return self.side == "robot"
+
+    @property
+    def other_side(self) -> str:
+        """Whose keys are heard."""
+        return "cloud" if self.dials else "robot"
+
+
+def _check_endpoint(endpoint: str, protocol: str) -> None:
+    found, _, address = endpoint.partition("/")
+    if found != protocol:
+        # A plain udp or tcp listener would let anybody in, even beside one that asks for certificates.
+        raise ConfigurationError(
+            f"endpoint {endpoint!r}: must be {protocol}/HOST:PORT, other protocols are not allowed"
+        )
+    match = _ADDRESS.fullmatch(address)
+    if match is None or not 0 < int(match[2]) < 65536:
+        raise ConfigurationError(f"endpoint {endpoint!r}: must be {protocol}/HOST:PORT, IPv6 in brackets")
+
+
+def key(settings: ZenohSettings, sender_side: str, channel: str) -> str:
+    """The key under which a side sends a channel.
+
+    Raises:
+        ConfigurationError: the channel's name is no key.
+    """
+    if not _CHANNEL.fullmatch(channel):
+        raise ConfigurationError(f"channel {channel!r}: use letters, digits, '.', '_', '-', and '/' between words")
+    return _key(settings, sender_side, channel)
+
+
+def acknowledgement_key(settings: ZenohSettings, sender_side: str) -> str:
+    """The key under which a side acknowledges bulk."""
+    return _key(settings, sender_side, "_ack")
+
+
+def _key(settings: ZenohSettings, sender_side: str, name: str) -> str:
+    return f"{KEY_PREFIX}/{settings.uid}/{sender_side}/{settings.session}/{name}"
+
+
+def session_config(
+    settings: ZenohSettings, *, fallback: bool = False, open_timeout_ms: int | None = None
+) -> dict[str, Any]:
+    """The configuration of a session: the robot's over the primary or the fallback, the cloud's over both.
+
+    `open_timeout_ms` is that of the settings unless given.
+
+    Both sessions carry streams and datagrams on one connection (`mixed_rel`): with datagrams alone (`rel=0`) a lost
+    packet may swallow the declaration of a subscriber, and then that direction stays silent for the whole session.
+    Zenoh neither retries nor reconnects: the link does, for only so every connection is checked and read anew.
+    """
+    certified = "connect" if settings.dials else "listen"
+    config: dict[str, Any] = {
+        "mode": "client" if settings.dials else "router",
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "listen": {"endpoints": []},
+        "transport": {
+            "shared_memory": {"enabled": False},
+            "unicast": {
+                "open_timeout": open_timeout_ms or settings.open_timeout_ms,
+                "accept_timeout": settings.slow_open_timeout_ms,
+                "max_links": 1,
+            },
+            "link": {
+                "protocols": ["quic", "tls"],
+                "tx": {"lease": settings.lease_ms, "keep_alive": 4, "queue": _queue()},
+                "tls": {
+                    "root_ca_certificate": settings.ca,
+                    "enable_mtls": True,
+                    f"{certified}_certificate": settings.certificate,
+                    f"{certified}_private_key": settings.private_key,
+                    "verify_name_on_connect": settings.verify_name,
+                },
+            },
+        },
+    }
+    if settings.dials:
+        config["connect"] = {
+            "endpoints": list(settings.fallback) if fallback else [f"{e}?mixed_rel=1" for e in settings.endpoints],
+            "timeout_ms": 0,
+            "exit_on_failure": True,
+            "retry": {"period_init_ms": _NEVER_MS, "period_max_ms": _NEVER_MS, "period_increase_factor": 1},
+        }
+    else:
+        listened = [f"{e}?mixed_rel=auto" for e in settings.endpoints]
+        config["listen"] = {"endpoints": [*listened, *settings.fallback]}
+    return config
+
+
+def _queue() -> dict[str, Any]:
+    return {
+        "size": {"real_time": _QUEUE_BATCHES, "data": _QUEUE_BATCHES, "data_low": _QUEUE_BATCHES},
+        "congestion_control": {
+            "drop": {
+                "wait_before_drop": _WAIT_BEFORE_DROP_US,
+                "max_wait_before_drop_fragments": _WAIT_BEFORE_DROP_US,
+            }
+        },
+    }

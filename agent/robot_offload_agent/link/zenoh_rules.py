@@ -1,0 +1,109 @@
+"""Three small rules of the Zenoh link, without sessions, threads or clocks."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+
+@dataclass
+class EndpointChoice:
+    """Primary or fallback: alternates while neither gives a session.
+
+    Attributes:
+        has_fallback: whether there is anything to choose from.
+        patience_s: how long one of the two is tried before it is the other's turn.
+        fallback: what is in use or being tried.
+        tries: attempts that failed since the last session or change.
+        since_s: when the first of them began.
+    """
+
+    has_fallback: bool
+    patience_s: float
+    fallback: bool = False
+    tries: int = 0
+    since_s: float = 0.0
+
+    def failed(self, began_s: float, now_s: float) -> bool:
+        """Notes an attempt without success; returns whether it is the other's turn now."""
+        if self.tries == 0:
+            self.since_s = began_s
+        self.tries += 1
+        # Two at least: one attempt may take longer than the patience, and one lost packet is no blocked port.
+        if not self.has_fallback or self.tries < 2 or now_s - self.since_s < self.patience_s:
+            return False
+        self.opened(not self.fallback)
+        return True
+
+    def opened(self, fallback: bool) -> None:
+        """Notes what is in use; when that session ends it is what is tried first."""
+        self.fallback, self.tries = fallback, 0
+
+
+@dataclass
+class Patience:
+    """How long one attempt to open a session may take.
+
+    A short one finds a link that has healed at once, but opening takes about three round trips: on a path of half a
+    second a short one never succeeds. So when short ones have failed for a while, every second one is long.
+
+    Attributes:
+        short_ms, long_ms: the two lengths.
+        short_only_s: how long only short ones are tried; longer than the outages after which speed matters.
+        began_s: when the first of the attempts in a row began that all failed; None: the last one succeeded.
+        tries: attempts since then.
+    """
+
+    short_ms: int
+    long_ms: int
+    short_only_s: float = 12.0
+    began_s: float | None = None
+    tries: int = 0
+
+    def next_ms(self, now_s: float) -> int:
+        """The limit of the attempt that begins now."""
+        if self.began_s is None:
+            self.began_s = now_s
+        self.tries += 1
+        long = now_s - self.began_s > self.short_only_s and self.tries % 2 == 0
+        return self.long_ms if long else self.short_ms
+
+    def succeeded(self) -> None:
+        """Notes a session."""
+        self.began_s, self.tries = None, 0
+
+
+@dataclass
+class Backlog:
+    """Bulk messages of one channel that are on their way and not yet acknowledged.
+
+    QUIC keeps what it cannot send yet: on a link of 80 ms and 3 % loss that carries half of what is put in, messages
+    arrive 6 seconds old, and no call takes them back. So no more is put in while the oldest is overdue.
+
+    Attributes:
+        limit_s: an age of the oldest above which nothing more is admitted.
+        forget_s: acknowledgements get lost, and a full queue drops messages: after this long none is waited for.
+        sequence: of the newest message.
+        waiting: (sequence, time of sending) of each message, oldest first.
+    """
+
+    limit_s: float
+    forget_s: float
+    sequence: int = 0
+    waiting: deque[tuple[int, float]] = field(default_factory=deque)
+
+    def admit(self, now_s: float) -> int | None:
+        """The sequence (1 to 2**32 - 1) for a message that may be sent now, or None."""
+        while self.waiting and now_s - self.waiting[0][1] > self.forget_s:
+            self.waiting.popleft()
+        if self.waiting and now_s - self.waiting[0][1] > self.limit_s:
+            return None
+        self.sequence = self.sequence % 0xFFFFFFFF + 1
+        self.waiting.append((self.sequence, now_s))
+        return self.sequence
+
+    def acknowledged(self, sequence: int) -> None:
+        """A message has arrived, and so have, or will never, those sent before it. Unknown ones change nothing."""
+        if any(sequence == waiting for waiting, _ in self.waiting):
+            while self.waiting.popleft()[0] != sequence:
+                pass

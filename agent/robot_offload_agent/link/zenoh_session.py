@@ -1,0 +1,226 @@
+"""One open Zenoh session: publishers and subscribers of all channels, acknowledgements of bulk.
+
+On the wire a message is a put: the payload is the payload, the attachment is a sequence (4 bytes, big-endian) and the
+header. A sequence other than 0 asks for an acknowledgement: a put whose payload is that sequence and the channel.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+
+from robot_offload_agent.clock import now_s
+from robot_offload_agent.link.port import Channel
+from robot_offload_agent.link.zenoh_config import (
+    BULK_BYTES,
+    ZenohSettings,
+    acknowledgement_key,
+    key,
+    session_config,
+)
+from robot_offload_agent.link.zenoh_rules import Backlog
+
+log = logging.getLogger(__name__)
+
+_SEQUENCE_BYTES = 4
+
+
+class PeerRefusedError(Exception):
+    """Who answered shows a certificate that is not the cloud's."""
+
+
+@dataclass
+class _Outlet:
+    """The sending end of a channel.
+
+    Attributes:
+        publisher: of messages that fit in a datagram.
+        bulk: publisher of bigger ones, behind all others; None where all go the same way.
+        backlog: of the bulk.
+        is_bulk: a message was too big once: from then on all go one way, so that none overtakes another.
+    """
+
+    publisher: zenoh.Publisher
+    bulk: zenoh.Publisher | None
+    backlog: Backlog
+    is_bulk: bool = False
+
+
+class ZenohSession:
+    """A session that is open from construction to `close`.
+
+    Attributes:
+        fallback: the robot dialled the fallback.
+        connections: to the other side, now. A robot's is 1 and then 0 for ever: nothing reconnects within a session.
+        opened: how many connections there have been.
+        malformed: how many messages arrived that are none of ours.
+    """
+
+    def __init__(self, settings: ZenohSettings, fallback: bool = False, open_timeout_ms: int | None = None) -> None:
+        """Opens it; blocks for up to `open_timeout_ms`, longer only while a name is looked up.
+
+        Args:
+            settings: of the link.
+            fallback: whether to dial the fallback.
+            open_timeout_ms: of this attempt; None: as the settings say.
+
+        Raises:
+            zenoh.ZError: nobody answered, or the port to listen on is taken.
+            PeerRefusedError: somebody else than the cloud answered.
+        """
+        self.settings = settings
+        self.fallback = fallback
+        self.connections = self.opened = 0
+        self.malformed = 0
+        self._outlets: dict[str, _Outlet] = {}
+        self._lock = threading.Lock()
+        self._declared: list[Any] = []
+        config = session_config(settings, fallback=fallback, open_timeout_ms=open_timeout_ms)
+        self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+        try:
+            self._check_peer()
+        except (PeerRefusedError, zenoh.ZError):
+            self.close()
+            raise
+
+    def _check_peer(self) -> None:
+        if not self.settings.dials or self.settings.verify_name:
+            return
+        found = {link.auth_identifier for link in self._session.info.links()}
+        if found != {self.settings.peer_name}:
+            shown = ", ".join(sorted(name or "none" for name in found)) or "none"
+            raise PeerRefusedError(f"its certificate names {shown}, not {self.settings.peer_name}")
+
+    def protocols(self) -> set[str]:
+        """The protocols of the present connections: `quic`, `tls`, or none."""
+        try:
+            return {link.src.partition("/")[0] for link in self._session.info.links()}
+        except zenoh.ZError:
+            return set()
+
+    def declare(
+        self,
+        channels: Sequence[Channel],
+        on_message: Callable[[ZenohSession, str, bytes, bytes], None],
+        on_connection: Callable[[ZenohSession], None],
+    ) -> None:
+        """Declares all channels.
+
+        Args:
+            channels: the same as on the other side.
+            on_message: called with (self, channel, header, payload) on a thread of the channel.
+            on_connection: called with (self) on a thread of its own after `connections` has changed.
+
+        Raises:
+            zenoh.ZError: the session has ended.
+        """
+        settings = self.settings
+        for channel in channels:
+            self._outlets[channel.name] = self._make_outlet(channel)
+        self._acknowledgements = self._publish(acknowledgement_key(settings, settings.side), urgent=True)
+        heard = acknowledgement_key(settings, settings.other_side)
+        self._declared.append(self._session.declare_subscriber(heard, self._acknowledged))
+        for channel in channels:
+
+            def receive(sample: zenoh.Sample, name: str = channel.name) -> None:
+                self._receive(name, sample, on_message)
+
+            heard = key(settings, settings.other_side, channel.name)
+            self._declared.append(self._session.declare_subscriber(heard, receive))
+
+        def changed(event: Any) -> None:
+            up = event.kind == zenoh.SampleKind.PUT
+            if up and settings.dials:
+                return  # the one it was opened with
+            self.connections = max(0, self.connections + (1 if up else -1))
+            self.opened += up
+            on_connection(self)
+
+        if settings.dials:
+            self.connections = self.opened = 1
+        self._declared.append(self._session.info.declare_transport_events_listener(changed, history=True))
+        if settings.dials and not self.protocols():
+            self.connections = 0  # lost before anybody listened
+
+    def _make_outlet(self, channel: Channel) -> _Outlet:
+        settings = self.settings
+        own_key = key(settings, settings.side, channel.name)
+        reliable = channel.reliable and settings.session == "data"
+        parted = settings.session == "data" and not channel.urgent
+        return _Outlet(
+            publisher=self._publish(own_key, reliable=reliable, urgent=channel.urgent),
+            # Reliable even where the channel is not: QUIC keeps datagrams that it cannot send, a megabyte of them,
+            # and one lost fragment costs the whole message.
+            bulk=self._publish(own_key, reliable=True, bulk=True) if parted else None,
+            backlog=Backlog(settings.backlog_ms / 1e3, settings.lease_ms / 1e3),
+        )
+
+    def _publish(
+        self, own_key: str, *, reliable: bool = False, urgent: bool = False, bulk: bool = False
+    ) -> zenoh.Publisher:
+        priority = zenoh.Priority.DATA_LOW if bulk else zenoh.Priority.DATA
+        return self._session.declare_publisher(
+            own_key,
+            reliability=zenoh.Reliability.RELIABLE if reliable else zenoh.Reliability.BEST_EFFORT,
+            congestion_control=zenoh.CongestionControl.DROP,  # BLOCK holds a sender up for seconds
+            priority=zenoh.Priority.REAL_TIME if urgent else priority,
+            express=True,
+        )
+
+    def send(self, channel: str, header: bytes, payload: bytes) -> bool:
+        """Puts a message; False when it was certainly not sent.
+
+        Raises:
+            KeyError: no such channel is declared.
+        """
+        outlet = self._outlets[channel]
+        publisher, sequence = outlet.publisher, 0
+        outlet.is_bulk = outlet.is_bulk or len(header) + len(payload) > BULK_BYTES
+        if outlet.bulk is not None and outlet.is_bulk:
+            with self._lock:
+                admitted = outlet.backlog.admit(now_s())
+            if admitted is None:
+                return False
+            publisher, sequence = outlet.bulk, admitted
+        try:
+            publisher.put(payload, attachment=sequence.to_bytes(_SEQUENCE_BYTES, "big") + header)
+        except zenoh.ZError:
+            return False
+        return True
+
+    def _receive(
+        self, channel: str, sample: zenoh.Sample, on_message: Callable[[ZenohSession, str, bytes, bytes], None]
+    ) -> None:
+        attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        if len(attachment) < _SEQUENCE_BYTES:
+            self.malformed += 1
+            return
+        sequence, header = attachment[:_SEQUENCE_BYTES], attachment[_SEQUENCE_BYTES:]
+        if any(sequence):
+            try:
+                self._acknowledgements.put(sequence + channel.encode())
+            except zenoh.ZError:
+                return  # the session is being closed
+        on_message(self, channel, header, sample.payload.to_bytes())
+
+    def _acknowledged(self, sample: zenoh.Sample) -> None:
+        payload = sample.payload.to_bytes()
+        outlet = self._outlets.get(payload[_SEQUENCE_BYTES:].decode(errors="replace"))
+        if outlet is None:
+            self.malformed += 1
+            return
+        with self._lock:
+            outlet.backlog.acknowledged(int.from_bytes(payload[:_SEQUENCE_BYTES], "big"))
+
+    def close(self) -> None:
+        """Ends it and everything buffered in it; may take 20 s where TLS has data that it cannot send."""
+        try:
+            self._session.close()  # type: ignore[no-untyped-call]  # the wheel does not annotate it
+        except zenoh.ZError as error:
+            log.debug("Closing a session failed: %s", error)

@@ -1,0 +1,102 @@
+"""`robot-offload-agent robot|cloud --params FILE`: the agent of one side."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import logging
+import os
+import sys
+from functools import partial
+from pathlib import Path
+
+from robot_offload_agent.errors import AgentError, ConfigurationError
+from robot_offload_agent.parameters import Configuration, load
+from robot_offload_core.token import Site
+
+EPILOG = """\
+examples:
+  robot-offload-agent robot --params robot.yaml     on the robot, with the file of the bundle
+  robot-offload-agent robot --params robot.yaml --check   only says whether the file is good
+
+exit codes: 0 ended by a signal, 2 bad configuration, 3 this identity runs here already, 4 the ROS graph forbids it
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    result = argparse.ArgumentParser(
+        prog="robot-offload-agent", description=__doc__, epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    result.add_argument("side", choices=[s.value for s in Site], help="which side this is")
+    result.add_argument("--params", type=Path, required=True, metavar="FILE", help="ROS 2 parameter file")
+    result.add_argument("--check", action="store_true", help="check the file and stop")
+    result.add_argument("--log-level", default="info", choices=("debug", "info", "warning", "error"))
+    return result
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; returns the exit code. Arguments behind `--ros-args` (given by launch) are not for us."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if "--ros-args" in words:
+        words = words[: words.index("--ros-args")]
+    options = parser().parse_args(words)
+    logging.basicConfig(
+        level=options.log_level.upper(), stream=sys.stderr,
+        format=f"%(asctime)s.%(msecs)03d %(levelname)s {options.side}.%(module)s: %(message)s", datefmt="%H:%M:%S",
+    )  # fmt: skip
+    try:
+        configuration = load(options.params)
+        if configuration["side"] != options.side:
+            raise ConfigurationError(f"parameter side: the file is for the {configuration['side']}")
+        check_link(configuration)
+        return 0 if options.check else supervise(configuration)
+    except AgentError as error:
+        for line in str(error).splitlines():
+            sys.stderr.write(f"robot-offload-agent: {line}\n")
+        return error.exit_code
+
+
+def supervise(configuration: Configuration) -> int:
+    """Imports everything once, then forks the processes and looks after them."""
+    # Late, because a wrong parameter file is to be told before half a second of imports.
+    from robot_offload_agent import (  # noqa: PLC0415
+        collector_process,
+        control_cloud,
+        control_robot,
+        data_cloud,
+        data_robot,
+        pulse_process,
+    )
+    from robot_offload_agent.ros.context import run_until_ended  # noqa: PLC0415
+    from robot_offload_agent.ros.preload import preload  # noqa: PLC0415
+    from robot_offload_agent.supervisor import Child, Supervisor  # noqa: PLC0415
+
+    # Fast DDS in shared memory waits for one to three seconds on the ports of a process that was killed; a collector
+    # started again must pass messages sooner. The user's nodes keep what they use: they speak UDP as well.
+    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    robot = configuration.side is Site.ROBOT
+    runs = {
+        "pulse": pulse_process.run,
+        "control": control_robot.run if robot else control_cloud.run,
+        "data": data_robot.run if robot else data_cloud.run,
+    }
+    if robot:
+        runs = {"collector": collector_process.run, **runs}
+    preload(configuration)
+    gc.collect()
+    children = [Child(name, partial(run_until_ended, run, configuration)) for name, run in runs.items()]
+    prefix = "ro-robot" if robot else "ro-cloud"
+    return Supervisor(configuration.runtime_dir, prefix, children).run()
+
+
+def check_link(configuration: Configuration) -> None:
+    """Endpoints and certificates; raises ConfigurationError."""
+    from robot_offload_agent import link  # noqa: PLC0415 - see supervise
+
+    link.check_link(configuration)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

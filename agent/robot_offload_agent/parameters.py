@@ -1,0 +1,329 @@
+"""Every ROS parameter of the agent: default, unit, range, meaning; and the configuration read from a parameter file.
+
+The file is an ordinary ROS 2 parameter file (`/**: ros__parameters:`), written by `robot-offload render` or the
+operator. Lists that are empty are written as `["none"]` because ROS parameters know no empty list. The lifecycle nodes
+declare what is here, read-only except for the pin, so `ros2 param list` and `describe` show it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robot_offload_agent.errors import ConfigurationError
+from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings, SettingsError
+from robot_offload_core.token import Site
+
+Value = str | bool | int | float | list[str]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter.
+
+    Attributes:
+        default: its type is the parameter's type. None: it must be given; then `kind` tells the type.
+        text: meaning, with unit.
+        low, high: inclusive range of numbers.
+        choices: the only values of a text.
+        pattern: regular expression that a text matches as a whole.
+    """
+
+    default: Value | None
+    text: str
+    kind: type = str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    pattern: str = ""
+
+    @property
+    def type(self) -> type:
+        """The Python type of its values."""
+        return self.kind if self.default is None else type(self.default)
+
+
+SITES = ("Robot", "Cloud")
+QOS_WORDS = {
+    "reliability": ("auto", "reliable", "best_effort"),
+    "durability": ("auto", "volatile", "transient_local"),
+}
+TOPIC = r"/[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*"
+INTERFACE = r"auto|[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*"
+SERVICE = rf"({TOPIC})?"
+
+GENERAL: dict[str, Parameter] = {
+    "side": Parameter(None, "the side this agent runs on", choices=("robot", "cloud")),
+    "uid": Parameter(
+        None, "identity of the RobotOffload; both sides must have the same", pattern=r"[A-Za-z0-9._-]{1,63}"
+    ),
+    "robot_name": Parameter("", "name of the robot, for people"),
+    "domain_id": Parameter(0, "ROS domain of this side", low=0, high=232),
+    "namespace": Parameter("/", "namespace of the agent's nodes and of relative node names", pattern=rf"/|{TOPIC}"),
+    "runtime_dir": Parameter("", "folder for sockets and pid files; empty: in the user's runtime folder"),
+    "state_dir": Parameter("", "folder for what outlives a reboot; empty: in the user's state folder"),
+    "realtime": Parameter(False, "run under SCHED_FIFO (needs the privilege; a warning tells when it is missing)"),
+    "mode": Parameter(
+        "Auto", "Auto switches; Observe only says what it would do", choices=tuple(m.value for m in Mode)
+    ),
+    "pin": Parameter("Auto", "placement kept by the resource", choices=("Auto", *SITES)),
+    "prefer": Parameter("Cloud", "the side to act on when both can", choices=SITES),
+    "strict": Parameter(False, "refuse to start when a duplicated node publishes topics that are not declared"),
+    "heartbeat_period_ms": Parameter(20.0, "distance of two beats, ms", low=5, high=1000),
+    "loss_timeout_ms": Parameter(90.0, "silence of good beats that means loss, ms", low=15, high=10000),
+    "lease_ms": Parameter(250.0, "how long a grant lets the cloud act, ms", low=50, high=30000),
+    "max_command_age_ms": Parameter(150.0, "oldest cloud message that reaches a consumer, ms", low=10, high=10000),
+    "robot_period_ms": Parameter(50.0, "period of the robot's replica, ms", low=1, high=10000),
+    "cloud_period_ms": Parameter(20.0, "period of the cloud's replica, ms", low=1, high=10000),
+    "tolerance_ms": Parameter(30.0, "price of a switch in the thesis's rule, ms", low=0, high=10000),
+    "min_dwell_ms": Parameter(0.0, "least stay before a switch that only the policy asks for, ms", low=0, high=3.6e6),
+    "hold_down_initial_ms": Parameter(
+        1000.0, "wait after a loss before the cloud is used again, ms", low=0, high=3.6e6
+    ),
+    "hold_down_max_ms": Parameter(30000.0, "the same after many flaps, ms", low=0, high=3.6e6),
+    "flap_window_ms": Parameter(5000.0, "a stay in the cloud shorter than this is a flap, ms", low=0, high=3.6e6),
+    "activation_deadline_ms": Parameter(250.0, "in which a side's nodes become Active, ms", low=10, high=60000),
+    "max_clock_offset_ms": Parameter(20.0, "largest difference of the system clocks, ms", low=1, high=60000),
+    "inhibit_service": Parameter("", "std_srvs/SetBool service of the driver; empty: none", pattern=SERVICE),
+    "nodes": Parameter(["none"], "managed nodes in bring-up order, by resource name"),
+    "outputs": Parameter(["none"], "identifiers of the collected outputs"),
+    "inputs": Parameter(["none"], "identifiers of the topics to the cloud"),
+    "link.type": Parameter("zenoh", "how the two agents reach each other", choices=("zenoh", "ros")),
+    "link.pulse_endpoints": Parameter(["none"], "endpoints of the pulse session"),
+    "link.data_endpoints": Parameter(["none"], "endpoints of the data session"),
+    "link.pulse_fallback": Parameter(["none"], "TLS endpoints of the pulse session where UDP is blocked"),
+    "link.data_fallback": Parameter(["none"], "TLS endpoints of the data session where UDP is blocked"),
+    "link.fallback_after_ms": Parameter(
+        5000.0, "time without a connection before the fallback, ms", low=500, high=600000
+    ),
+    "link.ca": Parameter("", "PEM file of the certificate authority of the other side"),
+    "link.certificate": Parameter("", "PEM file of this side's certificate"),
+    "link.private_key": Parameter("", "PEM file of this side's private key"),
+    "link.verify_name": Parameter(True, "check that the cloud's certificate names the address dialled"),
+}
+NODE: dict[str, Parameter] = {
+    "duplicated": Parameter(True, "has a replica on the other side"),
+    "core": Parameter(False, "the robot must not move without it"),
+    "lifecycle": Parameter(True, "is a managed (lifecycle) node"),
+    "standby_robot": Parameter("Warm", "Warm: Inactive while the cloud acts; Hot: Active", choices=("Warm", "Hot")),
+    "standby_cloud": Parameter("Warm", "the same for the cloud's replica", choices=("Warm", "Hot")),
+}
+OUTPUT: dict[str, Parameter] = {
+    "topic": Parameter(None, "public topic", pattern=TOPIC),
+    "type": Parameter("auto", "interface type; auto: from the graph", pattern=INTERFACE),
+    "rate_hz": Parameter(0.0, "expected rate, Hz; 0: not rated", low=0, high=10000),
+    "deadline_ms": Parameter(150.0, "silence of a rated output that means a fault, ms", low=0, high=60000),
+    "mirror": Parameter(True, "what passes also reaches consumers in the cloud"),
+    "robot_topic": Parameter(None, "private topic of the robot's replica", pattern=TOPIC),
+    "cloud_topic": Parameter(None, "private topic of the cloud's replica", pattern=TOPIC),
+    "node": Parameter("", "the node that publishes it"),
+    "reliability": Parameter("auto", "QoS", choices=QOS_WORDS["reliability"]),
+    "durability": Parameter("auto", "QoS", choices=QOS_WORDS["durability"]),
+    "depth": Parameter(10, "QoS history depth", low=1, high=10000),
+}
+INPUT: dict[str, Parameter] = {
+    "topic": Parameter(None, "topic of the robot", pattern=TOPIC),
+    "type": Parameter("auto", "interface type; auto: from the graph", pattern=INTERFACE),
+    "max_age_ms": Parameter(0.0, "oldest message that reaches the cloud's nodes, ms; 0: no limit", low=0, high=600000),
+    "max_rate_hz": Parameter(0.0, "messages above this rate are left out, Hz; 0: no limit", low=0, high=10000),
+    "latched": Parameter(False, "keep the last message and give it to every new session"),
+    "reliability": Parameter("auto", "QoS", choices=QOS_WORDS["reliability"]),
+    "durability": Parameter("auto", "QoS", choices=QOS_WORDS["durability"]),
+    "depth": Parameter(10, "QoS history depth", low=1, high=10000),
+}
+GROUPS = {"nodes": ("node", NODE), "outputs": ("output", OUTPUT), "inputs": ("input", INPUT)}
+NAMES = {"nodes": rf"{TOPIC}|{TOPIC[1:]}", "outputs": r"[A-Za-z0-9_]+", "inputs": r"[A-Za-z0-9_]+"}
+"""Form of the names in the three lists: node names may have a namespace, identifiers become parts of other names."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """The parameters of one node, output or input, by attribute-like lookup."""
+
+    name: str
+    values: Mapping[str, Any]
+
+    def __getitem__(self, key: str) -> Any:
+        return self.values[key]
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """What one agent was told. `values` holds every parameter by its full dotted name."""
+
+    values: Mapping[str, Any]
+    nodes: tuple[Named, ...]
+    outputs: tuple[Named, ...]
+    inputs: tuple[Named, ...]
+
+    def __getitem__(self, key: str) -> Any:
+        return self.values[key]
+
+    @property
+    def side(self) -> Site:
+        """The side that this agent runs on."""
+        return Site(self["side"])
+
+    @property
+    def runtime_dir(self) -> Path:
+        """Folder of sockets, pid files and the collector's memory."""
+        if self["runtime_dir"]:
+            return Path(self["runtime_dir"])
+        base = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
+        return Path(base) / "robot-offload" / f"{self['uid']}-{self['side']}"
+
+    def settings(self) -> Settings:
+        """The core's settings; raises ConfigurationError naming the parameters that cannot work together."""
+        seconds = {
+            name[: -len("_ms")].replace("heartbeat_period", "beat_period") + "_s": self[name] / 1e3
+            for name in GENERAL
+            if name.endswith("_ms") and "." not in name
+        }
+        pin = None if self["pin"] == "Auto" else Site(self["pin"].lower())
+        settings = Settings(**seconds, prefer=Site(self["prefer"].lower()), pin=pin, mode=Mode(self["mode"]))
+        try:
+            settings.check()
+        except SettingsError as error:
+            text = str(error).replace("beat_period_s", "heartbeat_period_s").replace("_s:", "_ms:", 1)
+            raise ConfigurationError(f"parameter {text}") from error
+        return settings
+
+    def output_specs(self) -> tuple[OutputSpec, ...]:
+        """For the collector core."""
+        return tuple(OutputSpec(o.name, o["deadline_ms"] / 1e3 if o["rate_hz"] else 0.0) for o in self.outputs)
+
+    def input_specs(self) -> tuple[InputSpec, ...]:
+        """For the health core."""
+        return tuple(InputSpec(i.name, i["max_age_ms"] / 1e3) for i in self.inputs)
+
+    def node_specs(self) -> tuple[NodeSpec, ...]:
+        """For the guardian core of this side; the cloud manages duplicated nodes only."""
+        hot = "standby_robot" if self.side is Site.ROBOT else "standby_cloud"
+        return tuple(
+            NodeSpec(n.name, n["duplicated"], n["core"], n["lifecycle"], n["duplicated"] and n[hot] == "Hot")
+            for n in self.nodes
+            if self.side is Site.ROBOT or n["duplicated"]
+        )
+
+
+def load(path: Path) -> Configuration:
+    """Reads a parameter file; raises ConfigurationError naming every parameter that is wrong."""
+    try:
+        document = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise ConfigurationError(f"{path}: {error.strerror}; give the file that the bundle contains") from error
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f"{path}: not YAML: {error}") from error
+    try:
+        tree = document["/**"]["ros__parameters"]
+        assert isinstance(tree, dict)
+    except (TypeError, KeyError, AssertionError) as error:
+        raise ConfigurationError(f"{path}: no `/**: ros__parameters:` block, this is no agent configuration") from error
+    return parse(flatten(tree))
+
+
+def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested blocks -> dotted names."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            flat.update(flatten(value, f"{prefix}{key}."))
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def parse(given: Mapping[str, Any]) -> Configuration:
+    """Checks names, types, ranges; raises ConfigurationError with one line per problem."""
+    table = dict(GENERAL)
+    problems: list[str] = []
+    for group, (prefix, members) in GROUPS.items():
+        names = given.get(group, ["none"])
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            continue  # told below, with all other types
+        if len(set(names)) != len(names):
+            problems.append(f"parameter {group}: each name once, found {', '.join(names)}")
+        for name in listed(names):
+            if not re.fullmatch(NAMES[group], name):
+                problems.append(f"parameter {group}: {name!r} has a form that is not allowed")
+            table.update({f"{prefix}.{name}.{key}": parameter for key, parameter in members.items()})
+    problems += [f"parameter {name}: unknown" for name in given if name not in table]
+    values: dict[str, Any] = {}
+    for name, parameter in table.items():
+        try:
+            values[name] = check(parameter, given.get(name, parameter.default))
+        except ValueError as error:
+            problems.append(f"parameter {name}: {error}")
+    if problems:
+        raise ConfigurationError("\n".join(problems))
+    groups = {
+        group: tuple(
+            Named(name, {key: values[f"{prefix}.{name}.{key}"] for key in members}) for name in listed(values[group])
+        )
+        for group, (prefix, members) in GROUPS.items()
+    }
+    configuration = Configuration(values, **groups)
+    problems = list(contradictions(configuration))
+    if problems:
+        raise ConfigurationError("\n".join(problems))
+    configuration.settings()
+    return configuration
+
+
+def contradictions(configuration: Configuration) -> Iterator[str]:
+    """Values that are good by themselves and cannot work together."""
+    nodes = {node.name for node in configuration.nodes}
+    owner: dict[str, str] = {}
+    for prefix, members in (("output", configuration.outputs), ("input", configuration.inputs)):
+        for member in members:
+            for key in ("topic", "robot_topic", "cloud_topic") if prefix == "output" else ("topic",):
+                name = f"{prefix}.{member.name}.{key}"
+                taken = owner.setdefault(member[key], name)
+                if taken != name:
+                    yield f"parameter {name}: {member[key]} is {taken} already, messages would go round in circles"
+    for output in configuration.outputs:
+        if output["node"] and output["node"] not in nodes:
+            yield f"parameter output.{output.name}.node: {output['node']} is not one of nodes"
+        if output["rate_hz"] and output["deadline_ms"] <= 1e3 / output["rate_hz"]:
+            yield (
+                f"parameter output.{output.name}.deadline_ms: must exceed the period, "
+                f"{1e3 / output['rate_hz']:g} ms at {output['rate_hz']:g} Hz"
+            )
+
+
+def listed(names: list[str]) -> list[str]:
+    """A list parameter without the placeholder for an empty list."""
+    return [name for name in names if name != "none"]
+
+
+def check(parameter: Parameter, value: Any) -> Value:
+    """The value in the parameter's type; raises ValueError saying what is allowed."""
+    if value is None:
+        raise ValueError("must be given")
+    if parameter.type is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    checked: Any = value
+    if not _has_type(value, parameter.type):
+        raise ValueError(f"{value!r} is no {'list of texts' if parameter.type is list else parameter.type.__name__}")
+    low, high = parameter.low, parameter.high
+    if low is not None and high is not None and not low <= checked <= high:
+        raise ValueError(f"{checked} is not within {low:g} .. {high:g}")
+    if parameter.choices and checked not in parameter.choices:
+        raise ValueError(f"{checked!r} is none of {', '.join(parameter.choices)}")
+    if parameter.pattern and not re.fullmatch(parameter.pattern, checked):
+        raise ValueError(f"{checked!r} has a form that is not allowed")
+    result: Value = checked
+    return result
+
+
+def _has_type(value: Any, wanted: type) -> bool:
+    if wanted is list:
+        return isinstance(value, list) and all(isinstance(v, str) for v in value)
+    return isinstance(value, wanted) and (wanted is bool or not isinstance(value, bool))

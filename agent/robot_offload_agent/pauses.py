@@ -1,0 +1,27 @@
+"""Notices that this process did not run for a while: stopped, starved, or its host frozen.
+
+What waited in its queues meanwhile looks new when it is handled and is not. Nobody can tell how old it is without
+comparing clocks, so what must be fresh is left out for as long as emptying the queues takes.
+"""
+
+from __future__ import annotations
+
+LIMIT_S = 0.120
+"""A gap between two signs of life that counts as a pause: six turns of a loop of 20 ms, below any useful age limit."""
+DRAIN_S = 0.050
+"""How long the queues may still hold what waited."""
+
+
+class Pauses:
+    """Fed with signs of life of a process, from any thread."""
+
+    def __init__(self, now: float) -> None:
+        self.alive_s = now
+        self.until_s = 0.0
+
+    def waited(self, now: float) -> bool:
+        """A sign of life; whether what is handled now may have waited through a pause."""
+        if now - self.alive_s > LIMIT_S:
+            self.until_s = now + DRAIN_S
+        self.alive_s = now
+        return now < self.until_s

@@ -1,0 +1,67 @@
+"""One ROS node and its executor in one process, started after the fork."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from collections.abc import Callable
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_native
+from rclpy.node import Node
+
+from robot_offload_agent.parameters import Configuration
+
+log = logging.getLogger(__name__)
+
+
+def init(configuration: Configuration) -> None:
+    """Starts rclpy in this process, in the domain of this side; the agents ignore use_sim_time.
+
+    SIGTERM ends spinning, so that participants say goodbye. A thread that fails ends the process: half a process would
+    look alive and do nothing, a dead one is started again.
+    """
+    options = rclpy.SignalHandlerOptions.SIGTERM
+    rclpy.init(args=[], domain_id=configuration["domain_id"], signal_handler_options=options)
+    threading.excepthook = end_process
+
+
+def end_process(failure: threading.ExceptHookArgs) -> None:
+    """What happens to an exception that leaves a thread; quiet while rclpy is shutting down."""
+    if rclpy.ok():
+        thread = failure.thread.name if failure.thread else "?"
+        log.error("Thread %s failed", thread, exc_info=failure.exc_value)
+        os._exit(1)
+
+
+def run_until_ended(run: Callable[[Configuration], None], configuration: Configuration) -> None:
+    """Runs a process; that it is ended in the middle of its start is no error."""
+    try:
+        run(configuration)
+    except (rclpy_native.RCLError, rclpy_native.InvalidHandle):
+        if rclpy.ok():
+            raise
+
+
+def make_node(configuration: Configuration, name: str) -> Node:
+    """A plain node of an agent process, without the services that only cost memory."""
+    return Node(
+        name,
+        namespace=configuration["namespace"],
+        use_global_arguments=False,
+        start_parameter_services=False,
+        enable_rosout=False,
+    )
+
+
+def spin(*nodes: Node) -> None:
+    """Spins until rclpy is shut down. SingleThreadedExecutor only: the EventsExecutor deadlocks."""
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        return

@@ -1,0 +1,160 @@
+"""Carries out what the guardian core asks for: lifecycle services of the managed nodes and the driver's inhibit."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from lifecycle_msgs.msg import State as StateMsg
+from lifecycle_msgs.msg import Transition as TransitionMsg
+from lifecycle_msgs.msg import TransitionEvent
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.node import Node
+from std_srvs.srv import SetBool
+
+from robot_offload_agent.parameters import Configuration
+from robot_offload_core import guardian
+from robot_offload_core.guardian import State, Transition
+from robot_offload_core.token import Site
+
+log = logging.getLogger(__name__)
+
+STATES = {
+    StateMsg.PRIMARY_STATE_UNCONFIGURED: State.UNCONFIGURED,
+    StateMsg.PRIMARY_STATE_INACTIVE: State.INACTIVE,
+    StateMsg.PRIMARY_STATE_ACTIVE: State.ACTIVE,
+    StateMsg.PRIMARY_STATE_FINALIZED: State.FINALIZED,
+}
+TRANSITIONS = {
+    Transition.CONFIGURE: TransitionMsg.TRANSITION_CONFIGURE,
+    Transition.ACTIVATE: TransitionMsg.TRANSITION_ACTIVATE,
+    Transition.DEACTIVATE: TransitionMsg.TRANSITION_DEACTIVATE,
+}
+OWN_TOPICS = ("/rosout", "/parameter_events")
+
+
+def replica_name(side: Site, name: str) -> str:
+    """The node's ROS name on a side: the cloud's replicas carry the prefix `remote_`."""
+    head, slash, last = name.rpartition("/")
+    return name if side is Site.ROBOT else f"{head}{slash}remote_{last}"
+
+
+class ManagedNodes:
+    """Service clients of one side's managed nodes. Calls are made on the deciding thread and answered on ROS's."""
+
+    def __init__(self, configuration: Configuration, node: Node, post: Callable[[guardian.Event], None]) -> None:
+        self.configuration = configuration
+        self.node = node
+        self.post = post
+        self.names: dict[str, str] = {}
+        self.change: dict[str, Any] = {}
+        self.read: dict[str, Any] = {}
+        self.pending: dict[Any, Any] = {}  # client -> its newest call
+        self.watched: list[Any] = []
+        for spec in configuration.node_specs():
+            if spec.lifecycle:
+                self._watch(spec.name)
+        service = configuration["inhibit_service"]
+        self.inhibit = None
+        if configuration.side is Site.ROBOT and service:
+            self.inhibit = node.create_client(SetBool, service)
+
+    def _watch(self, name: str) -> None:
+        full = replica_name(self.configuration.side, name)
+        if not full.startswith("/"):
+            full = f"{self.configuration['namespace'].rstrip('/')}/{full}"
+        self.names[name] = full
+        self.change[name] = self.node.create_client(ChangeState, f"{full}/change_state")
+        self.read[name] = self.node.create_client(GetState, f"{full}/get_state")
+        on_event = partial(self._event, name)
+        self.watched.append(self.node.create_subscription(TransitionEvent, f"{full}/transition_event", on_event, 10))
+
+    def _event(self, name: str, message: TransitionEvent) -> None:
+        state = STATES.get(message.goal_state.id)
+        if state is not None:
+            self.post(guardian.Observed(name, state))
+
+    def carry_out(self, command: guardian.Command) -> None:
+        """One command of the core, except Told."""
+        if isinstance(command, guardian.ChangeState):
+            self._change(command.name, command.transition)
+        elif isinstance(command, guardian.GetState):
+            self._read(command.name)
+        elif isinstance(command, guardian.Inhibit):
+            self._inhibit(command)
+
+    def _change(self, name: str, transition: Transition) -> None:
+        client = self.change[name]
+        if not client.service_is_ready():
+            return  # the core's deadline turns this into a read
+        request = ChangeState.Request()
+        request.transition.id = TRANSITIONS[transition]
+
+        def done(future: Any) -> None:
+            response = future.result()
+            if response is not None:
+                self.post(guardian.Answered(name, transition, response.success))
+
+        self._call(client, request, done)
+
+    def _read(self, name: str) -> None:
+        client = self.read[name]
+        if not client.service_is_ready():
+            self.post(guardian.Observed(name, State.UNKNOWN))
+            return
+
+        def done(future: Any) -> None:
+            response = future.result()
+            state = STATES.get(response.current_state.id) if response is not None else None
+            if state is not None:  # in transition: its end is told by the event
+                self.post(guardian.Observed(name, state))
+
+        self._call(client, GetState.Request(), done)
+
+    def _inhibit(self, command: guardian.Inhibit) -> None:
+        assert self.inhibit is not None
+        if not self.inhibit.service_is_ready():
+            return  # said again until it is confirmed
+        if command.inhibit:
+            log.warning("Inhibiting the driver: %s", command.reason)
+        else:
+            log.info("Releasing the driver: %s", command.reason)
+
+        def done(future: Any) -> None:
+            response = future.result()
+            if response is not None and response.success:
+                self.post(guardian.InhibitAnswered(command.inhibit))
+
+        self._call(self.inhibit, SetBool.Request(data=command.inhibit), done)
+
+    def _call(self, client: Any, request: Any, done: Callable[[Any], None]) -> None:
+        """Calls, and forgets the call before: rclpy keeps one without an answer for ever."""
+        before = self.pending.get(client)
+        if before is not None:
+            client.remove_pending_request(before)
+        future = self.pending[client] = client.call_async(request)
+        future.add_done_callback(done)
+
+    def undeclared(self) -> dict[str, str]:
+        """For each duplicated node that is seen: a warning when it publishes what is not declared, else ""."""
+        side = self.configuration.side
+        private = f"{side.value}_topic"
+        allowed = {o[private] for o in self.configuration.outputs} | set(OWN_TOPICS)
+        found = {}
+        for spec in self.configuration.node_specs():
+            full = self.names.get(spec.name)
+            if full is None or not spec.duplicated:
+                continue
+            namespace, _, short = full.rpartition("/")
+            try:
+                topics = self.node.get_publisher_names_and_types_by_node(short, namespace or "/")
+            except RuntimeError:  # rclpy raises this for a node that is not in the graph (yet)
+                continue
+            extra = sorted(t for t, _ in topics if t not in allowed and not t.startswith(f"{full}/"))
+            found[spec.name] = (
+                f"Duplicated node {spec.name} publishes {', '.join(extra)}, which no output declares: both "
+                "replicas would be heard; declare it under outputs or remap it"
+            ) if extra else ""  # fmt: skip
+        return found

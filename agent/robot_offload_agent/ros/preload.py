@@ -1,0 +1,40 @@
+"""Loads what message types need (type support, numpy) before the processes are forked.
+
+rclpy does so with the first publisher, service or client of a type: in each process, for a fifth of a second of
+computing, and in memory that the processes then do not share.
+"""
+
+from __future__ import annotations
+
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import TransitionEvent
+from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
+from rcl_interfaces.msg import Log, ParameterEvent
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.type_support import check_for_type_support
+from std_msgs.msg import Header, Int32, String, UInt8MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+from robot_offload_agent.parameters import Configuration
+from robot_offload_agent.ros.raw import message_type
+
+OWN = (
+    DiagnosticArray, TransitionEvent, ChangeState, GetAvailableStates, GetAvailableTransitions, GetState, Log,
+    ParameterEvent, DescribeParameters, GetParameters, GetParameterTypes, ListParameters, SetParameters,
+    SetParametersAtomically, Header, Int32, String, UInt8MultiArray, SetBool, Trigger,
+)  # fmt: skip
+"""What the agent's own nodes use, rclpy's parameter and lifecycle services included."""
+
+
+def preload(configuration: Configuration) -> None:
+    """Loads our own types and the declared ones; raises StartError naming one that is missing."""
+    declared = {spec["type"] for spec in (*configuration.outputs, *configuration.inputs)} - {"auto"}
+    for kind in (*OWN, *(message_type(name) for name in sorted(declared))):
+        check_for_type_support(kind)

@@ -1,0 +1,53 @@
+"""Spins a node that has nothing but subscriptions, at a third of the price of rclpy's executor.
+
+For each wake-up the executor collects, counts and adds every entity of every node. A loop over a wait set of
+subscriptions alone took 1.3 % of a core instead of 3.6 % for three topics with 90 messages a second.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import rclpy
+from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_native
+from rclpy.node import Node
+
+from robot_offload_agent.clock import now_s
+
+LONGEST_WAIT_S = 0.1
+"""An end that is not noticed by the wait itself is noticed after this."""
+
+
+def spin_topics(node: Node, work: Callable[[], float]) -> None:
+    """Hands on the messages of all subscriptions of a node until rclpy is shut down.
+
+    Args:
+        node: its timers, services, clients and event callbacks are not served.
+        work: called on this thread at once, and again after as many seconds as it returned; may add subscriptions.
+    """
+    due_s = now_s()
+    while rclpy.ok():
+        if now_s() >= due_s:
+            due_s = now_s() + work()
+        take(node, max(0.0, min(LONGEST_WAIT_S, due_s - now_s())))
+
+
+def take(node: Node, wait_s: float) -> None:
+    """Waits for messages and hands on one of each topic that has any."""
+    subscriptions = list(node.subscriptions)
+    if not subscriptions:
+        time.sleep(wait_s)  # an empty wait set cannot be waited for
+        return
+    wait_set = rclpy_native.WaitSet(len(subscriptions), 0, 0, 0, 0, 0, node.context.handle)
+    for subscription in subscriptions:
+        wait_set.add_subscription(subscription.handle)
+    wait_set.wait(int(wait_s * 1e9))
+    ready = wait_set.get_ready_entities("subscription")
+    for subscription in subscriptions:
+        if subscription.handle.pointer not in ready:
+            continue
+        with subscription.handle:
+            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        if taken is not None:
+            subscription.callback(taken[0])

@@ -1,0 +1,232 @@
+"""The beat: what each pulse process tells the other side fifty times a second, and its text form.
+
+One line of printable text, fields separated by blanks, the version first. The same text travels on the Zenoh pulse
+session and in `frame_id` of the std_msgs/Header beats of DDS transports. Unknown versions and garbage raise BeatError
+with a reason to count by; they never reach the machines. Times are microseconds of the sender's steady clock unless
+said otherwise; durations are microseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_offload_core.token import Site, Token, is_incarnation
+
+VERSION = "1"
+MAX_LENGTH = 900
+"""Longest text accepted: one datagram of the smallest path MTU we count on (1150 bytes less the transport's own)."""
+NONE = "-"
+MAX_INTEGER = 2**63
+UID_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-")
+MAX_UID = 63
+
+
+class BeatError(ValueError):
+    """Text that is no beat of ours. `reason` is one of BadVersion, BadForm."""
+
+    def __init__(self, reason: str, message: str) -> None:
+        super().__init__(f"{reason}: {message}")
+        self.reason = reason
+
+
+@dataclass(frozen=True)
+class Echo:
+    """Proof of having heard: the newest beat of the other side.
+
+    Attributes:
+        incarnation: of the sender of that beat.
+        sequence: of that beat.
+        sent_us: as written in that beat, on its sender's clock.
+        hold_us: from its arrival to the sending of this echo.
+    """
+
+    incarnation: str
+    sequence: int
+    sent_us: int
+    hold_us: int
+
+
+@dataclass(frozen=True)
+class Permission:
+    """The robot's part of a beat: what its control process allows.
+
+    Attributes:
+        epoch: of the side in charge, or the candidate while the cloud is prepared.
+        granted: the cloud named in `cloud` may act under (robot, epoch, cloud).
+        cloud: incarnation of the cloud's control process that this is addressed to; "" before one was heard.
+        lease_us: length of the grant.
+    """
+
+    epoch: int
+    granted: bool
+    cloud: str
+    lease_us: int
+
+    def token(self, robot: str) -> Token:
+        """The token that a grant names."""
+        return Token(robot, self.epoch, self.cloud)
+
+
+@dataclass(frozen=True)
+class CloudReport:
+    """The cloud's part of a beat: what its control process says of itself.
+
+    Attributes:
+        serves: incarnation of the robot that it serves; "" for none.
+        epoch: under which it acts or gets ready; 0 for none.
+        acting: it holds a lease of that epoch and its nodes are ready.
+        ready: all its duplicated CORE nodes are Active.
+        refused: incarnation of a second robot that it refuses; "" for none.
+        data_age_us: since its data session last heard the robot; -1 never.
+        input_ages_us: newest accepted age of each required input, in the order of the configuration; -1 never.
+    """
+
+    serves: str = ""
+    epoch: int = 0
+    acting: bool = False
+    ready: bool = False
+    refused: str = ""
+    data_age_us: int = -1
+    input_ages_us: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Beat:
+    """One beat.
+
+    Attributes:
+        uid: of the RobotOffload; foreign ones are ignored.
+        sender: the side that sent it.
+        incarnation: of the sender's control process; "" while control is not up.
+        sequence: grows by one with every beat of one pulse process.
+        sent_us: when it was sent.
+        wall_us: the sender's system clock minus its steady clock, for the estimate of the clock offset.
+        control_age_us: since control last spoke to this pulse process; -1 never.
+        echo: what was heard last, None if nothing.
+        body: Permission from the robot, CloudReport from the cloud; None when control has fallen silent.
+    """
+
+    uid: str
+    sender: Site
+    incarnation: str
+    sequence: int
+    sent_us: int
+    wall_us: int
+    control_age_us: int
+    echo: Echo | None
+    body: Permission | CloudReport | None
+
+
+def encode(beat: Beat) -> str:
+    """The text of a beat; raises BeatError if it would not be read back."""
+    echo = beat.echo
+    words = [
+        VERSION,
+        beat.uid,
+        "r" if beat.sender is Site.ROBOT else "c",
+        beat.incarnation or NONE,
+        str(beat.sequence),
+        str(beat.sent_us),
+        str(beat.wall_us),
+        str(beat.control_age_us),
+        *((echo.incarnation, str(echo.sequence), str(echo.sent_us), str(echo.hold_us)) if echo else (NONE,) * 4),
+    ]
+    body = beat.body
+    if isinstance(body, Permission):
+        words += [str(body.epoch), str(int(body.granted)), body.cloud or NONE, str(body.lease_us)]
+    elif isinstance(body, CloudReport):
+        words += [
+            body.serves or NONE,
+            str(body.epoch),
+            str(int(body.acting)),
+            str(int(body.ready)),
+            body.refused or NONE,
+            str(body.data_age_us),
+            ",".join(map(str, body.input_ages_us)) or NONE,
+        ]
+    text = " ".join(words)
+    if len(text) > MAX_LENGTH:
+        raise BeatError("BadForm", f"{len(text)} characters are more than {MAX_LENGTH}; declare fewer rated inputs")
+    return text
+
+
+class _Words:
+    """Reads typed words one after the other."""
+
+    def __init__(self, words: list[str]) -> None:
+        self.rest = words
+
+    def word(self) -> str:
+        if not self.rest:
+            raise BeatError("BadForm", "too short")
+        return self.rest.pop(0)
+
+    def integer(self, low: int = 0) -> int:
+        text = self.word()
+        digits = text[1:] if text.startswith("-") else text
+        if not (digits.isascii() and digits.isdigit() and len(digits) < 20):
+            raise BeatError("BadForm", f"{text[:20]!r} is no integer")
+        value = int(text)
+        if not low <= value < MAX_INTEGER:
+            raise BeatError("BadForm", f"{value} is out of range")
+        return value
+
+    def flag(self) -> bool:
+        return bool(self.integer())
+
+    def incarnation(self) -> str:
+        text = self.word()
+        if text == NONE:
+            return ""
+        if not is_incarnation(text):
+            raise BeatError("BadForm", "an incarnation has 32 hexadecimal digits")
+        return text
+
+
+def decode(text: str) -> Beat:
+    """Reads a beat; raises BeatError for anything that is not one."""
+    if len(text) > MAX_LENGTH:
+        raise BeatError("BadForm", "too long")
+    words = _Words(text.split(" "))
+    version = words.word()
+    if version != VERSION:
+        raise BeatError("BadVersion", f"version {version[:20]!r}, this side speaks {VERSION}")
+    uid = words.word()
+    if not uid or len(uid) > MAX_UID or not UID_CHARACTERS.issuperset(uid):
+        raise BeatError("BadForm", "bad uid")
+    side = words.word()
+    if side not in ("r", "c"):
+        raise BeatError("BadForm", "the side is r or c")
+    sender = Site.ROBOT if side == "r" else Site.CLOUD
+    incarnation, sequence, sent_us = words.incarnation(), words.integer(), words.integer()
+    wall_us, control_age_us = words.integer(-MAX_INTEGER), words.integer(-1)
+    echo = _echo(words)
+    body: Permission | CloudReport | None = None
+    if words.rest:
+        body = _permission(words) if sender is Site.ROBOT else _report(words)
+    if words.rest:
+        raise BeatError("BadForm", "too long")
+    return Beat(uid, sender, incarnation, sequence, sent_us, wall_us, control_age_us, echo, body)
+
+
+def _echo(words: _Words) -> Echo | None:
+    incarnation = words.incarnation()
+    if not incarnation:
+        for _ in range(3):
+            words.word()
+        return None
+    return Echo(incarnation, words.integer(), words.integer(), words.integer())
+
+
+def _permission(words: _Words) -> Permission:
+    return Permission(words.integer(), words.flag(), words.incarnation(), words.integer())
+
+
+def _report(words: _Words) -> CloudReport:
+    serves, epoch, acting, ready = words.incarnation(), words.integer(), words.flag(), words.flag()
+    refused, data_age_us, ages = words.incarnation(), words.integer(-1), words.word()
+    listed = _Words([] if ages == NONE else ages.split(","))
+    input_ages_us = []
+    while listed.rest:
+        input_ages_us.append(listed.integer(-1))
+    return CloudReport(serves, epoch, acting, ready, refused, data_age_us, tuple(input_ages_us))

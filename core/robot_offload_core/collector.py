@@ -1,0 +1,282 @@
+"""Which message passes: the gate in front of the consumers (protocol sections 2 and 3).
+
+The collector holds the token of the side in charge and, while a commanded switch is under way, the one of the side
+that is getting ready. It passes the old side until the new side's outputs flow, changes over between two messages for
+all outputs at once, and never goes back: a token is accepted by equality only. When control falls silent for as long as
+a lease lasts it passes the robot and refuses the cloud until control names a new epoch. What it does for the cloud it
+does on control's word alone, and that word counts from when control said it, not from when it was read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_offload_core.change import replace
+from robot_offload_core.envelope import Envelope
+from robot_offload_core.settings import OutputSpec
+from robot_offload_core.token import Site, Token
+
+PAUSE_S = 0.120
+"""Own turns this far apart are a pause of ours, not silence of an output: six turns of 20 ms."""
+PAUSE_GRACE_S = 0.100
+"""So long after a pause silence is not reported: what waited is too old by then, new messages must come first."""
+
+
+@dataclass(frozen=True)
+class Charge:
+    """One stay in charge: a site and the token it acts under."""
+
+    site: Site
+    token: Token
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What control wants, renewed every beat period.
+
+    Attributes:
+        started_us: when control started; a later start outranks an earlier one.
+        current: the side in charge.
+        next: the side that gets ready and may take over at its first messages; None otherwise.
+        said_s: when control said so, on this host's steady clock; None: now. A gate may have waited in the inbox of a
+            collector that was stopped.
+    """
+
+    started_us: int
+    current: Charge
+    next: Charge | None = None
+    said_s: float | None = None
+
+
+@dataclass(frozen=True)
+class OutputState:
+    """Per output: newest messages of each side, and the last sequence passed under the present token.
+
+    `next_*` is about the newest message of the side that gets ready, which is held until the changeover: its sequence,
+    its arrival, and from when its age counts.
+    """
+
+    spec: OutputSpec
+    last_sequence: int = -1
+    next_sequence: int = -1
+    next_ready_s: float | None = None
+    next_born_s: float = 0.0
+    robot_s: float | None = None
+    cloud_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Collector:
+    """State of the collector.
+
+    Attributes:
+        max_age_s: oldest cloud message that passes.
+        gate_timeout_s: silence of control after which only the robot passes.
+        outputs: one state per collected output, in the order of the configuration.
+        charge: who passes; None before control has spoken for the first time (the robot passes then).
+        next: see Gate.
+        started_us: of the control process listened to.
+        gate_s: when control last spoke to this process; None before.
+        resumed_s: when this process took up what its predecessor had reached; None when it had none.
+        fell_back: control went silent; only the robot passes until a new epoch is named.
+        flipped_s: when the last changeover took place.
+        turned_s: the last turn of this process. judged_from_s: silence is not reported before, see `turn`.
+    """
+
+    max_age_s: float
+    gate_timeout_s: float
+    outputs: tuple[OutputState, ...]
+    charge: Charge | None = None
+    next: Charge | None = None
+    started_us: int = -1
+    gate_s: float | None = None
+    resumed_s: float | None = None
+    fell_back: bool = False
+    flipped_s: float | None = None
+    turned_s: float | None = None
+    judged_from_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Whether a message passes, and why (not).
+
+    Attributes:
+        passes: publish it.
+        reason: CamelCase. `NotAllReady`: to be kept, the newest per output, it may pass at the changeover.
+        also: with `ChangedOver`: outputs whose kept message passes now too, before this one; the rest is forgotten.
+    """
+
+    passes: bool
+    reason: str
+    also: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class GateReport:
+    """What the collector tells control.
+
+    Attributes:
+        charge: who passes now; None before the first gate.
+        fell_back: see Collector.
+        robot_flows: every rated output has a message of the robot's replica within its deadline.
+        cloud_flows: the same for messages of the cloud with the current (or next) token.
+    """
+
+    charge: Charge | None
+    fell_back: bool
+    robot_flows: bool
+    cloud_flows: bool
+
+
+def start(outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: float) -> Collector:
+    """A collector that passes the robot until control speaks."""
+    return Collector(max_age_s, gate_timeout_s, tuple(OutputState(spec) for spec in outputs))
+
+
+def set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
+    """Takes control's wish. It can only move forward: an epoch already left behind is never entered again."""
+    if gate.started_us < collector.started_us:
+        return collector
+    same_control = gate.started_us == collector.started_us
+    said_s = now_s if gate.said_s is None else min(gate.said_s, now_s)
+    collector = replace(collector, started_us=gate.started_us, gate_s=said_s)
+    ours, theirs = collector.charge, gate.current
+    if ours is None or not same_control:
+        return _enter(collector, theirs, gate.next, now_s)
+    if theirs.token.epoch < ours.token.epoch:
+        return collector  # already changed over to what control still calls next
+    if theirs.token.epoch == ours.token.epoch:
+        if collector.fell_back and ours.site is Site.CLOUD:
+            return collector  # robot messages have passed since: only a new epoch may follow
+        return _arm(replace(collector, fell_back=False), gate.next)
+    return _enter(collector, theirs, gate.next, now_s)
+
+
+def turn(collector: Collector, now_s: float) -> Collector:
+    """A turn of the process's loop: notices a pause of its own, and what `tick` notices."""
+    if collector.turned_s is not None and now_s - collector.turned_s > PAUSE_S:
+        collector = replace(collector, judged_from_s=now_s + PAUSE_GRACE_S)
+    return tick(replace(collector, turned_s=now_s), now_s)
+
+
+def tick(collector: Collector, now_s: float) -> Collector:
+    """Falls back to the robot when control has been silent for too long."""
+    spoken_s = collector.resumed_s if collector.gate_s is None else collector.gate_s
+    if collector.fell_back or spoken_s is None or now_s - spoken_s <= collector.gate_timeout_s:
+        return collector
+    return replace(collector, fell_back=True, next=None)
+
+
+def resume(collector: Collector, charge: Charge, started_us: int, fell_back: bool, now_s: float) -> Collector:
+    """Takes up what a collector that died had reached, so that nothing already left behind passes again.
+
+    For the cloud it passes nothing before control has spoken, and nothing sent before `now_s`: the predecessor may have
+    passed it.
+    """
+    return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s)
+
+
+def offer_robot(collector: Collector, index: int, sequence: int, now_s: float) -> tuple[Collector, Passage]:
+    """The robot's replica has published on output `index`; `sequence` grows with each of its messages."""
+    collector = tick(collector, now_s)
+    collector = _output(collector, index, robot_s=now_s)
+    if collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back:
+        return _output(collector, index, last_sequence=sequence), Passage(True, "RobotInCharge")
+    if collector.next is None or collector.next.site is not Site.ROBOT:
+        return collector, Passage(False, "CloudInCharge")
+    return _offer_next(collector, index, sequence, now_s, now_s)
+
+
+def offer_cloud(collector: Collector, index: int, envelope: Envelope, now_s: float) -> tuple[Collector, Passage]:
+    """A message of the cloud's replica has arrived for output `index`."""
+    collector = tick(collector, now_s)
+    if collector.fell_back or collector.charge is None or collector.gate_s is None:
+        return collector, Passage(False, "ControlSilent")
+    if not 0 <= envelope.age_s(now_s) <= collector.max_age_s:  # less than 0: an echo of nobody here
+        return collector, Passage(False, "Stale")
+    if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s:
+        return collector, Passage(False, "BeforeRestart")
+    state = collector.outputs[index]
+    if collector.charge.site is Site.CLOUD and envelope.token == collector.charge.token:
+        if envelope.sequence <= state.last_sequence:
+            return collector, Passage(False, "Reordered")
+        return _output(collector, index, cloud_s=now_s, last_sequence=envelope.sequence), Passage(True, "Current")
+    following = collector.next
+    if following is not None and following.site is Site.CLOUD and envelope.token == following.token:
+        if envelope.sequence <= state.next_sequence:
+            return collector, Passage(False, "Reordered")
+        collector = _output(collector, index, cloud_s=now_s)
+        return _offer_next(collector, index, envelope.sequence, envelope.echo_us / 1e6, now_s)
+    return collector, Passage(False, "ForeignToken")
+
+
+def admits_effect(collector: Collector, token: Token, now_s: float) -> Passage:
+    """Whether an effect that is not collected (a request through the agents) may be admitted: the holder's only."""
+    collector = tick(collector, now_s)
+    charge = collector.charge
+    if collector.fell_back or charge is None or collector.gate_s is None:
+        return Passage(False, "ControlSilent")
+    if charge.site is not Site.CLOUD or charge.token != token:
+        return Passage(False, "ForeignToken")
+    return Passage(True, "Current")
+
+
+def report(collector: Collector, now_s: float) -> GateReport:
+    """The state as control needs it."""
+
+    def flows(name: str) -> bool:
+        rated = [(getattr(o, name), o.spec.deadline_s) for o in collector.outputs if o.spec.deadline_s > 0]
+        judged = now_s >= collector.judged_from_s
+        return all(t is not None and (now_s - t <= deadline_s or not judged) for t, deadline_s in rated)
+
+    return GateReport(collector.charge, collector.fell_back, flows("robot_s"), flows("cloud_s"))
+
+
+def _offer_next(
+    collector: Collector, index: int, sequence: int, born_s: float, now_s: float
+) -> tuple[Collector, Passage]:
+    """A valid message of the side that is to take over: flips once all rated outputs of it flow.
+
+    The newest messages of its other outputs pass with it, as long as they are no older than any message may be: else
+    their consumers would wait for the old side's and the new side's period together.
+    """
+    collector = _output(collector, index, next_ready_s=now_s, next_sequence=sequence, next_born_s=born_s)
+    if not all(_flows(o, now_s) for o in collector.outputs):
+        return collector, Passage(False, "NotAllReady")
+    assert collector.next is not None
+    also = tuple(
+        i
+        for i, o in enumerate(collector.outputs)
+        if i != index and o.next_ready_s is not None and now_s - o.next_born_s <= collector.max_age_s
+    )
+    collector = _enter(collector, collector.next, None, now_s)
+    return _output(collector, index, last_sequence=sequence), Passage(True, "ChangedOver", also)
+
+
+def _flows(output: OutputState, now_s: float) -> bool:
+    deadline_s = output.spec.deadline_s
+    return deadline_s == 0 or (output.next_ready_s is not None and now_s - output.next_ready_s <= deadline_s)
+
+
+def _enter(collector: Collector, charge: Charge, following: Charge | None, now_s: float) -> Collector:
+    outputs = tuple(
+        replace(o, last_sequence=o.next_sequence if charge == collector.next else -1, next_sequence=-1,
+                next_ready_s=None)
+        for o in collector.outputs
+    )  # fmt: skip
+    collector = replace(collector, charge=charge, outputs=outputs, fell_back=False, flipped_s=now_s, next=None)
+    return _arm(collector, following)
+
+
+def _arm(collector: Collector, following: Charge | None) -> Collector:
+    if following == collector.next:
+        return collector
+    outputs = tuple(replace(o, next_ready_s=None, next_sequence=-1) for o in collector.outputs)
+    return replace(collector, next=following, outputs=outputs)
+
+
+def _output(collector: Collector, index: int, **changes: float | int | None) -> Collector:
+    outputs = list(collector.outputs)
+    outputs[index] = replace(outputs[index], **changes)  # type: ignore[arg-type]
+    return replace(collector, outputs=tuple(outputs))

@@ -1,0 +1,386 @@
+"""Wanted against observed lifecycle states -> ordered transitions with deadlines and retries, and the CORE rule.
+
+States and transitions by the names of the ROS 2 managed node design (design.ros2.org/articles/node_lifecycle.html).
+Bring-up follows the order of the list, going to sleep the reverse. A transition whose answer does not come in time has
+not necessarily failed: the state is read while it is under way and before it is asked for again. Retries wait longer
+each time and end at a deadline, with a reason; a node that shows up again (restarted: Unconfigured) gets a new chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+
+from robot_offload_core.change import replace
+from robot_offload_core.settings import NodeSpec
+
+TRANSITION_DEADLINE_S = 2.0
+"""For one change_state call; a heavy on_activate takes tens of milliseconds, on_configure may load a map."""
+READ_DEADLINE_S = 1.0
+READ_PERIOD_S = 1.0
+"""How often a state is read again although nothing was heard (a node that died says nothing)."""
+UNKNOWN_PERIOD_S = 0.25
+"""The same while the state is unknown: a node that starts is to be found quickly."""
+RETRY_FIRST_S = 0.1
+RETRY_MAX_S = 5.0
+GIVE_UP_S = 60.0
+"""After failing for this long a node is given up until it restarts or is asked for again."""
+INHIBIT_PERIOD_S = 0.5
+"""Repetition of an unconfirmed inhibit request, and of a standing one in case the driver restarted."""
+
+
+class State(str, Enum):
+    """Primary states, and UNKNOWN for a node that does not answer."""
+
+    UNKNOWN = "unknown"
+    UNCONFIGURED = "unconfigured"
+    INACTIVE = "inactive"
+    ACTIVE = "active"
+    FINALIZED = "finalized"
+
+
+class Transition(str, Enum):
+    """Transitions that the guardian asks for."""
+
+    CONFIGURE = "configure"
+    ACTIVATE = "activate"
+    DEACTIVATE = "deactivate"
+
+
+GOAL = {
+    Transition.CONFIGURE: State.INACTIVE,
+    Transition.ACTIVATE: State.ACTIVE,
+    Transition.DEACTIVATE: State.INACTIVE,
+}
+
+
+@dataclass(frozen=True)
+class Node:
+    """What is known of one managed node and what is under way with it.
+
+    Attributes:
+        spec: from the configuration.
+        state: last observed.
+        state_s: when.
+        read_due_s: when to read it again.
+        reading_until_s: deadline of a read under way; None when none.
+        asked: transition under way; None when none.
+        asked_until_s: its deadline.
+        failing_since_s: first failure of the present row of failures; None when healthy.
+        failures: length of that row.
+        retry_s: no new attempt before this.
+        gave_up: reason why no more attempts are made; "" otherwise.
+    """
+
+    spec: NodeSpec
+    state: State = State.UNKNOWN
+    state_s: float | None = None
+    read_due_s: float = 0.0
+    reading_until_s: float | None = None
+    asked: Transition | None = None
+    asked_until_s: float = 0.0
+    failing_since_s: float | None = None
+    failures: int = 0
+    retry_s: float = 0.0
+    gave_up: str = ""
+
+
+@dataclass(frozen=True)
+class Guardian:
+    """State of one side's guardian.
+
+    Attributes:
+        nodes: in bring-up order.
+        acting: this side is in charge or gets ready to be: its duplicated nodes are to be Active.
+        acting_since_s: since when.
+        in_charge: it is in charge; only then its duplicated CORE nodes matter to the driver.
+        outputs_flow: the rated outputs of this side flow (judged by the collector).
+        grace_s: how long a CORE node may be on its way to Active before the driver is inhibited.
+        has_driver: there is an inhibit service (the robot's side).
+        inhibited: last confirmed by the driver; None before the first confirmation.
+        inhibit_said: last asked of the driver; None before the first time.
+        inhibit_due_s: when to say it again.
+        fault_since_s: since when the CORE rule has been broken.
+    """
+
+    nodes: tuple[Node, ...]
+    grace_s: float
+    has_driver: bool = False
+    acting: bool = False
+    acting_since_s: float = 0.0
+    in_charge: bool = False
+    outputs_flow: bool = True
+    inhibited: bool | None = None
+    inhibit_said: bool | None = None
+    inhibit_due_s: float = 0.0
+    fault_since_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A node's state was read or heard; UNKNOWN when a read got no answer."""
+
+    name: str
+    state: State
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A transition call was answered."""
+
+    name: str
+    transition: Transition
+    success: bool
+
+
+@dataclass(frozen=True)
+class Acting:
+    """The machine of this side says whether to act, and whether this side's rated outputs flow.
+
+    `in_charge` is False while this side only gets ready and the other one acts: then nothing of it stops the driver.
+    """
+
+    acting: bool
+    outputs_flow: bool = True
+    in_charge: bool = True
+
+
+@dataclass(frozen=True)
+class InhibitAnswered:
+    """The driver confirmed an inhibit request."""
+
+    inhibited: bool
+
+
+@dataclass(frozen=True)
+class Tick:
+    """Time has passed."""
+
+
+Event = Observed | Answered | Acting | InhibitAnswered | Tick
+
+
+@dataclass(frozen=True)
+class ChangeState:
+    """Call change_state; an answer after `deadline_s` seconds is ignored."""
+
+    name: str
+    transition: Transition
+    deadline_s: float
+
+
+@dataclass(frozen=True)
+class GetState:
+    """Call get_state; report UNKNOWN when there is no answer within `deadline_s` seconds."""
+
+    name: str
+    deadline_s: float
+
+
+@dataclass(frozen=True)
+class Inhibit:
+    """Call the driver's inhibit service with this value."""
+
+    inhibit: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Told:
+    """For the log and diagnostics."""
+
+    name: str
+    reason: str
+    message: str
+
+
+Command = ChangeState | GetState | Inhibit | Told
+
+
+def start(specs: Iterable[NodeSpec], grace_s: float, has_driver: bool = False) -> Guardian:
+    """A guardian that knows nothing yet."""
+    return Guardian(tuple(Node(spec) for spec in specs), grace_s, has_driver)
+
+
+def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list[Command]]:
+    """Takes in one event and does all that has become due."""
+    commands: list[Command] = []
+    if isinstance(event, Observed):
+        guardian = _each(guardian, event.name, lambda n: _observe(n, event.state, now_s, commands))
+    elif isinstance(event, Answered):
+        guardian = _each(guardian, event.name, lambda n: _answer(n, event, now_s, commands))
+    elif isinstance(event, Acting):
+        guardian = _act(guardian, event, now_s)
+    elif isinstance(event, InhibitAnswered):
+        guardian = replace(guardian, inhibited=event.inhibited)
+    nodes = tuple(_expire(node, now_s, commands) for node in guardian.nodes)
+    guardian = _advance(replace(guardian, nodes=nodes), now_s, commands)
+    return _core_rule(guardian, now_s, commands), commands
+
+
+def is_ready(guardian: Guardian) -> bool:
+    """All duplicated CORE nodes (all duplicated ones when none is CORE) are Active and not on their way out of it."""
+    duplicated = [n for n in guardian.nodes if n.spec.duplicated]
+    core = [n for n in duplicated if n.spec.core] or duplicated
+    return all(_stays_active(n) or not n.spec.lifecycle for n in core)
+
+
+def _stays_active(node: Node) -> bool:
+    return node.state is State.ACTIVE and node.asked is not Transition.DEACTIVATE
+
+
+def core_fault(guardian: Guardian) -> str:
+    """Why the robot must not move now; "" when it may."""
+    for node in guardian.nodes:
+        concerned = node.spec.core and (guardian.in_charge or not node.spec.duplicated)
+        if concerned and node.spec.lifecycle and node.state is not State.ACTIVE:
+            return f"CORE node {node.spec.name} is {node.state.value}"
+    return "A rated output of the robot is silent" if _silent(guardian) else ""
+
+
+def _silent(guardian: Guardian) -> bool:
+    return guardian.in_charge and not guardian.outputs_flow
+
+
+def wanted(guardian: Guardian, node: Node) -> State:
+    """The state that a node is to be in."""
+    active = not node.spec.duplicated or guardian.acting or node.spec.hot
+    return State.ACTIVE if active else State.INACTIVE
+
+
+def _each(guardian: Guardian, name: str, change: object) -> Guardian:
+    assert callable(change)
+    return replace(guardian, nodes=tuple(change(n) if n.spec.name == name else n for n in guardian.nodes))
+
+
+def _act(guardian: Guardian, event: Acting, now_s: float) -> Guardian:
+    in_charge = event.acting and event.in_charge
+    if event.acting != guardian.acting:
+        nodes = tuple(replace(n, retry_s=0.0, gave_up="", failing_since_s=None, failures=0) for n in guardian.nodes)
+        guardian = replace(guardian, acting=event.acting, acting_since_s=now_s, nodes=nodes)
+    if in_charge != guardian.in_charge:
+        guardian = replace(guardian, in_charge=in_charge, fault_since_s=None)
+    return replace(guardian, outputs_flow=event.outputs_flow)
+
+
+def _observe(node: Node, state: State, now_s: float, commands: list[Command]) -> Node:
+    period_s = UNKNOWN_PERIOD_S if state is State.UNKNOWN else READ_PERIOD_S
+    before = node.state
+    node = replace(node, state=state, state_s=now_s, read_due_s=now_s + period_s, reading_until_s=None)
+    if state is before:
+        return node
+    commands.append(Told(node.spec.name, "StateChanged", f"{before.value} -> {state.value}"))
+    if state is State.UNCONFIGURED and before is not State.UNKNOWN:
+        commands.append(Told(node.spec.name, "NodeRestarted", "It is back in unconfigured and is brought up again"))
+    fresh = state is State.UNCONFIGURED or before is State.UNKNOWN
+    if fresh:  # a new process, or one found again: earlier failures say nothing about it
+        node = replace(node, gave_up="", failures=0, failing_since_s=None, retry_s=0.0)
+    if node.asked and state is GOAL[node.asked]:
+        node = _healthy(node)
+    return node
+
+
+def _answer(node: Node, event: Answered, now_s: float, commands: list[Command]) -> Node:
+    if node.asked is not event.transition:
+        return node
+    if event.success:
+        return _healthy(_observe(node, GOAL[event.transition], now_s, commands))
+    return _failed(node, f"{event.transition.value} was refused", now_s, commands)
+
+
+def _expire(node: Node, now_s: float, commands: list[Command]) -> Node:
+    """Deadlines of calls under way. A transition without an answer is followed by a read, not by a retry."""
+    if node.reading_until_s is not None and now_s >= node.reading_until_s:
+        node = _observe(node, State.UNKNOWN, now_s, commands)
+    if node.asked and now_s >= node.asked_until_s:
+        node = _failed(node, f"{node.asked.value} got no answer in {TRANSITION_DEADLINE_S:g} s", now_s, commands)
+        node = replace(node, read_due_s=now_s, state=State.UNKNOWN)
+    return node
+
+
+def _healthy(node: Node) -> Node:
+    return replace(node, asked=None, failures=0, failing_since_s=None, retry_s=0.0, gave_up="")
+
+
+def _failed(node: Node, why: str, now_s: float, commands: list[Command]) -> Node:
+    since_s = node.failing_since_s if node.failing_since_s is not None else now_s
+    wait_s = min(RETRY_MAX_S, RETRY_FIRST_S * 2**node.failures)
+    node = replace(
+        node,
+        asked=None,
+        failures=node.failures + 1,
+        failing_since_s=since_s,
+        retry_s=now_s + wait_s,
+        read_due_s=now_s,
+    )
+    if now_s - since_s >= GIVE_UP_S:
+        node = replace(node, gave_up=f"{why}, {node.failures} times in {now_s - since_s:.0f} s")
+        commands.append(Told(node.spec.name, "GaveUp", f"{node.gave_up}; restart the node or switch again to retry"))
+    else:
+        commands.append(Told(node.spec.name, "TransitionFailed", f"{why}, next attempt in {wait_s:.1f} s"))
+    return node
+
+
+def _advance(guardian: Guardian, now_s: float, commands: list[Command]) -> Guardian:
+    """Asks for what is due: bring-up in order, sleep in reverse, reads in between."""
+    nodes = {n.spec.name: n for n in guardian.nodes}
+    waits = False  # an earlier node is still on its way up: later ones wait for it
+    for node in guardian.nodes:
+        if node.spec.lifecycle and wanted(guardian, node) is State.ACTIVE:
+            if not waits:
+                nodes[node.spec.name] = _ask(node, _upwards(node), now_s, commands)
+            waits = waits or (node.state is not State.ACTIVE and not node.gave_up)
+    up = waits
+    waits = False
+    for node in reversed(guardian.nodes):
+        if node.spec.lifecycle and wanted(guardian, node) is State.INACTIVE:
+            sleepy = node.state is State.ACTIVE
+            if sleepy and not waits:
+                nodes[node.spec.name] = _ask(node, Transition.DEACTIVATE, now_s, commands)
+            elif node.state is State.UNCONFIGURED and not up:
+                nodes[node.spec.name] = _ask(node, Transition.CONFIGURE, now_s, commands)
+            waits = waits or (sleepy and not node.gave_up)
+    for name, node in nodes.items():
+        if node.spec.lifecycle and node.reading_until_s is None and now_s >= node.read_due_s:
+            commands.append(GetState(name, READ_DEADLINE_S))
+            nodes[name] = replace(node, reading_until_s=now_s + READ_DEADLINE_S)
+    return replace(guardian, nodes=tuple(nodes.values()))
+
+
+def _upwards(node: Node) -> Transition | None:
+    if node.state is State.UNCONFIGURED:
+        return Transition.CONFIGURE
+    return Transition.ACTIVATE if node.state is State.INACTIVE else None
+
+
+def _ask(node: Node, transition: Transition | None, now_s: float, commands: list[Command]) -> Node:
+    if transition is None or node.asked is not None or node.gave_up or now_s < node.retry_s:
+        return node
+    commands.append(ChangeState(node.spec.name, transition, TRANSITION_DEADLINE_S))
+    return replace(node, asked=transition, asked_until_s=now_s + TRANSITION_DEADLINE_S)
+
+
+def _core_rule(guardian: Guardian, now_s: float, commands: list[Command]) -> Guardian:
+    """Inhibits the driver when a CORE node that should act does not, after the grace; releases it when healthy."""
+    if not guardian.has_driver:
+        return guardian
+    fault = core_fault(guardian)
+    if not fault:
+        guardian = replace(guardian, fault_since_s=None)
+    elif guardian.fault_since_s is None:
+        guardian = replace(guardian, fault_since_s=now_s)
+    since_s = guardian.fault_since_s
+    # Once inhibited, stay so until healthy: a second fault in a row earns no second grace. Silence earns none at all:
+    # it is judged only after the nodes had their time.
+    inhibit = since_s is not None and (
+        now_s - since_s >= guardian.grace_s or bool(guardian.inhibit_said) or _silent(guardian)
+    )
+    if fault and not inhibit and guardian.inhibit_said is None:
+        return guardian  # an earlier incarnation of us may have inhibited the driver, and for a reason
+    # The first word is said in any case, once all is well: see above.
+    repeat = (inhibit or guardian.inhibited is not inhibit) and now_s >= guardian.inhibit_due_s
+    if guardian.inhibit_said is not inhibit or repeat:
+        commands.append(Inhibit(inhibit, fault or "All CORE nodes act"))
+        return replace(guardian, inhibit_said=inhibit, inhibit_due_s=now_s + INHIBIT_PERIOD_S)
+    return guardian

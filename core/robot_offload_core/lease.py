@@ -1,0 +1,228 @@
+"""The cloud's side: acts only while it holds a lease of the current epoch, anchored to its own clock.
+
+A grant echoes a beat of this side; the lease ends at the send time of *that* beat plus the lease, so a grant that
+waited in a buffer is worth nothing. A grant with a newer epoch ends the older one at once. A pause of the own process
+or host voids everything until a grant echoes a beat that was sent after the pause.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_offload_core.beats import Beat, CloudReport, Permission
+from robot_offload_core.change import replace
+from robot_offload_core.settings import Settings
+from robot_offload_core.token import Token
+
+ROBOT_LIVE_S = 1.0
+"""Silence after which a robot is no longer live, so that another incarnation may be served."""
+PAUSE_LIMIT_S = 0.150
+"""A distance of two steps that counts as a pause: many times the tick, less than a lease."""
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """State of the cloud's control process. Times on its own steady clock, seconds.
+
+    Attributes:
+        incarnation: ours.
+        settings: shared with the robot.
+        robot: incarnation served; "" for none.
+        robot_s: arrival of its newest beat.
+        robot_sent_us: send time of its newest beat, on its clock.
+        epoch: newest that it has named to us.
+        granted: that epoch came with a grant.
+        lease_end_s: end of the lease of that epoch.
+        ready: all duplicated CORE nodes here are Active.
+        data_age_s: since the data session last heard the robot; None never.
+        input_ages_s: newest accepted ages of required inputs; None never.
+        refused: incarnation of a second robot; "" for none.
+        refused_s: when it was last heard.
+        stepped_s: time of the last step.
+        void_before_s: echoes of beats sent before this grant nothing.
+        reported: the last decision told, to tell each once.
+    """
+
+    incarnation: str
+    settings: Settings
+    robot: str = ""
+    robot_s: float = 0.0
+    robot_sent_us: int = -1
+    epoch: int = 0
+    granted: bool = False
+    lease_end_s: float = 0.0
+    ready: bool = False
+    data_age_s: float | None = None
+    input_ages_s: tuple[float | None, ...] = ()
+    refused: str = ""
+    refused_s: float = 0.0
+    stepped_s: float | None = None
+    void_before_s: float = 0.0
+    reported: str = "Asleep"
+
+
+@dataclass(frozen=True)
+class RobotBeat:
+    """A beat of a robot arrived, as told by the pulse process."""
+
+    beat: Beat
+    arrived_s: float
+
+
+@dataclass(frozen=True)
+class CloudNodes:
+    """The guardian's view of the cloud's replicas."""
+
+    ready: bool
+
+
+@dataclass(frozen=True)
+class CloudData:
+    """The data process's view: ages at `at_s`."""
+
+    age_s: float | None
+    input_ages_s: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class Tick:
+    """Time has passed."""
+
+
+Event = RobotBeat | CloudNodes | CloudData | Tick
+
+
+@dataclass(frozen=True)
+class SetEgress:
+    """To the data process: what may leave, until when. None closes."""
+
+    token: Token | None
+    lease_end_s: float
+
+
+@dataclass(frozen=True)
+class SetActing:
+    """To the guardian: whether this side's duplicated nodes are to be Active."""
+
+    acting: bool
+
+
+@dataclass(frozen=True)
+class Tell:
+    """To the pulse process: this side's part of the beat."""
+
+    report: CloudReport
+
+
+@dataclass(frozen=True)
+class Decided:
+    """For the log and diagnostics: reason and message of a change."""
+
+    reason: str
+    message: str
+
+
+Command = SetEgress | SetActing | Tell | Decided
+
+
+def step(cloud: Cloud, event: Event, now_s: float) -> tuple[Cloud, list[Command]]:
+    """Takes in one event; returns the next state and the level of everything the shell keeps up.
+
+    The three levels (egress, acting, report) come with every step: losing one message of them loses nothing.
+    """
+    cloud = _notice_pause(cloud, now_s)
+    if isinstance(event, RobotBeat):
+        cloud = _hear(cloud, event.beat, event.arrived_s, now_s)
+    elif isinstance(event, CloudNodes):
+        cloud = replace(cloud, ready=event.ready)
+    elif isinstance(event, CloudData):
+        cloud = replace(cloud, data_age_s=event.age_s, input_ages_s=event.input_ages_s)
+    cloud = _forget(cloud, now_s)
+    commands: list[Command] = [*_levels(cloud, now_s)]
+    reason, message = situation(cloud, now_s)
+    if reason != cloud.reported:
+        cloud = replace(cloud, reported=reason)
+        commands.append(Decided(reason, message))
+    return cloud, commands
+
+
+def holds_lease(cloud: Cloud, now_s: float) -> bool:
+    """Whether a lease of the current epoch is valid now."""
+    return cloud.granted and now_s < cloud.lease_end_s
+
+
+def token(cloud: Cloud) -> Token:
+    """The token that this side would act under."""
+    return Token(cloud.robot, cloud.epoch, cloud.incarnation)
+
+
+def situation(cloud: Cloud, now_s: float) -> tuple[str, str]:
+    """(reason, message) of what this side does."""
+    if cloud.refused:
+        return "DuplicateIdentity", f"A second robot of this identity is refused: {cloud.refused[:8]}"
+    if holds_lease(cloud, now_s):
+        if cloud.ready:
+            return "Acting", f"Acting under epoch {cloud.epoch}"
+        return "Waking", f"Bringing up the nodes for epoch {cloud.epoch}"
+    if cloud.granted:
+        return "LeaseExpired", f"The lease of epoch {cloud.epoch} has run out"
+    return "Asleep", "The robot acts" if cloud.robot else "No robot is heard"
+
+
+def _notice_pause(cloud: Cloud, now_s: float) -> Cloud:
+    if cloud.stepped_s is not None and now_s - cloud.stepped_s > PAUSE_LIMIT_S:
+        cloud = replace(cloud, lease_end_s=0.0, void_before_s=now_s)
+    return replace(cloud, stepped_s=now_s)
+
+
+def _hear(cloud: Cloud, beat: Beat, arrived_s: float, now_s: float) -> Cloud:
+    if beat.incarnation != cloud.robot:
+        if cloud.robot and (now_s - cloud.robot_s <= ROBOT_LIVE_S or holds_lease(cloud, now_s)):
+            return replace(cloud, refused=beat.incarnation, refused_s=now_s)
+        cloud = replace(cloud, robot=beat.incarnation, robot_sent_us=-1, epoch=0, granted=False, lease_end_s=0.0)
+    if beat.sent_us <= cloud.robot_sent_us:
+        return cloud
+    cloud = replace(cloud, robot_s=max(cloud.robot_s, arrived_s), robot_sent_us=beat.sent_us)
+    permission = beat.body
+    if not isinstance(permission, Permission) or permission.cloud != cloud.incarnation:
+        return cloud
+    if permission.epoch < cloud.epoch:
+        return cloud
+    if permission.epoch > cloud.epoch:
+        cloud = replace(cloud, epoch=permission.epoch, granted=False, lease_end_s=0.0)
+    if not permission.granted:
+        return cloud
+    cloud = replace(cloud, granted=True)
+    echo = beat.echo
+    if echo is None or echo.incarnation != cloud.incarnation or echo.sent_us / 1e6 < cloud.void_before_s:
+        return cloud
+    end_s = echo.sent_us / 1e6 + min(cloud.settings.lease_s, permission.lease_us / 1e6)
+    return replace(cloud, lease_end_s=max(cloud.lease_end_s, end_s))
+
+
+def _forget(cloud: Cloud, now_s: float) -> Cloud:
+    if cloud.refused and now_s - cloud.refused_s > ROBOT_LIVE_S:
+        cloud = replace(cloud, refused="")
+    if cloud.robot and now_s - cloud.robot_s > ROBOT_LIVE_S and not holds_lease(cloud, now_s):
+        cloud = replace(cloud, robot="", epoch=0, granted=False, lease_end_s=0.0)
+    return cloud
+
+
+def _levels(cloud: Cloud, now_s: float) -> list[Command]:
+    held = holds_lease(cloud, now_s)
+    report = CloudReport(
+        serves=cloud.robot,
+        epoch=cloud.epoch,
+        acting=held and cloud.ready,
+        ready=cloud.ready,
+        refused=cloud.refused,
+        data_age_us=_us(cloud.data_age_s),
+        input_ages_us=tuple(map(_us, cloud.input_ages_s)),
+    )
+    egress = SetEgress(token(cloud), cloud.lease_end_s) if held else SetEgress(None, 0.0)
+    return [egress, SetActing(held), Tell(report)]
+
+
+def _us(age_s: float | None) -> int:
+    """Microseconds; -1 for never, also when nothing of us had been heard by the sender and the age has no bound."""
+    return -1 if age_s is None or age_s == float("inf") else max(0, round(age_s * 1e6))

@@ -1,0 +1,419 @@
+"""The placement machine of the robot's side: the robot is the authority, the actuators are there.
+
+Phases: ROBOT (the robot acts), TO_CLOUD (it acts while the cloud gets ready under a candidate epoch), CLOUD,
+TO_ROBOT (the cloud acts while the robot's nodes wake), TAKEOVER (the robot is in charge after a sudden loss, its CORE
+nodes are still waking). Every changeover, also one that is called off, uses a new epoch, so that the collector never
+has to go back. What the shell keeps up (permission, gate, acting) is a level, told again with every beat period.
+"""
+
+from __future__ import annotations
+
+from robot_offload_core import link as links
+from robot_offload_core import policy as policies
+from robot_offload_core.beats import Beat, CloudReport, Permission
+from robot_offload_core.change import replace
+from robot_offload_core.collector import Charge, Gate, GateReport
+from robot_offload_core.health import Frame, clock_fault, cloud_fault, fitness
+from robot_offload_core.placement import (
+    IN_CHARGE,
+    Answer,
+    CloudBeat,
+    Command,
+    DataReported,
+    Decided,
+    Event,
+    GateReported,
+    NodesReported,
+    Permit,
+    Phase,
+    PulseSent,
+    Reopen,
+    Robot,
+    SetActing,
+    SetGate,
+    SetPin,
+    SwitchByHand,
+    Wish,
+)
+from robot_offload_core.policy import Verdict
+from robot_offload_core.pulse import PERMISSION_BEATS
+from robot_offload_core.settings import Mode
+from robot_offload_core.token import Site, Token
+
+PREPARE_EXTRA_S = 0.5
+"""Added to the activation deadline for a commanded switch: outputs must flow, reports must come back."""
+RETRY_FIRST_S = 1.0
+RETRY_MAX_S = 30.0
+STALL_BEATS = 2.5
+"""Own steps this many beat periods apart are a stall of ours, not silence of the link.
+
+The queues between our processes hold only so much: what came last during a stall may be lost. Therefore silence counts
+from the end of the stall (for no longer than a lease, see health.cloud_fault).
+"""
+TELL_PERIOD_S = 0.5
+"""Changes of reason that change nothing else are told at most this often."""
+URGENT = ("ByHand", "PinnedToRobot", "PinnedToCloud", "ClockOffset")
+"""Reasons that wait for no dwell and start no hold-down."""
+
+
+def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]]:
+    """Takes in one event, decides, and tells the levels when they changed or a beat period has passed."""
+    commands: list[Command] = []
+    robot = _notice_stall(robot, now_s)
+    robot = _take(robot, event, now_s, commands)
+    robot = _move(robot, now_s, commands)
+    return _tell(robot, now_s, commands), commands
+
+
+def site(robot: Robot) -> Site:
+    """The side in charge."""
+    return IN_CHARGE[robot.phase]
+
+
+def effects_site(robot: Robot, now_s: float) -> Site | None:
+    """The side whose effects that are not collected are admitted now; None while the other might still act."""
+    if site(robot) is Site.CLOUD:
+        return Site.CLOUD
+    if robot.offered:
+        return None  # the collector may change over at any moment, and we hear of it later
+    clear_s = _clear_s(robot, robot.started_us / 1e6) if robot.clear_s is None else robot.clear_s
+    return Site.ROBOT if now_s >= clear_s else None
+
+
+def _clear_s(robot: Robot, revoked_s: float) -> float:
+    """When the cloud has stopped for sure, if nothing permits it to act after `revoked_s`.
+
+    The pulse process may use the last permission for two more beats, and the lease that it grants then lasts from
+    there.
+    """
+    settings = robot.settings
+    return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s
+
+
+def _notice_stall(robot: Robot, now_s: float) -> Robot:
+    period_s = robot.settings.beat_period_s
+    if robot.stepped_s is not None and now_s - robot.stepped_s > STALL_BEATS * period_s:
+        robot = replace(robot, stall_until_s=now_s + robot.settings.loss_timeout_s)
+    return replace(robot, stepped_s=now_s)
+
+
+# -- taking events in -------------------------------------------------------------------------------------------------
+
+
+def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> Robot:
+    if isinstance(event, CloudBeat):
+        return _hear(robot, event, now_s)
+    if isinstance(event, PulseSent):
+        return replace(robot, situation=replace(robot.situation, pulse_s=event.sent_s))
+    if isinstance(event, GateReported):
+        return _gate_reported(robot, event.report, now_s, commands)
+    if isinstance(event, DataReported):
+        heard_s = None if event.age_s is None else now_s - event.age_s
+        data = replace(robot.situation, data_connected=event.connected, data_heard_s=heard_s, data_cloud=event.cloud)
+        return replace(robot, situation=replace(data, data_s=now_s))
+    if isinstance(event, NodesReported):
+        return replace(robot, nodes_ready=event.ready)
+    if isinstance(event, SetPin):
+        return replace(robot, pin=event.pin)
+    if isinstance(event, SwitchByHand):
+        robot, accepted, message = _by_hand(robot, event.site, now_s)
+        commands.append(Answer(event.key, accepted, message))
+    return robot
+
+
+def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
+    beat = event.beat
+    link = robot.link
+    stranger = link.peer and beat.incarnation != link.peer
+    live = link.heard_s is not None and now_s - link.heard_s <= robot.settings.loss_timeout_s
+    if stranger and live:
+        return robot  # a second cloud agent, or late words of an old one: the one we hear goes on
+    robot = replace(robot, link=links.hear(link, beat, robot.incarnation, event.arrived_s, event.wall_us))
+    if not isinstance(beat.body, CloudReport):
+        return robot  # a bare beat feeds statistics only
+    control_age_s = None if beat.control_age_us < 0 else beat.control_age_us / 1e6
+    robot = replace(robot, situation=replace(robot.situation, report=beat.body, control_age_s=control_age_s))
+    if _is_good(robot, beat, event.arrived_s):
+        robot = replace(robot, situation=replace(robot.situation, good_s=event.arrived_s))
+    return robot
+
+
+def _is_good(robot: Robot, beat: Beat, arrived_s: float) -> bool:
+    """Current token, a living loop, and the cloud acts under my epoch (protocol section 1)."""
+    report = beat.body
+    if not isinstance(report, CloudReport) or beat.echo is None or beat.echo.incarnation != robot.incarnation:
+        return False
+    return (
+        beat.incarnation == robot.link.peer
+        and report.serves == robot.incarnation
+        and report.epoch == (robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch)
+        and report.acting
+        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s
+    )
+
+
+def _gate_reported(robot: Robot, report: GateReport, now_s: float, commands: list[Command]) -> Robot:
+    robot = replace(robot, situation=replace(robot.situation, gate=report, gate_s=now_s))
+    charge = report.charge
+    # Also after a preparation was called off: the collector may have changed over just before it heard of that.
+    if charge is not None and charge.token.robot == robot.incarnation and charge.token.epoch > robot.epoch:
+        return _enter(robot, charge, now_s, commands)
+    return robot
+
+
+def _by_hand(robot: Robot, asked: Site, now_s: float) -> tuple[Robot, bool, str]:
+    pin = _pin(robot, now_s)
+    if robot.settings.mode is Mode.OBSERVE:
+        return robot, False, "Refused (Observe): this agent only observes; set mode to Auto"
+    if pin is not None and pin is not asked:
+        return robot, False, f"Refused (Pinned): placement is pinned to the {pin.value}; clear the pin first"
+    if asked is Site.CLOUD and IN_CHARGE[robot.phase] is Site.ROBOT:
+        fault = _fault(robot, now_s, acting=False)
+        fault = fault or clock_fault(robot.link, robot.settings)
+        if fault is not None:
+            return robot, False, f"Refused ({fault.reason}): {fault.message}"
+    robot = replace(robot, manual=Wish(asked, now_s + robot.settings.manual_hold_s))
+    if IN_CHARGE[robot.phase] is asked and robot.phase not in (Phase.TO_CLOUD, Phase.TO_ROBOT):
+        return robot, True, f"The {asked.value} is in charge already"
+    return robot, True, f"Switching to the {asked.value}"
+
+
+# -- deciding ---------------------------------------------------------------------------------------------------------
+
+
+def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
+    frame = Frame(
+        robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stall_until_s
+    )  # fmt: skip
+    return cloud_fault(robot.situation, robot.link, frame, now_s, acting=acting)
+
+
+def _pin(robot: Robot, now_s: float) -> Site | None:
+    if robot.pin is not None and robot.pin.holds(now_s):
+        return robot.pin.site
+    return robot.settings.pin
+
+
+def _wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:
+    """Precedence: clocks > pin on the robot > pin in the resource > by hand > policy; hard limits come before all."""
+    fit = fitness(robot.link, robot.settings, now_s)
+    policy, verdict = policies.decide(robot.policy, site(robot), fit, robot.settings, now_s)
+    robot = replace(robot, policy=policy)
+    veto = clock_fault(robot.link, robot.settings)
+    if veto is not None:
+        return robot, veto
+    pin = _pin(robot, now_s)
+    if pin is not None:
+        return robot, Verdict(pin, f"PinnedTo{pin.value.capitalize()}", f"Placement is pinned to the {pin.value}")
+    if robot.manual is not None and robot.manual.holds(now_s):
+        asked = robot.manual.site
+        return robot, Verdict(asked, "ByHand", f"The {asked.value} was asked for by hand")
+    return robot, verdict
+
+
+def _move(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
+    able = robot.nodes_ready and _outputs_flow(robot, now_s)
+    robot = replace(robot, fell_at_s=None if able else (robot.fell_at_s if robot.fell_at_s is not None else now_s))
+    robot, verdict = _wanted(robot, now_s)
+    if robot.settings.mode is Mode.OBSERVE:
+        return _observe_only(robot, verdict, now_s, commands)
+    if robot.phase in (Phase.CLOUD, Phase.TO_ROBOT):
+        return _move_from_cloud(robot, verdict, now_s, commands)
+    if robot.phase is Phase.TO_CLOUD:
+        return _move_to_cloud(robot, verdict, now_s, commands)
+    if robot.phase is Phase.TAKEOVER and robot.nodes_ready:
+        robot = replace(robot, phase=Phase.ROBOT)
+    return _move_from_robot(robot, verdict, now_s, commands)
+
+
+def _move_from_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
+    fault = _fault(robot, now_s, acting=True)
+    if fault is not None:
+        return _take_over(robot, fault, now_s, commands)
+    if robot.phase is Phase.CLOUD:
+        dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason in URGENT
+        if verdict.site is Site.ROBOT and dwelt and now_s >= robot.retry_s:
+            return _prepare(robot, Phase.TO_ROBOT, verdict, now_s, commands)
+        return robot
+    robot = replace(robot, armed=robot.nodes_ready)
+    if now_s >= robot.deadline_s:
+        why = Verdict(Site.CLOUD, "RobotNotReady", "The robot's nodes did not get ready in time, the cloud goes on")
+        return _call_off(robot, Phase.CLOUD, why, now_s, commands)
+    return robot
+
+
+def _move_to_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
+    fault = _fault(robot, now_s, acting=False)
+    if fault is None and robot.link.peer != robot.partner:
+        fault = Verdict(Site.ROBOT, "CloudRestarted", "Another incarnation of the cloud agent answers")
+    if fault is None and verdict.site is Site.ROBOT and verdict.reason in URGENT:
+        fault = verdict
+    if fault is None and now_s >= robot.deadline_s:
+        fault = Verdict(Site.ROBOT, "CloudNotReady", "The cloud's nodes did not get ready in time, the robot goes on")
+    if fault is not None:
+        return _call_off(robot, Phase.ROBOT, fault, now_s, commands)
+    report = robot.situation.report
+    ready = report is not None and report.acting and report.epoch == robot.candidate
+    return replace(robot, armed=ready, offered=robot.offered or ready)
+
+
+def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
+    settings = robot.settings
+    fault = _fault(robot, now_s, acting=False)
+    fell = (
+        robot.fell_at_s is not None and now_s - max(robot.fell_at_s, robot.charged_s) > settings.activation_deadline_s
+    )
+    forbidden = verdict.site is Site.ROBOT and verdict.reason in ("ClockOffset", "PinnedToRobot")
+    if now_s < robot.stall_until_s:  # what happened meanwhile is still to be read: nothing new is begun on old news
+        return robot
+    # Retries grow, but not those of a robot that stands still.
+    if fault is None and fell and not forbidden and now_s >= min(robot.retry_s, robot.since_s + RETRY_FIRST_S):
+        why = Verdict(Site.CLOUD, "RobotUnable", "The robot cannot act, the cloud can")
+        robot = replace(robot, manual=None)  # whoever asked for the robot did not ask for a standstill
+        return _prepare(robot, Phase.TO_CLOUD, why, now_s, commands)
+    dwelt = now_s - robot.charged_s >= settings.min_dwell_s or verdict.reason in URGENT
+    held = verdict.reason == "PinnedToCloud" and now_s < robot.policy.hold_until_s
+    if verdict.site is Site.CLOUD and fault is None and dwelt and not held and now_s >= robot.retry_s:
+        return _prepare(robot, Phase.TO_CLOUD, verdict, now_s, commands)
+    chosen = verdict.site is Site.ROBOT and verdict.reason in (*URGENT, "RobotPreferred")
+    shown = verdict if fault is None or chosen else fault  # a broken limit says more than what the policy waits for
+    return _decide(robot, shown, now_s, commands)
+
+
+def _observe_only(robot: Robot, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
+    fault = _fault(robot, now_s, acting=False)
+    would = fault if fault is not None else verdict
+    told = Verdict(would.site, would.reason, f"Observing only; would act on the {would.site.value}: {would.message}")
+    return _decide(robot, told, now_s, commands)
+
+
+def _outputs_flow(robot: Robot, now_s: float) -> bool:
+    """The robot's rated outputs, as the collector hears them, are not silent (known only while the robot acts).
+
+    Without a collector nothing reaches the consumers.
+    """
+    if site(robot) is Site.CLOUD:
+        return True
+    started_s = robot.started_us / 1e6
+    gate, told_s = robot.situation.gate, robot.situation.gate_s
+    if now_s - (started_s if told_s is None else told_s) > robot.settings.lease_s:
+        return False
+    if now_s - max(robot.charged_s, started_s) < robot.settings.activation_deadline_s:
+        return True
+    return gate is not None and gate.robot_flows
+
+
+# -- changing ---------------------------------------------------------------------------------------------------------
+
+
+def _prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
+    candidate = robot.last_epoch + 1
+    deadline_s = now_s + robot.settings.activation_deadline_s + PREPARE_EXTRA_S
+    robot = replace(
+        robot,
+        phase=phase,
+        since_s=now_s,
+        candidate=candidate,
+        last_epoch=candidate,
+        deadline_s=deadline_s,
+        armed=False,
+        offered=False,
+    )
+    if phase is Phase.TO_CLOUD:
+        robot = replace(robot, partner=robot.link.peer, situation=replace(robot.situation, good_s=None))
+    return _decide(robot, verdict, now_s, commands, force=True)
+
+
+def _enter(robot: Robot, charge: Charge, now_s: float, commands: list[Command]) -> Robot:
+    """The collector has changed over to what was the candidate."""
+    phase = Phase.CLOUD if charge.site is Site.CLOUD else Phase.ROBOT
+    good_s = robot.situation.good_s
+    robot = replace(
+        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=charge.token.epoch, candidate=0, armed=False,
+        offered=False, failures=0, retry_s=0.0,
+        situation=replace(robot.situation, good_s=now_s if good_s is None else good_s),
+    )  # fmt: skip
+    policy = robot.policy
+    if phase is Phase.ROBOT:
+        robot = replace(robot, clear_s=_clear_s(robot, now_s))
+        if robot.decided.reason not in URGENT:
+            policy = policies.lost(policy, robot.settings, now_s)
+    robot = replace(robot, policy=policies.entered(policy, charge.site, now_s))
+    return _decide(robot, robot.decided, now_s, commands, force=True, switched=True)
+
+
+def _call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: list[Command]) -> Robot:
+    """A preparation failed: the old side was never released and goes on; the next attempt waits longer.
+
+    One that a person or the clocks ended has not failed.
+    """
+    failed = why.reason not in URGENT
+    wait_s = min(RETRY_MAX_S, RETRY_FIRST_S * 2**robot.failures) if failed else 0.0
+    epoch = robot.epoch
+    if phase is Phase.ROBOT:  # the candidate may already be passing: only a newer epoch ends it for sure
+        epoch = robot.last_epoch + 1
+        robot = replace(robot, clear_s=_clear_s(robot, now_s))
+    robot = replace(
+        robot, phase=phase, since_s=now_s, epoch=epoch, last_epoch=max(epoch, robot.last_epoch), candidate=0,
+        armed=False, offered=False, failures=robot.failures + failed, retry_s=now_s + wait_s,
+    )  # fmt: skip
+    return _decide(robot, why, now_s, commands, force=True)
+
+
+def _take_over(robot: Robot, fault: Verdict, now_s: float, commands: list[Command]) -> Robot:
+    """Sudden loss: the robot is in charge from now on; consumers hear nobody else."""
+    silent_s = None if robot.situation.good_s is None else now_s - robot.situation.good_s
+    epoch = robot.last_epoch + 1
+    phase = Phase.ROBOT if robot.nodes_ready else Phase.TAKEOVER
+    policy = policies.entered(policies.lost(robot.policy, robot.settings, now_s), Site.ROBOT, now_s)
+    # A loss ends the wish for the cloud: it would take the hold-down's place and flap with the link.
+    manual = robot.manual if robot.manual is not None and robot.manual.site is Site.ROBOT else None
+    robot = replace(
+        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=epoch, last_epoch=epoch, candidate=0, armed=False,
+        offered=False, failures=0, retry_s=0.0, manual=manual, clear_s=_clear_s(robot, now_s), policy=policy,
+        situation=replace(robot.situation, good_s=None),
+    )  # fmt: skip
+    commands.append(Reopen(fault.reason))
+    return _decide(robot, fault, now_s, commands, force=True, switched=True, silent_s=silent_s)
+
+
+def _decide(
+    robot: Robot, verdict: Verdict, now_s: float, commands: list[Command], *,
+    force: bool = False, switched: bool = False, silent_s: float | None = None,
+) -> Robot:  # fmt: skip
+    changed = (verdict.site, verdict.reason) != (robot.decided.site, robot.decided.reason)
+    if not force and not (changed and now_s - robot.decided_s >= TELL_PERIOD_S):
+        return robot
+    commands.append(Decided(site(robot), robot.epoch, robot.phase, verdict, switched, silent_s))
+    return replace(robot, decided=verdict, decided_s=now_s)
+
+
+# -- telling ----------------------------------------------------------------------------------------------------------
+
+
+def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
+    settings = robot.settings
+    preparing_cloud = robot.phase is Phase.TO_CLOUD
+    granted = preparing_cloud or site(robot) is Site.CLOUD
+    epoch = robot.candidate if preparing_cloud else robot.epoch
+    permission = Permission(
+        epoch, granted, robot.partner if granted else robot.link.peer, round(settings.lease_s * 1e6)
+    )
+    following = None
+    if robot.armed:
+        following = _charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate)
+    gate = Gate(robot.started_us, _charge(robot, site(robot), robot.epoch), following)
+    acting = SetActing(
+        acting=robot.phase is not Phase.CLOUD,
+        outputs_flow=_outputs_flow(robot, now_s),
+        in_charge=site(robot) is Site.ROBOT,
+    )
+    told = (permission, gate, acting)
+    if told != robot.told or now_s - robot.told_s >= settings.beat_period_s - 1e-6:
+        commands += [Permit(permission), SetGate(replace(gate, said_s=now_s)), acting]
+        robot = replace(robot, told=told, told_s=now_s)
+    return robot
+
+
+def _charge(robot: Robot, side: Site, epoch: int) -> Charge:
+    return Charge(side, Token(robot.incarnation, epoch, robot.partner if side is Site.CLOUD else ""))

@@ -1,0 +1,147 @@
+"""Names of ROS 2 and Kubernetes, checked where they are written down instead of where they first fail.
+
+Topics, services, nodes and namespaces follow the design articles "Topic and Service name mapping to DDS" and
+"Interface definition" of design.ros2.org and the limits of rmw's own validators; a contract test holds them
+against those. One rule is ours: no `__` in a topic, because that is how a topic becomes an identifier (`/a/b`
+-> `a__b`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Annotated, Final
+
+from pydantic import AfterValidator, WithJsonSchema
+
+# rmw allows 247 characters (255 less the 8 of DDS prefixes); private copies of an output put 14 before it.
+MAX_TOPIC_LENGTH: Final = 247 - len("/offload/robot")
+MAX_NAME_LENGTH: Final = 63
+"""Of a resource and of a node: both become part of Kubernetes labels."""
+
+_WORD = r"[A-Za-z_][A-Za-z0-9_]*"
+_TOPIC = rf"^(/{_WORD})+$"
+_NAMESPACE = rf"^(/|(/{_WORD})+)$"
+_NODE = rf"^{_WORD}$"
+_RESOURCE = r"^[a-z0-9]([-a-z0-9]*[a-z0-9])?$"
+_PACKAGE = r"^[a-z](_?[a-z0-9])*$"
+_MESSAGE_TYPE = r"^[a-z](_?[a-z0-9])*/msg/[A-Z][A-Za-z0-9]*$"
+_EXECUTABLE = r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$"
+_IMAGE = r"^[A-Za-z0-9][A-Za-z0-9._/:@-]*$"
+_RMW = r"^rmw_[a-z0-9_]+$"
+
+OWN_NODES: Final = ("network_monitor", "cloud_switcher", "guardian")
+"""The agent's nodes on the robot; in the cloud they carry the prefix."""
+REMOTE_PREFIX: Final = "remote_"
+OWN_TOPICS: Final = (
+    "/connectivity_test_local",
+    "/connectivity_test_remote",
+    "/network_status",
+    "/remote_network_status",
+)
+OWN_TOPIC_PREFIX: Final = "/offload/"
+
+
+def identifier(topic: str) -> str:
+    """A topic as a name without slashes, for parameters, channels and metrics: `/a/b` -> `a__b`."""
+    return topic.strip("/").replace("/", "__")
+
+
+def _check_topic(text: str) -> str:
+    if not text.startswith("/"):
+        raise ValueError(f"{_shown(text)} must start with a slash, as `ros2 topic list` shows it")
+    if len(text) > MAX_TOPIC_LENGTH:
+        raise ValueError(f"is {len(text)} characters long; at most {MAX_TOPIC_LENGTH} fit")
+    if text in OWN_TOPICS or text.startswith(OWN_TOPIC_PREFIX):
+        raise ValueError(f"{_shown(text)} belongs to the agents; use another name")
+    if "__" in text:
+        raise ValueError(f"{_shown(text)} holds two underscores in a row; ROS 2 keeps them for itself")
+    if not re.fullmatch(_TOPIC, text):
+        raise ValueError(
+            f"{_shown(text)} is not a full name; write /word/word with letters, digits and underscores, "
+            "no word starting with a digit and no slash at the end"
+        )
+    return text
+
+
+def _check_namespace(text: str) -> str:
+    if len(text) > MAX_TOPIC_LENGTH or not re.fullmatch(_NAMESPACE, text) or "__" in text:
+        raise ValueError(f"{_shown(text)} is not a namespace; write / or /word, with a slash first and none last")
+    return text
+
+
+def _check_node(text: str) -> str:
+    if "/" in text:
+        raise ValueError(f"{_shown(text)} holds a slash; give the name without its namespace")
+    if len(text) > MAX_NAME_LENGTH or not re.fullmatch(_NODE, text):
+        raise ValueError(
+            f"{_shown(text)} is not a node name; use letters, digits and underscores, no digit first, "
+            f"at most {MAX_NAME_LENGTH}"
+        )
+    if text.startswith(REMOTE_PREFIX):
+        raise ValueError(f"{_shown(text)} carries the prefix of cloud replicas ({REMOTE_PREFIX}); leave it out")
+    if text in OWN_NODES:
+        raise ValueError(f"{_shown(text)} is the name of one of the agent's own nodes; choose another one")
+    return text
+
+
+def _check_resource(text: str) -> str:
+    if len(text) > MAX_NAME_LENGTH or not re.fullmatch(_RESOURCE, text):
+        raise ValueError(
+            f"{_shown(text)} is not a Kubernetes name; use lower-case letters, digits and dashes, "
+            f"no dash first or last, at most {MAX_NAME_LENGTH}"
+        )
+    return text
+
+
+def _check_message_type(text: str) -> str:
+    if not re.fullmatch(_MESSAGE_TYPE, text):
+        raise ValueError(f"{_shown(text)} is not a message type; write package/msg/Type, e.g. std_msgs/msg/String")
+    return text
+
+
+def _matching(pattern: str, what: str) -> Callable[[str], str]:
+    def check(text: str) -> str:
+        if len(text) > 255 or not re.fullmatch(pattern, text):
+            raise ValueError(f"{_shown(text)} is not {what}")
+        return text
+
+    return check
+
+
+def _shown(text: str) -> str:
+    """`text` quoted on one line, cut to a readable length."""
+    quoted = repr(text)
+    return quoted if len(quoted) <= 60 else f"{quoted[:56]}...'"
+
+
+def _schema(pattern: str, max_length: int = 255) -> WithJsonSchema:
+    return WithJsonSchema({"type": "string", "minLength": 1, "maxLength": max_length, "pattern": pattern})
+
+
+TopicName = Annotated[str, AfterValidator(_check_topic), _schema(_TOPIC, MAX_TOPIC_LENGTH)]
+ServiceName = Annotated[str, AfterValidator(_check_topic), _schema(_TOPIC, MAX_TOPIC_LENGTH)]
+Namespace = Annotated[str, AfterValidator(_check_namespace), _schema(_NAMESPACE, MAX_TOPIC_LENGTH)]
+NodeName = Annotated[str, AfterValidator(_check_node), _schema(_NODE, MAX_NAME_LENGTH)]
+ResourceName = Annotated[str, AfterValidator(_check_resource), _schema(_RESOURCE, MAX_NAME_LENGTH)]
+MessageType = Annotated[str, AfterValidator(_check_message_type), _schema(_MESSAGE_TYPE)]
+PackageName = Annotated[
+    str,
+    AfterValidator(_matching(_PACKAGE, "a ROS package; use lower-case letters, digits and underscores")),
+    _schema(_PACKAGE),
+]
+ExecutableName = Annotated[
+    str,
+    AfterValidator(_matching(_EXECUTABLE, "an executable's name; give it without a folder")),
+    _schema(_EXECUTABLE),
+]
+ImageName = Annotated[
+    str,
+    AfterValidator(_matching(_IMAGE, "an image; write registry/name:tag or registry/name@digest")),
+    _schema(_IMAGE),
+]
+RmwName = Annotated[
+    str,
+    AfterValidator(_matching(_RMW, "a ROS middleware; write e.g. rmw_fastrtps_cpp")),
+    _schema(_RMW),
+]

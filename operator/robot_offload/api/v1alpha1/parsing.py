@@ -1,0 +1,203 @@
+"""From text or plain objects to a `RobotOffload`, with every problem at once as one line for a person."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+from collections.abc import Iterable, Mapping
+from types import NoneType, UnionType
+from typing import Annotated, Any, Final, Union, get_args, get_origin
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from robot_offload.api.v1alpha1.checks import check
+from robot_offload.api.v1alpha1.model import Model
+from robot_offload.api.v1alpha1.robotoffload import RobotOffload
+from robot_offload.errors import SpecError
+from robot_offload.findings import Finding
+from robot_offload.strict_yaml import YamlError, freeze, parse
+
+Location = tuple[int | str, ...]
+
+_EXPECTED: Final = {
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "string_type": "text",
+    "tuple_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "finite_number": "a finite number",
+}
+_LIMITS: Final = {
+    "greater_than": ("gt", "more than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+
+
+def parse_text(text: str, source: str) -> RobotOffload:
+    """Reads one RobotOffload from YAML (or JSON) text.
+
+    Args:
+        text: the whole document.
+        source: what to call it in messages, normally the file's name.
+
+    Raises:
+        SpecError: with every problem found. Rules between fields are only checked once all fields are right.
+    """
+    try:
+        value = parse(text)
+    except YamlError as error:
+        raise SpecError(source, [Finding(error.position, "NotYaml", error.problem)]) from error
+    return parse_object(value, source)
+
+
+def parse_object(value: object, source: str) -> RobotOffload:
+    """Reads one RobotOffload from plain values (mappings, lists, texts, numbers).
+
+    Raises:
+        SpecError: as `parse_text` does.
+    """
+    if not isinstance(value, Mapping):
+        message = f"must be a mapping with apiVersion, kind, metadata and spec, found {_kind_of(value)}"
+        raise SpecError(source, [Finding("", "WrongType", message)])
+    try:
+        offload = RobotOffload.model_validate(freeze(value), by_alias=True, by_name=False)
+    except RecursionError:
+        raise SpecError(source, [Finding("", "Invalid", "lists or mappings are nested too deeply")]) from None
+    except ValidationError as error:
+        details = [detail for detail in error.errors(include_url=False) if not _misleading(detail)]
+        raise SpecError(source, [_finding(detail) for detail in details]) from error
+    errors = [finding for finding in check(offload.spec) if finding.severity == "error"]
+    if errors:
+        raise SpecError(source, errors)
+    return offload
+
+
+def _misleading(detail: ErrorDetails) -> bool:
+    """Whether pydantic calls a list too short only because all its entries are wrong, which it says as well."""
+    return detail["type"] == "too_short" and bool(detail["input"])
+
+
+def _finding(detail: ErrorDetails) -> Finding:
+    """One of pydantic's errors in our words."""
+    kind, location, given = detail["type"], detail["loc"], detail["input"]
+    context = detail.get("ctx", {})
+    path = path_of(location)
+    if kind == "extra_forbidden":
+        return Finding(path, "UnknownField", f"is not a known field{_instead(location)}")
+    if kind == "missing":
+        return Finding(path, "Required", f"is missing{_meaning(location)}")
+    if kind == "literal_error":
+        return Finding(path, "NotSupported", _not_one_of(given, str(context.get("expected", ""))))
+    if kind == "value_error":
+        return Finding(path, "Invalid", _one_line(str(context.get("error", detail["msg"]))))
+    if kind in _EXPECTED:
+        return Finding(path, "WrongType", f"must be {_EXPECTED[kind]}, found {_kind_of(given)}")
+    if kind in _LIMITS:
+        limit, words = _LIMITS[kind]
+        return Finding(path, "OutOfRange", f"must be {words} {context[limit]:g}, found {_kind_of(given)}")
+    if kind == "too_short":
+        return Finding(path, "Required", "must have at least one entry")
+    return Finding(path, "Invalid", _one_line(detail["msg"]))
+
+
+def path_of(location: Location) -> str:
+    """A location as it is written in messages: `spec.nodes[1].name`."""
+    path = ""
+    for part in location:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", part):
+            path += f".{part}" if path else part
+        else:
+            path += f"[{_cut(json.dumps(part))}]"
+    return path
+
+
+def _instead(location: Location) -> str:
+    """What could have been meant by an unknown field."""
+    model = _model_at(location[:-1])
+    known = sorted(_fields(model)) if model else []
+    return _suggestion(str(location[-1]), known) or (f"; known here: {', '.join(known)}" if known else "")
+
+
+def _not_one_of(given: object, expected: str) -> str:
+    known = re.findall(r"'([^']*)'", expected)
+    if not isinstance(given, str):
+        return f"must be one of {', '.join(known)}, found {_kind_of(given)}"
+    listed = ", ".join(known) if len(known) > 1 else (known or [""])[0]
+    words = "is not one of" if len(known) > 1 else "must be"
+    return f"{_cut(repr(given))} {words} {listed}{_suggestion(given, known) if len(known) > 1 else ''}"
+
+
+def _suggestion(given: str, known: Iterable[str]) -> str:
+    """`; did you mean X?`, comparing without regard to case and underscores."""
+    plain = {name.lower(): name for name in known}
+    close = difflib.get_close_matches(given[:80].lower().replace("_", ""), plain, n=1, cutoff=0.7)
+    return f"; did you mean {plain[close[0]]}?" if close else ""
+
+
+def _meaning(location: Location) -> str:
+    """What a missing field is for: its description, in brackets."""
+    model = _model_at(location[:-1])
+    field = _fields(model).get(str(location[-1])) if model else None
+    return f" ({field.description.rstrip('.')})" if field and field.description else ""
+
+
+def _fields(model: type[Model]) -> dict[str, Any]:
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+def _model_at(location: Location) -> type[Model] | None:
+    """The model that stands at `location` of a document, or None where there is none."""
+    current: Any = RobotOffload
+    for part in location:
+        current = _bare(current)
+        if isinstance(current, type) and issubclass(current, Model):
+            field = _fields(current).get(str(part))
+            current = field.annotation if field else None
+        elif get_origin(current) is tuple and isinstance(part, int):
+            current = get_args(current)[0]
+        else:
+            return None
+    current = _bare(current)
+    return current if isinstance(current, type) and issubclass(current, Model) else None
+
+
+def _bare(annotation: Any) -> Any:
+    """`annotation` without Annotated[...] and without `| None`."""
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation = get_args(annotation)[0]
+        elif get_origin(annotation) in (Union, UnionType):
+            annotation = next(choice for choice in get_args(annotation) if choice is not NoneType)
+        else:
+            return annotation
+
+
+def _kind_of(value: object) -> str:
+    """What a value is, in words, with the value itself where it is short."""
+    if value is None:
+        return "nothing (remove the line or give a value)"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return f"the number {value}"
+    if isinstance(value, str):
+        return f"the text {_cut(repr(value))}"
+    return "a mapping" if isinstance(value, Mapping) else "a list"
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= 60 else f"{text[:56]}..."
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

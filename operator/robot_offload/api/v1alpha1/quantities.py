@@ -1,0 +1,103 @@
+"""Durations as text with a unit in YAML (`20ms`, `90s`, `10m`) and as whole milliseconds in Python."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
+
+# The subset of Go's durations (what Kubernetes writes) with whole milliseconds, the larger units first.
+_PATTERN: Final = r"^([0-9]{1,6}h)?([0-9]{1,6}m)?([0-9]{1,6}s)?([0-9]{1,9}ms)?$"
+_UNITS_MS: Final = {"h": 3_600_000, "m": 60_000, "s": 1_000, "ms": 1}
+
+
+def parse_duration(text: object) -> int:
+    """`text` (`20ms`, `90s`, `1m30s`) in milliseconds.
+
+    Raises:
+        ValueError: the message says how a duration is written.
+    """
+    match = re.fullmatch(_PATTERN, text) if isinstance(text, str) and text else None
+    if match is None:
+        raise ValueError(_complaint(text))
+    parts = zip(match.groups(), _UNITS_MS.items(), strict=True)
+    return sum(int(part.removesuffix(unit)) * factor for part, (unit, factor) in parts if part)
+
+
+def _complaint(text: object) -> str:
+    if isinstance(text, int | float) and not isinstance(text, bool):
+        return f"is a duration and needs a unit: write {text:g}ms or {text:g}s"
+    if isinstance(text, str) and re.fullmatch(r"[0-9]+\.[0-9]+(ms|s|m|h)", text):
+        return f"{text!r} has a fraction; write whole numbers of a smaller unit, such as 1500ms for 1.5s"
+    shown = repr(text)[:40] if isinstance(text, str) else "this"
+    return f"{shown} is not a duration; write a whole number and a unit (ms, s, m or h), such as 20ms or 10m"
+
+
+def format_duration(milliseconds: int) -> str:
+    """`milliseconds` with the largest unit that divides it: 90000 -> `90s`, 150 -> `150ms`, 0 -> `0s`."""
+    if milliseconds == 0:
+        return "0s"
+    unit, factor = next(item for item in _UNITS_MS.items() if milliseconds % item[1] == 0)
+    return f"{milliseconds // factor}{unit}"
+
+
+class _DurationType:
+    """Tells pydantic how a duration is read, written and described."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            parse_duration,
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                format_duration, return_schema=core_schema.str_schema()
+            ),
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"type": "string", "pattern": _PATTERN, "minLength": 2, "maxLength": 32}
+
+
+@dataclass(frozen=True)
+class Within:
+    """Bounds of a duration, both allowed; given and shown as text.
+
+    Attributes:
+        minimum: the shortest duration.
+        maximum: the longest duration.
+    """
+
+    minimum: str
+    maximum: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        rule = f"duration(self) >= duration('{self.minimum}') && duration(self) <= duration('{self.maximum}')"
+        message = f"must be between {self.minimum} and {self.maximum}"
+        described = handler(schema)
+        described["x-kubernetes-validations"] = [{"rule": rule, "message": message}]
+        return described
+
+    def _check(self, value: int) -> int:
+        if not parse_duration(self.minimum) <= value <= parse_duration(self.maximum):
+            shown = format_duration(value)
+            raise ValueError(f"{shown} is out of range; it must be between {self.minimum} and {self.maximum}")
+        return value
+
+
+Duration = Annotated[int, _DurationType()]
+"""Whole milliseconds in Python, text with a unit in YAML. Combine it with `Within`."""
+
+RateHz = Annotated[float, Field(ge=0.05, le=1000, allow_inf_nan=False)]
+"""Messages per second: from one in 20 s, which is slow for something that is judged, to the limit for control
+loops."""
+
+DomainID = Annotated[int, Field(ge=0, le=232)]
+"""A DDS domain. 232 is the largest whose ports stay below 65536 (7400 + 250 * 232)."""
+
+Port = Annotated[int, Field(ge=1, le=65535)]
+"""A UDP and TCP port."""

@@ -1,0 +1,113 @@
+"""Switching: when to act where, how fast a loss is noticed, and how careful the return is."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from robot_offload.api.v1alpha1.model import Model
+from robot_offload.api.v1alpha1.quantities import Duration, Within
+
+
+class Latency(Model):
+    """The rule for the loop: act in the cloud while loop latency + cloudPeriod <= robotPeriod + tolerance."""
+
+    robot_period_ms: Annotated[Duration, Within("1ms", "10s")] = Field(
+        default=50,
+        description="Time between two outputs of the robot's replica. Default 50ms, from 1ms to 10s.",
+    )
+    cloud_period_ms: Annotated[Duration, Within("1ms", "10s")] = Field(
+        default=20,
+        description="Time between two outputs of the cloud's replica. Default 20ms, from 1ms to 10s.",
+    )
+    tolerance_ms: Annotated[Duration, Within("0s", "10s")] = Field(
+        default=30,
+        description="How much slower the whole loop through the cloud may be than the robot alone, as the "
+        "price for a better result. Default 30ms, from 0s to 10s.",
+    )
+
+    @property
+    def allowed_loop_ms(self) -> int:
+        """Loop latency (up and down) at which the cloud is still worth it; the rule solved for the latency."""
+        return self.robot_period_ms + self.tolerance_ms - self.cloud_period_ms
+
+    @property
+    def slower_period_ms(self) -> int:
+        """The longer of the two replicas' periods."""
+        return max(self.robot_period_ms, self.cloud_period_ms)
+
+
+class HoldDown(Model):
+    """How long the cloud is left alone after a loss, before it may act again."""
+
+    initial_ms: Annotated[Duration, Within("0s", "10m")] = Field(
+        default=1_000, description="Wait after the first loss. Default 1s, from 0s to 10m."
+    )
+    max_ms: Annotated[Duration, Within("0s", "1h")] = Field(
+        default=30_000, description="The wait doubles with each flap up to this. Default 30s, from 0s to 1h."
+    )
+    flap_window_ms: Annotated[Duration, Within("0s", "1h")] = Field(
+        default=5_000,
+        description="A stay in the cloud that ends by a loss sooner than this is a flap. Default 5s, from 0s to 1h.",
+    )
+
+
+class Switching(Model):
+    """When and how the acting side changes."""
+
+    prefer: Literal["Cloud", "Robot"] = Field(
+        default="Cloud", description="The side that acts when both can: Cloud or Robot. Default Cloud."
+    )
+    heartbeat_period_ms: Annotated[Duration, Within("5ms", "1s")] = Field(
+        default=20, description="Time between two heartbeats, each way. Default 20ms, from 5ms to 1s."
+    )
+    loss_timeout_ms: Annotated[Duration, Within("15ms", "10s")] = Field(
+        default=90,
+        description="Silence of good heartbeats that counts as a lost link. More than two heartbeat periods "
+        "and no multiple of one, so that the last beat is clearly in time or late. Default 90ms, from 10ms "
+        "to 10s.",
+    )
+    lease_ms: Annotated[Duration, Within("50ms", "30s")] = Field(
+        default=250,
+        description="How long the cloud may go on without hearing the robot. At least lossTimeout + the "
+        "allowed loop latency + two heartbeats. Default 250ms, from 50ms to 30s.",
+    )
+    max_command_age_ms: Annotated[Duration, Within("10ms", "10s")] = Field(
+        default=150,
+        description="The oldest message of the cloud that still reaches a consumer. More than the allowed "
+        "loop latency + one heartbeat. Default 150ms, from 10ms to 10s.",
+    )
+    latency: Latency = Field(default_factory=Latency, description="The loop latency up to which the cloud is worth it.")
+    min_dwell_ms: Annotated[Duration, Within("0s", "1h")] = Field(
+        default=0,
+        description="Least stay on a side before the policy moves on; safety does not wait. Default 0s, from 0s to 1h.",
+    )
+    mode: Literal["Auto", "Observe"] = Field(
+        default="Auto",
+        description="Auto switches; Observe measures, decides and says what it would do, but never switches. "
+        "Default Auto.",
+    )
+    pin: Literal["Auto", "Robot", "Cloud"] = Field(
+        default="Auto",
+        description="Holds the robot's or the cloud's side whatever the policy says; safety goes first. "
+        "Auto, Robot or Cloud. Default Auto.",
+    )
+    max_clock_offset_ms: Annotated[Duration, Within("1ms", "10s")] = Field(
+        default=20,
+        description="Largest difference of the two hosts' system clocks with which the cloud may act, "
+        "because nodes compare time stamps. Default 20ms, from 1ms to 10s.",
+    )
+    activation_deadline_ms: Annotated[Duration, Within("10ms", "60s")] = Field(
+        default=250,
+        description="In this time the nodes of a side must become active; else the changeover is rolled "
+        "back. Default 250ms, from 10ms to 60s.",
+    )
+    strict: bool = Field(
+        default=False,
+        description="Whether the agents refuse to start when a duplicated node has publishers that are not "
+        "declared as outputs; otherwise they warn. Default false.",
+    )
+    hold_down: HoldDown = Field(
+        default_factory=HoldDown, description="How careful the return to the cloud is after a loss."
+    )

@@ -1,0 +1,1 @@
+"""Measurements: what the product claims, measured by programs outside of it. See `main`."""

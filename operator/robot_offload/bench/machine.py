@@ -1,0 +1,54 @@
+"""On what it was measured: the class of machine, versions, and how busy it was besides."""
+
+from __future__ import annotations
+
+import datetime
+import os
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final
+
+PACKAGES: Final = {"ros-jazzy-rclpy": "rclpy (Jazzy)", "eclipse-zenoh": "Zenoh", "robot-offload": "Robot Offload"}
+
+
+def describe() -> dict[str, Any]:
+    """Cores, processor, memory, system and versions."""
+    return {
+        "cores": os.cpu_count(),
+        "processor": _field(Path("/proc/cpuinfo"), "model name") or platform.machine(),
+        "memory_gb": round(int((_field(Path("/proc/meminfo"), "MemTotal") or "0").split()[0]) / 1e6),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        "versions": _versions(),
+    }
+
+
+def load() -> float:
+    """Processes that ran or waited to run, averaged over the last minute."""
+    return os.getloadavg()[0]
+
+
+def today() -> str:
+    """The date, for the page."""
+    return datetime.datetime.now(tz=datetime.UTC).strftime("%Y-%m-%d")
+
+
+def _versions() -> Mapping[str, str]:
+    found = {}
+    for package, name in PACKAGES.items():
+        try:
+            found[name] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def _field(path: Path, name: str) -> str:
+    """The first `name : value` of a file of the kernel; empty when there is none."""
+    for line in path.read_text().splitlines():
+        key, _, value = line.partition(":")
+        if key.strip() == name:
+            return value.strip()
+    return ""

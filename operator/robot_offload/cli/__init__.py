@@ -1,0 +1,1 @@
+"""The command line `robot-offload` and its sub-commands."""

@@ -1,0 +1,328 @@
+"""What a recorder at the consumer saw of one run: one JSON object per line, written while the run goes on.
+
+The first line is the run's own (`kind: run`), the others may come in any order within their kind's time. All times
+are seconds of one host's steady clock (CLOCK_BOOTTIME); the report counts from `RunInfo.start_s`. Reading and
+writing of lines is pure; `read` and `RecordingWriter` are the only ones that touch files.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import types
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Literal, TextIO, TypeAlias, Union, get_args, get_origin, get_type_hints
+
+from robot_offload.errors import RecordingError
+
+Site: TypeAlias = Literal["robot", "cloud"]
+SITES: Final[tuple[Site, Site]] = ("robot", "cloud")
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """The run's setting. Always the first line.
+
+    Attributes:
+        mode: what was run, e.g. `offload`, `robot-only`, `cloud-only`.
+        seed: of everything random in the run.
+        start_s: steady clock at the moment that the report calls 0.
+        max_command_age_ms, loss_timeout_ms, activation_deadline_ms: `spec.switching` of the run.
+        robot_period_ms, cloud_period_ms: `spec.switching.latency` of the run.
+        threshold_ms: loop latency up to which the cloud is worth it; a link below it is called good.
+        corridor_length_m, corridor_width_m: of the world: x runs from 0 to the length, y = 0 is the middle line;
+            0 when the run has no world.
+    """
+
+    mode: str
+    seed: int
+    start_s: float
+    max_command_age_ms: float
+    loss_timeout_ms: float
+    activation_deadline_ms: float
+    robot_period_ms: float
+    cloud_period_ms: float
+    threshold_ms: float
+    corridor_length_m: float = 0.0
+    corridor_width_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """One message of a collected output as the consumer got it.
+
+    Attributes:
+        topic: the public topic.
+        t_s: when it arrived.
+        producer: the replica that made it, e.g. `remote_controller`.
+        sequence: its number by that replica, growing by one.
+        sent_t_s: when the replica published it.
+        site: the side of that replica.
+        passed_t_s: when it was published on the public topic, as the middleware stamped it; None: not known.
+    """
+
+    topic: str
+    t_s: float
+    producer: str
+    sequence: int
+    sent_t_s: float
+    site: Site
+    passed_t_s: float | None = None
+
+
+@dataclass(frozen=True)
+class PlacementChange:
+    """The placement as announced; the first one is the state at the start, not a switch.
+
+    Attributes:
+        t_s: when it was announced.
+        site: the side in charge from now on.
+        epoch: grows with every changeover.
+        reason: one word, e.g. `HeartbeatLost`.
+        message: a sentence for people.
+        detect_ms: from the last good heartbeat to the decision; None when the switch was commanded.
+    """
+
+    t_s: float
+    site: Site
+    epoch: int
+    reason: str
+    message: str
+    detect_ms: float | None = None
+
+
+@dataclass(frozen=True)
+class LinkSample:
+    """What the link did at a moment, by its schedule: the round trip of a packet sent then; None = cut."""
+
+    t_s: float
+    rtt_ms: float | None
+
+
+@dataclass(frozen=True)
+class NetworkStatus:
+    """An agent's own verdict about the link (`/network_status`, `/remote_network_status`)."""
+
+    t_s: float
+    side: Site
+    up: bool
+
+
+@dataclass(frozen=True)
+class Inhibit:
+    """The driver was inhibited (held at standstill because a core node was not active) or released."""
+
+    t_s: float
+    inhibited: bool
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """Where the wheelchair was."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    speed_mps: float
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A round obstacle that the wheelchair has seen."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How it ended; what comes later is not judged. A run without a wheelchair only has an end.
+
+    Attributes:
+        t_s: the end of the run.
+        collisions: of the wheelchair with walls or obstacles.
+        stops: standstills that the driver's time-out or the inhibit service forced.
+        goal_reached: whether the wheelchair is at its goal.
+    """
+
+    t_s: float
+    collisions: int | None = None
+    stops: int | None = None
+    goal_reached: bool | None = None
+
+
+Record: TypeAlias = (
+    RunInfo | Arrival | PlacementChange | LinkSample | NetworkStatus | Inhibit | PathPoint | Obstacle | Outcome
+)
+_KINDS: Final[Mapping[str, type]] = {
+    "run": RunInfo,
+    "arrival": Arrival,
+    "placement": PlacementChange,
+    "link": LinkSample,
+    "status": NetworkStatus,
+    "inhibit": Inhibit,
+    "path": PathPoint,
+    "obstacle": Obstacle,
+    "outcome": Outcome,
+}
+_KIND_OF: Final = {kind: name for name, kind in _KINDS.items()}
+_HINTS: Final = {kind: get_type_hints(kind) for kind in _KINDS.values()}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A whole run. Every sequence is in the order of time.
+
+    Attributes:
+        outputs: arrivals by topic.
+        outcome: None when the recorder was stopped before the run's end.
+    """
+
+    run: RunInfo
+    outputs: Mapping[str, tuple[Arrival, ...]] = field(default_factory=dict)
+    placements: tuple[PlacementChange, ...] = ()
+    link: tuple[LinkSample, ...] = ()
+    network_status: tuple[NetworkStatus, ...] = ()
+    inhibits: tuple[Inhibit, ...] = ()
+    path: tuple[PathPoint, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    outcome: Outcome | None = None
+
+    @property
+    def end_s(self) -> float:
+        """The end of the run, or else the last thing that was seen."""
+        if self.outcome is not None:
+            return self.outcome.t_s
+        seen = [arrival.t_s for arrivals in self.outputs.values() for arrival in arrivals]
+        seen += [change.t_s for change in self.placements]
+        seen += [sample.t_s for sample in self.link]
+        seen += [point.t_s for point in self.path]
+        return max(seen, default=self.run.start_s)
+
+
+def encode(record: Record) -> str:
+    """A record as one line of JSON, without the newline."""
+    return json.dumps({"kind": _KIND_OF[type(record)], **dataclasses.asdict(record)}, separators=(",", ":"))
+
+
+def decode(line: str) -> Record:
+    """The record of one line.
+
+    Raises:
+        ValueError: the message says what is wrong with the line.
+    """
+    try:
+        values = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"is not JSON ({error})") from error
+    kind = values.pop("kind", None) if isinstance(values, dict) else None
+    if not isinstance(kind, str) or kind not in _KINDS:
+        raise ValueError(f"has no known kind; known are {', '.join(_KINDS)}")
+    cls = _KINDS[kind]
+    fields = {item.name: item for item in dataclasses.fields(cls)}
+    unknown = sorted(set(values) - set(fields))
+    if unknown:
+        raise ValueError(f"has unknown fields for kind {kind}: {', '.join(unknown)}")
+    for name, item in fields.items():
+        if name in values:
+            values[name] = _typed(_HINTS[cls][name], values[name], name)
+        elif item.default is dataclasses.MISSING:
+            raise ValueError(f"lacks the field {name} of kind {kind}")
+    record: Record = cls(**values)
+    return record
+
+
+def _typed(hint: Any, value: Any, name: str) -> Any:
+    """`value` if it is of the type that `hint` names; whole numbers are taken for float."""
+    if get_origin(hint) in (Union, types.UnionType):
+        if value is None:
+            return None
+        hint = get_args(hint)[0]
+    if get_origin(hint) is Literal:
+        if value in get_args(hint):
+            return value
+        raise ValueError(f"has {name} = {value!r}, which must be one of {', '.join(get_args(hint))}")
+    if hint is float and type(value) in (int, float) and math.isfinite(value):
+        return float(value)
+    if type(value) is hint and hint is not float:
+        return value
+    raise ValueError(f"has {name} = {value!r}, which must be of type {hint.__name__}")
+
+
+def parse(lines: Iterable[str], source: str) -> Recording:
+    """A recording from its lines. An unfinished last line (the recorder was killed) is left out.
+
+    Raises:
+        RecordingError: naming `source` and the line.
+    """
+    records: list[Record] = []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            records.append(decode(line))
+        except ValueError as error:
+            if not line.endswith("\n"):
+                break
+            raise RecordingError(f"{source}:{number}: the line {error}") from error
+    return assemble(records, source)
+
+
+def assemble(records: Iterable[Record], source: str = "recording") -> Recording:
+    """A recording from single records, sorted by time.
+
+    Raises:
+        RecordingError: the run's own record does not come first, or comes twice.
+    """
+    by_kind: dict[type, list[Any]] = {kind: [] for kind in _KINDS.values()}
+    for record in records:
+        if not by_kind[RunInfo] and not isinstance(record, RunInfo):
+            raise RecordingError(f"{source}: the first line must be of kind run; is this a recording of a run?")
+        by_kind[type(record)].append(record)
+    if len(by_kind[RunInfo]) != 1:
+        raise RecordingError(f"{source}: holds {len(by_kind[RunInfo])} runs; one recording is one run")
+    for kind, found in by_kind.items():
+        if kind not in (RunInfo, Obstacle):
+            found.sort(key=lambda record: record.t_s)
+    topics = dict.fromkeys(arrival.topic for arrival in by_kind[Arrival])
+    return Recording(
+        run=by_kind[RunInfo][0],
+        outputs={topic: tuple(a for a in by_kind[Arrival] if a.topic == topic) for topic in topics},
+        placements=tuple(by_kind[PlacementChange]),
+        link=tuple(by_kind[LinkSample]),
+        network_status=tuple(by_kind[NetworkStatus]),
+        inhibits=tuple(by_kind[Inhibit]),
+        path=tuple(by_kind[PathPoint]),
+        obstacles=tuple(dict.fromkeys(by_kind[Obstacle])),
+        outcome=by_kind[Outcome][-1] if by_kind[Outcome] else None,
+    )
+
+
+def read(path: Path) -> Recording:
+    """The recording in a file.
+
+    Raises:
+        RecordingError: it cannot be read or is no recording.
+    """
+    try:
+        with path.open(encoding="utf-8") as lines:
+            return parse(lines, str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{path}: cannot be read: {error}") from error
+
+
+class RecordingWriter:
+    """Appends records to a stream, a line each, so that a killed recorder leaves all that it saw."""
+
+    def __init__(self, stream: TextIO, run: RunInfo) -> None:
+        self._stream = stream
+        self.write(run)
+
+    def write(self, record: Record) -> None:
+        """Appends one record and hands it to the operating system."""
+        self._stream.write(encode(record) + "\n")
+        self._stream.flush()

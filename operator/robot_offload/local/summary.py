@@ -1,0 +1,73 @@
+"""The report of a run in a few lines for a terminal. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+
+def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
+    """What matters most of `report`, and where the rest is."""
+    return (
+        "",
+        f"{report['mode']}, seed {report['seed']}: {_ending(report)}",
+        *(f"  {_output(topic, output)}" for topic, output in report["outputs"].items()),
+        f"  switches: {_switches(report['switches'])}",
+        *(f"  {line}" for line in _placement(report)),
+        *_verdict(report["violations"]),
+        f"Report: {out / 'report.html'} (also report.json, run.png, recording.jsonl, logs)",
+    )
+
+
+def _ending(report: Mapping[str, Any]) -> str:
+    parts = [f"{report['duration_s']:.1f} s"]
+    if report["goal_reached"] is not None:
+        parts.append("goal reached" if report["goal_reached"] else "goal not reached")
+        parts.append(_count(report["collisions"], "collision"))
+        parts.append(_count(report["stops"], "forced stop"))
+    return ", ".join(parts)
+
+
+def _output(topic: str, output: Mapping[str, Any]) -> str:
+    longest = output["gap_ms"]["max"]
+    silence = "" if longest is None else f", longest silence {longest:.0f} ms"
+    return (
+        f"{topic}: {output['received']} received, {_count(output['duplicates'], 'duplicate')}, {output['lost']} lost, "
+        f"{output['stale']} stale{silence}"
+    )
+
+
+def _switches(switches: Sequence[Mapping[str, Any]]) -> str:
+    if not switches:
+        return "none"
+    lost = [switch["detect_ms"] for switch in switches if switch["detect_ms"] is not None]
+    gaps = [gap for switch in switches for gap in switch["gap_ms"].values() if gap is not None]
+    parts = [str(len(switches))]
+    if lost:
+        parts.append(f"{len(lost)} of them after a loss, noticed within {max(lost):.0f} ms")
+    if gaps:
+        parts.append(f"silence around them at most {max(gaps):.0f} ms")
+    return ", ".join(parts)
+
+
+def _placement(report: Mapping[str, Any]) -> Iterator[str]:
+    if not report["placement_share"]:
+        return
+    text = f"in the cloud {report['placement_share']['cloud']:.0%} of the time"
+    if report["cloud_share_of_good_time"] is not None:
+        text += f", {report['cloud_share_of_good_time']:.0%} of the time with a good link"
+    yield f"{text}; detector alarms: {report['detector_alarms']}, false: {report['false_alarms']}"
+
+
+def _verdict(violations: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    if not violations:
+        yield "All promises were kept"
+        return
+    yield f"{_count(len(violations), 'promise')} broken:"
+    for violation in violations:
+        yield f"  {violation['kind']}: {violation['text']}"
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"

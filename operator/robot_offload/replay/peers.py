@@ -1,0 +1,107 @@
+"""Other rules to compare with, each given the same echoes at the same moments."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+from robot_offload_core.policy import Verdict
+from robot_offload_core.settings import Settings
+from robot_offload_core.token import Site
+
+DWELL_S: Final = 20.0
+WINDOW_S: Final = 3.0
+WINDOW_LOSS_S: Final = 10.0
+
+
+class Constant:
+    """One side always, whatever happens: what the others must beat."""
+
+    def __init__(self, site: Site) -> None:
+        self._verdict = Verdict(site, "Always", f"The {site.value} always acts")
+
+    def heard(self, sent_s: float, arrived_s: float) -> None:
+        """Does not matter."""
+
+    def place(self, now_s: float) -> Verdict:
+        """The one side."""
+        return self._verdict
+
+
+class Threshold:
+    """The rule of the thesis that this project grows out of: one message against one threshold, no hysteresis.
+
+    The cloud acts while the newest echo took no longer than the limit. When nothing comes for the loss timeout, the
+    status is 0 and the robot acts until the next echo. (J. Marsiano, Politecnico di Torino, 2022; its timer has a
+    free length, here it is the one of the agents.)
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self.latency_s = float("inf")
+        self.heard_s = float("-inf")
+
+    def heard(self, sent_s: float, arrived_s: float) -> None:
+        """Keeps the newest."""
+        self.latency_s, self.heard_s = arrived_s - sent_s, arrived_s
+
+    def silent(self, now_s: float) -> bool:
+        """Nothing has come for longer than the loss timeout."""
+        return now_s - self.heard_s > self._settings.loss_timeout_s
+
+    def place(self, now_s: float) -> Verdict:
+        """The thesis's rule."""
+        if self.silent(now_s):
+            return Verdict(Site.ROBOT, "Silent", "No message for longer than the loss timeout")
+        if self.latency_s > self._settings.allowed_loop_s:
+            return Verdict(Site.ROBOT, "LatencyTooHigh", "The newest message was over the threshold")
+        return Verdict(Site.CLOUD, "LinkGood", "The newest message was under the threshold")
+
+
+class Dwell:
+    """The same threshold, but after a change nothing changes for 20 s, except that silence ends a stay at once."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._threshold = Threshold(settings)
+        self._verdict = Verdict(Site.ROBOT, "Starting", "The robot acts first")
+        self._changed_s = float("-inf")
+
+    def heard(self, sent_s: float, arrived_s: float) -> None:
+        """Hands it on."""
+        self._threshold.heard(sent_s, arrived_s)
+
+    def place(self, now_s: float) -> Verdict:
+        """The threshold's answer, when the dwell is over or nothing comes."""
+        wanted = self._threshold.place(now_s)
+        lost = wanted.site is Site.ROBOT and self._threshold.silent(now_s)
+        if wanted.site is not self._verdict.site and (lost or now_s - self._changed_s >= DWELL_S):
+            self._verdict, self._changed_s = wanted, now_s
+        return self._verdict
+
+
+class Mean:
+    """The mean latency over a window of 3 s against the threshold; a loss is seen after 10 s of silence.
+
+    The window ends at the newest echo: while nothing comes the old mean stands, as it does in a well-known
+    latency-aware offloading framework whose rule this is.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._limit_s = settings.allowed_loop_s
+        self._window: deque[tuple[float, float]] = deque()
+        self._sum_s = 0.0
+
+    def heard(self, sent_s: float, arrived_s: float) -> None:
+        """Moves the window."""
+        self._window.append((arrived_s, arrived_s - sent_s))
+        self._sum_s += arrived_s - sent_s
+        while self._window[0][0] < arrived_s - WINDOW_S:
+            self._sum_s -= self._window.popleft()[1]
+
+    def place(self, now_s: float) -> Verdict:
+        """The mean against the threshold."""
+        if not self._window or now_s - self._window[-1][0] > WINDOW_LOSS_S:
+            return Verdict(Site.ROBOT, "Silent", "No message for longer than 10 s")
+        if self._sum_s / len(self._window) > self._limit_s:
+            return Verdict(Site.ROBOT, "LatencyTooHigh", "The mean of the last 3 s was over the threshold")
+        return Verdict(Site.CLOUD, "LinkGood", "The mean of the last 3 s was under the threshold")

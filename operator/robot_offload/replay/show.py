@@ -1,0 +1,102 @@
+"""Outcomes as text for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from robot_offload.replay.costs import Change
+from robot_offload.replay.study import Case, Outcome
+from robot_offload.replay.tune import Report
+from robot_offload_core.token import Site
+
+STRIP_COLUMNS = 72
+SHADES = "░▒▓█"
+"""From hardly ever to nearly always."""
+
+
+def heading(subject: Case) -> str:
+    """What was replayed, in one line."""
+    settings = subject.settings
+    good = float(subject.beats.good(subject.limit_us).mean())
+    return (
+        f"{subject.beats.name}: {subject.beats.duration_us / 1e6:.0f} s, good enough up to "
+        f"{settings.allowed_loop_s * 1e3:g} ms (tolerance {settings.tolerance_s * 1e3:g} ms), {good:.1%} of the time"
+    )
+
+
+def table(subject: Case, outcomes: Sequence[Outcome]) -> Table:
+    """One row for each policy, the optimum last."""
+    found = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    found.add_column("policy")
+    for name in ("cost J", "ratio", "exposed s", "wasted s", "switches", "cloud %"):
+        found.add_column(name, justify="right")
+    for each in [*outcomes, subject.best]:
+        figures, ratio = each.score, subject.ratio(each.score.cost)
+        found.add_row(
+            each.policy,
+            f"{figures.cost:.1f}",
+            "-" if ratio is None else f"{ratio:.2f}",
+            f"{figures.exposed_s:.2f}",
+            f"{figures.wasted_s:.2f}",
+            f"{figures.switches}",
+            f"{figures.cloud_pct:.1f}",
+        )
+    return found
+
+
+def strips(subject: Case, chosen: Outcome) -> list[str]:
+    """Link and placement over time, one character for each stretch: the fuller, the more of it was good, or cloud."""
+    columns = min(STRIP_COLUMNS, len(subject.beats.sent_us))
+    edges_us = np.linspace(0, subject.beats.duration_us, columns + 1)
+    parts = np.array_split(subject.beats.good(subject.limit_us).astype(float), columns)
+    cloud = np.diff(np.interp(edges_us, *_cloud_until(chosen.changes, subject.beats.duration_us))) / np.diff(edges_us)
+    return [
+        f"link good  {_shaded([float(part.mean()) for part in parts])}",
+        f"in cloud   {_shaded(cloud.tolist())}  {chosen.policy}",
+        f"in cloud   {_optimum(subject, edges_us)}  optimum",
+        f"           0 s{subject.beats.duration_us / 1e6:>{columns - 5}.0f} s",
+    ]
+
+
+def _optimum(subject: Case, edges_us: np.typing.NDArray[np.float64]) -> str:
+    curve = _cloud_until(subject.best.changes, subject.beats.duration_us)
+    return _shaded((np.diff(np.interp(edges_us, *curve)) / np.diff(edges_us)).tolist())
+
+
+def _cloud_until(changes: Sequence[Change], end_us: int) -> tuple[list[int], list[int]]:
+    """Moments, and the time spent in the cloud until each."""
+    times_us, spent_us, site = [0], [0], Site.ROBOT
+    for at_us, following in [*((change.at_us, change.site) for change in changes), (end_us, Site.ROBOT)]:
+        spent_us.append(spent_us[-1] + (at_us - times_us[-1] if site is Site.CLOUD else 0))
+        times_us.append(at_us)
+        site = following
+    return times_us, spent_us
+
+
+def _shaded(shares: Sequence[float]) -> str:
+    return "".join(" " if share <= 0 else SHADES[min(len(SHADES) - 1, int(share * len(SHADES)))] for share in shares)
+
+
+def tuning(reports: Sequence[Report]) -> Table:
+    """One row for each recording that was left out, with the figures that were best on the others."""
+    found = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    found.add_column("left out")
+    for name in ("hold-down s", "patience s", "proof s", "J with these", "J at present", "best other rule", "optimum"):
+        found.add_column(name, justify="right")
+    for report in reports:
+        figures = report.figures
+        found.add_row(
+            report.trace,
+            f"{figures.hold_down_initial_s:g}",
+            f"{figures.patience_s:g} to {figures.patience_max_s:g}",
+            f"{figures.proof_max_s:g}",
+            f"{report.tuned:.1f}",
+            f"{report.present:.1f}",
+            f"{report.rival_cost:.1f} ({report.rival})",
+            f"{report.optimum:.1f}",
+        )
+    return found

@@ -1,0 +1,108 @@
+"""What a stretch of simulated time looks like: settings, nodes, outputs and a link, drawn from the seed."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass, replace
+
+from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
+from robot_offload_core.token import Site
+
+UID = "wheelchair-7"
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A world before anything happens.
+
+    Attributes:
+        settings: valid (checked) settings of the switch.
+        outputs: collected outputs; output 0 drives the wheels, each is published by the node of the same place.
+        inputs: topics to the cloud, with their periods.
+        robot_nodes, cloud_nodes: managed nodes of each side; `sources` gives each node's output.
+        inbox: datagrams that wait for a stopped process (10 by default on many kernels, 512 with systemd).
+        awake: the robot's nodes run already when its agent starts.
+        late_s: how much later than the other processes of its side each control starts.
+        transition_s: longest normal lifecycle transition.
+        tick_s, report_s: how often control ticks, and how often collector and data report to it.
+        delay_s, jitter_s: one way.
+        drops: reopening a session discards what is under way in it.
+    """
+
+    settings: Settings
+    outputs: tuple[OutputSpec, ...]
+    inputs: tuple[InputSpec, ...]
+    input_period_s: float
+    robot_nodes: tuple[NodeSpec, ...]
+    cloud_nodes: tuple[NodeSpec, ...]
+    sources: dict[str, int]
+    inbox: int
+    awake: bool
+    late_s: tuple[float, float]
+    transition_s: float
+    tick_s: float
+    report_s: float
+    delay_s: float
+    jitter_s: float
+    drops: bool
+
+    @property
+    def reaction_s(self) -> float:
+        """From a deadline that passed to the command that follows: a report, a tick, hand-overs."""
+        return self.tick_s + self.report_s + 0.010
+
+
+def draw(dice: random.Random) -> Scenario:
+    """A scenario; most are the defaults with short hold-downs, some pin, prefer the robot, or only observe."""
+    hot_robot, hot_cloud = dice.random() < 0.25, dice.random() < 0.25
+    two = dice.random() < 0.5
+    outputs = (OutputSpec("cmd_vel", 0.15), *((OutputSpec("arm", 0.20),) if two else ()), OutputSpec("plan", 0.0))
+    controller = NodeSpec("controller", core=True)
+    arm = NodeSpec("arm", core=True)
+    planner = NodeSpec("planner")
+    wheels = NodeSpec("wheels", duplicated=False, core=True)
+    duplicated = (controller, *((arm,) if two else ()), planner)
+    return Scenario(
+        settings=_settings(dice),
+        outputs=outputs,
+        inputs=(InputSpec("scan", 0.3), InputSpec("map", 0.0)),
+        input_period_s=0.05,
+        robot_nodes=(wheels, *(replace(n, hot=hot_robot) for n in duplicated)),
+        cloud_nodes=tuple(replace(n, hot=hot_cloud) for n in duplicated),
+        sources={node.name: index for index, node in enumerate(duplicated)},
+        inbox=dice.choice((10, 10, 64, 512)),
+        awake=dice.random() < 0.3,
+        late_s=(dice.choice((0.0, 0.7)) * dice.random(), dice.choice((0.0, 0.7)) * dice.random()),
+        transition_s=dice.choice((0.015, 0.015, 0.12)),
+        tick_s=dice.choice((0.010, 0.030)),
+        report_s=dice.choice((0.020, 0.050)),
+        delay_s=dice.uniform(0.002, 0.018),
+        jitter_s=dice.uniform(0.0002, 0.0015),
+        drops=dice.random() < 0.5,
+    )
+
+
+def _settings(dice: random.Random) -> Settings:
+    settings = Settings(
+        hold_down_initial_s=dice.choice((0.2, 0.5, 1.0)),
+        hold_down_max_s=2.0,
+        flap_window_s=3.0,
+        manual_hold_s=dice.choice((1.0, 3.0)),
+        min_dwell_s=dice.choice((0.0, 0.0, 1.0)),
+    )
+    draw_ = dice.random()
+    if draw_ < 0.03:
+        settings = replace(settings, mode=Mode.OBSERVE)
+    elif draw_ < 0.07:
+        settings = replace(settings, prefer=Site.ROBOT)
+    elif draw_ < 0.11:
+        settings = replace(settings, pin=Site.CLOUD)
+    elif draw_ < 0.13:
+        settings = replace(settings, pin=Site.ROBOT)
+    elif draw_ < 0.25:  # a slower loop: longer periods, longer limits
+        settings = replace(
+            settings, robot_period_s=0.1, loss_timeout_s=0.11, lease_s=0.35, max_command_age_s=0.25,
+            activation_deadline_s=0.4,
+        )  # fmt: skip
+    settings.check()
+    return settings

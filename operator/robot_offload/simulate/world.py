@@ -1,0 +1,229 @@
+"""Virtual time: one heap of events, one seed, two hosts with clocks of their own, and processes that can be stopped.
+
+Nothing here knows the protocol. A run is a pure function of its seed: no real clock, no threads, no iteration over
+sets. True time is seconds since the start of the run; only the observer and the models of wires and wheels may read
+it. The shells read the steady clock of their host, which starts elsewhere and runs up to 200 ppm fast or slow.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from collections.abc import Callable
+from heapq import heappop, heappush
+from typing import Any
+
+TRACE_LENGTH = 400
+"""Notes kept for the story told before a violation."""
+IPC_LEAST_S = 0.00005
+IPC_SPREAD_S = 0.00195
+"""Hand-over between two processes of a host: 0.05 to 2 ms, mostly short."""
+
+Act = Callable[..., Any]
+
+
+class World:
+    """The event heap and the virtual clock.
+
+    Attributes:
+        now: true time, seconds.
+        dice: the one source of chance.
+        inbox_limit: datagrams that wait for a stopped process; the kernel refuses further ones, so the *oldest* are
+            what it finds when it goes on.
+        trace: the latest notes (time, words), for the story before a violation.
+    """
+
+    def __init__(self, seed: str) -> None:
+        self.now = 0.0
+        self.inbox_limit = 64
+        self.dice = random.Random(seed)
+        self.trace: deque[tuple[float, tuple[object, ...]]] = deque(maxlen=TRACE_LENGTH)
+        self.events = 0
+        self._heap: list[tuple[float, int, Act, tuple[Any, ...]]] = []
+        self._count = 0
+
+    def at(self, time_s: float, act: Act, *args: Any) -> None:
+        """Plans `act(*args)` for `time_s`; equal times keep the order of planning."""
+        self._count += 1
+        heappush(self._heap, (time_s, self._count, act, args))
+
+    def after(self, delay_s: float, act: Act, *args: Any) -> None:
+        """Plans `act(*args)` in `delay_s`."""
+        self._count += 1
+        heappush(self._heap, (self.now + delay_s, self._count, act, args))
+
+    def note(self, *words: object) -> None:
+        """Keeps words for the story; they are put into text only when the story is told."""
+        self.trace.append((self.now, words))
+
+    def run(self, until_s: float) -> None:
+        """Lives up to `until_s`."""
+        heap = self._heap
+        events = 0
+        while heap and heap[0][0] <= until_s:
+            self.now, _, act, args = heappop(heap)
+            act(*args)
+            events += 1
+        self.events += events
+        self.now = until_s
+
+
+class Host:
+    """One computer: its steady clock, its system clock, and the processes that freeze with it.
+
+    Attributes:
+        offset_s, rate: of the steady clock against true time.
+        wall_us: system clock minus steady clock, microseconds.
+        frozen: the whole host stands still (a paused virtual machine whose steady clock goes on).
+    """
+
+    def __init__(self, world: World, name: str) -> None:
+        self.world = world
+        self.name = name
+        self.offset_s = world.dice.uniform(100.0, 50000.0)
+        self.rate = 1.0 + world.dice.uniform(-200e-6, 200e-6)
+        self.wall_us = round((1.7e9 - self.offset_s) * 1e6) + world.dice.randrange(-1500, 1500)
+        self.frozen = 0
+        self.processes: list[Process] = []
+
+    def now_s(self) -> float:
+        """The steady clock."""
+        return self.offset_s + self.world.now * self.rate
+
+    def freeze(self) -> None:
+        """Stops every process of this host."""
+        self.frozen += 1
+        for process in self.processes:
+            process.stop()
+
+    def thaw(self) -> None:
+        """Continues them."""
+        self.frozen -= 1
+        for process in self.processes:
+            process.resume()
+
+
+class Process:
+    """A process under a supervisor: it can be killed (and comes back), stopped and continued.
+
+    What arrives while it is stopped waits in its inbox, up to the world's limit; timers that became due meanwhile fire
+    once after the inbox was read, as the shells do it.
+
+    Attributes:
+        alive: it runs (or is stopped); dead while the supervisor restarts it.
+        stops: how many reasons keep it stopped.
+        life: grows with each start; what an earlier life planned is void.
+        running_since_s: true time of the last start or continuation.
+    """
+
+    def __init__(self, world: World, host: Host, name: str) -> None:
+        self.world = world
+        self.host = host
+        self.name = name
+        self.alive = False
+        self.stops = 0
+        self.life = 0
+        self.running_since_s = 0.0
+        self._inbox: deque[tuple[Act, tuple[Any, ...]]] = deque()
+        self._overdue: list[tuple[float, Act]] = []
+        self._tails: dict[str, float] = {}
+        host.processes.append(self)
+
+    @property
+    def running(self) -> bool:
+        """It is alive and not stopped."""
+        return self.alive and not self.stops
+
+    def boot(self) -> None:
+        """Sets the first state and the timers; called at each start. Subclasses say what that is."""
+        raise NotImplementedError
+
+    def start(self) -> None:
+        """Starts a new life."""
+        self.alive = True
+        self.life += 1
+        self.stops = self.host.frozen
+        self.running_since_s = self.world.now
+        self._inbox.clear()
+        self._overdue.clear()
+        if self.stops:
+            self._inbox.append((self.boot, ()))
+        else:
+            self.boot()
+
+    def kill(self, restart_after_s: float) -> None:
+        """SIGKILL; the supervisor starts it again."""
+        if not self.alive:
+            return
+        self.world.note("killed", self.name)
+        self.alive = False
+        self.life += 1
+        self._inbox.clear()
+        self._overdue.clear()
+        self.world.after(restart_after_s, self.start)
+
+    def stop(self) -> None:
+        """SIGSTOP (they add up)."""
+        if self.alive:
+            self.stops += 1
+
+    def resume(self) -> None:
+        """SIGCONT. Reads what has arrived first, then does what has become due."""
+        if not self.alive or not self.stops:
+            return
+        self.stops -= 1
+        if self.stops:
+            return
+        life = self.life
+        self.running_since_s = self.world.now
+        while self._inbox and self.life == life:
+            act, args = self._inbox.popleft()
+            act(*args)
+        overdue, self._overdue = self._overdue, []
+        for period_s, act in overdue:
+            self._fire(life, period_s, act)
+
+    def stop_for(self, duration_s: float) -> None:
+        """SIGSTOP, and SIGCONT after `duration_s` unless it was killed in between."""
+        if self.alive:
+            self.world.note("stopped", self.name, duration_s)
+            self.stop()
+            self.world.after(duration_s, self._resume_life, self.life)
+
+    def _resume_life(self, life: int) -> None:
+        if life == self.life:
+            self.world.note("continued", self.name)
+            self.resume()
+
+    def every(self, period_s: float, act: Act, first_s: float | None = None) -> None:
+        """A timer of this life; `first_s` from now, at a random phase when not given."""
+        delay_s = self.world.dice.random() * period_s if first_s is None else first_s
+        self.world.after(delay_s, self._fire, self.life, period_s, act)
+
+    def _fire(self, life: int, period_s: float, act: Act) -> None:
+        if life != self.life:
+            return
+        if self.stops:
+            self._overdue.append((period_s, act))
+            return
+        self.world.after(period_s + self.world.dice.random() * 1e-4, self._fire, life, period_s, act)
+        act()
+
+    def deliver(self, act: Act, *args: Any) -> None:
+        """Something has arrived: handled now, kept while stopped, lost while dead."""
+        if not self.alive:
+            return
+        if not self.stops:
+            act(*args)
+        elif len(self._inbox) < self.world.inbox_limit:
+            self._inbox.append((act, args))
+
+    def send(self, sender: str, act: Act, *args: Any) -> None:
+        """A local datagram from `sender`: short random delay, order kept per sender."""
+        world = self.world
+        arrival_s = world.now + IPC_LEAST_S + world.dice.random() ** 4 * IPC_SPREAD_S
+        tail_s = self._tails.get(sender, 0.0)
+        if arrival_s <= tail_s:
+            arrival_s = tail_s + 1e-9
+        self._tails[sender] = arrival_s
+        world.at(arrival_s, self.deliver, act, *args)

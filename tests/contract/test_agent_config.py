@@ -1,0 +1,160 @@
+"""The agent configuration: what the operator package renders is exactly what the agent reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.api.v1alpha1.quantities import format_duration
+from robot_offload.errors import SpecError
+from robot_offload.loading import load
+from robot_offload.render.agent_config import AgentSite, agent_config, agent_parameters
+from robot_offload.render.names import SIDES, Side
+from robot_offload_agent import parameters as agent
+from tests.unit.specs import changed, sample
+
+EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*/robotoffload.yaml"))
+
+
+def site(side: Side, **more: Any) -> AgentSite:
+    return AgentSite(side, "127.0.0.1", "ca.pem", f"{side}.pem", f"{side}.key", **more)
+
+
+def read_by_agent(text: str) -> agent.Configuration:
+    return agent.parse(agent.flatten(yaml.safe_load(text)["/**"]["ros__parameters"]))
+
+
+def rendered(path: str, value: Any, side: Side = "robot") -> dict[str, Any]:
+    return agent_parameters(parse_object(changed(path, value), "f.yaml"), site(side))
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("file", EXAMPLES, ids=[file.parent.name for file in EXAMPLES])
+def test_every_example_renders_to_what_the_agent_accepts(file: Path, side: Side, tmp_path: Path) -> None:
+    params = tmp_path / "params.yaml"
+    params.write_text(agent_config(load(file), site(side)))
+    configuration = agent.load(params)
+    assert configuration.side.value == side
+    assert configuration.settings().beat_period_s > 0
+
+
+def test_there_are_examples_to_render() -> None:
+    assert EXAMPLES
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_every_parameter_of_the_agent_is_rendered_and_nothing_else(side: Side) -> None:
+    text = agent_config(parse_object(sample(), "sample"), site(side))
+    given_names = set(agent.flatten(yaml.safe_load(text)["/**"]["ros__parameters"]))
+    assert given_names == set(read_by_agent(text).values)
+
+
+def test_the_agent_reads_the_values_that_the_user_wrote() -> None:
+    configuration = read_by_agent(agent_config(parse_object(sample(), "sample"), site("cloud", uid="u-1", domain_id=7)))
+    assert (configuration["uid"], configuration["robot_name"], configuration["domain_id"]) == ("u-1", "wheelchair-7", 7)
+    assert [node.name for node in configuration.nodes] == ["controller", "planner"]
+    assert configuration.nodes[0]["standby_cloud"] == "Hot"
+    [output] = configuration.outputs
+    assert (output["topic"], output["cloud_topic"]) == ("/cmd_vel", "/offload/cloud/cmd_vel")
+    assert (output["rate_hz"], output["deadline_ms"], output["mirror"]) == (20.0, 150.0, False)
+    scan, odom, goal = configuration.inputs
+    assert (scan["max_age_ms"], scan["max_rate_hz"], scan["reliability"]) == (300.0, 20.0, "best_effort")
+    assert (odom["type"], odom["reliability"], odom["depth"]) == ("auto", "auto", 10)
+    assert (goal["latched"], goal["durability"], goal["depth"]) == (True, "transient_local", 1)
+    settings_ = configuration.settings()
+    assert (settings_.loss_timeout_s, settings_.allowed_loop_s) == pytest.approx((0.09, 0.06))
+
+
+def test_empty_lists_are_written_as_ros_can_read_them() -> None:
+    parameters = rendered("spec.topics", {})
+    assert parameters["inputs"] == ["none"]
+    assert parameters["input"] == {}
+    values = {**sample(), "spec": {"nodes": [{"name": "talker", "placement": "Robot"}]}}
+    text = agent_config(parse_object(values, "f"), site("cloud"))
+    configuration = read_by_agent(text)
+    assert (configuration.nodes, configuration.outputs, configuration.inputs) == ((), (), ())
+
+
+def test_without_a_fallback_there_is_no_fallback_endpoint() -> None:
+    link = rendered("spec.transport.zenoh.fallback", False)["link"]
+    assert link["pulse_fallback"] == link["data_fallback"] == ["none"]
+    assert link["pulse_endpoints"] == ["quic/127.0.0.1:7447"]
+
+
+def test_a_dds_transport_has_no_endpoints() -> None:
+    link = rendered("spec.transport", {"type": "ROS"})["link"]
+    assert link["type"] == "ros"
+    assert link["pulse_endpoints"] == link["data_endpoints"] == link["data_fallback"] == ["none"]
+
+
+def test_ports_seen_through_a_wire_or_a_service_replace_those_of_the_resource() -> None:
+    offload = parse_object(sample(), "sample")
+    robot = AgentSite("robot", "fd00::1", "ca", "c", "k", pulse_port=30001, data_port=30002, verify_name=False)
+    link = agent_parameters(offload, robot)["link"]
+    assert link["pulse_endpoints"] == ["quic/[fd00::1]:30001"]
+    assert link["data_fallback"] == ["tls/[fd00::1]:30002"]
+    assert link["verify_name"] is False
+
+
+MS = st.integers(min_value=0, max_value=12_000).map(format_duration)
+RATE = st.floats(min_value=0.01, max_value=1500)
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    switching=st.fixed_dictionaries(
+        {},
+        optional={
+            "heartbeatPeriod": MS, "lossTimeout": MS, "lease": MS, "maxCommandAge": MS, "minDwell": MS,
+            "maxClockOffset": MS, "activationDeadline": MS, "prefer": st.sampled_from(["Cloud", "Robot"]),
+            "pin": st.sampled_from(["Auto", "Cloud", "Robot"]), "mode": st.sampled_from(["Auto", "Observe"]),
+            "strict": st.booleans(),
+            "latency": st.fixed_dictionaries({}, optional={"robotPeriod": MS, "cloudPeriod": MS, "tolerance": MS}),
+            "holdDown": st.fixed_dictionaries({}, optional={"initial": MS, "max": MS, "flapWindow": MS}),
+        },
+    ),
+    output=st.fixed_dictionaries({"topic": st.just("/a/b")}, optional={"rate": RATE, "deadline": MS}),
+    topic=st.fixed_dictionaries(
+        {"name": st.just("/c")}, optional={"maxAge": MS, "maxRate": RATE, "latched": st.booleans()}
+    ),
+    side=st.sampled_from(SIDES),
+)  # fmt: skip
+def test_whatever_the_specification_accepts_the_agent_accepts(
+    switching: dict[str, Any], output: dict[str, Any], topic: dict[str, Any], side: Side
+) -> None:
+    offload = accepted(
+        {
+            "switching": switching,
+            "nodes": [{"name": "n", "placement": "Duplicated", "outputs": [output]}],
+            "topics": {"toCloud": [topic]},
+        }
+    )
+    read_by_agent(agent_config(offload, site(side)))
+
+
+@pytest.mark.parametrize("rate", [0.05, 1000])
+def test_the_slowest_and_the_fastest_output_are_accepted_by_the_agent(rate: float) -> None:
+    offload = parse_object(changed("spec.nodes.1.outputs", [{"topic": "/a", "rate": rate}]), "f.yaml")
+    [output] = read_by_agent(agent_config(offload, site("robot"))).outputs
+    assert output["deadline_ms"] == max(100.0, 3000.0 / rate)
+
+
+def accepted(spec: dict[str, Any]) -> RobotOffload:
+    values = {
+        "apiVersion": "robotoffload.dev/v1alpha1",
+        "kind": "RobotOffload",
+        "metadata": {"name": "r"},
+        "spec": spec,
+    }
+    try:
+        return parse_object(values, "f.yaml")
+    except SpecError:
+        assume(False)
+        raise

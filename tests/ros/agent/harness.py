@@ -1,0 +1,336 @@
+"""A world for the tests of the agent: both agents, a replica of one node on each side, a link that can be cut.
+
+Everything is real: the processes, ROS, the Zenoh sessions over an emulated link, or DDS between two network
+namespaces. The test itself plays consumer, driver and sensors with a ROS node in each domain (`ears`).
+"""
+
+import datetime
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import yaml
+from std_msgs.msg import Header
+
+from robot_offload.local.certificates import CertificatePaths, make_certificates
+from robot_offload.local.wire import Forward, Wire, WireConfig
+from robot_offload_agent.clock import now_s
+from tests.ros.agent.ears import INHIBIT, Driver, Ear, wait_until
+from tests.ros.agent.far_ear import FarEar
+from tests.ros.agent.namespaces import Namespaces
+from tests.ros.agent.passage import Arrival, Placed, violations
+from tests.ros.agent.processes import Processes
+from tests.ros.ports import free_port
+
+NODES = Path(__file__).with_name("nodes.py")
+PATIENCE_S = 20.0
+MAX_AGE_S = 0.25
+MEASURING_S = 0.15
+"""What the test's own process may add to an age on a busy machine."""
+COMMAND = "/command"
+PROCESSES = {"robot": ("collector", "pulse", "control", "data"), "cloud": ("pulse", "control", "data")}
+
+COMMON: dict[str, Any] = {
+    "robot_name": "walker-1",
+    "realtime": True,
+    "loss_timeout_ms": 150.0,
+    "lease_ms": 400.0,
+    "max_command_age_ms": MAX_AGE_S * 1e3,
+    "activation_deadline_ms": 300.0,
+    "hold_down_initial_ms": 100.0,
+    "hold_down_max_ms": 300.0,
+    "flap_window_ms": 500.0,
+    "inhibit_service": INHIBIT,
+    "nodes": ["walker"],
+    "node.walker.core": True,
+    "outputs": ["command"],
+    "output.command.topic": COMMAND,
+    "output.command.type": "std_msgs/msg/Header",
+    "output.command.rate_hz": 20.0,
+    "output.command.deadline_ms": 300.0,
+    "output.command.robot_topic": "/offload/robot/command",
+    "output.command.cloud_topic": "/offload/cloud/command",
+    "output.command.node": "walker",
+    "inputs": ["odom", "map"],
+    "input.odom.topic": "/odom",
+    "input.odom.max_age_ms": 400.0,
+    "input.map.topic": "/map",
+    "input.map.latched": True,
+}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a world is to be.
+
+    Attributes:
+        domains: of robot and cloud; the same one twice for the ROS link.
+        link: `zenoh` or `ros`.
+        both, robot, cloud: parameters that differ from COMMON.
+        fed: the robot's sensors publish from the start.
+        environment: of the agents, by side.
+    """
+
+    domains: tuple[int, int]
+    link: str = "zenoh"
+    both: dict[str, Any] = field(default_factory=dict)
+    robot: dict[str, Any] = field(default_factory=dict)
+    cloud: dict[str, Any] = field(default_factory=dict)
+    fed: bool = True
+    environment: dict[str, dict[str, str]] = field(default_factory=dict)
+
+
+class World:
+    """A context manager; `start_*` brings up what a test needs, leaving it ends everything and checks that."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.folder = Path(tempfile.mkdtemp(prefix="ro-"))  # short, because socket paths are limited to 107 characters
+        self.domain = dict(zip(("robot", "cloud"), plan.domains, strict=True))
+        self.processes = Processes(self.folder, {"ROS_LOG_DIR": str(self.folder)})
+        self.agents: dict[str, subprocess.Popen[bytes]] = {}
+        self.nodes: dict[str, subprocess.Popen[bytes]] = {}
+        self.ear: Any = None  # an Ear, or a FarEar over DDS
+        self.cloud: Ear | None = None
+        self.namespaces = Namespaces() if plan.link == "ros" else None
+        self.wire: Wire | None = None
+        self.ports: dict[str, int] = {}
+        self.certificates: CertificatePaths | None = None
+
+    # -- up and down --------------------------------------------------------------------------------------------------
+
+    def __enter__(self) -> Self:
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is not None:
+            sys.stderr.write(self.processes.logs())
+        self.close()
+
+    def _open(self) -> None:
+        if self.namespaces is not None:
+            self.namespaces.make()
+        else:
+            hosts = ["127.0.0.1"]
+            now = datetime.datetime.now(datetime.timezone.utc)
+            self.certificates = make_certificates(self.folder / "pki", robot="walker-1", host_names=hosts, now=now)
+            self.ports = {name: free_port() for name in ("pulse", "data")}
+            forwards = tuple(
+                Forward(f"{name}-{protocol}", protocol, "127.0.0.1:0", f"127.0.0.1:{port}")
+                for name, port in self.ports.items()
+                for protocol in ("udp", "tcp")
+            )
+            self.wire = Wire(WireConfig(forwards, realtime=True))
+            self.wire.start()
+        if self.namespaces is not None:
+            self.ear = FarEar(self.processes, self.domain["robot"], self.namespace("robot"), COMMAND)
+        else:
+            self.ear = ear = Ear(self.domain["robot"], "ear")
+            self.odom = ear.feed("/odom", 20.0)
+            self.map = ear.latch("/map", "a map")
+            if not self.plan.fed:
+                self.odom.cancel()
+        self.driver = Driver(self.ear.arrivals(COMMAND), self.ear.inhibit_orders(INHIBIT))
+        self.arrivals: list[Arrival] = self.driver.arrivals
+        self.placed: list[Placed] = self.ear.placements()
+
+    def close(self) -> None:
+        left = self.processes.close()
+        for ear in (self.ear, self.cloud):
+            if ear is not None:
+                ear.close()
+        if self.wire is not None:
+            self.wire.stop()
+        if self.namespaces is not None:
+            self.namespaces.remove()
+        shutil.rmtree(self.folder, ignore_errors=True)
+        assert not left, f"left behind: {left}"
+
+    def start(self) -> Self:
+        """Everything, until the cloud acts."""
+        for side in ("cloud", "robot"):
+            self.start_agent(side)
+            self.start_node(side)
+        self.until(lambda: self.site == "cloud", "the cloud acts")
+        return self
+
+    def restore(self) -> None:
+        """Puts a used world into order: everything runs, nothing is cut, no override; then the cloud acts."""
+        self.cut(None)
+        if self.wire is not None:
+            self.wire.set(delay_ms=0)
+        for side in ("cloud", "robot"):
+            if self.agents[side].poll() is not None:
+                self.start_agent(side)
+            if self.nodes[side].poll() is not None:
+                self.start_node(side)
+        if self.namespaces is None:
+            self.odom.reset()
+        self.place("cloud")
+        self.until(lambda: not self.driver.inhibited, "the driver is released")
+
+    def cloud_ear(self) -> Ear:
+        """A node in the cloud's domain, made when it is first needed."""
+        if self.cloud is None:
+            self.cloud = Ear(self.domain["cloud"], "cloud_ear")
+        return self.cloud
+
+    def namespace(self, side: str) -> str:
+        return self.namespaces.name(side) if self.namespaces is not None else ""
+
+    # -- the agents ---------------------------------------------------------------------------------------------------
+
+    def parameters(self, side: str) -> dict[str, Any]:
+        own = self.plan.robot if side == "robot" else self.plan.cloud
+        base = {
+            "side": side, "uid": self.folder.name, "domain_id": self.domain[side],
+            "runtime_dir": str(self.folder / side), "state_dir": str(self.folder / "state"),
+        }  # fmt: skip
+        return {**COMMON, **base, **self._link(side), **self.plan.both, **own}
+
+    def _link(self, side: str) -> dict[str, Any]:
+        if self.wire is None or self.certificates is None:
+            return {"link.type": "ros"}
+        found: dict[str, Any] = {"link.type": "zenoh", "link.fallback_after_ms": 60000.0}
+        for name in ("pulse", "data"):
+            for kind, scheme, protocol in (("endpoints", "quic", "udp"), ("fallback", "tls", "tcp")):
+                port = self.wire.port(f"{name}-{protocol}") if side == "robot" else self.ports[name]
+                host = "127.0.0.1" if side == "robot" else "0.0.0.0"
+                found[f"link.{name}_{kind}"] = [f"{scheme}/{host}:{port}"]
+        paths = self.certificates.robot if side == "robot" else self.certificates.cloud
+        found.update({"link.ca": str(paths.ca), "link.certificate": str(paths.certificate)})
+        return {**found, "link.private_key": str(paths.private_key)}
+
+    def start_agent(self, side: str, name: str = "", **different: Any) -> subprocess.Popen[bytes]:
+        """Starts the agent of a side. `name` and `different` are for a second one beside it."""
+        values = {**self.parameters(side), **{key.replace("__", "."): value for key, value in different.items()}}
+        path = self.folder / f"{name or side}.yaml"
+        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": values}}))
+        command = [sys.executable, "-m", "robot_offload_agent.main", side, "--params", str(path)]
+        environment = self.plan.environment.get(side, {})
+        process = self.processes.start(f"{name or side}-agent", command, self.namespace(side), environment)
+        if not name:
+            self.agents[side] = process
+        return process
+
+    def pid(self, side: str, process: str) -> int:
+        """The living process of a side's agent; 0 while it is not there."""
+        if process == "supervisor":
+            return self.agents[side].pid
+        try:
+            return int((self.folder / side / f"{process}.pid").read_text())
+        except (OSError, ValueError):
+            return 0
+
+    def signal(self, side: str, process: str, number: int) -> None:
+        os.kill(self.pid(side, process), number)
+
+    def kill(self, side: str, process: str) -> float:
+        """kill -9 of one process; returns the moment."""
+        at_s = now_s()
+        self.signal(side, process, signal.SIGKILL)
+        return at_s
+
+    def kill_agent(self, side: str) -> None:
+        """kill -9 of a whole agent at once, as a loss of power would."""
+        os.killpg(self.agents[side].pid, signal.SIGKILL)
+        self.agents[side].wait(PATIENCE_S)
+
+    # -- the user's nodes ---------------------------------------------------------------------------------------------
+
+    def start_node(self, side: str, **parameters: Any) -> subprocess.Popen[bytes]:
+        """The replica of `walker` on a side."""
+        name = "walker" if side == "robot" else "remote_walker"
+        given = {"rate_hz": 20.0 if side == "robot" else 25.0, **parameters}
+        arguments = ["-r", f"walker:__node:={name}", "-r", f"/command:=/offload/{side}/command"]
+        for key, value in given.items():
+            arguments += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]
+        command = [sys.executable, str(NODES), "--ros-args", *arguments]
+        environment = {"ROS_DOMAIN_ID": str(self.domain[side])}
+        process = self.processes.start(f"{side}-node", command, self.namespace(side), environment)
+        self.nodes[side] = process
+        return process
+
+    def kill_node(self, side: str) -> float:
+        at_s = now_s()
+        os.killpg(self.nodes[side].pid, signal.SIGKILL)
+        self.nodes[side].wait(PATIENCE_S)
+        return at_s
+
+    # -- the link -----------------------------------------------------------------------------------------------------
+
+    def cut(self, which: str | None) -> float:
+        """Cuts a direction (`up` is robot to cloud), `both`, or with None nothing; returns the moment."""
+        at_s = now_s()
+        if self.wire is not None:
+            self.wire.cut(which)  # type: ignore[arg-type]
+        else:
+            assert self.namespaces is not None
+            self.namespaces.cut(which)
+        return at_s
+
+    # -- what is to be seen -------------------------------------------------------------------------------------------
+
+    @property
+    def site(self) -> str:
+        return self.placed[-1].site if self.placed else ""
+
+    @property
+    def reason(self) -> str:
+        return self.placed[-1].reason if self.placed else ""
+
+    @property
+    def message(self) -> str:
+        return self.placed[-1].message if self.placed else ""
+
+    def until(self, condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> None:
+        """Waits for a condition; fails with what was waited for and all logs."""
+        if not wait_until(condition, patience_s):
+            told = "\n".join(map(str, self.placed[-12:]))
+            raise AssertionError(f"not seen: {what}\n{told}\n{self.processes.logs()}")
+
+    def passes(self, side: str, count: int = 3) -> None:
+        """Waits until new messages of a side's replica have passed."""
+        start = len(self.arrivals)
+        self.until(
+            lambda: sum(a.site == side for a in self.arrivals[start:]) >= count, f"{count} messages of the {side} pass"
+        )
+
+    def goes_to(self, side: str) -> None:
+        """Waits until a side is in charge and its messages pass."""
+        self.until(lambda: self.site == side, f"the {side} is in charge")
+        self.passes(side)
+
+    def override(self, word: str) -> None:
+        """Sets the maintenance override."""
+        result = self.ear.set_parameter("/cloud_switcher", "override", word)
+        assert result.successful, result.reason
+
+    def place(self, side: str, stay: bool = False) -> None:
+        """Brings a side into charge by the override; `stay` leaves the override set."""
+        self.override(side.capitalize())
+        self.goes_to(side)
+        if not stay:
+            self.override("Auto")
+
+    def check(self, since: int = 0) -> None:
+        """The rules at the consumer for everything that passed since the `since`-th message."""
+        found = violations(self.arrivals[since:], self.placed, MAX_AGE_S + MEASURING_S)
+        assert not found, "\n".join(found[:10])
+
+
+def header_numbers(heard: list[tuple[float, Header]]) -> list[int]:
+    """The feed's numbers of what was heard."""
+    return [int(message.frame_id.partition("#")[2]) for _, message in heard]

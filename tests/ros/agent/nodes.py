@@ -1,0 +1,58 @@
+"""A user's lifecycle node for the tests: while it is Active it publishes `producer.PID#sequence` with a stamp.
+
+    python nodes.py --ros-args -r walker:__node:=remote_walker -r /command:=/offload/cloud/command -p rate_hz:=25.0
+
+An ordinary node that knows nothing of the agents: its timer runs in every state, publishing is what the state gates.
+Parameters that can be set while it runs: `activation_s` (how long on_activate takes) and `refuse` (on_activate fails).
+"""
+
+import contextlib
+import os
+import time
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from std_msgs.msg import Header
+
+
+class Walker(LifecycleNode):  # type: ignore[misc]
+    """Publishes `/command`, and `extra_topic` when one is given."""
+
+    def __init__(self) -> None:
+        super().__init__("walker", enable_rosout=False)
+        self.declare_parameter("rate_hz", 20.0)
+        self.declare_parameter("activation_s", 0.0)
+        self.declare_parameter("refuse", False)
+        self.declare_parameter("extra_topic", "")
+        self.sequence = 0
+        self.producer = f"{self.get_name()}.{os.getpid()}"
+        self.command = self.create_lifecycle_publisher(Header, "/command", 10)
+        extra = self.get_parameter("extra_topic").value
+        self.extra = self.create_publisher(Header, extra, 10) if extra else None
+        self.create_timer(1.0 / self.get_parameter("rate_hz").value, self.tell)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        time.sleep(self.get_parameter("activation_s").value)
+        if self.get_parameter("refuse").value:
+            return TransitionCallbackReturn.FAILURE
+        return super().on_activate(state)
+
+    def tell(self) -> None:
+        if not self.command.is_activated:
+            return
+        self.sequence += 1
+        stamp = self.get_clock().now().to_msg()
+        self.command.publish(Header(stamp=stamp, frame_id=f"{self.producer}#{self.sequence}"))
+
+
+def main() -> None:
+    rclpy.init()
+    executor = SingleThreadedExecutor()
+    executor.add_node(Walker())
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        executor.spin()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""Starts the processes of a test in sessions of their own and ends every one of them, whatever happened."""
+
+import os
+import signal
+import subprocess
+import tempfile
+import uuid
+from collections.abc import Sequence
+from pathlib import Path
+
+MARK = "RO_AGENT_TEST"
+"""Environment variable that every process started here inherits, also through forks: finds what was left behind."""
+END_S = 10.0
+
+
+class Processes:
+    """The processes of one world."""
+
+    def __init__(self, folder: Path, environment: dict[str, str]) -> None:
+        self.folder = folder
+        self.mark = uuid.uuid4().hex
+        inherited = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+        cache = {"PYTHONPYCACHEPREFIX": str(Path(tempfile.gettempdir()) / "robot-offload-tests-pycache")}
+        self.environment = {**inherited, **cache, **environment, MARK: self.mark}  # compiling is half of a start
+        self.started: list[subprocess.Popen[bytes]] = []
+
+    def start(
+        self,
+        name: str,
+        command: Sequence[str],
+        namespace: str = "",
+        environment: dict[str, str] | None = None,
+        talks: bool = False,
+    ) -> subprocess.Popen[bytes]:
+        """Starts a command; its output goes to NAME.log, or with `talks` through pipes to the test.
+
+        `namespace` is a network namespace of `ip netns`.
+        """
+        inside = ["ip", "netns", "exec", namespace] if namespace else []
+        with (self.folder / f"{name}.log").open("ab") as log:
+            process = subprocess.Popen(
+                [*inside, *command], env={**self.environment, **(environment or {})},
+                stdin=subprocess.PIPE if talks else subprocess.DEVNULL,
+                stdout=subprocess.PIPE if talks else log, stderr=log, start_new_session=True,
+            )  # fmt: skip
+        self.started.append(process)
+        return process
+
+    def log(self, name: str) -> str:
+        """What a process has said so far."""
+        path = self.folder / f"{name}.log"
+        return path.read_text(errors="replace") if path.exists() else ""
+
+    def logs(self, last: int = 60) -> str:
+        """The last lines of every log, for the message of a failed test."""
+        parts = [
+            f"--- {path.name}\n" + "\n".join(path.read_text(errors="replace").splitlines()[-last:])
+            for path in sorted(self.folder.glob("*.log"))
+        ]
+        return "\n".join(parts)
+
+    def close(self) -> list[str]:
+        """Kills every process group; returns what is alive afterwards, which must be nothing."""
+        for process in self.started:
+            try:
+                os.killpg(process.pid, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+        for process in self.started:
+            process.wait(END_S)
+        return marked(self.mark)
+
+
+def marked(mark: str) -> list[str]:
+    """The processes (`pid command`) that carry a mark in their environment."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if f"{MARK}={mark}".encode() not in (folder / "environ").read_bytes():
+                continue
+            state = (folder / "stat").read_text().rpartition(")")[2].split()[0]
+            if state not in ("Z", "X"):  # a zombie of a forked child is reaped by init in its own time
+                found.append(f"{folder.name} {(folder / 'comm').read_text().strip()}")
+        except OSError:
+            continue  # it has ended while we looked
+    return found

@@ -1,0 +1,97 @@
+"""One identity, several claimants: a second robot, a foreign voice on the link, beats of another version."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+import zenoh
+
+from robot_offload_agent.clock import now_s
+from robot_offload_agent.link.zenoh_config import ZenohSettings, key, session_config
+from robot_offload_core import beats
+from robot_offload_core.token import Site
+from tests.ros.agent.harness import World
+from tests.ros.agent.passage import longest_gap_s
+
+THIRD_DOMAIN = 78
+
+
+def test_a_second_robot_of_the_same_identity_is_refused_and_the_first_goes_on(world: World) -> None:
+    epoch, at_s = world.placed[-1].epoch, now_s()
+    other = {"domain_id": THIRD_DOMAIN, "state_dir": "", "inhibit_service": "", "realtime": False}
+    second = world.start_agent("robot", name="second", runtime_dir=str(world.folder / "second"), **other)
+    world.until(lambda: "DuplicateIdentity" in world.processes.log("second-agent"), "the second one is told why")
+    world.until(lambda: "is refused" in world.processes.log("cloud-agent"), "the cloud says so")
+    world.passes("cloud", 40)
+    assert world.placed[-1].epoch == epoch
+    assert longest_gap_s(world.arrivals, at_s, now_s()) < 0.5
+    second.terminate()
+    second.wait(10)
+
+
+@contextmanager
+def voice(world: World, session: str = "pulse") -> Iterator[Callable[[str, bytes], None]]:
+    """A third session with the robot's certificates that can say anything on the channels of the robot."""
+    assert world.certificates is not None
+    paths = world.certificates.robot
+    settings = ZenohSettings(
+        side="robot", session=session, uid=world.folder.name,
+        endpoints=(f"quic/127.0.0.1:{world.ports[session]}",),
+        ca=str(paths.ca), certificate=str(paths.certificate), private_key=str(paths.private_key),
+    )  # fmt: skip
+    opened = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings))))
+    try:
+        yield lambda channel, payload: opened.put(key(settings, "robot", channel), payload, attachment=bytes(4))
+    finally:
+        opened.close()  # type: ignore[no-untyped-call]
+
+
+def counted(world: World, reason: str) -> int:
+    status = world.cloud_ear().diagnostics.get("link")
+    return int(status.values.get(f"garbage.{reason}", "0")) if status else 0
+
+
+def a_beat(uid: str) -> beats.Beat:
+    return beats.Beat(uid, Site.ROBOT, "ab" * 16, 1, 1, 0, 0, None, beats.Permission(10**6, True, "", 10**9))
+
+
+def beats_of_nobody(uid: str) -> dict[str, bytes]:
+    """Beats that must be counted and ignored, by the reason that they are counted under."""
+    good = beats.encode(a_beat(uid)).encode()
+    return {
+        "BareBeat": b"",
+        "BadVersion": b"999 " + good[2:],
+        "BadForm": b"1 \xff\xfe garbage",
+        "ForeignUid": beats.encode(a_beat("somebody-else")).encode(),
+    }
+
+
+def test_garbage_and_unknown_versions_on_the_link_are_counted_and_change_nothing(world: World) -> None:
+    epoch, at_s = world.placed[-1].epoch, now_s()
+    known = {reason: counted(world, reason) for reason in beats_of_nobody("x")}
+    with voice(world) as say:
+
+        def heard() -> bool:
+            for payload in beats_of_nobody(world.folder.name).values():
+                say("beat", payload)
+            return all(counted(world, reason) > before for reason, before in known.items())
+
+        world.until(heard, "all of them are counted")
+    with voice(world, "data") as say:
+        for payload in (b"", b"{}", b"\xff" * 100):
+            say("probe", payload)
+            say("in/odom", payload)
+    world.passes("cloud", 20)
+    assert world.placed[-1].epoch == epoch
+    assert longest_gap_s(world.arrivals, at_s, now_s()) < 0.5
+
+
+@pytest.mark.parametrize("topic", ["/connectivity_test_local", "/connectivity_test_remote"])
+def test_garbage_on_the_beat_topics_of_the_ros_link_changes_nothing(ros_world: World, topic: str) -> None:
+    epoch, at_s = ros_world.placed[-1].epoch, now_s()
+    for payload in beats_of_nobody("x").values():
+        ros_world.ear.say(topic, payload.decode("latin-1"))
+    ros_world.passes("cloud", 20)
+    assert ros_world.placed[-1].epoch == epoch
+    assert longest_gap_s(ros_world.arrivals, at_s, now_s()) < 0.5

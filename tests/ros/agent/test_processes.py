@@ -1,0 +1,115 @@
+"""Every process of both agents is killed and stopped, alone, while the cloud acts and while the robot acts."""
+
+import signal
+
+import pytest
+
+from robot_offload_agent.clock import now_s
+from tests.ros.agent.ears import wait_until
+from tests.ros.agent.harness import PROCESSES, World
+from tests.ros.agent.passage import longest_gap_s
+
+EACH = [(side, process) for side, processes in PROCESSES.items() for process in processes]
+STOPPED_S = 1.0
+GAP_LIMIT_S = 5.0
+RESTART_LIMIT_S = 5.0
+"""The aim is 0.5 s; the bound leaves room for a machine that does other things as well."""
+
+
+def await_restart(world: World, side: str, process: str, dead: int) -> None:
+    world.until(lambda: world.pid(side, process) not in (0, dead), f"{side} {process} is started again")
+
+
+@pytest.mark.parametrize(("side", "process"), EACH)
+def test_a_killed_process_is_replaced_and_the_cloud_acts_again(world: World, side: str, process: str) -> None:
+    dead = world.pid(side, process)
+    at_s = world.kill(side, process)
+    await_restart(world, side, process, dead)
+    world.until(lambda: world.arrivals[-1].t_s > at_s + 0.5, "commands flow")
+    world.goes_to("cloud")
+    assert longest_gap_s(world.arrivals, at_s, now_s()) < GAP_LIMIT_S
+
+
+@pytest.mark.parametrize(("side", "process"), EACH)
+def test_a_killed_process_does_not_disturb_the_robot_that_acts(world: World, side: str, process: str) -> None:
+    world.place("robot", stay=True)
+    since, dead = len(world.arrivals), world.pid(side, process)
+    at_s = world.kill(side, process)
+    await_restart(world, side, process, dead)
+    world.until(lambda: world.arrivals[-1].t_s > at_s + 0.5, "commands flow")
+    limit_s = RESTART_LIMIT_S if process == "collector" else 0.5
+    assert longest_gap_s(world.arrivals, at_s, world.arrivals[-1].t_s) < limit_s
+    assert {a.site for a in world.arrivals[since:]} == {"robot"}
+
+
+@pytest.mark.parametrize(("side", "process"), EACH)
+def test_nothing_stale_passes_after_a_process_was_stopped_while_the_cloud_acted(
+    world: World, side: str, process: str
+) -> None:
+    at_s, stopped = now_s(), world.pid(side, process)
+    world.signal(side, process, signal.SIGSTOP)
+    wait_until(lambda: now_s() > at_s + STOPPED_S, STOPPED_S + 1)
+    world.signal(side, process, signal.SIGCONT)
+    world.until(lambda: world.arrivals[-1].t_s > at_s + STOPPED_S + 0.3, "commands flow")
+    assert longest_gap_s(world.arrivals, at_s, now_s()) < STOPPED_S + GAP_LIMIT_S
+    world.goes_to("cloud")
+    assert world.pid(side, process) == stopped
+    assert max(a.age_s for a in world.arrivals if a.t_s > at_s) < 0.5
+
+
+@pytest.mark.parametrize("process", PROCESSES["robot"])
+def test_nothing_stale_passes_after_a_process_was_stopped_while_the_robot_acted(world: World, process: str) -> None:
+    world.place("robot", stay=True)
+    at_s = now_s()
+    world.signal("robot", process, signal.SIGSTOP)
+    wait_until(lambda: now_s() > at_s + STOPPED_S, STOPPED_S + 1)
+    world.signal("robot", process, signal.SIGCONT)
+    world.until(lambda: world.arrivals[-1].t_s > at_s + STOPPED_S + 0.3, "commands flow")
+    limit_s = STOPPED_S + GAP_LIMIT_S if process == "collector" else 0.5
+    assert longest_gap_s(world.arrivals, at_s, now_s()) < limit_s
+    assert max(a.age_s for a in world.arrivals if a.t_s > at_s) < 0.4
+
+
+@pytest.mark.parametrize("side", PROCESSES)
+@pytest.mark.parametrize("acting", ["cloud", "robot"])
+def test_a_killed_supervisor_disturbs_nothing_and_the_next_one_starts_anew(
+    world: World, side: str, acting: str
+) -> None:
+    world.place(acting, stay=True)
+    before = {process: world.pid(side, process) for process in PROCESSES[side]}
+    at_s = world.kill(side, "supervisor")
+    world.agents[side].wait(5)
+    world.passes(acting, 15)
+    assert longest_gap_s(world.arrivals, at_s, now_s()) < 0.5
+    world.start_agent(side)
+    for process, pid in before.items():
+        await_restart(world, side, process, pid)
+    world.override("Auto")
+    world.goes_to("cloud")
+
+
+def test_the_robots_output_passes_when_every_other_process_of_the_agent_is_dead(world: World) -> None:
+    world.place("robot", stay=True)
+    at_s = world.kill("robot", "supervisor")
+    for process in ("control", "pulse", "data"):
+        world.kill("robot", process)
+    world.passes("robot", 30)
+    assert longest_gap_s(world.arrivals, at_s, now_s()) < 0.5
+    world.agents["robot"].wait(5)
+
+
+def test_a_killed_agent_starts_anew_at_once_and_the_old_lease_is_worth_nothing(world: World) -> None:
+    world.kill_agent("robot")
+    since, at_s = len(world.arrivals), now_s()
+    world.start_agent("robot")
+    world.passes("robot", 1)
+    first = next(i for i, a in enumerate(world.arrivals) if i >= since and a.t_s > at_s)
+    assert world.arrivals[first].site == "robot"
+    world.goes_to("cloud")
+
+
+def test_the_cloud_is_used_again_after_its_whole_agent_was_killed(world: World) -> None:
+    world.kill_agent("cloud")
+    world.goes_to("robot")
+    world.start_agent("cloud")
+    world.goes_to("cloud")

@@ -1,0 +1,262 @@
+"""`robot-offload demo` as a person runs it: real agents, real nodes, an emulated link; nothing is left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot_offload.local import recording
+
+ROOT = Path(__file__).parents[2]
+TALKER = ROOT / "examples" / "talker" / "robotoffload.yaml"
+WHEELCHAIR = ROOT / "examples" / "wheelchair" / "robotoffload.yaml"
+MARK = "ROBOT_OFFLOAD_TEST"
+PATIENCE_S = 100.0
+EXCUSE_S = 0.1
+KEYS = {
+    "schema", "mode", "duration_s", "seed", "switches", "outputs", "collisions", "goal_reached", "placement_share",
+    "cloud_share_of_good_time", "messages_passed", "detector_alarms", "link", "violations",
+}  # fmt: skip
+
+
+class Stalls(threading.Thread):
+    """Notices when this computer leaves a waiting process waiting: then nobody can keep a promise about time."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.longest_s = 0.0
+        self.ended = False
+
+    def run(self) -> None:
+        while not self.ended:
+            before_s = time.monotonic()
+            time.sleep(0.01)
+            self.longest_s = max(self.longest_s, time.monotonic() - before_s)
+
+
+@dataclass
+class Demo:
+    """Runs the command; every process that comes of it carries a mark."""
+
+    out: Path
+    mark: str
+    stalls: Stalls
+
+    def broken_promises(self, report: dict[str, Any]) -> list[str]:
+        """Violations; silences do not count on a computer that stood still for longer than a lost beat."""
+        excused = {"Gap"} if self.stalls.longest_s > EXCUSE_S else set()
+        return [violation["text"] for violation in report["violations"] if violation["kind"] not in excused]
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-m", "robot_offload", "demo", "--no-ui", "--out", str(self.out), *arguments]
+        return subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env={**os.environ, MARK: self.mark},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def run(self, *arguments: str) -> tuple[int, str, str]:
+        """Exit code, standard output, standard error."""
+        child = self.start(*arguments)
+        said, errors = child.communicate(timeout=PATIENCE_S)
+        return child.returncode, said, errors
+
+    def processes(self) -> list[int]:
+        """Every living process of this test, however it was started."""
+        found = []
+        for folder in Path("/proc").iterdir():
+            with suppress(OSError):
+                if folder.name.isdigit() and f"{MARK}={self.mark}".encode() in (folder / "environ").read_bytes():
+                    found.append(int(folder.name))
+        return found
+
+    def await_line(self, child: subprocess.Popen[str], text: str) -> None:
+        """Until the demo says something."""
+        assert child.stdout is not None
+        for line in child.stdout:
+            if text in line:
+                return
+        assert child.stderr is not None
+        pytest.fail(f"the demo never said {text!r}: {child.stderr.read()}")
+
+    def nothing_left(self) -> bool:
+        """Whether all processes are gone; they get some seconds."""
+        deadline_s = time.monotonic() + 10.0
+        while self.processes() and time.monotonic() < deadline_s:
+            time.sleep(0.05)
+        return not self.processes()
+
+    def report(self) -> dict[str, Any]:
+        read: dict[str, Any] = json.loads((self.out / "report.json").read_text())
+        return read
+
+
+@pytest.fixture
+def demo(tmp_path: Path) -> Iterator[Demo]:
+    stalls = Stalls()
+    stalls.start()
+    runner = Demo(tmp_path / "out", secrets.token_hex(8), stalls)
+    yield runner
+    stalls.ended = True
+    stalls.join()
+    for pid in runner.processes():
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+@pytest.mark.ros
+def test_a_talker_moves_between_the_sides_and_nobody_hears_it_twice(demo: Demo) -> None:
+    code, said, errors = demo.run(str(TALKER), "--duration", "12", "--outage", "2/6", "--slow", "none", "--json")
+    report = json.loads(said)
+    assert demo.broken_promises(report) == []
+    assert code == (1 if report["violations"] else 0), errors
+    assert report == demo.report()
+    assert set(report) >= KEYS
+    assert len(report["switches"]) >= 2
+    lost = [switch for switch in report["switches"] if switch["reason"] == "HeartbeatLost"]
+    assert lost
+    assert all(90 <= switch["detect_ms"] < 2000 for switch in lost)
+    chatter = report["outputs"]["/chatter"]
+    assert chatter["received"] > 60
+    assert (chatter["duplicates"], chatter["reordered"]) == (0, 0)
+    assert report["link"]["outages"] == 2
+    assert min(report["messages_passed"].values()) > 0
+    for name in ("report.html", "run.png", "recording.jsonl", "logs/robot-agent.log", "logs/wire.jsonl"):
+        assert (demo.out / name).stat().st_size > 0
+    assert demo.nothing_left()
+
+
+@pytest.mark.ros
+def test_ctrl_c_in_the_middle_still_gives_a_report_and_leaves_nothing(demo: Demo) -> None:
+    child = demo.start(str(TALKER), "--duration", "60", "--outage", "2/6", "--slow", "none")
+    demo.await_line(child, "takes over")
+    time.sleep(1.0)
+    child.send_signal(signal.SIGINT)
+    said, errors = child.communicate(timeout=PATIENCE_S)
+    assert child.returncode in (0, 1), errors
+    assert "Report:" in said
+    assert demo.report()["duration_s"] < 55
+    assert recording.read(demo.out / "recording.jsonl").outputs["/chatter"]
+    assert demo.nothing_left()
+
+
+@pytest.mark.ros
+def test_kill_9_of_the_demo_leaves_no_process(demo: Demo) -> None:
+    child = demo.start(str(TALKER), "--duration", "60", "--outage", "2/6", "--slow", "none")
+    demo.await_line(child, "Up after")
+    assert len(demo.processes()) > 10
+    child.kill()
+    child.communicate()
+    assert demo.nothing_left()
+
+
+@pytest.mark.ros
+def test_the_wheelchair_drives_without_touching_anything_while_its_link_fails(demo: Demo) -> None:
+    code, said, errors = demo.run(str(WHEELCHAIR), "--duration", "11", "--outage", "2/8", "--slow", "none")
+    report = demo.report()
+    assert code == (1 if report["violations"] else 0), errors
+    assert report["collisions"] == 0
+    assert report["goal_reached"] is False
+    assert report["outputs"]["/cmd_vel"]["duplicates"] == 0
+    assert report["messages_passed"]["robot"] > 0
+    assert demo.broken_promises(report) == []
+    run = recording.read(demo.out / "recording.jsonl")
+    assert run.run.corridor_length_m > 0
+    assert run.path[-1].x_m > run.path[0].x_m + 1.0
+    assert run.outcome is not None
+    assert "11.0 s, goal not reached, 0 collisions" in said
+    assert demo.nothing_left()
+
+
+@pytest.mark.ros
+def test_agents_that_are_joined_by_topics_take_over_too(demo: Demo) -> None:
+    code, said, errors = demo.run(str(TALKER), "--link", "ros", "--duration", "8", "--outage", "2/6", "--slow", "none")
+    report = demo.report()
+    assert code == (1 if report["violations"] else 0), errors
+    assert demo.broken_promises(report) == []
+    assert {switch["to"] for switch in report["switches"]} == {"robot", "cloud"}
+    assert report["outputs"]["/chatter"]["duplicates"] == 0
+    assert "Report:" in said
+    assert demo.nothing_left()
+
+
+# -- wrong input: nothing is started ----------------------------------------------------------------------------------
+
+NOT_STARTED_S = 20.0
+
+
+def changed(tmp_path: Path, old: str, new: str) -> Path:
+    """The talker's specification with one thing changed."""
+    text = TALKER.read_text()
+    assert old in text
+    path = tmp_path / "changed.yaml"
+    path.write_text(text.replace(old, new))
+    return path
+
+
+def refused(demo: Demo, *arguments: str) -> list[str]:
+    """What the demo says about wrong input, without having started anything."""
+    began_s = time.monotonic()
+    code, said, errors = demo.run(*arguments)
+    assert code == 2
+    assert said == ""
+    assert time.monotonic() - began_s < NOT_STARTED_S
+    assert not (demo.out / "logs").exists()
+    return errors.splitlines()
+
+
+def test_a_missing_file_is_refused_in_one_line(demo: Demo, tmp_path: Path) -> None:
+    [line] = refused(demo, str(tmp_path / "missing.yaml"))
+    assert "missing.yaml: there is no such file" in line
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("core: true", "core: true\n    cores: true", "spec.nodes[0].cores"),
+        ("name: listener", "name: talker", "spec.nodes[1].name"),
+        ("robotPeriod: 100ms", "robotPeriod: 0ms", "spec.switching.latency.robotPeriod"),
+        ("topic: /chatter", "topic: chat ter", "spec.nodes[0].outputs[0].topic"),
+        ("    run: {command: [python3, listener.py]}\n", "", "spec.nodes[1].run"),
+    ],
+    ids=["unknown field", "name twice", "period of 0", "bad topic", "nothing to run"],
+)
+def test_a_wrong_specification_is_refused_in_one_line(
+    demo: Demo, tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    [line] = refused(demo, str(changed(tmp_path, old, new)))
+    assert f"changed.yaml: {told}" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("--outage", "20/4"), "--outage: '20/4'"),
+        (("--slow", "3/45"), "--slow: '3/45'"),
+        (("--delay", "fast"), "--delay: 'fast'"),
+        (("--trace", "no-such-trace.csv"), "--trace: "),
+        (("--duration", "-3"), "--duration: -3"),
+        (("--domains", "7/7"), "--domains: '7/7'"),
+        (("--out", "/dev/null/out"), "--out: /dev/null/out"),
+    ],
+)
+def test_a_wrong_option_is_refused_in_one_line(demo: Demo, arguments: tuple[str, str], told: str) -> None:
+    [line] = refused(demo, str(TALKER), *arguments)
+    assert line.startswith(told)

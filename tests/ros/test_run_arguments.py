@@ -1,0 +1,121 @@
+"""The run arguments that we render do in ROS 2 what they say: names, namespace, topics, parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.render.agent_config import AgentSite, agent_config, agent_parameters
+from robot_offload.render.names import SIDES, Side, run_arguments
+from robot_offload_agent.parameters import flatten
+from tests.unit.specs import changed, sample
+
+pytestmark = pytest.mark.ros
+DOMAIN = 97
+
+
+def namespaced() -> RobotOffload:
+    values = changed("spec.robot.namespace", "/w7")
+    controller = values["spec"]["nodes"][1]
+    controller["outputs"][0]["topic"] = "/w7/cmd_vel"
+    controller["run"]["remap"] = {"cmd_vel_nav": "cmd_vel", "odom": "/odometry"}
+    controller["run"]["parameters"] = PARAMETERS
+    return parse_object(values, "sample.yaml")
+
+
+PARAMETERS: dict[str, Any] = {
+    "whole": 20,
+    "rate": 20.0,
+    "tiny": 1e-07,
+    "on": True,
+    "digits": "20",
+    "truth": "true",
+    "empty": "",
+    "quoted": 'a "b" \\ c: d, [e] # é',
+    "names": ["a", "20"],
+    "rates": [1.0, 2.0],
+    "nested": {"deep": {"value": 5}},
+}
+
+
+@pytest.fixture
+def context(request: pytest.FixtureRequest) -> Iterator[Context]:
+    context = Context()
+    rclpy.init(args=["test", "--ros-args", *request.param], context=context, domain_id=DOMAIN)
+    yield context
+    context.try_shutdown()
+
+
+def node_arguments(side: Side) -> tuple[str, ...]:
+    offload = namespaced()
+    return run_arguments(offload.spec, offload.spec.nodes[1], side)
+
+
+@pytest.mark.parametrize(
+    ("context", "side", "name"),
+    [(node_arguments("robot"), "robot", "controller"), (node_arguments("cloud"), "cloud", "remote_controller")],
+    indirect=["context"],
+)
+def test_a_replica_gets_its_name_namespace_and_private_outputs(context: Context, side: str, name: str) -> None:
+    node = Node("controller", context=context, start_parameter_services=False)
+    other = Node("helper", context=context, start_parameter_services=False)
+    try:
+        assert node.get_fully_qualified_name() == f"/w7/{name}"
+        assert other.get_fully_qualified_name() == "/helper", "only the node meant is renamed"
+        for topic, expected in {
+            "cmd_vel": f"/offload/{side}/w7/cmd_vel",
+            "/w7/cmd_vel": f"/offload/{side}/w7/cmd_vel",
+            "cmd_vel_nav": f"/offload/{side}/w7/cmd_vel",
+            "odom": "/odometry",
+            "scan": "/w7/scan",
+        }.items():
+            publisher = node.create_publisher(String, topic, 1)
+            assert publisher.topic_name == expected
+            node.destroy_publisher(publisher)
+    finally:
+        other.destroy_node()
+        node.destroy_node()
+
+
+@pytest.mark.parametrize("context", [node_arguments("robot")], indirect=True)
+def test_parameters_arrive_with_their_values_and_types(context: Context) -> None:
+    node = Node(
+        "controller",
+        context=context,
+        automatically_declare_parameters_from_overrides=True,
+        start_parameter_services=False,
+    )
+    try:
+        for name, expected in flatten(PARAMETERS).items():
+            value = node.get_parameter(name).value
+            value = value if isinstance(value, str | int | float) else list(value)
+            assert value == expected
+            assert type(value) is type(expected)
+    finally:
+        node.destroy_node()
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_ros_itself_reads_the_agent_configuration(side: Side, tmp_path: Any) -> None:
+    offload = parse_object(sample(), "sample.yaml")
+    site = AgentSite(side, "127.0.0.1", "ca.pem", "own.pem", "own.key")
+    file = tmp_path / "params.yaml"
+    file.write_text(agent_config(offload, site))
+    context = Context()
+    rclpy.init(args=["test", "--ros-args", "--params-file", str(file)], context=context, domain_id=DOMAIN)
+    node = Node("guardian", context=context, automatically_declare_parameters_from_overrides=True)
+    try:
+        for name, expected in flatten(agent_parameters(offload, site)).items():
+            value = node.get_parameter(name).value
+            assert (list(value) if isinstance(expected, list) else value) == expected, name
+    finally:
+        node.destroy_node()
+        context.try_shutdown()

@@ -1,0 +1,54 @@
+"""The protocol in virtual time, within CI's budget. Longer runs: `make simulate ARGS="--hours H --seed N"`."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot_offload.simulate import campaign
+from robot_offload.simulate.campaign import Total
+from robot_offload.simulate.main import replay_command
+
+HOURS = 2.0
+"""About three and a half minutes of processor time."""
+SEED = 24
+MORE = 12
+MOST = 240
+"""Stretches added at a time, and at most, while a pair of state and event has not been met: chance alone decides."""
+
+pytestmark = [pytest.mark.simulation, pytest.mark.timeout(900)]
+
+
+@pytest.fixture(scope="module")
+def total() -> Total:
+    result = Total()
+    planned = campaign.chunks_for(HOURS)
+    indices = range(planned)
+    while indices:
+        for index, outcome in campaign.run(SEED, indices, workers=2):
+            result.add(index, outcome)
+        more = bool(result.missing) and indices.stop < planned + MOST
+        indices = range(indices.stop, indices.stop + MORE) if more else range(0)
+    return result
+
+
+def test_no_invariant_breaks_in_hours_of_faults(total: Total) -> None:
+    told = [f"{b.text} -- {replay_command(SEED, b.index)}" for b in total.broken]
+    assert told == []
+
+
+def test_a_simulated_hour_holds_at_least_a_thousand_faults(total: Total) -> None:
+    assert total.faults / (total.simulated_s / 3600) >= 1000
+
+
+def test_every_pair_of_state_and_event_that_can_occur_was_met(total: Total) -> None:
+    assert total.missing == []
+
+
+def test_both_kinds_of_changeover_happen_often(total: Total) -> None:
+    assert total.commanded > 500
+    assert total.sudden > 200
+
+
+def test_the_same_seed_gives_the_same_run() -> None:
+    first, again = campaign.live(SEED, None, 3)[1], campaign.live(SEED, None, 3)[1]
+    assert (first.events, first.faults, first.pairs) == (again.events, again.faults, again.pairs)
