@@ -2,15 +2,19 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 NEAR_S = 2.0
 """An announcement belongs to a change of the passing side so close to it; a restarted control needs a second."""
 
 
+class ViolationError(AssertionError):
+    """A rule of the switch was broken: never given a second chance, however busy the machine was."""
+
+
 @dataclass(frozen=True)
 class Arrival:
-    """One message at the consumer; times on the steady clock, seconds."""
+    """One message at the consumer; its time on the steady clock, its age when the collector let it pass, in seconds."""
 
     t_s: float
     producer: str
@@ -35,10 +39,13 @@ class Placed:
     message: str
 
 
-def violations(arrivals: Sequence[Arrival], placed: Sequence[Placed], max_age_s: float) -> list[str]:
+def violations(
+    arrivals: Sequence[Arrival], placed: Sequence[Placed], max_age_s: float, begun_s: Sequence[float] = ()
+) -> list[str]:
     """Sentences about what went wrong at the consumer; empty when all held.
 
-    `max_age_s` is the limit for the cloud's messages, with what the measuring itself may add.
+    `max_age_s` is the limit for the cloud's messages, with what the measuring itself may add; `begun_s` are the
+    moments at which the robot's control was started anew.
     """
     found = []
     newest: dict[str, int] = {}
@@ -51,12 +58,27 @@ def violations(arrivals: Sequence[Arrival], placed: Sequence[Placed], max_age_s:
         newest[arrival.producer] = max(known, arrival.sequence)
         if arrival.site == "cloud" and arrival.age_s > max_age_s:
             found.append(f"{arrival} is older than {max_age_s} s")
-    return found + _interleaved(arrivals, placed)
+    return found + _interleaved(arrivals, _changes(placed, begun_s))
 
 
-def _interleaved(arrivals: Sequence[Arrival], placed: Sequence[Placed]) -> list[str]:
+def _changes(placed: Sequence[Placed], begun_s: Sequence[float]) -> list[Placed]:
+    """The announced changes of the side in charge.
+
+    A new control begins with the robot in charge and says so before anybody has discovered it, so its first heard
+    word may be that the cloud is: then it has changed over twice.
+    """
+    changes = []
+    for before, p in itertools.pairwise(placed):
+        anew = any(before.t_s < moment <= p.t_s for moment in begun_s)
+        if anew and p.site == "cloud":
+            changes += [replace(p, site="robot"), p]
+        elif p.site != before.site:
+            changes.append(p)
+    return changes
+
+
+def _interleaved(arrivals: Sequence[Arrival], changes: list[Placed]) -> list[str]:
     """Each change of the passing side has an announcement of its own near it; else both sides were heard mixed."""
-    changes = [p for before, p in itertools.pairwise(placed) if p.site != before.site]
     found = []
     for before, arrival in itertools.pairwise(arrivals):
         if arrival.site == before.site:

@@ -11,6 +11,8 @@ from tests.ros.agent.passage import longest_gap_s
 
 EACH = [(side, process) for side, processes in PROCESSES.items() for process in processes]
 STOPPED_S = 1.0
+SLACK_S = 0.1
+"""Two topics on their way to the test: what was said first may be heard second."""
 GAP_LIMIT_S = 5.0
 RESTART_LIMIT_S = 5.0
 """The aim is 0.5 s; the bound leaves room for a machine that does other things as well."""
@@ -102,10 +104,11 @@ def test_a_killed_agent_starts_anew_at_once_and_the_old_lease_is_worth_nothing(w
     world.kill_agent("robot")
     since, at_s = len(world.arrivals), now_s()
     world.start_agent("robot")
-    world.passes("robot", 1)
-    first = next(i for i, a in enumerate(world.arrivals) if i >= since and a.t_s > at_s)
-    assert world.arrivals[first].site == "robot"
-    world.goes_to("cloud")
+    world.until(lambda: world.placed[-1].t_s > at_s and world.site == "cloud", "the new agent puts the cloud in charge")
+    announced_s = next(p.t_s for p in world.placed if p.t_s > at_s)
+    world.passes("cloud")
+    first_s = next(a.t_s for a in world.arrivals[since:] if a.t_s > at_s and a.site == "cloud")
+    assert first_s > announced_s - SLACK_S, "the cloud passed before the new agent had given it a lease of its own"
 
 
 def test_the_cloud_is_used_again_after_its_whole_agent_was_killed(world: World) -> None:
