@@ -16,7 +16,7 @@ simulate: venv ## The protocol in virtual time; ARGS="--hours 1 --seed 7"
 	$(PYTHON) -m robot_offload.simulate $(ARGS)
 
 ##@ Check
-.PHONY: test lint types fmt
+.PHONY: test test-fast lint types verify fmt
 test: venv ## All tests: unit, contract, simulation, real ROS processes
 	$(PYTHON) -m pytest $(ARGS)
 
@@ -31,17 +31,29 @@ lint: venv ## Style and import directions
 types: venv ## mypy --strict
 	.venv/bin/mypy
 
+verify: venv ## Generated files (CRD, reference, install.yaml) are what the models say
+	$(PYTHON) -m robot_offload.generate --check
+
 fmt: venv ## Rewrite in the project's format
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
 
 ##@ Measure
-.PHONY: bench-switch
+.PHONY: bench-switch bench-operator
 bench-switch: venv ## The switching figures of docs/benchmarks.md; ARGS="--quick"
 	$(PYTHON) -m robot_offload.bench switch $(ARGS)
 
+bench-operator: venv ## 200 RobotOffloads on a real API server; ARGS="--objects 50"
+	$(PYTHON) -m robot_offload.bench.operator_scale $(ARGS)
+
 ##@ Maintain
-.PHONY: venv pins clean
+.PHONY: venv generate cluster-binaries pins clean
+generate: venv ## Write everything that is derived from the models
+	$(PYTHON) -m robot_offload.generate
+
+cluster-binaries: venv ## Build the test cluster's programs (once, some ten minutes; the tests do it by themselves)
+	$(PYTHON) -m tests.cluster build
+
 venv: ## Make or refresh .venv (the other targets do it by themselves)
 	@python3 scripts/bootstrap.py
 
