@@ -1,0 +1,264 @@
+"""etcd, kube-apiserver and kube-controller-manager on free ports of the loopback interface, as any user."""
+
+from __future__ import annotations
+
+import base64
+import json
+import secrets
+import shutil
+import ssl
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+
+from tests.cluster import processes
+from tests.cluster.commands import Helm, Kubectl
+from tests.cluster.errors import ClusterError
+from tests.cluster.programs import Programs
+
+CONTROLLERS = (
+    "garbage-collector-controller",
+    "namespace-controller",
+    "serviceaccount-controller",
+    "root-ca-certificate-publisher-controller",
+    "deployment-controller",
+    "replicaset-controller",
+    "statefulset-controller",
+    "job-controller",
+    "endpointslice-controller",
+)
+AUDIT_POLICY = {
+    "apiVersion": "audit.k8s.io/v1",
+    "kind": "Policy",
+    "omitStages": ["RequestReceived"],
+    "rules": [{"level": "Metadata"}],
+}
+PATIENCE = 120.0  # seconds; a start takes five, but the machine may be busy with a build
+
+
+class ControlPlane:
+    """One control plane and the directory that holds all it needs.
+
+    Attributes:
+        directory: Everything of this control plane; removed by `stop`.
+        url: Of the API server.
+        token: Bearer token of a cluster administrator.
+        kubeconfig: File for that administrator.
+        ca_file: Certificate that clients verify the API server with.
+    """
+
+    def __init__(self, directory: Path, programs: Programs) -> None:
+        self.directory = directory
+        self.programs = programs
+        self.kubeconfig = directory / "kubeconfig"
+        self.ca_file = directory / "certs" / "apiserver.crt"
+        self.token = ""
+        self.url = ""
+        self._servers: dict[str, subprocess.Popen[bytes]] = {}
+
+    @classmethod
+    def of_directory(cls, directory: Path, programs: Programs) -> ControlPlane:
+        """The control plane that another process started there."""
+        plane = cls(directory, programs)
+        try:
+            config = json.loads(plane.kubeconfig.read_text())
+        except FileNotFoundError:
+            raise ClusterError(f"No test cluster in {directory}; next: python -m tests.cluster up") from None
+        plane.url = config["clusters"][0]["cluster"]["server"]
+        plane.token = config["users"][0]["user"]["token"]
+        return plane
+
+    def start(self, definitions: Sequence[Path] = (), *, die_with_us: bool = True) -> ControlPlane:
+        """Start everything and return when a Deployment would be served.
+
+        Args:
+            definitions: CustomResourceDefinition files. They are applied before kube-controller-manager starts: its
+                garbage collector looks for new kinds only now and then, and children of a kind that came later would
+                be collected 40 s late the first time.
+            die_with_us: Nothing outlives the thread that calls this; otherwise it runs until `stop`.
+        """
+        try:
+            self._start_api(die_with_us=die_with_us)
+            if definitions:
+                self._define(definitions)
+            self._start_controllers(die_with_us=die_with_us)
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def stop(self) -> None:
+        """End every process of this directory, whoever started it, and remove the directory."""
+        self._kill()
+        shutil.rmtree(self.directory, ignore_errors=True)
+
+    def kubectl(self, namespace: str = "default") -> Kubectl:
+        """Run kubectl as the administrator."""
+        return Kubectl(self.programs.path("kubectl"), self.kubeconfig, namespace)
+
+    def helm(self, namespace: str = "default") -> Helm:
+        """Run helm as the administrator."""
+        return Helm(self.programs.path("helm"), self.kubeconfig, namespace)
+
+    def kubeconfig_of(self, namespace: str, service_account: str) -> Path:
+        """A kubeconfig with the rights of a ServiceAccount, and no others."""
+        token = self.kubectl(namespace)("create", "token", service_account, "--duration=1h").strip()
+        path = self.directory / f"kubeconfig-{namespace}-{service_account}"
+        self._write_kubeconfig(path, token, namespace)
+        return path
+
+    def audit(self) -> Iterator[dict[str, Any]]:
+        """What the API server was asked, oldest first: audit.k8s.io/v1 events with metadata only."""
+        with (self.directory / "audit.jsonl").open() as lines:
+            for line in lines:
+                if line.endswith("\n"):  # the last one may still be in the making
+                    yield json.loads(line)
+
+    def get(self, path: str) -> str:
+        """GET a path of the API server as the administrator."""
+        return self.request("GET", path)
+
+    def request(self, verb: str, path: str, body: Any = None, content_type: str = "application/json") -> str:
+        """Send any request as the administrator; raises HTTPError when it is refused."""
+        request = urllib.request.Request(
+            self.url + path,
+            method=verb,
+            data=None if body is None else json.dumps(body).encode(),
+            headers={"Authorization": f"Bearer {self.token}", "Content-Type": content_type},
+        )
+        trust = ssl.create_default_context(cafile=str(self.ca_file))
+        with urllib.request.urlopen(request, timeout=5, context=trust) as answer:
+            return str(answer.read().decode())
+
+    def _start_api(self, *, die_with_us: bool, attempts: int = 3) -> None:
+        """Start etcd and kube-apiserver; again with other ports when somebody was faster to take one."""
+        for attempt in range(1, attempts + 1):
+            shutil.rmtree(self.directory, ignore_errors=True)
+            self.directory.mkdir(parents=True, mode=0o700)
+            self._write_secrets()
+            etcd, api = processes.free_ports(2)
+            self.url = f"https://127.0.0.1:{api}"
+            # Both at once: the API server tries again until etcd answers.
+            self._spawn("etcd", self._etcd_arguments(etcd), die_with_us=die_with_us)
+            self._spawn("kube-apiserver", self._api_arguments(api, etcd), die_with_us=die_with_us)
+            try:
+                self._wait("the API server to be ready", lambda: self.get("/readyz") == "ok")
+                break
+            except ClusterError as error:
+                if attempt == attempts or "address already in use" not in str(error):
+                    raise
+                self._kill()
+        self._write_kubeconfig(self.kubeconfig, self.token, "default")
+
+    def _write_secrets(self) -> None:
+        self.token = secrets.token_hex(16)
+        (self.directory / "tokens.csv").write_text(f'{self.token},admin,admin,"system:masters"\n')
+        (self.directory / "audit-policy.json").write_text(json.dumps(AUDIT_POLICY))
+        key = ec.generate_private_key(ec.SECP256R1()).private_bytes(
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.TraditionalOpenSSL,
+            serialization.NoEncryption(),
+        )
+        (self.directory / "service-accounts.key").write_bytes(key)
+
+    def _etcd_arguments(self, port: int) -> list[str]:
+        url = f"http://127.0.0.1:{port}"
+        return [
+            f"--data-dir={self.directory}/etcd",
+            f"--listen-client-urls={url}",
+            f"--advertise-client-urls={url}",
+            "--listen-peer-urls=http://127.0.0.1:0",
+            "--unsafe-no-fsync",  # nothing here must survive a power cut
+            "--log-level=warn",
+        ]
+
+    def _api_arguments(self, port: int, etcd_port: int) -> list[str]:
+        key = f"{self.directory}/service-accounts.key"
+        return [
+            "--bind-address=127.0.0.1",
+            "--advertise-address=127.0.0.1",
+            f"--secure-port={port}",
+            f"--cert-dir={self.directory}/certs",
+            f"--etcd-servers=http://127.0.0.1:{etcd_port}",
+            "--endpoint-reconciler-type=none",
+            "--service-cluster-ip-range=10.96.0.0/16",
+            "--authorization-mode=RBAC",
+            f"--token-auth-file={self.directory}/tokens.csv",
+            "--service-account-issuer=https://kubernetes.default.svc.cluster.local",
+            f"--service-account-key-file={key}",
+            f"--service-account-signing-key-file={key}",
+            f"--audit-policy-file={self.directory}/audit-policy.json",
+            f"--audit-log-path={self.directory}/audit.jsonl",
+            "--allow-privileged=true",
+            "--profiling=false",
+        ]
+
+    def _define(self, definitions: Sequence[Path]) -> None:
+        files = [argument for path in definitions for argument in ("-f", str(path))]
+        kubectl = self.kubectl()
+        kubectl("apply", "--server-side", *files)
+        kubectl("wait", "--for=condition=Established", *files, f"--timeout={PATIENCE:.0f}s")
+
+    def _start_controllers(self, *, die_with_us: bool) -> None:
+        arguments = [
+            f"--kubeconfig={self.kubeconfig}",
+            f"--controllers={','.join(CONTROLLERS)}",
+            f"--service-account-private-key-file={self.directory}/service-accounts.key",
+            f"--root-ca-file={self.ca_file}",
+            "--leader-elect=false",
+            "--secure-port=0",
+        ]
+        self._spawn("kube-controller-manager", arguments, die_with_us=die_with_us)
+        account = "/api/v1/namespaces/default/serviceaccounts/default"
+        self._wait("the controllers to work", lambda: bool(self.get(account)))
+
+    def _write_kubeconfig(self, path: Path, token: str, namespace: str) -> None:
+        authority = base64.b64encode(self.ca_file.read_bytes()).decode()
+        name = "robot-offload-test"
+        config = {
+            "apiVersion": "v1",
+            "kind": "Config",
+            "clusters": [{"name": name, "cluster": {"server": self.url, "certificate-authority-data": authority}}],
+            "users": [{"name": name, "user": {"token": token}}],
+            "contexts": [{"name": name, "context": {"cluster": name, "user": name, "namespace": namespace}}],
+            "current-context": name,
+        }
+        path.write_text(json.dumps(config, indent=1))
+        path.chmod(0o600)
+
+    def _spawn(self, name: str, arguments: list[str], *, die_with_us: bool) -> None:
+        command = [str(self.programs.path(name)), *arguments]
+        self._servers[name] = processes.spawn(command, self.directory / f"{name}.log", die_with_us=die_with_us)
+
+    def _kill(self) -> None:
+        processes.kill(self.directory)
+        for server in self._servers.values():
+            server.wait()
+        self._servers.clear()
+
+    def _wait(self, what: str, happened: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            trouble: object = "it said no"
+            try:
+                if happened():
+                    return
+            except (OSError, ssl.SSLError, urllib.error.URLError) as error:
+                trouble = error
+            for name, server in self._servers.items():
+                if server.poll() is not None:
+                    raise ClusterError(f"{name} ended while waiting for {what}:\n{self._log_tail(name)}")
+            if time.monotonic() > deadline:
+                logs = "\n".join(f"{name}: {self._log_tail(name)}" for name in self._servers)
+                raise ClusterError(f"Waited {PATIENCE:.0f} s for {what}; last: {trouble}\n{logs}")
+            time.sleep(0.05)
+
+    def _log_tail(self, name: str) -> str:
+        return (self.directory / f"{name}.log").read_text(errors="replace")[-3000:]

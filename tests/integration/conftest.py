@@ -1,0 +1,111 @@
+"""A real control plane for the tests here: one per run, on free ports, gone (docs/how-to/test-cluster.md)."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from tests.cluster import directories, programs
+from tests.cluster.commands import Helm, Kubectl
+from tests.cluster.control_plane import ControlPlane
+from tests.cluster.definitions import definitions
+from tests.cluster.errors import NoGoError
+
+IN_CI = os.environ.get("ROBOT_OFFLOAD_CI") == "1"
+PROGRAMS: pytest.StashKey[programs.Programs | NoGoError] = pytest.StashKey()
+
+NewNamespace = Callable[..., str]
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Build what the tests need before any test's time limit runs."""
+    wanted = any(item.get_closest_marker("api") for item in session.items)
+    if not wanted or session.config.option.collectonly:
+        return
+    terminal = session.config.pluginmanager.getplugin("terminalreporter")
+    assert terminal is not None
+    try:
+        session.config.stash[PROGRAMS] = programs.ensure(lambda line: terminal.write_line(line, flush=True))
+    except NoGoError as error:
+        session.config.stash[PROGRAMS] = error
+
+
+@pytest.fixture(scope="session")
+def cluster_programs(request: pytest.FixtureRequest) -> programs.Programs:
+    """The built programs; without Go the test is skipped with the reason, in CI it fails."""
+    found = request.config.stash.get(PROGRAMS, None)
+    if found is None:  # a test without the marker asks for it: its time limit would end the first build
+        pytest.fail("A test that uses the control plane carries the marker: pytestmark = pytest.mark.api")
+    if isinstance(found, NoGoError):
+        if IN_CI:
+            pytest.fail(str(found))
+        pytest.skip(str(found))
+    return found
+
+
+@pytest.fixture(scope="session")
+def control_plane(cluster_programs: programs.Programs) -> Iterator[ControlPlane]:
+    """The API server of this run with our CRDs. Tests share it, each in a namespace of its own."""
+    with directories.of_this_run() as directory:
+        yield ControlPlane(directory, cluster_programs).start(definitions())
+
+
+@pytest.fixture(scope="module")
+def bare_control_plane(cluster_programs: programs.Programs) -> Iterator[ControlPlane]:
+    """Another one for a module that installs the CRDs by itself: none of ours are there."""
+    with directories.of_this_run() as directory:
+        yield ControlPlane(directory, cluster_programs).start()
+
+
+@pytest.fixture
+def new_namespace(control_plane: ControlPlane, request: pytest.FixtureRequest) -> Iterator[NewNamespace]:
+    """Make namespaces: `new_namespace()` or `new_namespace(pod_security="restricted")`; deleted after the test."""
+    made: list[str] = []
+    kubectl = control_plane.kubectl()
+
+    def make(pod_security: str = "") -> str:
+        name = _namespace_name(request.node.name)
+        kubectl("create", "namespace", name)
+        made.append(name)
+        if pod_security:
+            kubectl("label", "namespace", name, f"pod-security.kubernetes.io/enforce={pod_security}")
+        # A pod is refused until its ServiceAccount exists, and the controller makes that a moment later.
+        kubectl("wait", "--for=create", "serviceaccount/default", "--timeout=30s", f"--namespace={name}")
+        return name
+
+    yield make
+    if made:
+        kubectl("delete", "namespace", *made, "--wait=false")
+
+
+@pytest.fixture
+def namespace(new_namespace: NewNamespace) -> str:
+    """A namespace for this test alone."""
+    return new_namespace()
+
+
+@pytest.fixture
+def restricted_namespace(new_namespace: NewNamespace) -> str:
+    """One that takes only pods of the `restricted` pod security standard."""
+    return new_namespace(pod_security="restricted")
+
+
+@pytest.fixture
+def kubectl(control_plane: ControlPlane, namespace: str) -> Kubectl:
+    """Kubectl in this test's namespace."""
+    return control_plane.kubectl(namespace)
+
+
+@pytest.fixture
+def helm(control_plane: ControlPlane, namespace: str) -> Helm:
+    """Helm in this test's namespace."""
+    return control_plane.helm(namespace)
+
+
+def _namespace_name(test: str) -> str:
+    readable = re.sub(r"[^a-z0-9]+", "-", test.removeprefix("test_").lower())[:40].strip("-")
+    return f"{readable}-{secrets.token_hex(3)}"

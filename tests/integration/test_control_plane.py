@@ -1,0 +1,155 @@
+"""The test cluster itself: what the other integration tests rely on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from tests.cluster import directories, processes
+from tests.cluster.commands import Kubectl
+from tests.cluster.control_plane import ControlPlane
+from tests.cluster.errors import CommandError
+from tests.cluster.pretended_kubelet import report_ready
+
+pytestmark = pytest.mark.api
+
+ROOT = Path(__file__).parents[2]
+
+
+def config_map(name: str, **data: str) -> dict[str, Any]:
+    return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": {"name": name}, "data": data}
+
+
+def deployment(name: str) -> dict[str, Any]:
+    labels = {"app": name}
+    template = {"metadata": {"labels": labels}, "spec": {"containers": [{"name": "c", "image": "x"}]}}
+    spec = {"replicas": 1, "selector": {"matchLabels": labels}, "template": template}
+    return {"apiVersion": "apps/v1", "kind": "Deployment", "metadata": {"name": name}, "spec": spec}
+
+
+def test_server_and_client_report_the_pinned_version(kubectl: Kubectl) -> None:
+    versions = kubectl.json("version")
+    assert versions["serverVersion"]["gitVersion"] == versions["clientVersion"]["gitVersion"] == "v1.34.4"
+
+
+def test_an_object_that_is_applied_can_be_read_back(kubectl: Kubectl) -> None:
+    kubectl.apply(config_map("settings", speed="1"))
+    assert kubectl.json("get", "configmap", "settings")["data"] == {"speed": "1"}
+
+
+def test_a_second_field_manager_is_told_of_the_conflict(kubectl: Kubectl) -> None:
+    kubectl.apply(config_map("settings", speed="1"), options=("--server-side", "--field-manager=first"))
+    second = ("--server-side", "--field-manager=second")
+    assert 'conflict with "first"' in kubectl.apply_refused(config_map("settings", speed="2"), options=second)
+
+
+def test_a_deployment_gets_its_pod_and_takes_it_along(kubectl: Kubectl) -> None:
+    kubectl.apply(deployment("worker"))
+    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=30s")
+    kubectl("delete", "deployment", "worker")
+    kubectl("wait", "--for=delete", "replicasets,pods", "-l", "app=worker", "--timeout=30s")
+    assert kubectl.names("replicasets,pods") == []
+
+
+def test_a_deployment_is_available_once_its_pods_are_reported_ready(
+    control_plane: ControlPlane, kubectl: Kubectl
+) -> None:
+    kubectl.apply(deployment("worker"))
+    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=30s")
+    assert len(report_ready(control_plane, kubectl.namespace)) == 1
+    kubectl("wait", "--for=condition=Available", "deployment/worker", "--timeout=30s")
+
+
+def test_children_of_our_resource_go_with_it(kubectl: Kubectl) -> None:
+    # Where the controllers start before the definitions, the first child waits 40 s: longer than this wait.
+    owner = yaml.safe_load((ROOT / "examples" / "talker" / "robotoffload.yaml").read_text())
+    kubectl.apply(owner)
+    identity = {**owner, "uid": kubectl.json("get", "roff", "talker")["metadata"]["uid"]}
+    reference = {key: identity[key] for key in ("apiVersion", "kind", "uid")} | {"name": "talker"}
+    child = config_map("child")
+    child["metadata"]["ownerReferences"] = [reference]
+    kubectl.apply(child)
+    kubectl("delete", "roff", "talker")
+    kubectl("wait", "--for=delete", "configmap/child", "--timeout=20s")
+
+
+def test_a_restricted_namespace_refuses_a_pod_that_asks_for_too_much(
+    control_plane: ControlPlane, restricted_namespace: str
+) -> None:
+    kubectl = control_plane.kubectl(restricted_namespace)
+    refusal = kubectl.refuses("run", "greedy", "--image=x", "--privileged")
+    assert 'violates PodSecurity "restricted' in refusal
+
+
+def test_a_service_account_has_its_own_rights_and_no_others(control_plane: ControlPlane, kubectl: Kubectl) -> None:
+    kubectl("create", "serviceaccount", "reader")
+    kubectl("create", "role", "reader", "--verb=get", "--resource=configmaps")
+    kubectl("create", "rolebinding", "reader", "--role=reader", f"--serviceaccount={kubectl.namespace}:reader")
+    kubectl.apply(config_map("settings", speed="1"))
+    reader = Kubectl(kubectl.program, control_plane.kubeconfig_of(kubectl.namespace, "reader"), kubectl.namespace)
+    assert reader.json("get", "configmap", "settings")["data"] == {"speed": "1"}
+    with pytest.raises(CommandError, match="cannot delete resource"):
+        reader("delete", "configmap", "settings")
+
+
+def test_the_audit_log_tells_who_asked_for_what(control_plane: ControlPlane, kubectl: Kubectl) -> None:
+    kubectl.apply(config_map("audited"))
+    asked = [
+        (event["verb"], event["user"]["username"])
+        for event in control_plane.audit()
+        if event.get("objectRef", {}).get("name") == "audited" and event["objectRef"]["namespace"] == kubectl.namespace
+    ]
+    assert ("patch", "admin") in asked
+
+
+def test_a_killed_test_run_leaves_no_process_and_the_next_run_its_files(
+    cluster_programs: object, tmp_path: Path
+) -> None:
+    script = (
+        "from tests.cluster import directories, programs\n"
+        "from tests.cluster.control_plane import ControlPlane\n"
+        "with directories.of_this_run() as home:\n"
+        "    print(home, flush=True)\n"
+        "    ControlPlane(home, programs.ensure(print)).start()\n"
+    )
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(
+        [sys.executable, "-c", script], cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True
+    ) as run:
+        assert run.stdout is not None
+        home = Path(run.stdout.readline().strip())
+        while len(processes.running(home)) < 2:  # etcd and the API server
+            time.sleep(0.01)
+        run.send_signal(signal.SIGKILL)
+    while processes.running(home):  # the kernel kills them; nobody else does
+        time.sleep(0.01)
+    assert directories.sweep(tmp_path) == [home.parent]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cluster_by_hand_outlives_the_command_and_goes_when_told(cluster_programs: object, tmp_path: Path) -> None:
+    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path), "TMPDIR": str(tmp_path)}
+
+    def cluster(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "tests.cluster", "--name", "by-hand", *arguments]
+        return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+
+    home = tmp_path / "robot-offload" / "clusters" / "by-hand"
+    try:
+        assert f"export KUBECONFIG={home}/kubeconfig" in cluster("up").stdout
+        assert "kube-controller-manager" in cluster("status").stdout
+        assert "robotoffloads.robotoffload.dev" in cluster("kubectl", "get", "crd", "-o", "name").stdout
+    finally:
+        down = cluster("down")
+    assert "3 processes ended" in down.stderr
+    assert processes.running(home) == {}
+    assert not home.exists()
+    assert "Next: python -m tests.cluster up" in cluster("status").stderr
