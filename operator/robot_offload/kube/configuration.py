@@ -1,0 +1,97 @@
+"""Which API server, and as whom: a kubeconfig as kubectl reads it, or the pod's own service account.
+
+The second module beside `client` that knows the official client.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+from kubernetes.aio import config
+from kubernetes.aio.client import Configuration
+from kubernetes.aio.config.config_exception import ConfigException
+
+from robot_offload.kube.client import Client
+from robot_offload.kube.errors import NotConfiguredError
+from robot_offload.kube.retry import RetryPolicy
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Where the credentials come from.
+
+    Attributes:
+        kubeconfig: a file (or several, as in KUBECONFIG); None: KUBECONFIG, then the pod, then ~/.kube/config.
+        context: a context of the kubeconfig; None: the current one.
+    """
+
+    kubeconfig: str | None = None
+    context: str | None = None
+
+    @property
+    def in_cluster(self) -> bool:
+        """Whether the pod's service account is used."""
+        return not (self.kubeconfig or self.context or os.environ.get("KUBECONFIG")) and bool(
+            os.environ.get("KUBERNETES_SERVICE_HOST")
+        )
+
+    @property
+    def files(self) -> str:
+        """The kubeconfig files, separated as in KUBECONFIG."""
+        return self.kubeconfig or os.environ.get("KUBECONFIG") or str(Path.home() / ".kube" / "config")
+
+
+def connect(kubeconfig: str | None = None, context: str | None = None, retry: RetryPolicy | None = None) -> Client:
+    """A client for an API server. Credentials are read at the first request and again after a 401.
+
+    Args:
+        kubeconfig: as `kubectl --kubeconfig`.
+        context: as `kubectl --context`.
+        retry: how patient requests are.
+    """
+    access = Access(kubeconfig, context)
+
+    async def configure() -> Configuration:
+        return await _configuration(access)
+
+    return Client(configure, retry)
+
+
+def current_namespace(kubeconfig: str | None = None, context: str | None = None) -> str:
+    """The namespace that a command without `-n` means: the context's, or `default`."""
+    access = Access(kubeconfig, context)
+    if access.in_cluster:
+        own = Path("/var/run/secrets/kubernetes.io/serviceaccount/namespace")
+        return own.read_text(encoding="utf-8").strip() if own.exists() else "default"
+    wanted = context
+    for name in access.files.split(os.pathsep):
+        path = Path(name)
+        if not path.is_file():
+            continue
+        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        wanted = wanted or content.get("current-context")
+        for entry in content.get("contexts") or ():
+            if entry.get("name") == wanted:
+                return str((entry.get("context") or {}).get("namespace") or "default")
+    return "default"
+
+
+async def _configuration(access: Access) -> Configuration:
+    configuration = Configuration()
+    # aiohttp opens as many connections as are needed at once; the limit keeps a burst from drowning the server.
+    configuration.connection_pool_maxsize = 32
+    try:
+        if access.in_cluster:
+            config.load_incluster_config(configuration)
+        else:
+            await config.load_kube_config(
+                access.files, context=access.context, client_configuration=configuration, persist_config=False
+            )
+    except ConfigException as error:
+        raise NotConfiguredError(
+            f"no cluster to talk to: {error}. Name one with --kubeconfig or KUBECONFIG, or check --context"
+        ) from error
+    return configuration

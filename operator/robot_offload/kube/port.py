@@ -1,0 +1,63 @@
+"""What the program asks of an API server. Everything else in Kubernetes is out of reach on purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, Protocol
+
+from robot_offload.kube.kinds import Kind
+
+Manifest = dict[str, Any]
+"""One Kubernetes object as it is written in YAML."""
+
+FIELD_MANAGER: Final = "robot-offload"
+"""The one name under which fields are owned in server-side apply."""
+
+
+class KubeApi(Protocol):
+    """Reads and writes of objects. Every method raises a `KubeError` when the API server says no or is silent."""
+
+    async def get(self, kind: Kind, namespace: str | None, name: str) -> Manifest | None:
+        """One object, or None where there is none."""
+        ...
+
+    async def list(
+        self, kind: Kind, namespace: str | None = None, labels: Mapping[str, str] | None = None
+    ) -> list[Manifest]:
+        """All objects of a kind in a namespace (None: in all) that carry all `labels`."""
+        ...
+
+    async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:
+        """Server-side apply as `FIELD_MANAGER`; creates what is missing.
+
+        Args:
+            manifest: the fields to own, with namespace and name. A `metadata.uid` in it is a precondition: the write
+                is refused with `ConflictError` when the object is another one or is gone.
+            force: takes fields over that somebody else changed. Only for an object that is known to be ours.
+
+        Returns:
+            The object as the API server has it now.
+        """
+        ...
+
+    async def create(self, manifest: Manifest) -> Manifest:
+        """Creates an object; `AlreadyExistsError` when the name is taken."""
+        ...
+
+    async def patch(
+        self, kind: Kind, namespace: str | None, name: str, patch: Mapping[str, Any], *, subresource: str = ""
+    ) -> Manifest:
+        """JSON merge patch; a `metadata.resourceVersion` in it is a precondition (`ConflictError`)."""
+        ...
+
+    async def delete(self, kind: Kind, namespace: str | None, name: str, uid: str) -> None:
+        """Deletes the object with this uid in the background; quiet when gone, `ConflictError` for another uid."""
+        ...
+
+    async def patch_status(self, manifest: Manifest) -> Manifest:
+        """Writes `status` of the object with the same uid (and resourceVersion, when there is one)."""
+        ...
+
+    async def close(self) -> None:
+        """Ends all connections."""
+        ...
