@@ -107,36 +107,27 @@ def _data_loss(run: Chunk, fault: Fault) -> Undo:
 
 def _slow(run: Chunk, fault: Fault) -> Undo:
     wires, pick = _wires(run, fault.pick)
-    extra_s = 0.01 + 0.25 * pick
-
-    def add(value_s: float) -> None:
-        for wire in wires:
-            wire.extra_s = max(0.0, wire.extra_s + value_s)
-
-    add(extra_s)
-    return lambda: add(-extra_s)
+    return _raised(wires, "extra_s", 0.01 + 0.25 * pick)
 
 
 def _double(run: Chunk, fault: Fault) -> Undo:
     wires, pick = _wires(run, fault.pick)
-
-    def add(value: float) -> None:
-        for wire in wires:
-            wire.doubled = max(0.0, wire.doubled + value)
-
-    add(0.1 + 0.4 * pick)
-    return lambda: add(-0.1 - 0.4 * pick)
+    return _raised(wires, "doubled", 0.1 + 0.4 * pick)
 
 
 def _reorder(run: Chunk, fault: Fault) -> Undo:
-    wires, _ = _wires(run, fault.pick)
+    return _raised(_wires(run, fault.pick)[0], "reordering", 1)
 
-    def add(value: int) -> None:
-        for wire in wires:
-            wire.reordering += value
 
-    add(1)
-    return lambda: add(-1)
+def _raised(things: Sequence[Wire] | Sequence[Node], attribute: str, by: float) -> Undo:
+    """Raises an amount of several things; faults of one kind may overlap, so the undoing takes off just its own."""
+
+    def add(value: float) -> None:
+        for thing in things:
+            setattr(thing, attribute, max(0, getattr(thing, attribute) + value))
+
+    add(by)
+    return lambda: add(-by)
 
 
 def _nothing() -> None:
@@ -270,21 +261,13 @@ def _late_nodes(run: Chunk, fault: Fault) -> Undo:
     """The transitions of one side's nodes take about as long as a preparation may."""
     side, pick = _of((run.robot.nodes, run.robot.nodes, run.cloud.nodes), fault.pick)
     slow_s = run.scenario.settings.activation_deadline_s + PREPARE_EXTRA_S - 0.06 + 0.06 * pick
-    return _slowed([node for node in side.values() if node.spec.duplicated], slow_s)
+    return _raised([node for node in side.values() if node.spec.duplicated], "slow_s", slow_s)
 
 
 def _late_cloud(run: Chunk, fault: Fault) -> Undo:
     """The cloud's nodes take their time to wake, within the deadline."""
-    return _slowed([node for node in run.cloud.nodes.values() if node.spec.duplicated], 0.1 + 0.1 * fault.pick)
-
-
-def _slowed(nodes: Sequence[Node], slow_s: float) -> Undo:
-    def add(value_s: float) -> None:
-        for node in nodes:
-            node.slow_s = max(0.0, node.slow_s + value_s)
-
-    add(slow_s)
-    return lambda: add(-slow_s)
+    nodes = [node for node in run.cloud.nodes.values() if node.spec.duplicated]
+    return _raised(nodes, "slow_s", 0.1 + 0.1 * fault.pick)
 
 
 def _freeze(run: Chunk, fault: Fault) -> Undo:
@@ -323,17 +306,10 @@ def _troubled(run: Chunk, fault: Fault) -> Undo:
     if pick < 0.5:
         nodes = [_of(nodes, pick * 2)[0]]
 
-    def add(sign: int) -> None:
-        for node in nodes:
-            if how == "slow":
-                node.slow_s = max(0.0, node.slow_s + sign * (0.05 + 1.5 * pick**2))
-            elif how == "refusing":
-                node.refusing += sign
-            else:
-                node.mute += sign
-
-    add(1)
-    return lambda: add(-1)
+    attribute, by = {
+        "slow": ("slow_s", 0.05 + 1.5 * pick**2), "refusing": ("refusing", 1), "mute": ("mute", 1),
+    }[how]  # fmt: skip
+    return _raised(nodes, attribute, by)
 
 
 def _clock_step(run: Chunk, fault: Fault) -> Undo:
