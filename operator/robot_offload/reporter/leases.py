@@ -1,0 +1,43 @@
+"""The one Lease that this process may write, through the project's API adapter."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Protocol
+
+from robot_offload.kube.configuration import connect
+from robot_offload.kube.kinds import LEASE
+from robot_offload.kube.retry import RetryPolicy
+
+WRITE_WITHIN_S: Final = 8.0
+"""Of one write, the connection included: less than a Lease lasts, so a server that hangs is tried again."""
+
+
+class Leases(Protocol):
+    """Where the state is mirrored to."""
+
+    async def write(self, patch: dict[str, Any]) -> None:
+        """Merges `patch` into the Lease.
+
+        Raises:
+            RobotOffloadError: it was not written; the next attempt may succeed.
+        """
+
+    async def close(self) -> None:
+        """Ends the connection."""
+
+
+class ClusterLease:
+    """The Lease on the API server. Each write is tried once: the mirror knows when to try again, and with what."""
+
+    def __init__(self, namespace: str, name: str) -> None:
+        self._namespace = namespace
+        self._name = name
+        self._api = connect(retry=RetryPolicy(attempts=1, request_timeout_s=WRITE_WITHIN_S))
+
+    async def write(self, patch: dict[str, Any]) -> None:
+        """Merges `patch` into the Lease."""
+        await self._api.patch(LEASE, self._namespace, self._name, patch)
+
+    async def close(self) -> None:
+        """Ends the connection."""
+        await self._api.close()

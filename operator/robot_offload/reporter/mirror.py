@@ -1,0 +1,124 @@
+"""What to write into the robot's Lease, and when. Pure: the state, the time and what was written come in.
+
+The Lease is renewed only while the robot is connected, so it ends by itself when the robot, the agent, this reporter or
+the whole pod is gone; the operator compares it with its own clock. Writes: every RENEW_S while the robot is connected,
+at each transition, and never faster than GAP_S (a link that flaps is told by its newest state).
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robot_offload.reporter.state import ANNOTATION, Sight, lasting
+
+LEASE_S: Final = 30
+"""How long a Lease counts after it was renewed: three renewals may fail."""
+RENEW_S: Final = 10.0
+GAP_S: Final = 1.0
+FIRST_PAUSE_S: Final = 1.0
+LONGEST_PAUSE_S: Final = 10.0
+"""After an outage of the API server the Lease is renewed within this time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One wanted content of the Lease.
+
+    Attributes:
+        text: the state as compact JSON without live numbers.
+        connected: whether the robot is connected, that is, whether the Lease is renewed.
+        since: RFC 3339 time of the last change of `connected`.
+    """
+
+    text: str
+    connected: bool
+    since: str
+
+
+@dataclass(frozen=True, slots=True)
+class Mirror:
+    """What is known of the Lease.
+
+    Attributes:
+        written: the last report that the API server took; None: none by this process.
+        written_s: when that was, on the steady clock.
+        failures: how many writes in a row have failed.
+        retry_s: before this moment nothing is tried.
+    """
+
+    written: Report | None = None
+    written_s: float = float("-inf")
+    failures: int = 0
+    retry_s: float = float("-inf")
+
+
+def report(sight: Sight, now_s: float) -> Report | None:
+    """What the Lease should say; None: nothing is known yet, so what an earlier reporter wrote stays.
+
+    A silent agent is told once: its robot may go on by itself, but nothing here can vouch for it.
+    """
+    if sight.state is None:
+        return None
+    text = lasting(sight.text)
+    if sight.fresh(now_s):
+        return Report(text, sight.state.connected, sight.state.since)
+    values = json.loads(text)
+    values |= {
+        "connected": False,
+        "site": "unknown",
+        "ready": False,
+        "reason": "AgentSilent",
+        "message": "the cloud agent has stopped writing its state",
+    }
+    return Report(json.dumps(values, separators=(",", ":"), sort_keys=True), False, sight.state.since)
+
+
+def due(mirror: Mirror, wanted: Report | None, now_s: float) -> bool:
+    """Whether the Lease should be written now."""
+    if wanted is None or now_s < mirror.retry_s or now_s - mirror.written_s < GAP_S:
+        return False
+    if mirror.written is None or mirror.failures or wanted != mirror.written:
+        return True
+    return wanted.connected and now_s - mirror.written_s >= RENEW_S
+
+
+def patch(wanted: Report, robot: str, now: datetime.datetime) -> dict[str, Any]:
+    """The merge patch of the Lease.
+
+    Args:
+        wanted: what it should say.
+        robot: the robot's name.
+        now: the present, with its time zone.
+    """
+    spec: dict[str, Any] = {"holderIdentity": robot if wanted.connected else None, "leaseDurationSeconds": LEASE_S}
+    if wanted.connected:
+        spec["renewTime"] = _micro_time(now)
+        spec["acquireTime"] = _micro_time(_time(wanted.since) or now)
+    return {"metadata": {"annotations": {ANNOTATION: wanted.text}}, "spec": spec}
+
+
+def succeeded(wanted: Report, now_s: float) -> Mirror:
+    """The mirror after a write."""
+    return Mirror(written=wanted, written_s=now_s)
+
+
+def failed(mirror: Mirror, now_s: float) -> Mirror:
+    """The mirror after a write that failed: the pauses grow, and what is written next is the state of that moment."""
+    pause_s = min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2.0 ** min(mirror.failures, 8))
+    return Mirror(mirror.written, mirror.written_s, mirror.failures + 1, now_s + pause_s)
+
+
+def _micro_time(moment: datetime.datetime) -> str:
+    """As Kubernetes reads a MicroTime: always six digits after the point."""
+    return moment.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+
+
+def _time(text: str) -> datetime.datetime | None:
+    try:
+        moment = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return moment if moment.tzinfo else None

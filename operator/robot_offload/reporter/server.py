@@ -1,0 +1,77 @@
+"""What the reporter serves: probes, metrics, the state as it is, and the handover."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from aiohttp import web
+
+from robot_offload.reporter.handover import Handovers, Outcome
+from robot_offload.reporter.metrics import Counts, exposition
+from robot_offload.reporter.state import Sight
+
+STATUS: Final = {Outcome.DONE: 200, Outcome.AGENT_SILENT: 503, Outcome.TOO_LATE: 504}
+METRICS_TYPE: Final = "text/plain; version=1.0.0; charset=utf-8"
+
+
+def application(
+    sight: Callable[[], Sight], counts: Counts, handovers: Handovers, now: Callable[[], float]
+) -> web.Application:
+    """The HTTP application.
+
+    Args:
+        sight: the agent's state as last seen.
+        counts: what is counted here.
+        handovers: what asks the agent.
+        now: the steady clock in seconds.
+    """
+
+    async def healthz(_: web.Request) -> web.Response:
+        return web.Response(text="ok\n")
+
+    async def readyz(_: web.Request) -> web.Response:
+        problem = not_ready(sight(), now())
+        return web.Response(text=f"{problem or 'ok'}\n", status=503 if problem else 200)
+
+    async def state(_: web.Request) -> web.Response:
+        seen = sight()
+        if not seen.fresh(now()):
+            return web.json_response({"problem": not_ready(seen, now())}, status=503)
+        return web.Response(text=seen.text, content_type="application/json")
+
+    async def metrics(_: web.Request) -> web.Response:
+        return web.Response(body=exposition(sight(), counts, now()), headers={"Content-Type": METRICS_TYPE})
+
+    async def handover(_: web.Request) -> web.Response:
+        counts.handovers += 1
+        try:
+            answer = await handovers.hand_over()
+        except OSError as error:
+            return web.json_response({"message": f"the agent cannot be asked: {error.strerror}"}, status=500)
+        body = {"handover": answer.id, "reason": answer.outcome.value, "message": answer.message}
+        return web.json_response(body, status=STATUS[answer.outcome])
+
+    app = web.Application()
+    app.add_routes(
+        [
+            web.get("/healthz", healthz),
+            web.get("/readyz", readyz),
+            web.get("/state", state),
+            web.get("/metrics", metrics),
+            web.post("/handover", handover),
+        ]
+    )
+    return app
+
+
+def not_ready(sight: Sight, now_s: float) -> str:
+    """Why the cloud agent is not ready; empty when it is."""
+    if sight.state is None:
+        return sight.problem
+    if not sight.fresh(now_s):
+        silent = f"the cloud agent has written nothing new for {sight.age_s(now_s):.0f} s"
+        return f"{silent}: {sight.problem}" if sight.problem else silent
+    if not sight.state.ready:
+        return f"the cloud agent is not ready: {sight.state.message or sight.state.reason or 'it gives no reason'}"
+    return ""

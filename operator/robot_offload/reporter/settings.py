@@ -1,0 +1,53 @@
+"""What the reporter is told by its environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot_offload.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class ReporterSettings:
+    """Where things are.
+
+    Attributes:
+        namespace: of the Lease.
+        lease: the name of the robot's Lease.
+        robot: the robot's name, the holder of the Lease.
+        state_file: what the agent writes.
+        handover_file: what the agent watches.
+        port: of the HTTP server.
+    """
+
+    namespace: str
+    lease: str
+    robot: str
+    state_file: Path
+    handover_file: Path
+    port: int = 8080
+
+
+def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
+    """Reads NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_FILE and, if given, PORT.
+
+    Raises:
+        InputError: one is missing or no usable value.
+    """
+    wanted = ("NAMESPACE", "LEASE_NAME", "ROBOT_NAME", "STATE_FILE", "HANDOVER_FILE")
+    missing = [name for name in wanted if not environment.get(name)]
+    if missing:
+        raise InputError(f"the environment lacks {', '.join(missing)}; the operator's Deployment sets them")
+    port = environment.get("PORT") or "8080"
+    if not port.isdecimal() or int(port) > 65535:
+        raise InputError(f"PORT: {port!r} is no port; write a number from 0 (any free one) to 65535")
+    return ReporterSettings(
+        namespace=environment["NAMESPACE"],
+        lease=environment["LEASE_NAME"],
+        robot=environment["ROBOT_NAME"],
+        state_file=Path(environment["STATE_FILE"]),
+        handover_file=Path(environment["HANDOVER_FILE"]),
+        port=int(port),
+    )

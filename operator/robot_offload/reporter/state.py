@@ -1,0 +1,219 @@
+"""The cloud agent's state file, read without trust: what is there, what it means, how old it is.
+
+The agent replaces the file on every transition and at least each second. The same text travels in the annotation of the
+robot's Lease (without the live numbers) and through the reporter's `/state`, so this is its only reader.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robot_offload.errors import RobotOffloadError
+
+VERSION: Final = 1
+FRESH_S: Final = 5.0
+"""How long a state counts: the agent writes each second, so five missing ones mean that it has stopped."""
+ANNOTATION: Final = "robotoffload.dev/state"
+"""On the robot's Lease: the state as compact JSON."""
+_LIVE_FIELDS: Final = ("written", "round_trip_ms")
+"""What changes all the time; it is in the metrics and never in the Lease."""
+
+
+class StateError(RobotOffloadError):
+    """The text is no state of an agent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What became of the run-time settings on the robot.
+
+    Attributes:
+        robot_generation: the generation that the robot runs; None: it has not said.
+        accepted: whether it took the last ones; None: it has not answered.
+        reason: one CamelCase word.
+        message: one sentence.
+    """
+
+    robot_generation: int | None = None
+    accepted: bool | None = None
+    reason: str = ""
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentState:
+    """What the cloud agent says about its robot and itself.
+
+    Attributes:
+        agent_generation: the generation of the RobotOffload that the cloud agent was started with.
+        connected: whether the robot's agent is there.
+        since: RFC 3339 time of the last change of `connected`.
+        site: who acts: robot, cloud or unknown.
+        epoch: the number of the changeover.
+        reason: why this side acts, one CamelCase word.
+        message: the same as a sentence.
+        round_trip_p50_ms: the median round trip of the heartbeats; None: not known.
+        round_trip_p99_ms: the round trip that one of a hundred exceeds; None: not known.
+        nodes: name and lifecycle state of each node in the cloud.
+        settings: what became of the run-time settings on the robot.
+        ready: whether the agent listens for its robot; no robot need be there.
+        handover: the id of the last handover that the agent has finished.
+        written: RFC 3339 time at which the agent wrote this.
+    """
+
+    agent_generation: int = 0
+    connected: bool = False
+    since: str = ""
+    site: str = "unknown"
+    epoch: int = 0
+    reason: str = ""
+    message: str = ""
+    round_trip_p50_ms: float | None = None
+    round_trip_p99_ms: float | None = None
+    nodes: tuple[tuple[str, str], ...] = ()
+    settings: Settings = Settings()
+    ready: bool = False
+    handover: str = ""
+    written: str = ""
+
+
+def parse_state(text: str) -> AgentState:
+    """Reads a state; unknown fields are left alone, because a newer agent may say more.
+
+    Raises:
+        StateError: it is no JSON object of a version that we know, or a field has the wrong type.
+    """
+    values = _object(text)
+    if values.get("version") != VERSION:
+        raise StateError(f"the agent's state has version {values.get('version')!r}, this reporter reads {VERSION}")
+    round_trip = _part(values, "round_trip_ms")
+    settings = _part(values, "settings")
+    return AgentState(
+        agent_generation=_of(values, "agent_generation", int, 0),
+        connected=_of(values, "connected", bool, False),
+        since=_of(values, "since", str, ""),
+        site=_of(values, "site", str, "unknown"),
+        epoch=_of(values, "epoch", int, 0),
+        reason=_of(values, "reason", str, ""),
+        message=_of(values, "message", str, ""),
+        round_trip_p50_ms=_number(round_trip, "p50"),
+        round_trip_p99_ms=_number(round_trip, "p99"),
+        nodes=_nodes(values),
+        settings=Settings(
+            robot_generation=_of(settings, "robot_generation", int, None),
+            accepted=_of(settings, "accepted", bool, None),
+            reason=_of(settings, "reason", str, ""),
+            message=_of(settings, "message", str, ""),
+        ),
+        ready=_of(values, "ready", bool, False),
+        handover=_of(values, "handover", str, ""),
+        written=_of(values, "written", str, ""),
+    )
+
+
+def lasting(text: str) -> str:
+    """The state without its live numbers, as compact JSON: equal texts mean that nothing has happened.
+
+    Raises:
+        StateError: `text` is no JSON object.
+    """
+    values = {name: value for name, value in _object(text).items() if name not in _LIVE_FIELDS}
+    return json.dumps(values, separators=(",", ":"), sort_keys=True)
+
+
+def _object(text: str) -> dict[str, Any]:
+    try:
+        values = json.loads(text)
+    except ValueError as error:
+        raise StateError(f"the agent's state is no JSON: {error}") from error
+    if not isinstance(values, dict):
+        raise StateError("the agent's state is no JSON object")
+    return values
+
+
+def _part(values: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    part = values.get(name) or {}
+    if not isinstance(part, Mapping):
+        raise StateError(f"{name} of the agent's state is no mapping")
+    return part
+
+
+def _of(values: Mapping[str, Any], name: str, kind: type, default: object) -> Any:
+    value = values.get(name)
+    if value is None:
+        return default
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        raise StateError(f"{name} of the agent's state is {value!r}, not {kind.__name__}")
+    return value
+
+
+def _number(values: Mapping[str, Any], name: str) -> float | None:
+    value = values.get(name)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise StateError(f"{name} of the agent's state is {value!r}, not a number")
+    return float(value)
+
+
+def _nodes(values: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    nodes = values.get("nodes") or []
+    if not isinstance(nodes, list) or not all(isinstance(node, Mapping) for node in nodes):
+        raise StateError("nodes of the agent's state is no list of mappings")
+    return tuple((str(node.get("name", "")), str(node.get("state", ""))) for node in nodes)
+
+
+# -- how old it is ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """The state file as it was last seen to change.
+
+    Attributes:
+        text: its content; empty: never read.
+        state: what it says; None: nothing usable was ever read.
+        changed_s: when its content last changed, on the reporter's own steady clock.
+        problem: why the present content cannot be used; empty: it can.
+    """
+
+    text: str = ""
+    state: AgentState | None = None
+    changed_s: float = float("-inf")
+    problem: str = "the agent has not written its state yet"
+
+    def fresh(self, now_s: float) -> bool:
+        """Whether the agent lives: its last usable state is young enough."""
+        return self.state is not None and now_s - self.changed_s <= FRESH_S
+
+    def age_s(self, now_s: float) -> float:
+        """The age of the last usable state in seconds; endless before the first one."""
+        return now_s - self.changed_s
+
+
+def look(before: Sight, text: str | None, now_s: float, *, written_ago_s: float = 0.0) -> Sight:
+    """The sight after reading the file.
+
+    Only a change of the content counts as a sign of life: a host's clock may step, the steady clock does not.
+
+    Args:
+        before: the last sight.
+        text: the file's content; None: there is no file.
+        now_s: the steady clock.
+        written_ago_s: how long ago the file was written, for the first look only: a file left by a dead agent is old.
+    """
+    if text is None:
+        return Sight(before.text, before.state, before.changed_s, "there is no state file: the agent has not started")
+    if text == before.text and not before.problem:
+        return before
+    try:
+        state = parse_state(text)
+    except StateError as error:
+        return Sight(before.text, before.state, before.changed_s, str(error))
+    if text == before.text:
+        return Sight(text, state, before.changed_s, "")
+    first = before.state is None
+    return Sight(text, state, now_s - max(0.0, written_ago_s) if first else now_s, "")
