@@ -89,7 +89,7 @@ def test_without_a_fallback_there_is_no_fallback_endpoint() -> None:
 
 
 def test_a_dds_transport_has_no_endpoints() -> None:
-    link = rendered("spec.transport", {"type": "ROS"})["link"]
+    link = rendered("spec.transport", {"type": "DDSRouter"})["link"]
     assert link["type"] == "ros"
     assert link["pulse_endpoints"] == link["data_endpoints"] == link["data_fallback"] == ["none"]
 

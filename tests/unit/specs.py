@@ -43,6 +43,7 @@ spec:
   - name: planner
     placement: Cloud
     run: {package: nav2_planner, executable: planner_server}
+    image: registry.example/nav2:1
   switching:
     prefer: Cloud
     heartbeatPeriod: 20ms
@@ -63,7 +64,7 @@ apiVersion: robotoffload.dev/v1alpha1
 kind: RobotOffload
 metadata: {name: talker}
 spec:
-  nodes: [{name: talker, placement: Duplicated}]
+  nodes: [{name: talker, placement: Duplicated, image: registry.example/talker:1}]
 """
 
 

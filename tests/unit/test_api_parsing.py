@@ -45,8 +45,8 @@ def test_all_problems_are_told_at_once() -> None:
         ("spec.robot.domainId", 1, "is not a known field; did you mean domainID?"),
         ("spec.nodes.1.outputs.0.zzz", 1, "is not a known field; known here: deadline, mirror, qos, rate, topic, type"),
         ("spec.topics.toCloud.0.qos.depht", 1, "is not a known field; did you mean depth?"),
-        ("spec.transport.type", "zenoh", "'zenoh' is not one of Zenoh, ROS; did you mean Zenoh?"),
-        ("spec.nodes.1.standby.cloud", "Cold", "'Cold' is not one of Warm, Hot"),
+        ("spec.transport.type", "zenoh", "DiscoveryServer, StaticPeers; did you mean Zenoh?"),
+        ("spec.nodes.1.standby.cloud", "Cool", "'Cool' is not one of Cold, Warm, Hot; did you mean Cold?"),
         ("kind", "RobotOfload", "'RobotOfload' must be RobotOffload"),
         ("apiVersion", 1, "must be one of robotoffload.dev/v1alpha1, found the number 1"),
         ("spec.nodes.1.core", "yes", "must be true or false, found the text 'yes'"),
@@ -128,7 +128,7 @@ def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
 
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=12)
-    | st.sampled_from(["20ms", "0s", "Robot", "/scan", "", "none", "a/msg/B", "controller", "Zenoh", "ROS"]),
+    | st.sampled_from(["20ms", "0s", "Robot", "/scan", "", "none", "a/msg/B", "controller", "Zenoh", "DDSRouter"]),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
     max_leaves=6,
 )  # fmt: skip

@@ -20,7 +20,7 @@ ERRORS = [
     ("spec.switching.maxCommandAge", "80ms", "spec.switching.maxCommandAge", "TooShort", "more than 80ms"),
     (f"{LATENCY}.cloudPeriod", "80ms", LATENCY, "NeverInCloud", "raise tolerance"),
     ("spec.switching.holdDown.max", "500ms", "spec.switching.holdDown.initial", "OutOfRange", "raise max"),
-    ("spec.transport.type", "ROS", "spec.transport.zenoh", "WrongBlock", "does not belong to"),
+    ("spec.transport.type", "DDSRouter", "spec.transport.zenoh", "WrongBlock", "does not belong to"),
     ("spec.nodes.0.name", "planner", "spec.nodes[2].name", "DuplicateNode", "first at spec.nodes[0].name"),
     ("spec.topics.toCloud.1.name", "/scan", "spec.topics.toCloud[1].name", "DuplicateTopic", "listed twice"),
     ("spec.topics.toCloud.1.name", "/cmd_vel", "spec.topics.toCloud[1].name", "AlsoAnOutput", "crosses by itself"),

@@ -102,7 +102,7 @@ def test_the_robot_dials_the_wire_and_the_wire_dials_the_cloud(tmp_path: Path) -
 
 
 def test_only_declared_topics_cross_a_link_of_topics(tmp_path: Path) -> None:
-    one = system(tmp_path, transport="ROS")
+    one = system(tmp_path, transport="StaticPeers")
     assert "dds-wire" in names(one)
     crossing = {(topic.topic, topic.direction) for topic in carried(one.spec)}
     assert {topic for topic, direction in crossing if direction == "down"} == {

@@ -136,7 +136,7 @@ def demo(
         seed=seed,
         out=out,
         realtime=realtime,
-        transport={None: "", LinkOption.ZENOH: "Zenoh", LinkOption.ROS: "ROS"}[link],
+        transport={None: "", LinkOption.ZENOH: "Zenoh", LinkOption.ROS: "StaticPeers"}[link],
         domains=_domains(domains),
     )
     # The report stands alone on standard output, when somebody wants to read it with a program.

@@ -1,9 +1,9 @@
 """An emulated DDS link: carries declared topics between the ROS domains of the two sides, delayed, lost or cut.
 
-Stands in for a DDS router on a bad network where the agents' link is itself made of topics (`transport: ROS`). It
-shares the model of the link with `wire`. Every message is a datagram; lost reliable ones are sent again once a later
-message of their topic (or a heartbeat) has got through, of which the newest `DEPTH` survive, as in a history of that
-depth. What DDS itself adds (acknowledgements, discovery over the link) is not modelled.
+Stands in for a DDS router on a bad network where the agents' link is itself made of topics (every transport but
+Zenoh). It shares the model of the link with `wire`. Every message is a datagram; lost reliable ones are sent again once
+a later message of their topic (or a heartbeat) has got through, of which the newest `DEPTH` survive, as in a history of
+that depth. What DDS itself adds (acknowledgements, discovery over the link) is not modelled.
 
 A process of its own: `python -m robot_offload.local.dds_wire CONFIG.json`. Standard input takes `{"start": steady
 time}`, which starts the schedule's clock; its end ends the process.

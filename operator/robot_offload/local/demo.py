@@ -73,7 +73,7 @@ class DemoOptions:
         seed: of link and world.
         out: folder for the report.
         realtime: ask for real-time priority.
-        transport: `Zenoh` or `ROS` instead of the specification's; empty for that.
+        transport: a transport type instead of the specification's; empty for that.
         domains: ROS domains of robot and cloud; None picks free ones.
     """
 

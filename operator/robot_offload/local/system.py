@@ -125,7 +125,7 @@ class System:
     @property
     def joined_by_topics(self) -> bool:
         """Whether the link between the agents is made of ROS topics, so that a wire for DDS is needed."""
-        return self.wired and self.spec.transport.type == "ROS"
+        return self.wired and self.spec.transport.agent_link == "ros"
 
     @property
     def logs(self) -> Path:
@@ -150,7 +150,7 @@ def adapted(offload: RobotOffload, mode: Mode, seed: int, transport: str = "") -
         offload: as the user wrote it.
         mode: robot-only and cloud-only pin the placement.
         seed: replaces the parameter `seed` of every node that has one.
-        transport: `Zenoh` or `ROS` instead of the specification's; empty for that.
+        transport: a transport type instead of the specification's; empty for that.
     """
     spec = offload.spec
     switching = spec.switching

@@ -128,7 +128,7 @@ def _link(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
     own_session = transport.type == "Zenoh"
     fallback = own_session and zenoh.fallback
     return {
-        "type": transport.type.lower(),
+        "type": transport.agent_link,
         "pulse_endpoints": [f"quic/{pulse}"] if own_session else NONE,
         "data_endpoints": [f"quic/{data}"] if own_session else NONE,
         "pulse_fallback": [f"tls/{pulse}"] if fallback else NONE,

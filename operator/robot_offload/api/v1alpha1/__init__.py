@@ -1,30 +1,65 @@
 """The resource RobotOffload, version v1alpha1: the one source of the CRD's schema, its docs and its defaults.
 
 Pure: nothing here reads a file, a clock or the environment. Text and objects become a `RobotOffload` through
-`parsing`, rules between fields are in `checks`.
+`parsing`, rules between fields are in `checks`, what the operator reports is in `status`.
 """
 
-from robot_offload.api.v1alpha1.nodes import Node, Output, Run, Standby
-from robot_offload.api.v1alpha1.robotoffload import API_VERSION, KIND, RobotOffload, RobotOffloadSpec
+from robot_offload.api.v1alpha1.nodes import EnvironmentVariable, Node, Output, ParametersFrom, Resources, Run, Standby
+from robot_offload.api.v1alpha1.robotoffload import (
+    API_VERSION,
+    FAST_DDS,
+    KIND,
+    CloudSide,
+    RobotOffload,
+    RobotOffloadSpec,
+    Scale,
+    Toleration,
+)
 from robot_offload.api.v1alpha1.switching import HoldDown, Latency, Switching
 from robot_offload.api.v1alpha1.topics import QualityOfService, Topics, TopicToCloud
-from robot_offload.api.v1alpha1.transport import Transport, ZenohTransport
+from robot_offload.api.v1alpha1.transport import (
+    Certificates,
+    DDSRouterTransport,
+    DiscoveryServerTransport,
+    Expose,
+    IssuerReference,
+    NodePorts,
+    StaticPeersTransport,
+    Transport,
+    TransportType,
+    ZenohTransport,
+)
 
 __all__ = [
     "API_VERSION",
+    "FAST_DDS",
     "KIND",
+    "Certificates",
+    "CloudSide",
+    "DDSRouterTransport",
+    "DiscoveryServerTransport",
+    "EnvironmentVariable",
+    "Expose",
     "HoldDown",
+    "IssuerReference",
     "Latency",
     "Node",
+    "NodePorts",
     "Output",
+    "ParametersFrom",
     "QualityOfService",
+    "Resources",
     "RobotOffload",
     "RobotOffloadSpec",
     "Run",
+    "Scale",
     "Standby",
+    "StaticPeersTransport",
     "Switching",
+    "Toleration",
     "TopicToCloud",
     "Topics",
     "Transport",
+    "TransportType",
     "ZenohTransport",
 ]

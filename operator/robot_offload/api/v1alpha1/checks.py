@@ -5,14 +5,16 @@ A check gets a specification whose single fields are right already. Findings of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final, TypeAlias
 
+from robot_offload.api.v1alpha1.model import yaml_name
 from robot_offload.api.v1alpha1.names import identifier
-from robot_offload.api.v1alpha1.nodes import Node
+from robot_offload.api.v1alpha1.nodes import RESERVED_VARIABLES, Node
 from robot_offload.api.v1alpha1.quantities import format_duration as text
-from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
-from robot_offload.findings import Finding
+from robot_offload.api.v1alpha1.robotoffload import FAST_DDS, RobotOffloadSpec
+from robot_offload.api.v1alpha1.transport import BLOCKS
+from robot_offload.findings import Finding, Severity
 
 Check: TypeAlias = Callable[[RobotOffloadSpec], Iterator[Finding]]
 
@@ -21,9 +23,14 @@ Check: TypeAlias = Callable[[RobotOffloadSpec], Iterator[Finding]]
 _EPHEMERAL_DOMAINS: Final = range(102, 215)
 
 
-def check(spec: RobotOffloadSpec) -> tuple[Finding, ...]:
-    """Everything that the rules between fields find, in the order of CHECKS."""
-    return tuple(finding for rule in CHECKS for finding in rule(spec))
+def check(spec: RobotOffloadSpec, rules: Sequence[Check] | None = None) -> tuple[Finding, ...]:
+    """Everything that the rules between fields find, in the order of the rules.
+
+    Args:
+        spec: what is checked.
+        rules: CHECKS (the default, for a run on one machine) or CLUSTER_CHECKS.
+    """
+    return tuple(finding for rule in (CHECKS if rules is None else rules) for finding in rule(spec))
 
 
 def _loss_timeout_fits_heartbeat(spec: RobotOffloadSpec) -> Iterator[Finding]:
@@ -100,12 +107,93 @@ def _hold_down_grows(spec: RobotOffloadSpec) -> Iterator[Finding]:
 
 
 def _transport_block_fits_type(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    if spec.transport.type != "Zenoh" and "zenoh" in spec.transport.model_fields_set:
+    transport = spec.transport
+    for block, types in BLOCKS.items():
+        if block in transport.model_fields_set and transport.type not in types:
+            yield Finding(
+                f"spec.transport.{yaml_name(block)}",
+                "WrongBlock",
+                f"does not belong to transport type {transport.type}; remove it or write type: {' or '.join(types)}",
+            )
+    if transport.type == "StaticPeers" and not transport.static_peers.robot:
         yield Finding(
-            "spec.transport.zenoh",
-            "WrongBlock",
-            f"does not belong to transport type {spec.transport.type}; remove it or write type: Zenoh",
+            "spec.transport.staticPeers.robot",
+            "NoPeers",
+            "transport type StaticPeers needs at least one address of the robot, as the cloud reaches it",
         )
+
+
+def _exposure_is_consistent(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """What only one type of Service has, and ports that two listeners would share."""
+    transport = spec.transport
+    expose, path = transport.expose, "spec.transport.expose"
+    for field in ("address", "load_balancer_class"):
+        if getattr(expose, field) is not None and expose.type != "LoadBalancer":
+            yield Finding(
+                f"{path}.{yaml_name(field)}",
+                "WrongExposure",
+                f"belongs to type LoadBalancer, but the type is {expose.type}; remove it or write type: LoadBalancer",
+            )
+    if expose.node_ports is not None and expose.type == "ClusterIP":
+        yield Finding(
+            f"{path}.nodePorts",
+            "WrongExposure",
+            "Services of type ClusterIP have no ports on the nodes; remove it or write type: NodePort",
+        )
+    if transport.zenoh.pulse_port == transport.zenoh.data_port:
+        yield Finding(
+            "spec.transport.zenoh.dataPort",
+            "SamePort",
+            f"{transport.zenoh.data_port} is the port of the pulse as well; give the data session another one",
+        )
+    if expose.node_ports is not None:
+        given = [port for port in expose.node_ports.model_dump().values() if port is not None]
+        if len(set(given)) < len(given):
+            yield Finding(
+                f"{path}.nodePorts", "SamePort", "gives one port twice; a port of the nodes serves one purpose only"
+            )
+
+
+def _certificates_are_renewed_in_time(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    certificates = spec.transport.certificates
+    if certificates.renew_before_ms >= certificates.duration_ms:
+        yield Finding(
+            "spec.transport.certificates.renewBefore",
+            "TooLong",
+            f"{text(certificates.renew_before_ms)} is not less than duration {text(certificates.duration_ms)}, so "
+            "certificates would be renewed all the time; write for example a third of duration",
+        )
+
+
+def _environment_is_free(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """No variable is set twice, and none of those by which nodes find each other."""
+    for i, node in enumerate(spec.nodes):
+        names = [(f"spec.nodes[{i}].env[{j}].name", variable.name) for j, variable in enumerate(node.env)]
+        yield from _repeated(names, "DuplicateVariable", "is set twice; remove one of the two")
+        for path, name in names:
+            if name in RESERVED_VARIABLES:
+                yield Finding(
+                    path, "ReservedVariable", f"{name!r} follows from the resource and cannot be set; remove it"
+                )
+
+
+def _tolerations_are_complete(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """The rules that Kubernetes has for tolerations, told before a pod is refused."""
+    for i, toleration in enumerate(spec.cloud.tolerations):
+        path = f"spec.cloud.tolerations[{i}]"
+        if toleration.operator == "Exists" and toleration.value:
+            yield Finding(f"{path}.value", "Contradiction", "operator Exists takes no value; remove it")
+        if toleration.key is None and toleration.operator == "Equal":
+            yield Finding(f"{path}.key", "Required", "is missing; give a key or write operator: Exists")
+        if toleration.toleration_seconds is not None and toleration.effect != "NoExecute":
+            yield Finding(
+                f"{path}.tolerationSeconds", "Contradiction", "counts for effect NoExecute only; remove it or add that"
+            )
+
+
+def _pull_secrets_are_unique(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    names = [(f"spec.cloud.imagePullSecrets[{i}].name", it.name) for i, it in enumerate(spec.cloud.image_pull_secrets)]
+    yield from _repeated(names, "DuplicateSecret", "is listed twice; remove one of the two")
 
 
 def _domains_avoid_ephemeral_ports(spec: RobotOffloadSpec) -> Iterator[Finding]:
@@ -276,13 +364,54 @@ def _core_nodes_can_stop_the_robot(spec: RobotOffloadSpec) -> Iterator[Finding]:
         )
 
 
-CHECKS: Final[tuple[Check, ...]] = (
+def _images(severity: Severity) -> Check:
+    def cloud_nodes_have_images(spec: RobotOffloadSpec) -> Iterator[Finding]:
+        for i, node in enumerate(spec.nodes):
+            if node.in_cloud and node.image is None:
+                yield Finding(
+                    f"spec.nodes[{i}].image",
+                    "NoImage",
+                    f"node {node.name!r} has placement {node.placement}, so a cluster needs the image of its replica "
+                    "in the cloud; add image",
+                    severity,
+                )
+
+    return cloud_nodes_have_images
+
+
+def _cloud_nodes_say_how_they_start(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Without a command line nobody could give the replica its name, its parameters and its private topics."""
+    for i, node in enumerate(spec.nodes):
+        if node.in_cloud and node.run is None:
+            yield Finding(
+                f"spec.nodes[{i}].run",
+                "NoProgram",
+                f"node {node.name!r} has placement {node.placement}, so a cluster must know how to start it; add run",
+            )
+
+
+def _cloud_rmw_knows_discovery_servers(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    if spec.cloud_rmw not in FAST_DDS:
+        yield Finding(
+            "spec.cloud.rmw",
+            "CloudRmw",
+            f"{spec.cloud_rmw} cannot find nodes through discovery servers, as a cluster needs it; write "
+            f"rmw: {FAST_DDS[0]} under spec.cloud",
+        )
+
+
+_EVERYWHERE: Final[tuple[Check, ...]] = (
     _transport_block_fits_type,
+    _exposure_is_consistent,
+    _certificates_are_renewed_in_time,
     _domains_avoid_ephemeral_ports,
+    _pull_secrets_are_unique,
+    _tolerations_are_complete,
     _names_are_unique,
     _crossing_topics_are_distinct,
     _latched_topics_are_transient_local,
     _nodes_are_complete,
+    _environment_is_free,
     _runs_name_one_program,
     _core_nodes_can_stop_the_robot,
     _loss_timeout_fits_heartbeat,
@@ -291,3 +420,12 @@ CHECKS: Final[tuple[Check, ...]] = (
     _command_age_covers_loop,
     _hold_down_grows,
 )
+CHECKS: Final[tuple[Check, ...]] = (*_EVERYWHERE, _images("warning"))
+"""The rules for a run on one machine, where processes need no images."""
+CLUSTER_CHECKS: Final[tuple[Check, ...]] = (
+    *_EVERYWHERE,
+    _images("error"),
+    _cloud_nodes_say_how_they_start,
+    _cloud_rmw_knows_discovery_servers,
+)
+"""The rules of a cluster: what the operator and `validate --cluster` ask for."""

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from pydantic import BaseModel, ConfigDict
 
 _UNITS: Final = ("_ms", "_hz")
 _ACRONYMS: Final = {"id": "ID"}
+
+NO_SERVER_DEFAULT: Final[dict[str, Any]] = {"x-no-server-default": True}
+"""Marks a block that the API server must not fill in, because leaving it out means something."""
+
+
+def map_list(key: str) -> dict[str, Any]:
+    """Marks a list whose entries are told apart by the field `key`: each may occur once, each has one owner."""
+    return {"x-kubernetes-list-type": "map", "x-kubernetes-list-map-keys": [key]}
 
 
 def yaml_name(field: str) -> str:

@@ -29,6 +29,14 @@ _MESSAGE_TYPE = r"^[a-z](_?[a-z0-9])*/msg/[A-Z][A-Za-z0-9]*$"
 _EXECUTABLE = r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$"
 _IMAGE = r"^[A-Za-z0-9][A-Za-z0-9._/:@-]*$"
 _RMW = r"^rmw_[a-z0-9_]+$"
+_DNS_LABEL = r"[a-z0-9]([-a-z0-9]*[a-z0-9])?"
+_DNS_NAME = rf"^{_DNS_LABEL}(\.{_DNS_LABEL})*$"
+_IP_ADDRESS = r"^([0-9]{1,3}(\.[0-9]{1,3}){3}|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*)$"
+_ADDRESS = r"^([A-Za-z0-9]([-A-Za-z0-9.]*[A-Za-z0-9])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*)$"
+_LABEL_KEY = r"^([a-z0-9]([-a-z0-9.]*[a-z0-9])?/)?[A-Za-z0-9]([-A-Za-z0-9_.]*[A-Za-z0-9])?$"
+_LABEL_VALUE = r"^([A-Za-z0-9]([-A-Za-z0-9_.]*[A-Za-z0-9])?)?$"
+_VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
+_CONFIG_KEY = r"^[-._a-zA-Z0-9]+$"
 
 OWN_NODES: Final = ("network_monitor", "cloud_switcher", "guardian")
 """The agent's nodes on the robot; in the cloud they carry the prefix."""
@@ -100,9 +108,9 @@ def _check_message_type(text: str) -> str:
     return text
 
 
-def _matching(pattern: str, what: str) -> Callable[[str], str]:
+def _matching(pattern: str, what: str, max_length: int = 255) -> Callable[[str], str]:
     def check(text: str) -> str:
-        if len(text) > 255 or not re.fullmatch(pattern, text):
+        if len(text) > max_length or not re.fullmatch(pattern, text):
             raise ValueError(f"{_shown(text)} is not {what}")
         return text
 
@@ -144,4 +152,46 @@ RmwName = Annotated[
     str,
     AfterValidator(_matching(_RMW, "a ROS middleware; write e.g. rmw_fastrtps_cpp")),
     _schema(_RMW),
+]
+DNSName = Annotated[
+    str,
+    AfterValidator(_matching(_DNS_NAME, "a DNS name; write it in lower case and without a port", 253)),
+    _schema(_DNS_NAME, 253),
+]
+ObjectName = Annotated[
+    str,
+    AfterValidator(
+        _matching(_DNS_NAME, "the name of a Kubernetes object; use lower-case letters, digits, - and .", 253)
+    ),
+    _schema(_DNS_NAME, 253),
+]
+IPAddress = Annotated[
+    str,
+    AfterValidator(_matching(_IP_ADDRESS, "an IP address; write e.g. 192.0.2.10 or 2001:db8::10", 45)),
+    _schema(_IP_ADDRESS, 45),
+]
+Address = Annotated[
+    str,
+    AfterValidator(_matching(_ADDRESS, "an address; write an IP address or a DNS name, without a port", 253)),
+    _schema(_ADDRESS, 253),
+]
+LabelKey = Annotated[
+    str,
+    AfterValidator(_matching(_LABEL_KEY, "the name of a label or annotation; write name or prefix/name", 316)),
+    _schema(_LABEL_KEY, 316),
+]
+LabelValue = Annotated[
+    str,
+    AfterValidator(_matching(_LABEL_VALUE, "a label's value; use letters, digits, -, _ and .", MAX_NAME_LENGTH)),
+    WithJsonSchema({"type": "string", "maxLength": MAX_NAME_LENGTH, "pattern": _LABEL_VALUE}),
+]
+VariableName = Annotated[
+    str,
+    AfterValidator(_matching(_VARIABLE, "the name of an environment variable; use letters, digits and underscores")),
+    _schema(_VARIABLE),
+]
+ConfigKey = Annotated[
+    str,
+    AfterValidator(_matching(_CONFIG_KEY, "a key of a ConfigMap; use letters, digits, -, _ and .", 253)),
+    _schema(_CONFIG_KEY, 253),
 ]

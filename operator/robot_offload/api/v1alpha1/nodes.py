@@ -7,16 +7,21 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from robot_offload.api.v1alpha1.model import Model
+from robot_offload.api.v1alpha1.model import NO_SERVER_DEFAULT, Model, map_list
 from robot_offload.api.v1alpha1.names import (
+    ConfigKey,
     ExecutableName,
     ImageName,
+    LabelKey,
+    LabelValue,
     MessageType,
     NodeName,
+    ObjectName,
     PackageName,
     TopicName,
+    VariableName,
 )
-from robot_offload.api.v1alpha1.quantities import Duration, RateHz, Within
+from robot_offload.api.v1alpha1.quantities import Duration, Quantity, RateHz, Within
 from robot_offload.api.v1alpha1.topics import QualityOfService
 
 DEADLINE_PERIODS: Final = 3
@@ -65,7 +70,32 @@ def _check_argument(text: str) -> str:
     return text
 
 
-Argument = Annotated[str, AfterValidator(_check_argument), WithJsonSchema({"type": "string", "minLength": 1})]
+Argument = Annotated[
+    str,
+    Field(max_length=4096),
+    AfterValidator(_check_argument),
+    WithJsonSchema({"type": "string", "minLength": 1, "maxLength": 4096}),
+]
+RosName = Annotated[
+    str,
+    Field(max_length=255),
+    AfterValidator(_check_argument),
+    WithJsonSchema({"type": "string", "minLength": 1, "maxLength": 255}),
+]
+"""A name in a remapping: absolute, relative or private."""
+
+
+class ConfigMapKeyReference(Model):
+    """One entry of a ConfigMap in the same Kubernetes namespace."""
+
+    name: ObjectName = Field(description="The ConfigMap's name.")
+    key: ConfigKey = Field(description="The key in it, whose value is a ROS 2 parameter file, e.g. nav2.yaml.")
+
+
+class ParametersFrom(Model):
+    """Where a ROS 2 parameter file comes from."""
+
+    config_map_key_ref: ConfigMapKeyReference = Field(description="The entry of a ConfigMap that holds the file.")
 
 
 class Run(Model):
@@ -73,6 +103,7 @@ class Run(Model):
 
     command: tuple[Argument, ...] = Field(
         default=(),
+        max_length=64,
         description="The program and its arguments, e.g. [python3, controller.py]; files are relative to the "
         "folder of this specification. ROS arguments are added. Either this, or package and executable.",
     )
@@ -91,8 +122,14 @@ class Run(Model):
         default_factory=dict,
         description="ROS parameters that differ in the cloud; they are laid over `parameters`. Default: none.",
     )
-    remap: dict[Argument, Argument] = Field(
+    parameters_from: ParametersFrom | None = Field(
+        default=None,
+        description="A ROS 2 parameter file for the replica in the cloud; `parameters` and `cloudParameters` are "
+        "laid over it. Default: none.",
+    )
+    remap: dict[RosName, RosName] = Field(
         default_factory=dict,
+        max_length=64,
         description="Remapping of names, from: to, e.g. {cmd_vel_nav: /cmd_vel}. Outputs are remapped on top "
         "of it. Default: none.",
     )
@@ -142,10 +179,47 @@ class Standby(Model):
         description="On the robot while the cloud acts: Warm (configured, inactive) or Hot (active, its "
         "output held back; takes over at once). Default Warm.",
     )
-    cloud: Literal["Warm", "Hot"] = Field(
+    cloud: Literal["Cold", "Warm", "Hot"] = Field(
         default="Warm",
-        description="In the cloud while the robot acts: Warm (configured, inactive) or Hot (active, its "
-        "output held back). Default Warm.",
+        description="In the cloud while the robot acts: Cold (no pod until the robot is connected and may use it), "
+        "Warm (configured, inactive) or Hot (active, its output held back). Default Warm.",
+    )
+
+
+class Resources(Model):
+    """Computing resources of a container."""
+
+    limits: dict[LabelKey, Quantity] = Field(
+        default_factory=dict,
+        max_length=16,
+        description="The most that it may use, e.g. {memory: 1Gi, nvidia.com/gpu: 1}. Default: none.",
+    )
+    requests: dict[LabelKey, Quantity] = Field(
+        default_factory=dict,
+        max_length=16,
+        description="What is set aside for it, e.g. {cpu: 500m, memory: 512Mi}. Default: the limits.",
+    )
+
+
+RESERVED_VARIABLES: Final = (
+    "ROS_DOMAIN_ID",
+    "RMW_IMPLEMENTATION",
+    "ROS_DISCOVERY_SERVER",
+    "ROS_SUPER_CLIENT",
+    "ROS_STATIC_PEERS",
+    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    "ROS_LOCALHOST_ONLY",
+    "FASTDDS_BUILTIN_TRANSPORTS",
+)
+"""Environment variables by which nodes find each other; they follow from the resource and cannot be set by hand."""
+
+
+class EnvironmentVariable(Model):
+    """An environment variable of a container."""
+
+    name: VariableName = Field(description="The variable's name.")
+    value: Annotated[str, Field(max_length=4096)] = Field(
+        default="", description="The variable's value. Default: empty."
     )
 
 
@@ -168,18 +242,51 @@ class Node(Model):
     standby: Standby = Field(
         default_factory=Standby,
         description="What its replica on the side that does not act does. Only for Duplicated nodes.",
+        json_schema_extra=NO_SERVER_DEFAULT,
     )
     run: Run | None = Field(default=None, description="How it is started. Without it, something else starts the node.")
     image: ImageName | None = Field(
         default=None,
-        description="The container image of its replica in the cloud, e.g. registry.example/nav2:1.",
+        description="The container image of its replica in the cloud, e.g. registry.example/nav2:1. A cluster needs "
+        "it for nodes that run in the cloud.",
+    )
+    image_pull_policy: Literal["Always", "IfNotPresent", "Never"] | None = Field(
+        default=None,
+        description="When the image is fetched: Always, IfNotPresent or Never. Default: as Kubernetes does, Always "
+        "for the tag latest and IfNotPresent otherwise.",
+    )
+    env: tuple[EnvironmentVariable, ...] = Field(
+        default=(),
+        max_length=64,
+        description="Environment variables of its replica in the cloud, at most 64. Default: none.",
+        json_schema_extra=map_list("name"),
+    )
+    resources: Resources = Field(
+        default_factory=Resources, description="Computing resources of its replica in the cloud."
+    )
+    node_selector: dict[LabelKey, LabelValue] = Field(
+        default_factory=dict,
+        max_length=32,
+        description="Labels of the cluster's nodes on which its replica may run, added to those of spec.cloud. "
+        "Default: none.",
+    )
+    runtime_class_name: ObjectName | None = Field(
+        default=None,
+        description="The RuntimeClass of its replica in the cloud, e.g. nvidia. Default: the cluster's own.",
     )
     outputs: tuple[Output, ...] = Field(
         default=(),
-        description="The topics it publishes that somebody else consumes. Default: none.",
+        max_length=16,
+        description="The topics it publishes that somebody else consumes, at most 16. Default: none.",
+        json_schema_extra=map_list("topic"),
     )
 
     @property
     def duplicated(self) -> bool:
         """Whether there is a replica on each side."""
         return self.placement == "Duplicated"
+
+    @property
+    def in_cloud(self) -> bool:
+        """Whether a replica runs in the cloud."""
+        return self.placement != "Robot"

@@ -5,14 +5,14 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import Annotated, Any, Final, Union, get_args, get_origin
+from typing import Annotated, Any, Final, Literal, TypeAlias, Union, get_args, get_origin
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from robot_offload.api.v1alpha1.checks import check
+from robot_offload.api.v1alpha1.checks import CHECKS, Check, check
 from robot_offload.api.v1alpha1.model import Model
 from robot_offload.api.v1alpha1.robotoffload import RobotOffload
 from robot_offload.errors import SpecError
@@ -20,6 +20,9 @@ from robot_offload.findings import Finding
 from robot_offload.strict_yaml import YamlError, freeze, parse
 
 Location = tuple[int | str, ...]
+Unknown: TypeAlias = Literal["forbid", "ignore"]
+"""What happens to fields that no model has: people are told, the operator goes on without them, so that it can be
+rolled back while newer objects exist."""
 
 _EXPECTED: Final = {
     "bool_type": "true or false",
@@ -39,14 +42,17 @@ _LIMITS: Final = {
     "less_than": ("lt", "less than"),
     "less_than_equal": ("le", "at most"),
 }
+_SIZES: Final = ("too_short", "too_long", "string_too_long")
 
 
-def parse_text(text: str, source: str) -> RobotOffload:
+def parse_text(text: str, source: str, *, unknown: Unknown = "forbid", rules: Sequence[Check] = CHECKS) -> RobotOffload:
     """Reads one RobotOffload from YAML (or JSON) text.
 
     Args:
         text: the whole document.
         source: what to call it in messages, normally the file's name.
+        unknown: what happens to fields that no model has.
+        rules: the rules between fields, CHECKS or CLUSTER_CHECKS.
 
     Raises:
         SpecError: with every problem found. Rules between fields are only checked once all fields are right.
@@ -55,11 +61,21 @@ def parse_text(text: str, source: str) -> RobotOffload:
         value = parse(text)
     except YamlError as error:
         raise SpecError(source, [Finding(error.position, "NotYaml", error.problem)]) from error
-    return parse_object(value, source)
+    return parse_object(value, source, unknown=unknown, rules=rules)
 
 
-def parse_object(value: object, source: str) -> RobotOffload:
+def parse_object(
+    value: object, source: str, *, unknown: Unknown = "forbid", rules: Sequence[Check] = CHECKS
+) -> RobotOffload:
     """Reads one RobotOffload from plain values (mappings, lists, texts, numbers).
+
+    An object as the API server returns it (with `status` and all of `metadata`) is read with `unknown="ignore"`.
+
+    Args:
+        value: the whole object.
+        source: what to call it in messages.
+        unknown: what happens to fields that no model has.
+        rules: the rules between fields, CHECKS or CLUSTER_CHECKS.
 
     Raises:
         SpecError: as `parse_text` does.
@@ -68,13 +84,13 @@ def parse_object(value: object, source: str) -> RobotOffload:
         message = f"must be a mapping with apiVersion, kind, metadata and spec, found {_kind_of(value)}"
         raise SpecError(source, [Finding("", "WrongType", message)])
     try:
-        offload = RobotOffload.model_validate(freeze(value), by_alias=True, by_name=False)
+        offload = RobotOffload.model_validate(freeze(value), by_alias=True, by_name=False, extra=unknown)
     except RecursionError:
         raise SpecError(source, [Finding("", "Invalid", "lists or mappings are nested too deeply")]) from None
     except ValidationError as error:
         details = [detail for detail in error.errors(include_url=False) if not _misleading(detail)]
         raise SpecError(source, [_finding(detail) for detail in details]) from error
-    errors = [finding for finding in check(offload.spec) if finding.severity == "error"]
+    errors = [finding for finding in check(offload.spec, rules) if finding.severity == "error"]
     if errors:
         raise SpecError(source, errors)
     return offload
@@ -100,12 +116,21 @@ def _finding(detail: ErrorDetails) -> Finding:
         return Finding(path, "Invalid", _one_line(str(context.get("error", detail["msg"]))))
     if kind in _EXPECTED:
         return Finding(path, "WrongType", f"must be {_EXPECTED[kind]}, found {_kind_of(given)}")
-    if kind in _LIMITS:
-        limit, words = _LIMITS[kind]
-        return Finding(path, "OutOfRange", f"must be {words} {context[limit]:g}, found {_kind_of(given)}")
+    if kind in _LIMITS or kind in _SIZES:
+        return _limit(kind, path, context, given)
+    return Finding(path, "Invalid", _one_line(detail["msg"]))
+
+
+def _limit(kind: str, path: str, context: Mapping[str, Any], given: object) -> Finding:
+    """A number, a list or a text that is too small or too large."""
     if kind == "too_short":
         return Finding(path, "Required", "must have at least one entry")
-    return Finding(path, "Invalid", _one_line(detail["msg"]))
+    if kind == "too_long":
+        return Finding(path, "TooMany", f"has {context['actual_length']} entries; at most {context['max_length']} fit")
+    if kind == "string_too_long":
+        return Finding(path, "TooLong", f"is longer than {context['max_length']} characters")
+    limit, words = _LIMITS[kind]
+    return Finding(path, "OutOfRange", f"must be {words} {context[limit]:g}, found {_kind_of(given)}")
 
 
 def path_of(location: Location) -> str:

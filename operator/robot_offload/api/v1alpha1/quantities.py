@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, WithJsonSchema
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
@@ -67,25 +67,32 @@ class Within:
     Attributes:
         minimum: the shortest duration.
         maximum: the longest duration.
+        or_zero: whether 0s is allowed as well, as the word for "never".
     """
 
     minimum: str
     maximum: str
+    or_zero: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_after_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         rule = f"duration(self) >= duration('{self.minimum}') && duration(self) <= duration('{self.maximum}')"
-        message = f"must be between {self.minimum} and {self.maximum}"
+        if self.or_zero:
+            rule = f"duration(self) == duration('0s') || ({rule})"
         described = handler(schema)
-        described["x-kubernetes-validations"] = [{"rule": rule, "message": message}]
+        described["x-kubernetes-validations"] = [{"rule": rule, "message": self._words}]
         return described
 
+    @property
+    def _words(self) -> str:
+        return f"must be {'0s or ' if self.or_zero else ''}between {self.minimum} and {self.maximum}"
+
     def _check(self, value: int) -> int:
-        if not parse_duration(self.minimum) <= value <= parse_duration(self.maximum):
-            shown = format_duration(value)
-            raise ValueError(f"{shown} is out of range; it must be between {self.minimum} and {self.maximum}")
+        inside = parse_duration(self.minimum) <= value <= parse_duration(self.maximum)
+        if not inside and not (self.or_zero and value == 0):
+            raise ValueError(f"{format_duration(value)} is out of range; it {self._words}")
         return value
 
 
@@ -101,3 +108,29 @@ DomainID = Annotated[int, Field(ge=0, le=232)]
 
 Port = Annotated[int, Field(ge=1, le=65535)]
 """A UDP and TCP port."""
+
+_QUANTITY: Final = r"^[0-9]{1,12}(\.[0-9]{1,9})?(m|k|M|G|T|P|Ki|Mi|Gi|Ti|Pi)?$"
+
+
+def _check_quantity(value: object) -> str:
+    if isinstance(value, int) and not isinstance(value, bool):
+        value = str(value)
+    if not isinstance(value, str) or not re.fullmatch(_QUANTITY, value):
+        shown = repr(value)[:40] if isinstance(value, str | int | float) else "this"
+        raise ValueError(f"{shown} is not a quantity; write for example 500m, 2, 512Mi or 4Gi")
+    return value
+
+
+Quantity = Annotated[
+    str,
+    BeforeValidator(_check_quantity),
+    WithJsonSchema(
+        {
+            "anyOf": [{"type": "integer"}, {"type": "string"}],
+            "pattern": _QUANTITY,
+            "maxLength": 32,
+            "x-kubernetes-int-or-string": True,
+        }
+    ),
+]
+"""An amount of a resource as Kubernetes writes it: `500m` of a CPU, `512Mi`, or a plain number of GPUs."""

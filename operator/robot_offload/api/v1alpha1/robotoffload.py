@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from robot_offload.api.v1alpha1.model import Model
-from robot_offload.api.v1alpha1.names import Namespace, ResourceName, RmwName, ServiceName
+from robot_offload.api.v1alpha1.model import Model, map_list
+from robot_offload.api.v1alpha1.names import (
+    LabelKey,
+    LabelValue,
+    Namespace,
+    ObjectName,
+    ResourceName,
+    RmwName,
+    ServiceName,
+)
 from robot_offload.api.v1alpha1.nodes import Node, Output
-from robot_offload.api.v1alpha1.quantities import DomainID
+from robot_offload.api.v1alpha1.quantities import DomainID, Duration, Within
 from robot_offload.api.v1alpha1.switching import Switching
 from robot_offload.api.v1alpha1.topics import Topics
 from robot_offload.api.v1alpha1.transport import Transport
 
 API_VERSION = "robotoffload.dev/v1alpha1"
 KIND = "RobotOffload"
+
+FAST_DDS: Final = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
+"""The ROS middlewares that understand discovery servers, and so those that run in a cluster."""
 
 
 class ObjectMeta(Model):
@@ -45,12 +56,69 @@ class RobotSide(Model):
     )
 
 
+class ImagePullSecret(Model):
+    """A Secret with which images are fetched."""
+
+    name: ObjectName = Field(description="The Secret's name, in the same Kubernetes namespace.")
+
+
+class Toleration(Model):
+    """A taint of the cluster's nodes that the pods put up with."""
+
+    key: LabelKey | None = Field(
+        default=None, description="The taint's key. Default: every key (with operator Exists)."
+    )
+    operator: Literal["Equal", "Exists"] = Field(
+        default="Equal", description="Equal: the value must be the same. Exists: any value. Default Equal."
+    )
+    value: LabelValue | None = Field(default=None, description="The taint's value, for operator Equal.")
+    effect: Literal["NoSchedule", "PreferNoSchedule", "NoExecute"] | None = Field(
+        default=None, description="NoSchedule, PreferNoSchedule or NoExecute. Default: every effect."
+    )
+    toleration_seconds: Annotated[int, Field(ge=0, le=86_400)] | None = Field(
+        default=None,
+        description="How many seconds a pod stays once a NoExecute taint appears, from 0 to 86400. Default: for ever.",
+    )
+
+
 class CloudSide(Model):
-    """ROS 2 in the cloud."""
+    """ROS 2 in the cloud, and what all pods there have in common."""
 
     domain_id: DomainID | None = Field(
         default=None,
         description="The ROS_DOMAIN_ID of the cloud's nodes, from 0 to 232. Default: the robot's.",
+    )
+    rmw: RmwName | None = Field(
+        default=None,
+        description="The ROS middleware in the cloud. A cluster needs rmw_fastrtps_cpp or "
+        "rmw_fastrtps_dynamic_cpp, because nodes find each other there through Fast DDS discovery servers. "
+        "Default: the robot's.",
+    )
+    discovery_servers: Annotated[int, Field(ge=1, le=4)] = Field(
+        default=2,
+        description="How many discovery servers run in the cloud; one may fail when there are two. Default 2, "
+        "from 1 to 4.",
+    )
+    image_pull_secrets: tuple[ImagePullSecret, ...] = Field(
+        default=(),
+        max_length=16,
+        description="Secrets with which the pods' images are fetched, at most 16. Default: none.",
+        json_schema_extra=map_list("name"),
+    )
+    node_selector: dict[LabelKey, LabelValue] = Field(
+        default_factory=dict,
+        max_length=32,
+        description="Labels of the cluster's nodes on which the pods may run. Default: none.",
+    )
+    tolerations: tuple[Toleration, ...] = Field(
+        default=(),
+        max_length=16,
+        description="Taints of the cluster's nodes that the pods put up with, at most 16. Default: none.",
+    )
+    run_as_user: Annotated[int, Field(ge=1, le=2_147_483_647)] | None = Field(
+        default=1000,
+        description="The user id of the pods' processes, not 0 (root). null leaves it to the cluster, as OpenShift "
+        "wants. Default 1000.",
     )
 
 
@@ -64,6 +132,16 @@ class Driver(Model):
     )
 
 
+class Scale(Model):
+    """When the cloud side goes to sleep."""
+
+    idle_timeout_ms: Annotated[Duration, Within("30s", "168h", or_zero=True)] = Field(
+        default=600_000,
+        description="After this time without the robot its nodes in the cloud go to zero pods; they return with the "
+        "robot. 0s: never. Default 10m, from 30s to 168h.",
+    )
+
+
 class RobotOffloadSpec(Model):
     """What the user wants."""
 
@@ -72,15 +150,34 @@ class RobotOffloadSpec(Model):
     transport: Transport = Field(default_factory=Transport, description="How the two sides are connected.")
     topics: Topics = Field(default_factory=Topics, description="Topics that cross between the sides.")
     driver: Driver = Field(default_factory=Driver, description="The node that moves the robot.")
-    nodes: Annotated[tuple[Node, ...], Field(min_length=1)] = Field(
-        description="The application's nodes, in the order in which they are brought up. At least one."
+    nodes: tuple[Node, ...] = Field(
+        min_length=1,
+        max_length=64,
+        description="The application's nodes, in the order in which they are brought up. At least one, at most 64.",
+        json_schema_extra=map_list("name"),
     )
     switching: Switching = Field(default_factory=Switching, description="When and how the acting side changes.")
+    replicas: Annotated[int, Field(ge=0, le=1)] = Field(
+        default=1,
+        description="1: the nodes in the cloud run; 0: they do not, whatever the robot does (`kubectl scale`). "
+        "Default 1, from 0 to 1.",
+    )
+    scale: Scale = Field(default_factory=Scale, description="When the cloud side goes to sleep.")
 
     @property
     def cloud_domain_id(self) -> int:
         """The cloud's domain: its own, or else the robot's."""
         return self.robot.domain_id if self.cloud.domain_id is None else self.cloud.domain_id
+
+    @property
+    def cloud_rmw(self) -> str:
+        """The cloud's ROS middleware: its own, or else the robot's."""
+        return self.cloud.rmw or self.robot.rmw
+
+    @property
+    def cloud_nodes(self) -> tuple[Node, ...]:
+        """The nodes with a replica in the cloud, in bring-up order."""
+        return tuple(node for node in self.nodes if node.in_cloud)
 
     @property
     def collected_outputs(self) -> tuple[tuple[Node, Output], ...]:

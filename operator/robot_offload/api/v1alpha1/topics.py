@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from robot_offload.api.v1alpha1.model import Model
+from robot_offload.api.v1alpha1.model import Model, map_list
 from robot_offload.api.v1alpha1.names import MessageType, TopicName
 from robot_offload.api.v1alpha1.quantities import Duration, RateHz, Within
 
@@ -63,5 +63,8 @@ class Topics(Model):
     """Topics that cross between the sides. Collected outputs (see nodes) cross by themselves."""
 
     to_cloud: tuple[TopicToCloud, ...] = Field(
-        default=(), description="Topics of the robot that are sent to the cloud. Default: none."
+        default=(),
+        max_length=128,
+        description="Topics of the robot that are sent to the cloud, at most 128. Default: none.",
+        json_schema_extra=map_list("name"),
     )

@@ -1,0 +1,114 @@
+"""What the operator reports about a RobotOffload. Nothing that changes all the time: live numbers are metrics."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field
+
+from robot_offload.api.v1alpha1.model import Model, map_list
+
+CONDITION_TYPES: Final = (
+    "SpecValid",
+    "ResourcesApplied",
+    "DiscoveryReady",
+    "WorkloadsAvailable",
+    "AgentConnected",
+    "AgentConfigCurrent",
+    "CertificatesReady",
+    "Ready",
+)
+"""In the order in which they become true; `Ready` sums up the others."""
+
+Timestamp = Annotated[str, Field(max_length=64, json_schema_extra={"format": "date-time"})]
+Word = Annotated[str, Field(max_length=253)]
+Sentence = Annotated[str, Field(max_length=32_768)]
+
+
+class Condition(Model):
+    """One thing that is true, false or unknown about the object, and why."""
+
+    type: Annotated[str, Field(max_length=316)] = Field(
+        description="SpecValid, ResourcesApplied, DiscoveryReady, WorkloadsAvailable, AgentConnected, "
+        "AgentConfigCurrent, CertificatesReady, or their sum Ready."
+    )
+    status: Literal["True", "False", "Unknown"] = Field(description="True, False or Unknown.")
+    reason: Annotated[str, Field(min_length=1, max_length=1024)] = Field(
+        description="Why, as one CamelCase word for machines."
+    )
+    message: Sentence = Field(default="", description="Why, and what to do, for people.")
+    observed_generation: int | None = Field(
+        default=None, description="The generation of the object that this was found for."
+    )
+    last_transition_time: Timestamp = Field(description="When the status last changed.")
+
+
+class RobotStatus(Model):
+    """The robot as the cloud sees it."""
+
+    connected: bool = Field(default=False, description="Whether the robot's agent is connected.")
+    since: Timestamp | None = Field(default=None, description="Since when it is connected, or is not.")
+    generation: int | None = Field(
+        default=None, description="The generation of this object with whose settings the robot runs."
+    )
+    last_seen: Timestamp | None = Field(
+        default=None, description="When it was last connected; only while it is not connected."
+    )
+
+
+class EndpointStatus(Model):
+    """An address on which the cloud listens for the robot."""
+
+    purpose: Word = Field(
+        description="What for: pulse, data, pulse-fallback, data-fallback, router or discovery (one for each server)."
+    )
+    protocol: Literal["UDP", "TCP"] = Field(description="UDP or TCP.")
+    host: Word = Field(description="A DNS name or an IP address.")
+    port: int = Field(ge=1, le=65535, description="The port.")
+
+
+class NodeStatus(Model):
+    """The replica of one node in the cloud."""
+
+    name: Word = Field(description="The node's name, as in spec.nodes.")
+    workload: Word = Field(default="", description="The Deployment that runs it.")
+    replicas: int = Field(default=0, ge=0, description="How many pods are wanted: 0 or 1.")
+    ready: bool = Field(default=False, description="Whether its pod is ready.")
+    message: Sentence = Field(default="", description="What is wrong with it, when something is.")
+
+
+class RobotOffloadStatus(Model):
+    """What the operator has found and done."""
+
+    observed_generation: int | None = Field(
+        default=None, description="The generation of the object that this status is about."
+    )
+    conditions: tuple[Condition, ...] = Field(
+        default=(),
+        max_length=16,
+        description="What is true about the object: SpecValid, ResourcesApplied, DiscoveryReady, "
+        "WorkloadsAvailable, AgentConnected, AgentConfigCurrent, CertificatesReady and Ready.",
+        json_schema_extra=map_list("type"),
+    )
+    placement: Literal["Robot", "Cloud", "Unknown"] = Field(
+        default="Unknown", description="The side that acts: Robot, Cloud or Unknown."
+    )
+    placement_reason: Word = Field(default="", description="Why that side acts, as one CamelCase word.")
+    placement_message: Sentence = Field(default="", description="Why that side acts, in words.")
+    robot: RobotStatus = Field(default_factory=RobotStatus, description="The robot as the cloud sees it.")
+    endpoints: tuple[EndpointStatus, ...] = Field(
+        default=(),
+        max_length=16,
+        description="The addresses on which the cloud listens for the robot.",
+    )
+    nodes: tuple[NodeStatus, ...] = Field(
+        default=(),
+        max_length=64,
+        description="The replicas in the cloud.",
+        json_schema_extra=map_list("name"),
+    )
+    nodes_ready: Word = Field(default="", description="How many of them are ready, e.g. 3/3.")
+    replicas: int = Field(default=0, ge=0, le=1, description="Whether the nodes in the cloud run: 1 or 0.")
+    selector: Annotated[str, Field(max_length=1024)] = Field(
+        default="", description="The label selector of the nodes' pods, for the scale subresource."
+    )
