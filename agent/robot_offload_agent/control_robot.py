@@ -175,6 +175,7 @@ class RobotControl(ControlProcess):
             "since_s": round(self.since_s, 6),
             "silent_ms": None if silent_s is None else round(silent_s * 1e3, 1),
             "effects": effects.value if effects is not None else "none",
+            "control": self.incarnation,
         }
         self.report.publish_placement(json.dumps(body))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from robot_offload_core.beats import Beat, Permission
+from robot_offload_core.beats import Beat, CloudReport, Permission
 from robot_offload_core.collector import Gate, GateReport
 from robot_offload_core.health import Situation
 from robot_offload_core.link import Link
@@ -51,12 +51,24 @@ class Wish:
 
 
 @dataclass(frozen=True)
+class CloudLeaving:
+    """The cloud's pods are going: the robot is to act, and not to choose this cloud again before `until_s`.
+
+    Attributes:
+        cloud: incarnation of the cloud that said so; another one is chosen as soon as it is heard.
+    """
+
+    cloud: str
+    until_s: float
+
+
+@dataclass(frozen=True)
 class Robot:
     """State of the robot's control process. Times on its steady clock, seconds.
 
     Attributes:
         incarnation, started_us: of this control process.
-        settings, inputs: from the configuration.
+        settings, inputs: from the configuration. asked: settings that are to hold as soon as that is safe (settling).
         link: health of the link to the cloud addressed.
         policy: state of the rule.
         phase, since_s: the present phase and when it began. charged_s: when the side in charge last changed.
@@ -70,7 +82,7 @@ class Robot:
         situation: everything heard besides the link, see Situation.
         nodes_ready: the robot's CORE nodes are Active; ready_since_s: since when not, for the return at once.
         clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
-        pin: on the robot; manual: the last switch by hand.
+        pin: on the robot; manual: the last switch by hand; leaving: what the cloud said of its end.
         stepped_s, stall_until_s: own steps, and until when silence is not judged after a stall.
         fell_at_s: when the robot became unable to act; None while able.
         decided, decided_s: the last decision told, and when.
@@ -100,6 +112,8 @@ class Robot:
     clear_s: float | None = None
     pin: Wish | None = None
     manual: Wish | None = None
+    leaving: CloudLeaving | None = None
+    asked: Settings | None = None
     stepped_s: float | None = None
     stall_until_s: float = 0.0
     fell_at_s: float | None = None
@@ -165,11 +179,22 @@ class SetPin:
 
 
 @dataclass(frozen=True)
+class SetSettings:
+    """Settings were changed at run time."""
+
+    settings: Settings
+    inputs: tuple[InputSpec, ...]
+
+
+@dataclass(frozen=True)
 class Tick:
     """Time has passed."""
 
 
-Event = CloudBeat | PulseSent | GateReported | DataReported | NodesReported | SwitchByHand | SetPin | Tick
+Event = (
+    CloudBeat | PulseSent | GateReported | DataReported | NodesReported | SwitchByHand | SetPin | CloudLeaving
+    | SetSettings | Tick
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -232,3 +257,17 @@ class Answer:
 
 
 Command = Permit | SetGate | SetActing | Reopen | Decided | Answer
+
+
+def is_good(robot: Robot, beat: Beat, arrived_s: float) -> bool:
+    """Current token, a living loop, and the cloud acts under my epoch (protocol section 1)."""
+    report = beat.body
+    if not isinstance(report, CloudReport) or beat.echo is None or beat.echo.incarnation != robot.incarnation:
+        return False
+    return (
+        beat.incarnation == robot.link.peer
+        and report.serves == robot.incarnation
+        and report.epoch == (robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch)
+        and report.acting
+        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s
+    )

@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from robot_offload_core import link as links
 from robot_offload_core import policy as policies
-from robot_offload_core.beats import Beat, CloudReport, Permission
+from robot_offload_core import wishes
+from robot_offload_core.beats import CloudReport, Permission
 from robot_offload_core.change import replace
 from robot_offload_core.collector import Charge, Gate, GateReport
-from robot_offload_core.health import Frame, clock_fault, cloud_fault, fitness
+from robot_offload_core.health import Frame, cloud_fault
 from robot_offload_core.placement import (
     IN_CHARGE,
     Answer,
     CloudBeat,
+    CloudLeaving,
     Command,
     DataReported,
     Decided,
@@ -32,12 +34,15 @@ from robot_offload_core.placement import (
     SetActing,
     SetGate,
     SetPin,
+    SetSettings,
     SwitchByHand,
     Wish,
+    is_good,
 )
 from robot_offload_core.policy import Verdict
 from robot_offload_core.pulse import PERMISSION_BEATS
-from robot_offload_core.settings import Mode
+from robot_offload_core.settings import Mode, Settings
+from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site, Token
 
 PREPARE_EXTRA_S = 0.5
@@ -52,7 +57,7 @@ from the end of the stall (for no longer than a lease, see health.cloud_fault).
 """
 TELL_PERIOD_S = 0.5
 """Changes of reason that change nothing else are told at most this often."""
-URGENT = ("ByHand", "PinnedToRobot", "PinnedToCloud", "ClockOffset")
+URGENT = ("ByHand", "PinnedToRobot", "PinnedToCloud", "ClockOffset", "PodStopping")
 """Reasons that wait for no dwell and start no hold-down."""
 
 
@@ -61,6 +66,8 @@ def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]
     commands: list[Command] = []
     robot = _notice_stall(robot, now_s)
     robot = _take(robot, event, now_s, commands)
+    if robot.asked is not None:
+        robot = _settle(robot, robot.asked, now_s)
     robot = _move(robot, now_s, commands)
     return _tell(robot, now_s, commands), commands
 
@@ -97,6 +104,13 @@ def _notice_stall(robot: Robot, now_s: float) -> Robot:
     return replace(robot, stepped_s=now_s)
 
 
+def _settle(robot: Robot, asked: Settings, now_s: float) -> Robot:
+    """Takes over changed settings, all of them once the cloud has stopped for sure."""
+    if robot.phase is Phase.ROBOT and effects_site(robot, now_s) is Site.ROBOT:
+        return replace(robot, settings=asked, asked=None)
+    return replace(robot, settings=meanwhile(robot.settings, asked))
+
+
 # -- taking events in -------------------------------------------------------------------------------------------------
 
 
@@ -115,6 +129,10 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
         return replace(robot, nodes_ready=event.ready)
     if isinstance(event, SetPin):
         return replace(robot, pin=event.pin)
+    if isinstance(event, CloudLeaving):
+        return replace(robot, leaving=event)
+    if isinstance(event, SetSettings):
+        return replace(robot, asked=event.settings, inputs=event.inputs)
     if isinstance(event, SwitchByHand):
         robot, accepted, message = _by_hand(robot, event.site, now_s)
         commands.append(Answer(event.key, accepted, message))
@@ -133,23 +151,9 @@ def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
         return robot  # a bare beat feeds statistics only
     control_age_s = None if beat.control_age_us < 0 else beat.control_age_us / 1e6
     robot = replace(robot, situation=replace(robot.situation, report=beat.body, control_age_s=control_age_s))
-    if _is_good(robot, beat, event.arrived_s):
+    if is_good(robot, beat, event.arrived_s):
         robot = replace(robot, situation=replace(robot.situation, good_s=event.arrived_s))
     return robot
-
-
-def _is_good(robot: Robot, beat: Beat, arrived_s: float) -> bool:
-    """Current token, a living loop, and the cloud acts under my epoch (protocol section 1)."""
-    report = beat.body
-    if not isinstance(report, CloudReport) or beat.echo is None or beat.echo.incarnation != robot.incarnation:
-        return False
-    return (
-        beat.incarnation == robot.link.peer
-        and report.serves == robot.incarnation
-        and report.epoch == (robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch)
-        and report.acting
-        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s
-    )
 
 
 def _gate_reported(robot: Robot, report: GateReport, now_s: float, commands: list[Command]) -> Robot:
@@ -162,14 +166,14 @@ def _gate_reported(robot: Robot, report: GateReport, now_s: float, commands: lis
 
 
 def _by_hand(robot: Robot, asked: Site, now_s: float) -> tuple[Robot, bool, str]:
-    pin = _pin(robot, now_s)
+    pin = wishes.pin(robot, now_s)
     if robot.settings.mode is Mode.OBSERVE:
         return robot, False, "Refused (Observe): this agent only observes; set mode to Auto"
     if pin is not None and pin is not asked:
         return robot, False, f"Refused (Pinned): placement is pinned to the {pin.value}; clear the pin first"
     if asked is Site.CLOUD and IN_CHARGE[robot.phase] is Site.ROBOT:
         fault = _fault(robot, now_s, acting=False)
-        fault = fault or clock_fault(robot.link, robot.settings)
+        fault = fault or wishes.veto(robot, now_s)
         if fault is not None:
             return robot, False, f"Refused ({fault.reason}): {fault.message}"
     robot = replace(robot, manual=Wish(asked, now_s + robot.settings.manual_hold_s))
@@ -188,33 +192,10 @@ def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
     return cloud_fault(robot.situation, robot.link, frame, now_s, acting=acting)
 
 
-def _pin(robot: Robot, now_s: float) -> Site | None:
-    if robot.pin is not None and robot.pin.holds(now_s):
-        return robot.pin.site
-    return robot.settings.pin
-
-
-def _wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:
-    """Precedence: clocks > pin on the robot > pin in the resource > by hand > policy; hard limits come before all."""
-    fit = fitness(robot.link, robot.settings, now_s)
-    policy, verdict = policies.decide(robot.policy, site(robot), fit, robot.settings, now_s)
-    robot = replace(robot, policy=policy)
-    veto = clock_fault(robot.link, robot.settings)
-    if veto is not None:
-        return robot, veto
-    pin = _pin(robot, now_s)
-    if pin is not None:
-        return robot, Verdict(pin, f"PinnedTo{pin.value.capitalize()}", f"Placement is pinned to the {pin.value}")
-    if robot.manual is not None and robot.manual.holds(now_s):
-        asked = robot.manual.site
-        return robot, Verdict(asked, "ByHand", f"The {asked.value} was asked for by hand")
-    return robot, verdict
-
-
 def _move(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     able = robot.nodes_ready and _outputs_flow(robot, now_s)
     robot = replace(robot, fell_at_s=None if able else (robot.fell_at_s if robot.fell_at_s is not None else now_s))
-    robot, verdict = _wanted(robot, now_s)
+    robot, verdict = wishes.wanted(robot, now_s)
     if robot.settings.mode is Mode.OBSERVE:
         return _observe_only(robot, verdict, now_s, commands)
     if robot.phase in (Phase.CLOUD, Phase.TO_ROBOT):
@@ -269,7 +250,7 @@ def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: lis
     # Retries grow, but not those of a robot that stands still.
     if fault is None and fell and not forbidden and now_s >= min(robot.retry_s, robot.since_s + RETRY_FIRST_S):
         why = Verdict(Site.CLOUD, "RobotUnable", "The robot cannot act, the cloud can")
-        robot = replace(robot, manual=None)  # whoever asked for the robot did not ask for a standstill
+        robot = replace(robot, manual=None, leaving=None)  # whoever asked for the robot did not ask for a standstill
         return _prepare(robot, Phase.TO_CLOUD, why, now_s, commands)
     dwelt = now_s - robot.charged_s >= settings.min_dwell_s or verdict.reason in URGENT
     held = verdict.reason == "PinnedToCloud" and now_s < robot.policy.hold_until_s

@@ -30,7 +30,7 @@ from tests.ros.agent.processes import Processes
 from tests.ros.ports import free_port
 
 NODES = Path(__file__).with_name("nodes.py")
-PATIENCE_S = 20.0
+PATIENCE_S = 30.0
 MAX_AGE_S = 0.25
 MEASURING_S = 0.15
 """What the test's own process may add to an age on a busy machine."""

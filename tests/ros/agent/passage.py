@@ -2,10 +2,10 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 NEAR_S = 2.0
-"""An announcement belongs to a change of the passing side so close to it; a restarted control needs a second."""
+"""An announcement belongs to a change of the passing side so close to it; a stopped control needs a second."""
 
 
 class ViolationError(AssertionError):
@@ -14,7 +14,13 @@ class ViolationError(AssertionError):
 
 @dataclass(frozen=True)
 class Arrival:
-    """One message at the consumer; its time on the steady clock, its age when the collector let it pass, in seconds."""
+    """One message at the consumer.
+
+    Attributes:
+        t_s: when the collector let it pass, on the steady clock: how late a busy test heard of it is no matter.
+        producer, sequence: the replica's process and its count.
+        age_s: at that moment, since its producer stamped it.
+    """
 
     t_s: float
     producer: str
@@ -29,7 +35,7 @@ class Arrival:
 
 @dataclass(frozen=True)
 class Placed:
-    """One /offload/placement."""
+    """One /offload/placement, said at `t_s` by the control process `control`."""
 
     t_s: float
     site: str
@@ -37,6 +43,20 @@ class Placed:
     phase: str
     reason: str
     message: str
+    control: str = ""
+
+
+@dataclass(frozen=True)
+class Change:
+    """The side in charge became `site` at some moment from `from_s` to `to_s`."""
+
+    site: str
+    from_s: float
+    to_s: float
+
+    def explains(self, arrival: Arrival) -> bool:
+        """Whether a message of that side may be the first one after it."""
+        return self.site == arrival.site and self.from_s - NEAR_S < arrival.t_s < self.to_s + NEAR_S
 
 
 def violations(
@@ -61,29 +81,34 @@ def violations(
     return found + _interleaved(arrivals, _changes(placed, begun_s))
 
 
-def _changes(placed: Sequence[Placed], begun_s: Sequence[float]) -> list[Placed]:
-    """The announced changes of the side in charge.
+def _changes(placed: Sequence[Placed], begun_s: Sequence[float]) -> list[Change]:
+    """The changes of the side in charge.
 
-    A new control begins with the robot in charge and says so before anybody has discovered it, so its first heard
-    word may be that the cloud is: then it has changed over twice.
+    A new control begins with the robot in charge and says so before anybody has discovered it: the first of its words
+    that is heard may be that the cloud is, seconds later. So each new control has put the robot in charge at some
+    moment between the latest start before its first word that was heard, and that word.
     """
     changes = []
-    for before, p in itertools.pairwise(placed):
-        anew = any(before.t_s < moment <= p.t_s for moment in begun_s)
-        if anew and p.site == "cloud":
-            changes += [replace(p, site="robot"), p]
-        elif p.site != before.site:
-            changes.append(p)
+    site, control = "", None
+    for p in placed:
+        if p.control != control:
+            began_s = max((moment for moment in begun_s if moment <= p.t_s), default=p.t_s)
+            if site != "robot":
+                changes.append(Change("robot", began_s, p.t_s))
+            site, control = "robot", p.control
+        if p.site != site:
+            changes.append(Change(p.site, p.t_s, p.t_s))
+            site = p.site
     return changes
 
 
-def _interleaved(arrivals: Sequence[Arrival], changes: list[Placed]) -> list[str]:
+def _interleaved(arrivals: Sequence[Arrival], changes: list[Change]) -> list[str]:
     """Each change of the passing side has an announcement of its own near it; else both sides were heard mixed."""
     found = []
     for before, arrival in itertools.pairwise(arrivals):
         if arrival.site == before.site:
             continue
-        own = next((p for p in changes if p.site == arrival.site and abs(p.t_s - arrival.t_s) < NEAR_S), None)
+        own = next((change for change in changes if change.explains(arrival)), None)
         if own is None:
             found.append(f"{arrival} follows {before} although no switch was announced")
         else:
@@ -100,7 +125,16 @@ def holes(arrivals: Sequence[Arrival]) -> int:
     )
 
 
-def longest_gap_s(arrivals: Sequence[Arrival], from_s: float, to_s: float) -> float:
-    """The longest silence at the consumer between two moments."""
-    times = [from_s, *(a.t_s for a in arrivals if from_s < a.t_s < to_s), to_s]
-    return max(after - before for before, after in itertools.pairwise(times))
+def longest_gap_s(arrivals: Sequence[Arrival], from_s: float) -> float:
+    """The longest silence at the consumer from a moment on that the switch is to blame for.
+
+    A producer may have been silent itself (it is an ordinary process on a busy machine): between two messages that
+    follow each other at their producer, only how long the later one was under way counts. A lost message, and any
+    change of the producer, count in full.
+    """
+    heard = [a for a in arrivals if a.t_s > from_s]
+    gaps = [heard[0].t_s - from_s] if heard else [float("inf")]
+    for before, after in itertools.pairwise(heard):
+        follows = after.producer == before.producer and after.sequence == before.sequence + 1
+        gaps.append(min(after.t_s - before.t_s, after.age_s) if follows else after.t_s - before.t_s)
+    return max(gaps)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 MARK = "RO_AGENT_TEST"
 """Environment variable that every process started here inherits, also through forks: finds what was left behind."""
-END_S = 10.0
+END_S = 30.0
 
 
 class Processes:

@@ -50,7 +50,7 @@ def test_each_of_the_four_services_switches_without_a_hole_and_twice_is_the_same
         world.goes_to(side)
         assert "already" in asked(world, world.ear, service)
     assert holes(world.arrivals[since:]) == 0
-    assert longest_gap_s(world.arrivals, at_s, now_s()) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < 0.5
     assert world.site == "cloud"
 
 

@@ -6,13 +6,13 @@ import pytest
 
 from robot_offload_agent.clock import now_s
 from tests.ros.agent.ears import wait_until
-from tests.ros.agent.harness import PROCESSES, World
+from tests.ros.agent.harness import PATIENCE_S, PROCESSES, World
 from tests.ros.agent.passage import longest_gap_s
 
 EACH = [(side, process) for side, processes in PROCESSES.items() for process in processes]
 STOPPED_S = 1.0
-SLACK_S = 0.1
-"""Two topics on their way to the test: what was said first may be heard second."""
+SLACK_S = 0.5
+"""The collector changes over first, then control hears of it and says so; a fraction of what a start takes."""
 GAP_LIMIT_S = 5.0
 RESTART_LIMIT_S = 5.0
 """The aim is 0.5 s; the bound leaves room for a machine that does other things as well."""
@@ -29,7 +29,7 @@ def test_a_killed_process_is_replaced_and_the_cloud_acts_again(world: World, sid
     await_restart(world, side, process, dead)
     world.until(lambda: world.arrivals[-1].t_s > at_s + 0.5, "commands flow")
     world.goes_to("cloud")
-    assert longest_gap_s(world.arrivals, at_s, now_s()) < GAP_LIMIT_S
+    assert longest_gap_s(world.arrivals, at_s) < GAP_LIMIT_S
 
 
 @pytest.mark.parametrize(("side", "process"), EACH)
@@ -40,7 +40,7 @@ def test_a_killed_process_does_not_disturb_the_robot_that_acts(world: World, sid
     await_restart(world, side, process, dead)
     world.until(lambda: world.arrivals[-1].t_s > at_s + 0.5, "commands flow")
     limit_s = RESTART_LIMIT_S if process == "collector" else 0.5
-    assert longest_gap_s(world.arrivals, at_s, world.arrivals[-1].t_s) < limit_s
+    assert longest_gap_s(world.arrivals, at_s) < limit_s
     assert {a.site for a in world.arrivals[since:]} == {"robot"}
 
 
@@ -53,7 +53,7 @@ def test_nothing_stale_passes_after_a_process_was_stopped_while_the_cloud_acted(
     wait_until(lambda: now_s() > at_s + STOPPED_S, STOPPED_S + 1)
     world.signal(side, process, signal.SIGCONT)
     world.until(lambda: world.arrivals[-1].t_s > at_s + STOPPED_S + 0.3, "commands flow")
-    assert longest_gap_s(world.arrivals, at_s, now_s()) < STOPPED_S + GAP_LIMIT_S
+    assert longest_gap_s(world.arrivals, at_s) < STOPPED_S + GAP_LIMIT_S
     world.goes_to("cloud")
     assert world.pid(side, process) == stopped
     assert max(a.age_s for a in world.arrivals if a.t_s > at_s) < 0.5
@@ -68,7 +68,7 @@ def test_nothing_stale_passes_after_a_process_was_stopped_while_the_robot_acted(
     world.signal("robot", process, signal.SIGCONT)
     world.until(lambda: world.arrivals[-1].t_s > at_s + STOPPED_S + 0.3, "commands flow")
     limit_s = STOPPED_S + GAP_LIMIT_S if process == "collector" else 0.5
-    assert longest_gap_s(world.arrivals, at_s, now_s()) < limit_s
+    assert longest_gap_s(world.arrivals, at_s) < limit_s
     assert max(a.age_s for a in world.arrivals if a.t_s > at_s) < 0.4
 
 
@@ -80,9 +80,9 @@ def test_a_killed_supervisor_disturbs_nothing_and_the_next_one_starts_anew(
     world.place(acting, stay=True)
     before = {process: world.pid(side, process) for process in PROCESSES[side]}
     at_s = world.kill(side, "supervisor")
-    world.agents[side].wait(5)
+    world.agents[side].wait(PATIENCE_S)
     world.passes(acting, 15)
-    assert longest_gap_s(world.arrivals, at_s, now_s()) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < 0.5
     world.start_agent(side)
     for process, pid in before.items():
         await_restart(world, side, process, pid)
@@ -96,18 +96,21 @@ def test_the_robots_output_passes_when_every_other_process_of_the_agent_is_dead(
     for process in ("control", "pulse", "data"):
         world.kill("robot", process)
     world.passes("robot", 30)
-    assert longest_gap_s(world.arrivals, at_s, now_s()) < 0.5
-    world.agents["robot"].wait(5)
+    assert longest_gap_s(world.arrivals, at_s) < 0.5
+    world.agents["robot"].wait(PATIENCE_S)
 
 
 def test_a_killed_agent_starts_anew_at_once_and_the_old_lease_is_worth_nothing(world: World) -> None:
+    old = world.placed[-1].control
     world.kill_agent("robot")
-    since, at_s = len(world.arrivals), now_s()
+    at_s = now_s()
     world.start_agent("robot")
-    world.until(lambda: world.placed[-1].t_s > at_s and world.site == "cloud", "the new agent puts the cloud in charge")
-    announced_s = next(p.t_s for p in world.placed if p.t_s > at_s)
-    world.passes("cloud")
-    first_s = next(a.t_s for a in world.arrivals[since:] if a.t_s > at_s and a.site == "cloud")
+    world.until(
+        lambda: world.placed[-1].control != old and world.site == "cloud", "the new agent puts the cloud in charge"
+    )
+    announced_s = next(p.t_s for p in world.placed if p.control != old and p.t_s > at_s)
+    world.until(lambda: any(a.t_s > announced_s and a.site == "cloud" for a in world.arrivals), "the cloud passes")
+    first_s = next(a.t_s for a in world.arrivals if a.t_s > at_s and a.site == "cloud")
     assert first_s > announced_s - SLACK_S, "the cloud passed before the new agent had given it a lease of its own"
 
 

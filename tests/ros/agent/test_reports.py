@@ -38,7 +38,7 @@ def test_placement_is_latched_and_names_site_epoch_reason_and_time(world: World)
     heard = world.ear.hear(String, "/offload/placement", LATCHED)
     world.until(lambda: heard, "the latched placement")
     body = json.loads(heard[-1][1].data)
-    assert set(body) >= {"site", "phase", "epoch", "reason", "message", "since_s", "silent_ms", "effects"}
+    assert set(body) >= {"site", "phase", "epoch", "reason", "message", "since_s", "silent_ms", "effects", "control"}
     assert (body["site"], body["phase"], body["effects"]) == ("cloud", "Cloud", "cloud")
     world.cut("both")
     world.goes_to("robot")

@@ -7,7 +7,7 @@ import pytest
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PROCESSES, World
 
-EXIT_S = 15
+EXIT_S = 30
 
 
 def node_state(world: World) -> str:

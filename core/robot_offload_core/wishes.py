@@ -1,0 +1,44 @@
+"""Where everybody wants the robot's placement to be: people, the resource, the clocks, the cloud's end, the policy."""
+
+from __future__ import annotations
+
+from robot_offload_core import policy as policies
+from robot_offload_core.change import replace
+from robot_offload_core.health import clock_fault, fitness
+from robot_offload_core.placement import IN_CHARGE, Robot
+from robot_offload_core.policy import Verdict
+from robot_offload_core.token import Site
+
+
+def pin(robot: Robot, now_s: float) -> Site | None:
+    """The side that placement is pinned to: on the robot, else in the resource."""
+    if robot.pin is not None and robot.pin.holds(now_s):
+        return robot.pin.site
+    return robot.settings.pin
+
+
+def veto(robot: Robot, now_s: float) -> Verdict | None:
+    """What forbids the cloud whatever anybody asks for, besides the hard limits."""
+    fault = clock_fault(robot.link, robot.settings)
+    leaving = robot.leaving
+    if fault is None and leaving is not None and leaving.cloud == robot.link.peer and now_s < leaving.until_s:
+        return Verdict(Site.ROBOT, "PodStopping", "The cloud's pods are stopping, the robot acts until they are back")
+    return fault
+
+
+def wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:
+    """Precedence: vetoes > pin on the robot > pin in the resource > by hand > policy; hard limits come before all."""
+    fit = fitness(robot.link, robot.settings, now_s)
+    policy, verdict = policies.decide(robot.policy, IN_CHARGE[robot.phase], fit, robot.settings, now_s)
+    robot = replace(robot, policy=policy)
+    forbidden = veto(robot, now_s)
+    if forbidden is not None:
+        return robot, forbidden
+    pinned = pin(robot, now_s)
+    if pinned is not None:
+        name = pinned.value
+        return robot, Verdict(pinned, f"PinnedTo{name.capitalize()}", f"Placement is pinned to the {name}")
+    if robot.manual is not None and robot.manual.holds(now_s):
+        asked = robot.manual.site
+        return robot, Verdict(asked, "ByHand", f"The {asked.value} was asked for by hand")
+    return robot, verdict
