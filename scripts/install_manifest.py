@@ -1,0 +1,60 @@
+"""Write manifests/install.yaml: what the chart renders with its default values, for those who do not use helm."""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.cluster import programs
+
+ROOT = Path(__file__).parents[1]
+CHART = ROOT / "charts" / "robot-offload"
+TARGET = ROOT / "manifests" / "install.yaml"
+NAMESPACE = "robot-offload-system"
+HEAD = f"""\
+# Robot Offload, generated from charts/robot-offload (scripts/install_manifest.py). Install or upgrade:
+#   kubectl apply --server-side -f install.yaml
+# Removing it removes the definition of RobotOffload, too, and with it every RobotOffload; to keep them delete the rest
+# only: kubectl delete namespace {NAMESPACE} (and the ClusterRoles and ClusterRoleBindings below).
+apiVersion: v1
+kind: Namespace
+metadata:
+  name: {NAMESPACE}
+  labels:
+    pod-security.kubernetes.io/enforce: restricted
+"""
+
+
+def rendered(helm: Path) -> str:
+    """The text of the file."""
+    command = [str(helm), "template", "robot-offload", str(CHART), "--namespace", NAMESPACE]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"helm template failed: {done.stderr}")
+    body = done.stdout.replace("app.kubernetes.io/managed-by: Helm", "app.kubernetes.io/managed-by: kubectl")
+    return HEAD + body
+
+
+def main() -> int:
+    """Write the file, or with --check say whether it is up to date."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true", help="change nothing; fail when the file is not up to date")
+    text = rendered(programs.ensure(_say, {"helm": programs.CONTROL_PLANE["helm"]}).path("helm"))
+    if not parser.parse_args().check:
+        TARGET.parent.mkdir(exist_ok=True)
+        TARGET.write_text(text)
+        return 0
+    if TARGET.exists() and TARGET.read_text() == text:
+        return 0
+    _say(f"{TARGET.relative_to(ROOT)} is not what the chart renders. Next: python -m scripts.install_manifest")
+    return 1
+
+
+def _say(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

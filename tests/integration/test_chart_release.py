@@ -1,0 +1,143 @@
+"""The life of a release on a real API server: install, upgrade, roll back, uninstall."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from tests.cluster.commands import Helm, Kubectl
+from tests.cluster.control_plane import ControlPlane
+from tests.cluster.pretended_kubelet import report_ready
+from tests.integration.chart import CHART, OPERATOR, RELEASE, ROOT, with_values
+
+pytestmark = pytest.mark.api
+
+DEFINITION = "customresourcedefinition/robotoffloads.robotoffload.dev"
+NAMESPACE = "robot-offload-system"
+EVERYTHING = (
+    "deployments,replicasets,pods,services,serviceaccounts,roles,rolebindings,networkpolicies,secrets,configmaps"
+)
+
+
+@pytest.fixture
+def kubectl(bare_control_plane: ControlPlane) -> Iterator[Kubectl]:
+    """Kubectl in a restricted namespace of a cluster that has never seen the chart."""
+    bound = bare_control_plane.kubectl(NAMESPACE)
+    bound("create", "namespace", NAMESPACE)
+    bound("label", "namespace", NAMESPACE, "pod-security.kubernetes.io/enforce=restricted")
+    bound("wait", "--for=create", "serviceaccount/default", "--timeout=30s")
+    yield bound
+    bound("delete", "namespace", NAMESPACE, "--timeout=50s")
+    bound("delete", DEFINITION, "--ignore-not-found", "--timeout=50s")
+
+
+@pytest.fixture
+def helm(bare_control_plane: ControlPlane, kubectl: Kubectl) -> Helm:
+    return bare_control_plane.helm(kubectl.namespace)
+
+
+def talker() -> dict[str, Any]:
+    resource = yaml.safe_load((ROOT / "examples" / "talker" / "robotoffload.yaml").read_text())
+    assert isinstance(resource, dict)
+    return resource
+
+
+def memory_limit(kubectl: Kubectl) -> str:
+    (container,) = kubectl.json("get", "deployment", OPERATOR)["spec"]["template"]["spec"]["containers"]
+    return str(container["resources"]["limits"]["memory"])
+
+
+def with_older_definition(chart: Path, forgotten: str) -> Path:
+    """A copy of the chart from before a field of the spec existed."""
+    shutil.copytree(CHART, chart)
+    path = chart / "files" / "crd.yaml"
+    definition = yaml.safe_load(path.read_text())
+    for version in definition["spec"]["versions"]:
+        spec = version["schema"]["openAPIV3Schema"]["properties"]["spec"]
+        del spec["properties"][forgotten]
+        spec["x-kubernetes-validations"] = [
+            rule for rule in spec.get("x-kubernetes-validations", []) if forgotten not in rule["rule"]
+        ]
+    path.write_text(yaml.safe_dump(definition))
+    return chart
+
+
+def test_a_restricted_namespace_takes_the_operators_pod(
+    bare_control_plane: ControlPlane, helm: Helm, kubectl: Kubectl
+) -> None:
+    notes = helm("install", RELEASE, str(CHART))
+    assert f"rollout status deployment/{OPERATOR}" in notes
+    kubectl("wait", "--for=create", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=30s")
+    report_ready(bare_control_plane, kubectl.namespace)
+    kubectl("rollout", "status", f"deployment/{OPERATOR}", "--timeout=30s")
+
+
+def test_an_upgrade_changes_and_a_rollback_restores(helm: Helm, kubectl: Kubectl) -> None:
+    helm("install", RELEASE, str(CHART))
+    before = memory_limit(kubectl)
+    helm("upgrade", RELEASE, str(CHART), *with_values({"resources.limits.memory": "512Mi"}))
+    assert memory_limit(kubectl) == "512Mi"
+    helm("rollback", RELEASE)
+    assert memory_limit(kubectl) == before
+
+
+def test_uninstalling_removes_the_operator_and_keeps_the_resources(helm: Helm, kubectl: Kubectl) -> None:
+    untouched = kubectl.names(EVERYTHING)
+    cluster_wide = kubectl.names("clusterroles,clusterrolebindings")
+    helm("install", RELEASE, str(CHART))
+    kubectl("wait", "--for=condition=Established", DEFINITION, "--timeout=30s")
+    kubectl.apply(talker())
+    said = helm("uninstall", RELEASE, "--wait")
+    assert "CustomResourceDefinition" in said  # helm says what it kept
+    kubectl("wait", "--for=delete", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=30s")
+    assert kubectl.names(EVERYTHING) == untouched
+    assert kubectl.names("clusterroles,clusterrolebindings") == cluster_wide
+    assert kubectl.names("robotoffloads") == ["robotoffload.robotoffload.dev/talker"]
+
+
+def test_a_release_that_comes_back_takes_the_kept_definition_over(helm: Helm, kubectl: Kubectl) -> None:
+    helm("install", RELEASE, str(CHART))
+    helm("uninstall", RELEASE)
+    helm("install", RELEASE, str(CHART))
+    assert "deployed" in helm("status", RELEASE)
+
+
+def test_another_release_takes_the_kept_definition_over_when_told(helm: Helm, kubectl: Kubectl) -> None:
+    helm("install", RELEASE, str(CHART))
+    helm("uninstall", RELEASE)
+    assert "invalid ownership metadata" in helm.refuses("install", "second", str(CHART))
+    helm("install", "second", str(CHART), "--take-ownership")
+    assert "deployed" in helm("status", "second")
+
+
+def test_objects_of_an_older_definition_live_through_upgrade_and_rollback(
+    helm: Helm, kubectl: Kubectl, tmp_path: Path
+) -> None:
+    older = with_older_definition(tmp_path / "chart", forgotten="scale")
+    helm("install", RELEASE, str(older))
+    kubectl("wait", "--for=condition=Established", DEFINITION, "--timeout=30s")
+    kubectl.apply(talker())
+    assert "scale" not in kubectl.json("get", "robotoffload", "talker")["spec"]
+
+    helm("upgrade", RELEASE, str(CHART))
+    kubectl("annotate", "robotoffload", "talker", "touched=yes")  # any write must pass the new validation
+    kubectl.apply({**talker(), "spec": {**talker()["spec"], "scale": {"idleTimeout": "5m"}}})
+
+    helm("rollback", RELEASE)
+    kept = kubectl.json("get", "robotoffload", "talker")
+    assert kept["spec"]["nodes"][0]["name"] == "talker"
+    kubectl("annotate", "robotoffload", "talker", "touched=again", "--overwrite")
+
+
+def test_deleting_the_namespace_with_everything_in_it_leaves_nothing_stuck(helm: Helm, kubectl: Kubectl) -> None:
+    helm("install", RELEASE, str(CHART))
+    kubectl("wait", "--for=condition=Established", DEFINITION, "--timeout=30s")
+    kubectl.apply(talker())
+    kubectl("delete", "namespace", NAMESPACE, "--timeout=50s")
+    assert f"namespace/{NAMESPACE}" not in kubectl.names("namespaces")
+    helm("install", RELEASE, str(CHART), "--create-namespace")  # nothing of the first is in the way

@@ -1,0 +1,190 @@
+"""The chart as text: what helm makes of the values, and what the API server says to it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+import yaml
+
+from tests.cluster.commands import Helm, Kubectl
+from tests.cluster.control_plane import ControlPlane
+from tests.integration.chart import CHART, OPERATOR, RELEASE, ROOT, Values, of_kind, rendered, with_values
+from tests.integration.conftest import NewNamespace
+
+pytestmark = pytest.mark.api
+
+DIGEST = f"mirror.example:5000/ros/agent@sha256:{'a' * 64}"
+SCRAPE = {"enabled": True, "interval": "15s", "labels": {"release": "prometheus"}}
+PEER = {"namespaceSelector": {"matchLabels": {"name": "monitoring"}}}
+
+CASES: dict[str, Values] = {
+    "defaults": {},
+    "without the definition": {"crds.install": False},
+    "another registry": {"images.registry": "mirror.example:5000/ros", "images.tag": "1.2.3", "images.agent": DIGEST},
+    "private registry": {"images.pullSecrets": [{"name": "registry"}], "images.pullPolicy": "Always"},
+    "cert-manager": {"certManager.enabled": True},
+    "own service account": {"serviceAccount.create": False, "serviceAccount.name": "mine"},
+    "annotated service account": {"serviceAccount.annotations": {"example.com/role": "arn:1"}},
+    "no roles": {"rbac.create": False},
+    "not aggregated": {"rbac.aggregate": False},
+    "openshift": {"runAsUser": None},
+    "resources": {"resources": {"requests": {"cpu": 1, "memory": "1Gi"}, "limits": {"cpu": "2"}}},
+    "scheduling": {
+        "nodeSelector": {"kubernetes.io/arch": "amd64"},
+        "tolerations": [{"key": "edge", "operator": "Exists", "effect": "NoSchedule"}],
+        "affinity": {"nodeAffinity": {"requiredDuringSchedulingIgnoredDuringExecution": {"nodeSelectorTerms": [
+            {"matchExpressions": [{"key": "zone", "operator": "In", "values": ["a"]}]}]}}},
+        "priorityClassName": "system-cluster-critical",
+    },
+    "labels and annotations": {"podLabels": {"team": "robots"}, "podAnnotations": {"example.com/a": "yes"}},
+    "metrics for one namespace only": {"networkPolicy.metricsFrom": [PEER]},
+    "another port of the API server": {"networkPolicy.apiServerPorts": [16443]},
+    "no network policy": {"networkPolicy.enabled": False},
+}  # fmt: skip
+
+WRONG: dict[str, tuple[Values, str]] = {
+    "an unknown key": ({"imagse": {}}, "imagse"),
+    "an unknown key further down": ({"images.registyr": "x"}, "registyr"),
+    "text for a number": ({"runAsUser": "1000"}, "runAsUser"),
+    "root": ({"runAsUser": 0}, "runAsUser"),
+    "a number for text": ({"images.tag": 1.2}, "images.tag|images/tag"),
+    "no namespace": ({"watchNamespace": "Not_A_Namespace"}, "watchNamespace"),
+    "an unknown pull policy": ({"images.pullPolicy": "Sometimes"}, "pullPolicy"),
+    "a reference with a blank": ({"images.agent": "agent :1"}, "agent"),
+    "no port": ({"networkPolicy.apiServerPorts": [70000]}, "apiServerPorts"),
+    "a pull secret without a name": ({"images.pullSecrets": ["registry"]}, "pullSecrets"),
+    "an interval without a unit": ({"metrics.podMonitor.interval": "30"}, "interval"),
+    "a missing account name": ({"serviceAccount.create": False}, "serviceAccount.name"),
+}
+
+
+@pytest.mark.parametrize("values", CASES.values(), ids=CASES.keys())
+def test_the_api_server_accepts_what_the_chart_renders(helm: Helm, kubectl: Kubectl, values: Values) -> None:
+    objects = rendered(helm, values)
+    kubectl("apply", "--server-side", "--dry-run=server", "-f", "-", stdin=yaml.safe_dump_all(objects))
+
+
+def test_the_api_server_accepts_a_chart_for_one_namespace(
+    helm: Helm, kubectl: Kubectl, new_namespace: NewNamespace
+) -> None:
+    objects = rendered(helm, {"watchNamespace": new_namespace()})
+    kubectl("apply", "--server-side", "--dry-run=server", "-f", "-", stdin=yaml.safe_dump_all(objects))
+
+
+@pytest.mark.parametrize("name", ["defaults", "cert-manager", "openshift", "scheduling"])
+def test_lint_has_nothing_to_say(helm: Helm, name: str) -> None:
+    assert "0 chart(s) failed" in helm("lint", "--strict", str(CHART), *with_values(CASES[name]))
+
+
+@pytest.mark.parametrize(("values", "named"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_values_are_refused_and_named(helm: Helm, values: Values, named: str) -> None:
+    refusal = helm.refuses("template", RELEASE, str(CHART), *with_values(values))
+    assert any(each in refusal for each in named.split("|")), refusal
+
+
+def test_every_value_is_in_the_schema_with_a_description() -> None:
+    schema = yaml.safe_load((CHART / "values.schema.json").read_text())
+    values = yaml.safe_load((CHART / "values.yaml").read_text())
+    assert undescribed(values, schema, "values") == []
+
+
+def undescribed(values: dict[str, Any], schema: dict[str, Any], path: str) -> list[str]:
+    missing = [f"{path}.{key}" for key in values if not schema["properties"].get(key, {}).get("description", True)]
+    for key, value in values.items():
+        inner = schema["properties"].get(key)
+        if inner is None:
+            missing.append(f"{path}.{key}")
+        elif isinstance(value, dict) and "properties" in inner:
+            missing += undescribed(value, inner, f"{path}.{key}")
+    return missing
+
+
+def container(objects: list[dict[str, Any]]) -> dict[str, Any]:
+    (deployment,) = of_kind(objects, "Deployment")
+    (only,) = deployment["spec"]["template"]["spec"]["containers"]
+    assert isinstance(only, dict)
+    return only
+
+
+def environment(objects: list[dict[str, Any]]) -> dict[str, str]:
+    return {each["name"]: each.get("value", "") for each in container(objects)["env"]}
+
+
+def test_every_image_has_the_version_of_the_chart(helm: Helm) -> None:
+    version = yaml.safe_load((CHART / "Chart.yaml").read_text())["appVersion"]
+    told = environment(rendered(helm))
+    for name in ("operator", "agent", "discovery", "router"):
+        assert told[f"{name.upper()}_IMAGE"] == f"registry.robotoffload.dev/{name}:{version}"
+
+
+def test_a_registry_serves_all_images_and_a_reference_only_its_own(helm: Helm) -> None:
+    objects = rendered(helm, CASES["another registry"])
+    told = environment(objects)
+    assert container(objects)["image"] == told["OPERATOR_IMAGE"] == "mirror.example:5000/ros/operator:1.2.3"
+    assert told["AGENT_IMAGE"] == DIGEST
+
+
+def test_the_operator_learns_which_namespace_to_serve(helm: Helm) -> None:
+    assert environment(rendered(helm, {"watchNamespace": "robots"}))["WATCH_NAMESPACE"] == "robots"
+    assert environment(rendered(helm))["WATCH_NAMESPACE"] == ""
+
+
+def test_the_charts_definition_is_the_one_of_the_manifests(helm: Helm) -> None:
+    (ours,) = of_kind(rendered(helm), "CustomResourceDefinition")
+    (published,) = yaml.safe_load_all((ROOT / "manifests" / "crd" / "robotoffloads.yaml").read_text())
+    assert ours["spec"] == published["spec"]
+    assert ours["metadata"]["annotations"]["helm.sh/resource-policy"] == "keep"
+
+
+def test_selectors_do_not_match_what_the_operator_makes_for_a_robot(helm: Helm) -> None:
+    (deployment,) = of_kind(rendered(helm), "Deployment")
+    assert deployment["spec"]["selector"]["matchLabels"]["app.kubernetes.io/name"] == OPERATOR
+
+
+def test_monitors_are_accepted_where_the_prometheus_operator_is(bare_control_plane: ControlPlane, helm: Helm) -> None:
+    kubectl = bare_control_plane.kubectl()
+    kinds = {"podmonitors": "PodMonitor", "servicemonitors": "ServiceMonitor"}
+    kubectl.apply(*(monitoring_definition(plural, kind) for plural, kind in kinds.items()))
+    kubectl("wait", "--for=condition=Established", *(f"crd/{plural}.monitoring.coreos.com" for plural in kinds))
+    objects = rendered(helm, {"metrics.podMonitor": SCRAPE, "metrics.serviceMonitor": SCRAPE})
+    monitors = [each for kind in kinds.values() for each in of_kind(objects, kind)]
+    assert len(monitors) == 2
+    for monitor in monitors:
+        del monitor["metadata"]["namespace"]
+    kubectl("apply", "--server-side", "--dry-run=server", "-f", "-", stdin=yaml.safe_dump_all(monitors))
+
+
+def monitoring_definition(plural: str, kind: str) -> dict[str, Any]:
+    """The fields of the Prometheus operator's definition that the chart may use, with their types; no others."""
+    text = {"type": "string"}
+    labels = {"type": "object", "properties": {"matchLabels": {"type": "object", "additionalProperties": text}}}
+    endpoint = {"type": "object", "properties": {"port": text, "path": text, "interval": text}}
+    endpoints = "podMetricsEndpoints" if kind == "PodMonitor" else "endpoints"
+    spec = {"type": "object", "properties": {"selector": labels, endpoints: {"type": "array", "items": endpoint}}}
+    schema = {"openAPIV3Schema": {"type": "object", "properties": {"spec": spec}}}
+    names = {"plural": plural, "kind": kind, "singular": kind.lower(), "listKind": f"{kind}List"}
+    versions = [{"name": "v1", "served": True, "storage": True, "schema": schema}]
+    return {
+        "apiVersion": "apiextensions.k8s.io/v1",
+        "kind": "CustomResourceDefinition",
+        "metadata": {"name": f"{plural}.monitoring.coreos.com"},
+        "spec": {"group": "monitoring.coreos.com", "scope": "Namespaced", "names": names, "versions": versions},
+    }
+
+
+def test_the_install_manifest_is_what_the_chart_renders(cluster_programs: object) -> None:
+    command = [sys.executable, "-m", "scripts.install_manifest", "--check"]
+    check = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert check.returncode == 0, check.stderr
+
+
+def test_the_install_manifest_can_be_applied_and_deleted(bare_control_plane: ControlPlane) -> None:
+    kubectl = bare_control_plane.kubectl("robot-offload-system")
+    manifest = str(ROOT / "manifests" / "install.yaml")
+    kubectl("apply", "--server-side", "-f", manifest)
+    kubectl("wait", "--for=create", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=30s")
+    kubectl("delete", "-f", manifest, "--timeout=50s")
+    assert "robot-offload" not in kubectl("get", "namespaces,clusterroles,clusterrolebindings,crd", "-o", "name")
