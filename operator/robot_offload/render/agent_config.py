@@ -7,19 +7,38 @@ of service carry `auto` (read from the running system). Durations are floats in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any, Final
 
 import yaml
 
+from robot_offload import transport
 from robot_offload.api.v1alpha1 import Node, Output, QualityOfService, RobotOffload, Switching, TopicToCloud
 from robot_offload.api.v1alpha1.names import identifier
-from robot_offload.render.names import Side, nodes_on, private_topic
+from robot_offload.render.names import nodes_on, private_topic
+from robot_offload.render.site import AgentSite
+
+__all__ = ["AgentSite", "agent_config", "agent_parameters", "parameter_file", "runtime_parameters", "start_parameters"]
 
 AUTO: Final = "auto"
 NONE: Final = ["none"]
 FALLBACK_AFTER_MS: Final = 5_000.0
 """Longer than a session needs to come back after the other agent restarted, so that a restart causes no fallback."""
+RUN_TIME: Final = frozenset(
+    (
+        "generation", "mode", "pin", "prefer", "loss_timeout_ms", "lease_ms", "max_command_age_ms", "robot_period_ms",
+        "cloud_period_ms", "tolerance_ms", "min_dwell_ms", "hold_down_initial_ms", "hold_down_max_ms",
+        "flap_window_ms", "activation_deadline_ms", "max_clock_offset_ms",
+    )
+)  # fmt: skip
+"""What running agents take over; a contract test holds it against the agent's own list."""
+RUN_TIME_INPUT: Final = frozenset(("max_age_ms", "max_rate_hz"))
+"""The same of each input."""
+SHARED: Final = RUN_TIME | {
+    "domain_id", "namespace", "heartbeat_period_ms", "strict", "inhibit_service", "nodes", "node", "outputs", "output",
+    "inputs", "input",
+}  # fmt: skip
+"""What follows from the resource alone, not from where an agent runs."""
 _QOS_WORDS: Final = {
     "Reliable": "reliable",
     "BestEffort": "best_effort",
@@ -28,44 +47,14 @@ _QOS_WORDS: Final = {
 }
 
 
-@dataclass(frozen=True)
-class AgentSite:
-    """What an agent must know that is not in the resource: where it runs and what it was given.
-
-    Attributes:
-        side: whose agent it is.
-        host: robot: the cloud's name or address; cloud: the address to listen on (`0.0.0.0` is every one).
-        pulse_port: port of the pulse session as seen from this side; None = the resource's.
-        data_port: port of the data session as seen from this side; None = the resource's.
-        ca: file with the certificates that the other side's is checked against.
-        certificate: file with this side's certificate.
-        private_key: file with its key.
-        verify_name: whether the robot checks that the cloud's certificate names `host`.
-        uid: identity of the RobotOffload between the agents; empty = its name.
-        domain_id: ROS_DOMAIN_ID of this side; None = the resource's.
-        runtime_dir: folder for sockets and pid files; empty = the agent's default.
-        state_dir: folder for what outlives a reboot; empty = the agent's default.
-        realtime: whether the pulse process asks for real-time priority.
-    """
-
-    side: Side
-    host: str
-    ca: str
-    certificate: str
-    private_key: str
-    pulse_port: int | None = None
-    data_port: int | None = None
-    verify_name: bool = True
-    uid: str = ""
-    domain_id: int | None = None
-    runtime_dir: str = ""
-    state_dir: str = ""
-    realtime: bool = False
-
-
 def agent_config(offload: RobotOffload, site: AgentSite) -> str:
     """The agent configuration of one side as the text of a ROS 2 parameter file."""
-    document = {"/**": {"ros__parameters": agent_parameters(offload, site)}}
+    return parameter_file(agent_parameters(offload, site))
+
+
+def parameter_file(parameters: Mapping[str, Any]) -> str:
+    """Nested parameters as the text of a ROS 2 parameter file for every node."""
+    document = {"/**": {"ros__parameters": dict(parameters)}}
     return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=1000, allow_unicode=True)
 
 
@@ -85,6 +74,7 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         "runtime_dir": site.runtime_dir,
         "state_dir": site.state_dir,
         "realtime": site.realtime,
+        **_files(site),
         **_switching(spec.switching),
         "inhibit_service": spec.driver.inhibit_service or "",
         "link": _link(offload, site),
@@ -94,6 +84,39 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         "output": {identifier(output.topic): _output(node, output) for node, output in outputs},
         "inputs": [identifier(topic.name) for topic in inputs] or NONE,
         "input": {identifier(topic.name): _input(topic) for topic in inputs},
+    }
+
+
+def runtime_parameters(offload: RobotOffload, generation: int) -> dict[str, Any]:
+    """What the cloud's agent pushes to a connected robot: all that both sides share, always complete.
+
+    The robot takes over what may change while it runs (see RUN_TIME) and compares the rest with its own file: a
+    difference there needs a new bundle, and it says so.
+
+    Args:
+        offload: the resource.
+        generation: of its specification.
+    """
+    robot = agent_parameters(offload, AgentSite("robot", "", "", "", ""))
+    return {"generation": generation, **{name: value for name, value in robot.items() if name in SHARED}}
+
+
+def start_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """An agent's parameters without those that it takes over while it runs: what changes only by a new start."""
+    kept = {name: value for name, value in parameters.items() if name not in RUN_TIME}
+    inputs = {
+        name: {key: value for key, value in values.items() if key not in RUN_TIME_INPUT}
+        for name, values in parameters["input"].items()
+    }
+    return {**kept, "input": inputs}
+
+
+def _files(site: AgentSite) -> dict[str, Any]:
+    return {
+        "generation": site.generation,
+        "state_file": site.state_file,
+        "settings_file": site.settings_file,
+        "handover_file": site.handover_file,
     }
 
 
@@ -121,18 +144,9 @@ def _switching(switching: Switching) -> dict[str, Any]:
 
 
 def _link(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
-    transport = offload.spec.transport
-    zenoh = transport.zenoh
-    pulse = _address(site.host, site.pulse_port or zenoh.pulse_port)
-    data = _address(site.host, site.data_port or zenoh.data_port)
-    own_session = transport.type == "Zenoh"
-    fallback = own_session and zenoh.fallback
     return {
-        "type": transport.agent_link,
-        "pulse_endpoints": [f"quic/{pulse}"] if own_session else NONE,
-        "data_endpoints": [f"quic/{data}"] if own_session else NONE,
-        "pulse_fallback": [f"tls/{pulse}"] if fallback else NONE,
-        "data_fallback": [f"tls/{data}"] if fallback else NONE,
+        "type": offload.spec.transport.agent_link,
+        **transport.of(offload.spec).agent_link(offload, site),
         "fallback_after_ms": FALLBACK_AFTER_MS,
         "ca": site.ca,
         "certificate": site.certificate,
@@ -141,18 +155,14 @@ def _link(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
     }
 
 
-def _address(host: str, port: int) -> str:
-    """`host:port`, with brackets around an IPv6 address."""
-    return f"[{host}]:{port}" if ":" in host and not host.startswith("[") else f"{host}:{port}"
-
-
 def _node(node: Node) -> dict[str, Any]:
     return {
         "duplicated": node.duplicated,
         "core": node.core,
         "lifecycle": node.lifecycle,
         "standby_robot": node.standby.robot,
-        "standby_cloud": node.standby.cloud,
+        # A Cold replica that has no pod yet is simply not there; once it runs it is kept as a Warm one.
+        "standby_cloud": "Hot" if node.standby.cloud == "Hot" else "Warm",
     }
 
 

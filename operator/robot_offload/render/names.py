@@ -34,8 +34,14 @@ def nodes_on(spec: RobotOffloadSpec, side: Side) -> tuple[Node, ...]:
     return tuple(node for node in spec.nodes if node.placement in placements)
 
 
-def command(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, ...]:
+def command(spec: RobotOffloadSpec, node: Node, side: Side, *, params_file: str | None = None) -> tuple[str, ...]:
     """The command line of a node's replica on one side, with all ROS arguments.
+
+    Args:
+        spec: the whole specification.
+        node: the node.
+        side: where the replica runs.
+        params_file: a ROS 2 parameter file on that side; single parameters are laid over it.
 
     Raises:
         ValueError: the node has no `run` block, so something else must start it.
@@ -43,7 +49,9 @@ def command(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, ...]:
     if node.run is None:
         raise ValueError(f"node {node.name!r} has no run block: nothing says how to start it")
     program = node.run.command or ("ros2", "run", str(node.run.package), str(node.run.executable))
-    return (*program, "--ros-args", *run_arguments(spec, node, side))
+    file = () if params_file is None else ("--params-file", params_file)
+    # What comes later wins, so the file comes first.
+    return (*program, "--ros-args", *file, *run_arguments(spec, node, side))
 
 
 def run_arguments(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, ...]:

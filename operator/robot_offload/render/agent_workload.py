@@ -1,0 +1,233 @@
+"""The cloud agent: its Deployment with the reporter beside it, their rights, their configuration."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from robot_offload import transport
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.render import child_names, handover, pod
+from robot_offload.render.agent_config import (
+    AgentSite,
+    agent_parameters,
+    parameter_file,
+    runtime_parameters,
+    start_parameters,
+)
+from robot_offload.render.child_names import child_name
+from robot_offload.render.facts import Facts, Manifest
+from robot_offload.render.hashes import config_hash
+from robot_offload.render.labels import selector
+from robot_offload.render.objects import child, config_map
+
+CONFIG_DIR: Final = "/etc/robot-offload/agent"
+SETTINGS_DIR: Final = "/etc/robot-offload/settings"
+RUNTIME_DIR: Final = "/run/robot-offload"
+STATE_DIR: Final = "/var/lib/robot-offload"
+CONFIG_KEY: Final = "agent.yaml"
+SETTINGS_KEY: Final = "settings.yaml"
+STATE_FILE: Final = f"{RUNTIME_DIR}/state.json"
+HANDOVER_FILE: Final = f"{RUNTIME_DIR}/handover"
+LEASE_DURATION_S: Final = 30
+"""Three times the reporter's period: one lost write is no lost robot."""
+_TOKEN_DIR: Final = "/var/run/secrets/kubernetes.io/serviceaccount"  # noqa: S105 - a folder, no secret
+_TOKEN_LIFE_S: Final = 3607
+
+
+def agent_objects(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+    """Everything of the cloud agent but its Deployment, in the order in which it is applied."""
+    name = _name(offload)
+    settings = parameter_file(runtime_parameters(offload, facts.generation))
+    return (
+        *_rights(offload, facts),
+        _lease(offload, facts),
+        _service(offload, facts),
+        config_map(
+            offload, facts, name, "agent", {CONFIG_KEY: parameter_file(agent_parameters(offload, site(offload, facts)))}
+        ),
+        config_map(
+            offload,
+            facts,
+            child_name(offload.metadata.name, child_names.SETTINGS),
+            "settings",
+            {SETTINGS_KEY: settings},
+        ),
+    )
+
+
+def agent_deployment(offload: RobotOffload, facts: Facts) -> Manifest:
+    """The Deployment. It never goes to zero: somebody must hear the robot return."""
+    name = _name(offload)
+    volumes = [
+        pod.config_map_volume("configuration", name, [CONFIG_KEY]),
+        pod.config_map_volume("settings", child_name(offload.metadata.name, child_names.SETTINGS), [SETTINGS_KEY]),
+        # In memory, because the state is written every second.
+        {"name": "runtime", "emptyDir": {"medium": "Memory", "sizeLimit": "16Mi"}},
+        {"name": "state", "emptyDir": {}},
+        _token_volume(),
+    ]
+    if transport.of(offload.spec).traits.agent_needs_certificates:
+        volumes.append(pod.certificates_volume(child_name(offload.metadata.name, child_names.CLOUD)))
+    template = pod.pod_template(
+        offload,
+        "agent",
+        [_agent(offload, facts), _reporter(offload, facts)],
+        read=config_hash(read_at_start(offload, facts)),
+        grace_s=handover.GRACE_S,
+        volumes=volumes,
+        extra={"serviceAccountName": name},
+    )
+    return pod.deployment(offload, facts, name, "agent", template)
+
+
+def site(offload: RobotOffload, facts: Facts) -> AgentSite:
+    """Where the cloud's agent runs."""
+    return AgentSite(
+        side="cloud",
+        host="0.0.0.0",  # noqa: S104 - the pod's only interface; the network policy says who may come
+        ca=f"{pod.CERTIFICATES_DIR}/ca.crt",
+        certificate=f"{pod.CERTIFICATES_DIR}/tls.crt",
+        private_key=f"{pod.CERTIFICATES_DIR}/tls.key",
+        pulse_port=transport.PULSE_PORT,
+        data_port=transport.DATA_PORT,
+        uid=facts.uid,
+        runtime_dir=RUNTIME_DIR,
+        state_dir=STATE_DIR,
+        generation=facts.generation,
+        state_file=STATE_FILE,
+        settings_file=f"{SETTINGS_DIR}/{SETTINGS_KEY}",
+        handover_file=HANDOVER_FILE,
+    )
+
+
+def read_at_start(offload: RobotOffload, facts: Facts) -> Any:
+    """What the agent's processes read once, when they start: all but what its settings may change while it runs."""
+    certificates = facts.certificate_hash if transport.of(offload.spec).traits.agent_needs_certificates else ""
+    return [start_parameters(agent_parameters(offload, site(offload, facts))), certificates]
+
+
+def _name(offload: RobotOffload) -> str:
+    return child_name(offload.metadata.name, child_names.AGENT)
+
+
+def _agent(offload: RobotOffload, facts: Facts) -> Manifest:
+    chosen = transport.of(offload.spec)
+    mounts = [
+        pod.mount("configuration", CONFIG_DIR),
+        pod.mount("settings", SETTINGS_DIR),
+        pod.mount("runtime", RUNTIME_DIR, read_only=False),
+        pod.mount("state", STATE_DIR, read_only=False),
+    ]
+    if chosen.traits.agent_needs_certificates:
+        mounts.append(pod.mount("certificates", pod.CERTIFICATES_DIR))
+    extra: Manifest = {"lifecycle": handover.pre_stop()}
+    if chosen.traits.agent_ports:
+        extra["ports"] = [
+            {"name": port.name, "containerPort": port.number, "protocol": port.protocol}
+            for port in chosen.traits.agent_ports
+        ]
+    return pod.container(
+        "agent",
+        facts.images.agent,
+        ["robot-offload-agent", "cloud", "--params", f"{CONFIG_DIR}/{CONFIG_KEY}"],
+        environment={
+            **pod.ros_environment(offload),
+            **chosen.node_environment(offload, facts),
+            # It must see the whole graph, not only what it talks to itself.
+            **({"ROS_SUPER_CLIENT": "TRUE"} if transport.discovery_servers(offload.spec) else {}),
+            handover.URL_VARIABLE: handover.url("127.0.0.1"),
+        },
+        mounts=mounts,
+        # No limit of the CPU: being throttled takes longer than the loss timeout.
+        resources={"requests": {"cpu": "200m", "memory": "160Mi"}, "limits": {"memory": "768Mi"}},
+        extra=extra,
+    )
+
+
+def _reporter(offload: RobotOffload, facts: Facts) -> Manifest:
+    def probe(path: str, period_s: int, failures: int) -> Manifest:
+        return {
+            "httpGet": {"path": path, "port": "http"},
+            "periodSeconds": period_s,
+            "timeoutSeconds": 2,
+            "failureThreshold": failures,
+        }
+
+    return pod.container(
+        "reporter",
+        facts.images.operator,
+        ["python", "-m", "robot_offload.reporter"],
+        environment={
+            "NAMESPACE": facts.namespace,
+            "ROBOT_NAME": offload.metadata.name,
+            "LEASE_NAME": child_name(offload.metadata.name, child_names.ROBOT),
+            "STATE_FILE": STATE_FILE,
+            "HANDOVER_FILE": HANDOVER_FILE,
+            "HOME": pod.TMP,
+            handover.URL_VARIABLE: handover.url("127.0.0.1"),
+        },
+        mounts=[pod.mount("runtime", RUNTIME_DIR, read_only=False), pod.mount("token", _TOKEN_DIR)],
+        resources={"requests": {"cpu": "10m", "memory": "96Mi"}, "limits": {"memory": "192Mi"}},
+        extra={
+            "ports": [{"name": "http", "containerPort": handover.PORT, "protocol": "TCP"}],
+            "readinessProbe": probe("/readyz", 2, 3),
+            "livenessProbe": probe("/healthz", 10, 3),
+            # It must live on until the handover is done that the agent's container waits for.
+            "lifecycle": handover.pre_stop(),
+        },
+    )
+
+
+def _rights(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+    """The reporter may read and change one Lease, and nothing else."""
+    name = _name(offload)
+    rule = {
+        "apiGroups": ["coordination.k8s.io"],
+        "resources": ["leases"],
+        "resourceNames": [child_name(offload.metadata.name, child_names.ROBOT)],
+        "verbs": ["get", "patch"],
+    }
+    group = "rbac.authorization.k8s.io"
+    return (
+        child(offload, facts, "v1", "ServiceAccount", name, "agent", {"automountServiceAccountToken": False}),
+        child(offload, facts, f"{group}/v1", "Role", name, "agent", {"rules": [rule]}),
+        child(
+            offload,
+            facts,
+            f"{group}/v1",
+            "RoleBinding",
+            name,
+            "agent",
+            {
+                "roleRef": {"apiGroup": group, "kind": "Role", "name": name},
+                "subjects": [{"kind": "ServiceAccount", "name": name, "namespace": facts.namespace}],
+            },
+        ),
+    )
+
+
+def _lease(offload: RobotOffload, facts: Facts) -> Manifest:
+    """The robot's Lease. Who holds it and since when is the reporter's to say, so nothing of that is here."""
+    name = child_name(offload.metadata.name, child_names.ROBOT)
+    body = {"spec": {"leaseDurationSeconds": LEASE_DURATION_S}}
+    return child(offload, facts, "coordination.k8s.io/v1", "Lease", name, "agent", body)
+
+
+def _service(offload: RobotOffload, facts: Facts) -> Manifest:
+    port = {"name": "http", "port": handover.PORT, "targetPort": "http", "protocol": "TCP"}
+    body = {"spec": {"type": "ClusterIP", "selector": selector(offload, "agent"), "ports": [port]}}
+    return child(offload, facts, "v1", "Service", _name(offload), "agent", body)
+
+
+def _token_volume() -> Manifest:
+    """What Kubernetes would mount into every container, here for the reporter alone."""
+    sources = [
+        {"serviceAccountToken": {"path": "token", "expirationSeconds": _TOKEN_LIFE_S}},
+        {"configMap": {"name": "kube-root-ca.crt", "items": [{"key": "ca.crt", "path": "ca.crt"}]}},
+        {
+            "downwardAPI": {
+                "items": [{"path": "namespace", "fieldRef": {"apiVersion": "v1", "fieldPath": "metadata.namespace"}}]
+            }
+        },
+    ]
+    return {"name": "token", "projected": {"sources": sources, "defaultMode": 0o444}}

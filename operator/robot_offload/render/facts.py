@@ -1,0 +1,87 @@
+"""What rendering must know of the cluster. The controller gathers it; nothing here asks anybody."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+Manifest: TypeAlias = dict[str, Any]
+"""A Kubernetes object as it is written in YAML."""
+
+Purpose: TypeAlias = Literal["pulse", "data", "pulse-fallback", "data-fallback", "discovery", "router"]
+
+
+@dataclass(frozen=True, slots=True)
+class Images:
+    """The container images of our own programs.
+
+    Attributes:
+        agent: the cloud agent; usually one that is built on the user's own interfaces.
+        operator: the operator, which holds the reporter as well.
+        discovery: Fast DDS with its discovery server.
+        router: the DDS Router.
+    """
+
+    agent: str
+    operator: str
+    discovery: str
+    router: str
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """Where the robot reaches something of the cloud.
+
+    Attributes:
+        purpose: what listens there.
+        protocol: UDP or TCP.
+        host: DNS name or IP address, without brackets.
+        port: as seen from outside.
+    """
+
+    purpose: Purpose
+    protocol: Literal["UDP", "TCP"]
+    host: str
+    port: int
+
+    @property
+    def address(self) -> str:
+        """`host:port`, with brackets around an IPv6 address."""
+        return address(self.host, self.port)
+
+
+def address(host: str, port: int) -> str:
+    """`host:port`, with brackets around an IPv6 address."""
+    return f"[{host}]:{port}" if ":" in host and not host.startswith("[") else f"{host}:{port}"
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """The state of the cluster as far as the children depend on it.
+
+    Attributes:
+        namespace: the Kubernetes namespace of the RobotOffload.
+        uid: its identity: children are owned by it, and agents of another one are not heard.
+        generation: of its specification; the agents say which one they run.
+        images: our own programs.
+        nodes_wanted: False: the nodes have no pods (the robot is gone for long, or spec.replicas is 0).
+        robot_connected: whether the robot is connected now; Cold nodes have pods only then.
+        endpoints: the addresses known so far, from `transport.observed_endpoints`.
+        certificate_hash: of what is in the Secret of the cloud's certificate; a renewed one rolls what reads it.
+        user_config_hashes: of the ConfigMaps of `parametersFrom`, by `name/key`; empty text: it is missing.
+    """
+
+    namespace: str
+    uid: str
+    generation: int
+    images: Images
+    nodes_wanted: bool
+    robot_connected: bool = False
+    endpoints: tuple[Endpoint, ...] = ()
+    certificate_hash: str = ""
+    user_config_hashes: Mapping[str, str] = field(default_factory=dict)
+
+    def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:
+        """The known addresses of these purposes, in the order of `purposes`."""
+        return tuple(found for purpose in purposes for found in self.endpoints if found.purpose == purpose)

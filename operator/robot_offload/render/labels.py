@@ -1,0 +1,31 @@
+"""The labels of all children, by which they and their pods are found."""
+
+from __future__ import annotations
+
+from typing import Final, Literal, TypeAlias
+
+from robot_offload.api.v1alpha1 import RobotOffload
+
+Component: TypeAlias = Literal["agent", "node", "discovery", "router", "settings", "certificates", "network"]
+
+NAME: Final = "app.kubernetes.io/name"
+INSTANCE: Final = "app.kubernetes.io/instance"
+COMPONENT: Final = "app.kubernetes.io/component"
+MANAGED_BY: Final = "app.kubernetes.io/managed-by"
+NODE: Final = "robotoffload.dev/node"
+MANAGER: Final = "robot-offload"
+
+
+def instance_labels(offload: RobotOffload) -> dict[str, str]:
+    """The labels by which all children of a RobotOffload are found."""
+    return {NAME: MANAGER, INSTANCE: offload.metadata.name}
+
+
+def labels(offload: RobotOffload, component: Component) -> dict[str, str]:
+    """The labels of a child."""
+    return {**selector(offload, component), MANAGED_BY: MANAGER}
+
+
+def selector(offload: RobotOffload, component: Component) -> dict[str, str]:
+    """The labels by which a Service, a Deployment or a policy finds its pods; they never change."""
+    return {**instance_labels(offload), COMPONENT: component}

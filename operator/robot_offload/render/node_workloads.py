@@ -1,0 +1,103 @@
+"""The replicas of the application's nodes in the cloud: one Deployment of one pod per node."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robot_offload import transport
+from robot_offload.api.v1alpha1 import Node, RobotOffload, RobotOffloadSpec
+from robot_offload.render import handover, labels, pod
+from robot_offload.render.child_names import AGENT, child_name, node_child
+from robot_offload.render.facts import Facts, Manifest
+from robot_offload.render.hashes import config_hash
+from robot_offload.render.names import command
+
+PARAMETERS_DIR: Final = "/etc/robot-offload/parameters"
+CONTAINER: Final = "node"
+MISSING_IMAGE: Final = "image-not-given"
+"""Stands where a node has no image; the specification is refused before it comes to a cluster, see the checks."""
+
+
+def node_deployments(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+    """The Deployments of all nodes with a replica in the cloud, in bring-up order."""
+    return tuple(_deployment(offload, facts, node) for node in offload.spec.cloud_nodes)
+
+
+def replicas(spec: RobotOffloadSpec, node: Node, facts: Facts) -> int:
+    """How many pods a node has: none without a robot, and none of a Cold node that the robot cannot use now."""
+    if not facts.nodes_wanted or spec.replicas == 0:
+        return 0
+    if node.duplicated and node.standby.cloud == "Cold":
+        usable = spec.switching.pin != "Robot" and spec.switching.mode == "Auto"
+        return int(facts.robot_connected and usable)
+    return 1
+
+
+def _deployment(offload: RobotOffload, facts: Facts, node: Node) -> Manifest:
+    name = node_child(offload.metadata.name, node.name)
+    own_label = {labels.NODE: name}
+    volumes, mounts, params_file = _parameter_file(node)
+    extra: Manifest = {"lifecycle": handover.pre_stop()} if node.duplicated else {}
+    if node.image_pull_policy is not None:
+        extra["imagePullPolicy"] = node.image_pull_policy
+    container = pod.container(
+        CONTAINER,
+        node.image or MISSING_IMAGE,
+        command(offload.spec, node, "cloud", params_file=params_file) if node.run else (),
+        environment=_environment(offload, facts, node),
+        mounts=mounts,
+        resources={
+            key: dict(values)
+            for key, values in (("limits", node.resources.limits), ("requests", node.resources.requests))
+            if values
+        },
+        extra=extra,
+    )
+    placed: Manifest = {"nodeSelector": dict(node.node_selector)}
+    if node.runtime_class_name is not None:
+        placed["runtimeClassName"] = node.runtime_class_name
+    template = pod.pod_template(
+        offload,
+        "node",
+        [container],
+        read=config_hash(_read_at_start(node, facts)),
+        grace_s=handover.GRACE_S,
+        volumes=volumes,
+        extra_labels=own_label,
+        extra=placed,
+    )
+    return pod.deployment(
+        offload,
+        facts,
+        name,
+        "node",
+        template,
+        replicas=replicas(offload.spec, node, facts),
+        extra_selector=own_label,
+    )
+
+
+def _environment(offload: RobotOffload, facts: Facts, node: Node) -> dict[str, str]:
+    own = {**pod.ros_environment(offload), **transport.of(offload.spec).node_environment(offload, facts)}
+    if node.duplicated:
+        own[handover.URL_VARIABLE] = handover.url(child_name(offload.metadata.name, AGENT))
+    # What decides where the node belongs is ours; everything else, such as HOME, a user may set.
+    fixed = {name: value for name, value in own.items() if name not in ("HOME", "ROS_LOG_DIR")}
+    return {**own, **{one.name: one.value for one in node.env}, **fixed}
+
+
+def _parameter_file(node: Node) -> tuple[list[Manifest], list[Manifest], str | None]:
+    """Volumes, mounts and the path of the parameter file that a user keeps in a ConfigMap."""
+    if node.run is None or node.run.parameters_from is None:
+        return [], [], None
+    reference = node.run.parameters_from.config_map_key_ref
+    volume = pod.config_map_volume("parameters", reference.name, [reference.key])
+    return [volume], [pod.mount("parameters", PARAMETERS_DIR)], f"{PARAMETERS_DIR}/{reference.key}"
+
+
+def _read_at_start(node: Node, facts: Facts) -> str:
+    """The content of the node's parameter file, as a hash; everything else that it reads is in the template."""
+    if node.run is None or node.run.parameters_from is None:
+        return ""
+    reference = node.run.parameters_from.config_map_key_ref
+    return facts.user_config_hashes.get(f"{reference.name}/{reference.key}", "")

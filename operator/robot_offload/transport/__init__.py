@@ -1,0 +1,60 @@
+"""The ways of connecting robot and cloud, one module each. Pure: no I/O, no clock, no environment.
+
+`of(spec)` is the transport of a specification; what it must offer stands in `port`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from robot_offload.api.v1alpha1 import RobotOffload, RobotOffloadSpec, TransportType
+from robot_offload.render.facts import Endpoint, Manifest
+from robot_offload.transport import dds_router, discovery_server, static_peers, zenoh
+from robot_offload.transport.port import TransportModule
+from robot_offload.transport.zenoh import DATA_PORT, PULSE_PORT
+
+__all__ = [
+    "DATA_PORT",
+    "PULSE_PORT",
+    "TransportModule",
+    "discovery_servers",
+    "needs_certificates",
+    "observed_endpoints",
+    "of",
+]
+
+_MODULES: Final[dict[TransportType, TransportModule]] = {
+    "Zenoh": zenoh,
+    "DDSRouter": dds_router,
+    "DiscoveryServer": discovery_server,
+    "StaticPeers": static_peers,
+}
+
+
+def of(spec: RobotOffloadSpec) -> TransportModule:
+    """The transport that a specification asks for."""
+    return _MODULES[spec.transport.type]
+
+
+def discovery_servers(spec: RobotOffloadSpec) -> int:
+    """How many discovery servers run in the cloud."""
+    return spec.cloud.discovery_servers if of(spec).traits.by_discovery_servers else 0
+
+
+def needs_certificates(spec: RobotOffloadSpec) -> bool:
+    """Whether something in the cloud proves with a certificate who it is."""
+    return spec.transport.type in ("Zenoh", "DDSRouter")
+
+
+def observed_endpoints(
+    offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
+) -> tuple[Endpoint, ...]:
+    """Where the robot reaches the cloud, as far as the cluster has said so yet.
+
+    Args:
+        offload: whose endpoints are wanted.
+        services: the Services of its namespace as they are now, with their status; others are left alone.
+        nodes: the cluster's nodes; only looked at for Services of type NodePort.
+    """
+    return of(offload.spec).observed_endpoints(offload, services, nodes)

@@ -1,0 +1,181 @@
+"""DDSRouter: a DDS Router on each side, joined by one TCP connection over TLS that the robot opens.
+
+The cloud's router announces the address on which it is reached, so there are two phases: first the Service, and once
+it has an address the router's configuration and pod. The router proves to the robot who it is; it cannot ask the
+robot for a certificate, so keep strangers away by the load balancer's source ranges or a VPN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import yaml
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.render import pod
+from robot_offload.render import policy_rules as rules
+from robot_offload.render.child_names import CLOUD, ROUTER, child_name
+from robot_offload.render.facts import Endpoint, Facts, Manifest, Purpose
+from robot_offload.render.hashes import config_hash
+from robot_offload.render.labels import selector
+from robot_offload.render.objects import config_map
+from robot_offload.render.site import AgentSite
+from robot_offload.transport import carried, discovery
+from robot_offload.transport import dds_router_config as router
+from robot_offload.transport.discovery_server import agent_link as _topics_only
+from robot_offload.transport.exposure import Exposed, addresses, service
+from robot_offload.transport.port import ContainerPort, Traits
+
+PORT: Final = ContainerPort("router", "TCP", 11666)
+traits: Final = Traits()
+
+CONFIG_DIR: Final = "/etc/robot-offload/router"
+CONFIG_KEY: Final = "router.yaml"
+ROBOT_FILE: Final = "ddsrouter.yaml"
+_DH_KEY: Final = "ffdhe2048.pem"
+_DH_PARAMETERS: Final = """\
+-----BEGIN DH PARAMETERS-----
+MIIBCAKCAQEA//////////+t+FRYortKmq/cViAnPTzx2LnFg84tNpWp4TZBFGQz
++8yTnc4kmz75fS/jY2MMddj2gbICrsRhetPfHtXV/WVhJDP1H18GbtCFY2VVPe0a
+87VXE15/V8k1mE8McODmi3fipona8+/och3xWKE2rec1MKzKT0g6eXq8CrGCsyT7
+YdEIqUuyyOP7uWrat2DX9GgdT0Kj3jlN9K5W7edjcrsZCwenyO4KbXCeAvzhzffi
+7MA0BM0oNC9hkXL+nOmFg/+OTxIy7vKBg8P+OxtMb61zO7X8vC7CIAXFjvGDfRaD
+ssbzSibBsu/6iGtCOGEoXJf//////////wIBAg==
+-----END DH PARAMETERS-----
+"""
+"""The group ffdhe2048 of RFC 7919: public and the same for everybody; without such a file there is no TLS server."""
+
+
+def purposes(offload: RobotOffload) -> tuple[Purpose, ...]:
+    """The cloud's router."""
+    return ("router",)
+
+
+def services(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+    """The router's Service, and those of the discovery servers for the nodes."""
+    transport = offload.spec.transport
+    node_port = transport.expose.node_ports.router if transport.expose.node_ports else None
+    exposed = [Exposed(PORT, transport.dds_router.port, node_port)]
+    return (*discovery.services(offload, facts), service(offload, facts, _name(offload), "router", exposed))
+
+
+def workloads(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+    """The discovery servers; the router as soon as the address is known that it has to announce."""
+    servers = discovery.stateful_sets(offload, facts)
+    announced = facts.endpoints_for("router")
+    if not announced:
+        return servers
+    data = {CONFIG_KEY: _text(cloud_config(offload, facts, announced[0])), _DH_KEY: _DH_PARAMETERS}
+    return (
+        *servers,
+        config_map(offload, facts, _name(offload), "router", data),
+        _deployment(offload, facts, config_hash(data, facts.certificate_hash)),
+    )
+
+
+def cloud_config(offload: RobotOffload, facts: Facts, announced: Endpoint) -> dict[str, Any]:
+    """The configuration of the router in the cloud."""
+    servers = [router.address(host, discovery.PORT.number, "udp") for host in discovery.hosts(offload, facts)]
+    cluster = {
+        "name": router.CLUSTER,
+        "kind": "local-discovery-server",
+        "domain": offload.spec.cloud_domain_id,
+        "connection-addresses": servers,
+    }
+    tls = {
+        "private_key": f"{pod.CERTIFICATES_DIR}/tls.key",
+        "cert": f"{pod.CERTIFICATES_DIR}/tls.crt",
+        "dh_params": f"{CONFIG_DIR}/{_DH_KEY}",
+    }
+    listening = router.address(announced.host, PORT.number, "tcp", announced.port)
+    wan = {"name": router.WAN, "kind": "wan", "listening-addresses": [listening], "tls": tls}
+    return router.config([cluster, wan], carried.topics(offload.spec))
+
+
+def robot_config(offload: RobotOffload, announced: Endpoint, folder: str) -> dict[str, Any]:
+    """The configuration of the router on the robot; `folder` is where the bundle lies."""
+    spec = offload.spec
+    block = spec.transport.dds_router
+    domain = spec.robot.domain_id if block.domain_id is None else block.domain_id
+    tls = {"ca": f"{folder}/certificates/ca.pem"}
+    if spec.transport.expose.host:
+        tls["sni_host"] = spec.transport.expose.host
+    connecting = router.address(announced.host, announced.port, "tcp")
+    wan = {"name": router.WAN, "kind": "wan", "connection-addresses": [connecting], "tls": tls}
+    return router.config([{"name": router.ROBOT, "kind": "local", "domain": domain}, wan], carried.topics(spec))
+
+
+def policies(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+    """The router's: the robot may come, and it may talk to nodes and discovery servers."""
+    incoming, outgoing = rules.dds_both_ways(offload, robot=False)
+    servers = rules.going_to(selector(offload, "discovery"), rules.port(discovery.PORT.protocol, discovery.PORT.number))
+    return (
+        rules.policy(
+            offload,
+            facts,
+            _name(offload),
+            "router",
+            ingress=[rules.anybody(rules.port(PORT.protocol, PORT.number)), *incoming],
+            egress=[rules.names(), *outgoing, servers],
+        ),
+    )
+
+
+def node_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
+    """The discovery servers."""
+    return discovery.environment(offload, facts)
+
+
+def robot_environment(offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
+    """Nothing: the robot's nodes find the router on the robot as they find each other."""
+    return {}
+
+
+def robot_files(offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str) -> Mapping[str, bytes]:
+    """The configuration of the router on the robot."""
+    announced = next(one for one in endpoints if one.purpose == "router")
+    return {ROBOT_FILE: _text(robot_config(offload, announced, folder)).encode()}
+
+
+def agent_link(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
+    """No session of the agents' own: they talk in topics, which the routers carry."""
+    return _topics_only(offload, site)
+
+
+def observed_endpoints(
+    offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
+) -> tuple[Endpoint, ...]:
+    """The one address that the router announces."""
+    found = addresses(offload, services, nodes, _name(offload), PORT.name)
+    return tuple(Endpoint("router", "TCP", host, port) for host, port in found[:1])
+
+
+def _name(offload: RobotOffload) -> str:
+    return child_name(offload.metadata.name, ROUTER)
+
+
+def _deployment(offload: RobotOffload, facts: Facts, read: str) -> Manifest:
+    container = pod.container(
+        "router",
+        facts.images.router,
+        ["ddsrouter", "-c", f"{CONFIG_DIR}/{CONFIG_KEY}"],
+        # Nothing of ROS: the router unsets some of these variables itself and stumbles over others.
+        environment={"HOME": pod.TMP, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"},
+        mounts=[pod.mount("configuration", CONFIG_DIR), pod.mount("certificates", pod.CERTIFICATES_DIR)],
+        resources={"requests": {"cpu": "50m", "memory": "64Mi"}, "limits": {"memory": "512Mi"}},
+        extra={
+            "ports": [{"name": PORT.name, "containerPort": PORT.number, "protocol": PORT.protocol}],
+            "readinessProbe": {"tcpSocket": {"port": PORT.name}, "periodSeconds": 5, "timeoutSeconds": 2},
+        },
+    )
+    volumes = [
+        pod.config_map_volume("configuration", _name(offload), [CONFIG_KEY, _DH_KEY]),
+        pod.certificates_volume(child_name(offload.metadata.name, CLOUD)),
+    ]
+    template = pod.pod_template(offload, "router", [container], read=read, grace_s=5, volumes=volumes)
+    return pod.deployment(offload, facts, _name(offload), "router", template)
+
+
+def _text(document: Mapping[str, Any]) -> str:
+    return yaml.safe_dump(dict(document), sort_keys=False, width=1000)

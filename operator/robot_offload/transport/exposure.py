@@ -1,0 +1,120 @@
+"""Services through which the robot reaches the cloud, and the addresses that the cluster then gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.render.facts import Facts, Manifest
+from robot_offload.render.labels import Component, selector
+from robot_offload.render.objects import child
+from robot_offload.transport.port import ContainerPort
+
+MAX_NODE_ADDRESSES: Final = 3
+"""Of the cluster's nodes that a robot is told for a NodePort: enough that one may be gone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exposed:
+    """One port of a Service.
+
+    Attributes:
+        target: where it leads to.
+        port: on the Service.
+        node_port: on every node of the cluster; None: the cluster chooses.
+    """
+
+    target: ContainerPort
+    port: int
+    node_port: int | None = None
+
+
+def service(
+    offload: RobotOffload,
+    facts: Facts,
+    name: str,
+    component: Component,
+    ports: Sequence[Exposed],
+    extra_selector: dict[str, str] | None = None,
+) -> Manifest:
+    """A Service of the declared type. One protocol each: many load balancers refuse mixed ones."""
+    expose = offload.spec.transport.expose
+    spec: Manifest = {
+        "type": expose.type,
+        "selector": {**selector(offload, component), **(extra_selector or {})},
+        "ports": [_port(one, with_node_port=expose.type != "ClusterIP") for one in ports],
+    }
+    if expose.type == "LoadBalancer":
+        if expose.address is not None:
+            spec["loadBalancerIP"] = expose.address
+        if expose.load_balancer_class is not None:
+            spec["loadBalancerClass"] = expose.load_balancer_class
+    return child(offload, facts, "v1", "Service", name, component, {"spec": spec}, expose.annotations)
+
+
+def _port(exposed: Exposed, *, with_node_port: bool) -> Manifest:
+    result: Manifest = {
+        "name": exposed.target.name,
+        "port": exposed.port,
+        "targetPort": exposed.target.name,
+        "protocol": exposed.target.protocol,
+    }
+    if with_node_port and exposed.node_port is not None:
+        result["nodePort"] = exposed.node_port
+    return result
+
+
+def addresses(
+    offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest], name: str, port: str
+) -> tuple[tuple[str, int], ...]:
+    """Hosts and ports under which one port of a Service is reached from outside; empty: not known yet.
+
+    Args:
+        offload: says the type and the declared host.
+        services: as they are in the cluster.
+        nodes: the cluster's nodes.
+        name: of the Service.
+        port: its name in the Service.
+    """
+    expose = offload.spec.transport.expose
+    live = next((one for one in services if one["metadata"]["name"] == name), None)
+    found = next((one for one in _spec(live).get("ports") or () if one.get("name") == port), None)
+    if live is None or found is None or _spec(live).get("type", "ClusterIP") != expose.type:
+        return ()
+    if expose.type == "NodePort":
+        number = found.get("nodePort")
+        hosts = [expose.host] if expose.host else list(_node_hosts(nodes))[:MAX_NODE_ADDRESSES]
+        return tuple((host, int(number)) for host in hosts) if number else ()
+    host = expose.host or _service_host(live)
+    # A declared name may lead anywhere, but as long as the load balancer has no address nothing answers there.
+    known = host and (expose.type == "ClusterIP" or _ingress(live))
+    return ((host, int(found["port"])),) if host and known else ()
+
+
+def _spec(service: Manifest | None) -> dict[str, Any]:
+    return (service or {}).get("spec") or {}
+
+
+def _service_host(service: Manifest) -> str | None:
+    if _spec(service).get("type") == "LoadBalancer":
+        return _ingress(service)
+    address = _spec(service).get("clusterIP")
+    return address if address and address != "None" else None
+
+
+def _ingress(service: Manifest) -> str | None:
+    entries = ((service.get("status") or {}).get("loadBalancer") or {}).get("ingress") or ()
+    return next((found for entry in entries if (found := entry.get("ip") or entry.get("hostname"))), None)
+
+
+def _node_hosts(nodes: Sequence[Manifest]) -> Iterator[str]:
+    """One address of each node that is ready, the outside one if it has one, in the order of the nodes' names."""
+    for node in sorted(nodes, key=lambda one: str(one["metadata"]["name"])):
+        status = node.get("status") or {}
+        ready = any(c.get("type") == "Ready" and c.get("status") == "True" for c in status.get("conditions") or ())
+        by_type = {one.get("type"): one.get("address") for one in reversed(status.get("addresses") or ())}
+        address = by_type.get("ExternalIP") or by_type.get("InternalIP")
+        if ready and address:
+            yield str(address)
