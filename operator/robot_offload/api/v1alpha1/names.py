@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 from pydantic import AfterValidator, WithJsonSchema
 
@@ -23,7 +23,7 @@ _WORD = r"[A-Za-z_][A-Za-z0-9_]*"
 _TOPIC = rf"^(/{_WORD})+$"
 _NAMESPACE = rf"^(/|(/{_WORD})+)$"
 _NODE = rf"^{_WORD}$"
-_RESOURCE = r"^[a-z0-9]([-a-z0-9]*[a-z0-9])?$"
+RESOURCE_PATTERN = r"^[a-z0-9]([-a-z0-9]*[a-z0-9])?$"
 _PACKAGE = r"^[a-z](_?[a-z0-9])*$"
 _MESSAGE_TYPE = r"^[a-z](_?[a-z0-9])*/msg/[A-Z][A-Za-z0-9]*$"
 _EXECUTABLE = r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$"
@@ -94,7 +94,7 @@ def _check_node(text: str) -> str:
 
 
 def _check_resource(text: str) -> str:
-    if len(text) > MAX_NAME_LENGTH or not re.fullmatch(_RESOURCE, text):
+    if len(text) > MAX_NAME_LENGTH or not re.fullmatch(RESOURCE_PATTERN, text):
         raise ValueError(
             f"{_shown(text)} is not a Kubernetes name; use lower-case letters, digits and dashes, "
             f"no dash first or last, at most {MAX_NAME_LENGTH}"
@@ -123,15 +123,52 @@ def _shown(text: str) -> str:
     return quoted if len(quoted) <= 60 else f"{quoted[:56]}...'"
 
 
-def _schema(pattern: str, max_length: int = 255) -> WithJsonSchema:
-    return WithJsonSchema({"type": "string", "minLength": 1, "maxLength": max_length, "pattern": pattern})
+def _schema(pattern: str, max_length: int = 255, rules: tuple[tuple[str, str], ...] = ()) -> WithJsonSchema:
+    """What the API server holds a name against: a pattern, a length, and (CEL rule, message) for the rest."""
+    schema: dict[str, Any] = {"type": "string", "minLength": 1, "maxLength": max_length, "pattern": pattern}
+    if rules:
+        schema["x-kubernetes-validations"] = [{"rule": rule, "message": message} for rule, message in rules]
+    return WithJsonSchema(schema)
 
 
-TopicName = Annotated[str, AfterValidator(_check_topic), _schema(_TOPIC, MAX_TOPIC_LENGTH)]
-ServiceName = Annotated[str, AfterValidator(_check_topic), _schema(_TOPIC, MAX_TOPIC_LENGTH)]
-Namespace = Annotated[str, AfterValidator(_check_namespace), _schema(_NAMESPACE, MAX_TOPIC_LENGTH)]
-NodeName = Annotated[str, AfterValidator(_check_node), _schema(_NODE, MAX_NAME_LENGTH)]
-ResourceName = Annotated[str, AfterValidator(_check_resource), _schema(_RESOURCE, MAX_NAME_LENGTH)]
+def _cel_list(words: tuple[str, ...]) -> str:
+    return f"[{', '.join(repr(word) for word in words)}]"
+
+
+_NO_DOUBLE_UNDERSCORE = ("!self.contains('__')", "holds two underscores in a row; ROS 2 keeps them for itself")
+_TOPIC_SCHEMA = _schema(
+    _TOPIC,
+    MAX_TOPIC_LENGTH,
+    (
+        _NO_DOUBLE_UNDERSCORE,
+        (
+            f"!self.startsWith('{OWN_TOPIC_PREFIX}') && !(self in {_cel_list(OWN_TOPICS)})",
+            "belongs to the agents; use another name",
+        ),
+    ),
+)
+
+TopicName = Annotated[str, AfterValidator(_check_topic), _TOPIC_SCHEMA]
+ServiceName = Annotated[str, AfterValidator(_check_topic), _TOPIC_SCHEMA]
+Namespace = Annotated[
+    str, AfterValidator(_check_namespace), _schema(_NAMESPACE, MAX_TOPIC_LENGTH, (_NO_DOUBLE_UNDERSCORE,))
+]
+NodeName = Annotated[
+    str,
+    AfterValidator(_check_node),
+    _schema(
+        _NODE,
+        MAX_NAME_LENGTH,
+        (
+            (
+                f"!self.startsWith('{REMOTE_PREFIX}')",
+                f"carries the prefix of cloud replicas ({REMOTE_PREFIX}); leave it out",
+            ),
+            (f"!(self in {_cel_list(OWN_NODES)})", "is the name of one of the agent's own nodes; choose another one"),
+        ),
+    ),
+]
+ResourceName = Annotated[str, AfterValidator(_check_resource), _schema(RESOURCE_PATTERN, MAX_NAME_LENGTH)]
 MessageType = Annotated[str, AfterValidator(_check_message_type), _schema(_MESSAGE_TYPE)]
 PackageName = Annotated[
     str,

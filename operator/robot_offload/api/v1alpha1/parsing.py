@@ -88,12 +88,16 @@ def parse_object(
     except RecursionError:
         raise SpecError(source, [Finding("", "Invalid", "lists or mappings are nested too deeply")]) from None
     except ValidationError as error:
-        details = [detail for detail in error.errors(include_url=False) if not _misleading(detail)]
-        raise SpecError(source, [_finding(detail) for detail in details]) from error
+        raise SpecError(source, findings_of(error)) from error
     errors = [finding for finding in check(offload.spec, rules) if finding.severity == "error"]
     if errors:
         raise SpecError(source, errors)
     return offload
+
+
+def findings_of(error: ValidationError) -> list[Finding]:
+    """Everything that pydantic complains of, in our words; never empty."""
+    return [_finding(detail) for detail in error.errors(include_url=False) if not _misleading(detail)]
 
 
 def _misleading(detail: ErrorDetails) -> bool:

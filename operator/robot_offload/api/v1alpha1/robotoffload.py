@@ -146,8 +146,10 @@ class RobotOffloadSpec(Model):
     """What the user wants."""
 
     robot: RobotSide = Field(default_factory=RobotSide, description="ROS 2 on the robot.")
-    cloud: CloudSide = Field(default_factory=CloudSide, description="ROS 2 in the cloud.")
-    transport: Transport = Field(default_factory=Transport, description="How the two sides are connected.")
+    cloud: CloudSide = Field(
+        default_factory=CloudSide, description="ROS 2 in the cloud, and what all pods there have in common."
+    )
+    transport: Transport = Field(default_factory=Transport, description="How robot and cloud are connected.")
     topics: Topics = Field(default_factory=Topics, description="Topics that cross between the sides.")
     driver: Driver = Field(default_factory=Driver, description="The node that moves the robot.")
     nodes: tuple[Node, ...] = Field(

@@ -141,7 +141,7 @@ class Expose(Model):
 
 
 class IssuerReference(Model):
-    """An issuer of cert-manager."""
+    """An issuer of cert-manager that signs the cloud's certificate."""
 
     name: ObjectName = Field(description="The issuer's name.")
     kind: Literal["Issuer", "ClusterIssuer"] = Field(
@@ -154,8 +154,8 @@ class Certificates(Model):
 
     issuer_ref: IssuerReference | None = Field(
         default=None,
-        description="The cert-manager issuer of the cloud's certificate. Default: an authority of this "
-        "RobotOffload's own, kept by the operator.",
+        description="Who signs the cloud's certificate. Default: an authority of this RobotOffload's own, kept by "
+        "the operator.",
     )
     duration_ms: Annotated[Duration, Within("24h", "87600h")] = Field(
         default=2160 * 3_600_000,

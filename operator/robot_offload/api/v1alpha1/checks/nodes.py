@@ -1,0 +1,164 @@
+"""Rules about the nodes and the topics between the sides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from robot_offload.api.v1alpha1.checks.findings import repeated
+from robot_offload.api.v1alpha1.names import identifier
+from robot_offload.api.v1alpha1.nodes import Node
+from robot_offload.api.v1alpha1.quantities import format_duration as text
+from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
+from robot_offload.findings import Finding
+
+
+def names_are_unique(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """No two nodes of one name, no topic listed twice, no output with two publishers."""
+    nodes = [(f"spec.nodes[{i}].name", node.name) for i, node in enumerate(spec.nodes)]
+    topics = [(f"spec.topics.toCloud[{i}].name", topic.name) for i, topic in enumerate(spec.topics.to_cloud)]
+    outputs = [
+        (f"spec.nodes[{i}].outputs[{j}].topic", output.topic)
+        for i, node in enumerate(spec.nodes)
+        for j, output in enumerate(node.outputs)
+    ]
+    yield from repeated(nodes, "DuplicateNode", "is the name of two nodes; rename one")
+    yield from repeated(topics, "DuplicateTopic", "is listed twice; remove one of the two")
+    yield from repeated(
+        outputs,
+        "DuplicateOutput",
+        "is an output of two nodes, so nobody could tell whose messages shall pass; give one another topic",
+    )
+
+
+def crossing_topics_are_distinct(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """A collected output crosses by itself; and no two crossing topics may get one identifier."""
+    outputs = {output.topic for _, output in spec.collected_outputs}
+    crossing = [
+        (f"spec.nodes[{i}].outputs[{j}].topic", output.topic)
+        for i, node in enumerate(spec.nodes)
+        if node.duplicated
+        for j, output in enumerate(node.outputs)
+    ]
+    for i, topic in enumerate(spec.topics.to_cloud):
+        path = f"spec.topics.toCloud[{i}].name"
+        if topic.name in outputs:
+            yield Finding(
+                path,
+                "AlsoAnOutput",
+                f"{topic.name!r} is an output of a duplicated node and crosses by itself; remove it here (its "
+                "`mirror` decides whether the cloud hears it)",
+            )
+        crossing.append((path, topic.name))
+    identifiers: dict[str, str] = {}
+    for path, name in crossing:
+        other = identifiers.setdefault(identifier(name), name)
+        if other != name:
+            yield Finding(path, "AmbiguousTopic", f"{name!r} and {other!r} differ only in underscores; rename one")
+
+
+def latched_topics_are_transient_local(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Who keeps the last value cannot be volatile."""
+    for i, topic in enumerate(spec.topics.to_cloud):
+        if topic.latched and topic.qos is not None and topic.qos.durability == "Volatile":
+            yield Finding(
+                f"spec.topics.toCloud[{i}].qos.durability",
+                "Contradiction",
+                "Volatile keeps no last value, but the topic is latched; write TransientLocal or latched: false",
+            )
+
+
+def nodes_are_complete(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """What each node's placement asks for."""
+    for i, node in enumerate(spec.nodes):
+        path = f"spec.nodes[{i}]"
+        if node.duplicated and not node.lifecycle:
+            yield Finding(
+                f"{path}.lifecycle",
+                "NotManaged",
+                f"node {node.name!r} is Duplicated, so it must be a managed (lifecycle) node: only those can be "
+                "put to sleep; write lifecycle: true or another placement",
+            )
+        if node.duplicated and node.core and not node.outputs:
+            yield Finding(
+                f"{path}.outputs",
+                "NothingCollected",
+                f"core node {node.name!r} is Duplicated but declares no outputs, so both replicas could be "
+                "heard; list the topics that it publishes",
+                "warning",
+            )
+        if not node.duplicated and "standby" in node.model_fields_set:
+            yield Finding(
+                f"{path}.standby",
+                "NoStandby",
+                f"node {node.name!r} has placement {node.placement} and no replica in standby; remove standby",
+                "warning",
+            )
+        yield from _plain_outputs(path, node)
+        yield from _output_timing(path, node)
+
+
+def _plain_outputs(path: str, node: Node) -> Iterator[Finding]:
+    """Only outputs of duplicated nodes are collected; others stay plain topics of their side."""
+    if node.duplicated:
+        return
+    advice = (
+        "list it under spec.topics.toCloud if the cloud needs it"
+        if node.placement == "Robot"
+        else "it does not reach the robot; write placement: Duplicated if the robot needs it"
+    )
+    for j, output in enumerate(node.outputs):
+        yield Finding(
+            f"{path}.outputs[{j}]",
+            "NotCollected",
+            f"{output.topic!r} of a node with placement {node.placement} is a plain topic of its side; {advice}",
+            "warning",
+        )
+
+
+def _output_timing(path: str, node: Node) -> Iterator[Finding]:
+    for j, output in enumerate(node.outputs):
+        where = f"{path}.outputs[{j}].deadline"
+        if output.deadline_ms is None:
+            continue
+        if output.rate_hz is None:
+            yield Finding(where, "NoRate", "an output without a rate is not judged; add its rate or remove deadline")
+        elif output.deadline_ms <= 1000.0 / output.rate_hz:
+            yield Finding(
+                where,
+                "TooShort",
+                f"{text(output.deadline_ms)} is not more than one period at {output.rate_hz:g} per second, so a "
+                f"healthy output would fail; write at least {text(int(2000.0 / output.rate_hz) + 1)}",
+            )
+
+
+def runs_name_one_program(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Either a command or an executable of a package; and outputs keep the name that consumers know."""
+    for i, node in enumerate(spec.nodes):
+        if node.run is None:
+            continue
+        path, run = f"spec.nodes[{i}].run", node.run
+        by_package = (run.package, run.executable)
+        if run.command and any(by_package):
+            yield Finding(path, "TwoPrograms", "has both command and package or executable; keep one of the two")
+        elif not run.command and not all(by_package):
+            yield Finding(path, "NoProgram", "needs either command, or package together with executable")
+        for output in node.outputs:
+            if node.duplicated and run.remap.get(output.topic, output.topic) != output.topic:
+                yield Finding(
+                    f"{path}.remap",
+                    "RemapsOutput",
+                    f"moves the output {output.topic!r} to {run.remap[output.topic]!r}; declare the output under "
+                    "the name that consumers know",
+                )
+
+
+def core_nodes_can_stop_the_robot(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Without the service a missing core node is only noticed by the driver itself."""
+    if any(node.core for node in spec.nodes) and spec.driver.inhibit_service is None:
+        yield Finding(
+            "spec.driver.inhibitService",
+            "NoInhibitService",
+            "there are core nodes but no service that stops the robot without them; only the driver's own "
+            "command time-out will",
+            "warning",
+        )
