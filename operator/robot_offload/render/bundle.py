@@ -1,0 +1,185 @@
+"""The bundle: a folder with all that the robot needs. It works offline afterwards; nobody types an address into it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import yaml
+
+from robot_offload import transport
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.errors import RobotOffloadError
+from robot_offload.render import bundle_texts as texts
+from robot_offload.render.agent_config import AgentSite, agent_config
+from robot_offload.render.facts import Endpoint, Facts, Purpose
+from robot_offload.render.pod import TMP
+
+PRIVATE_KEY: Final = "certificates/robot.key"
+"""The one file that only its owner may read."""
+REALTIME_PRIORITY: Final = 20
+"""The highest real-time priority that the agent may ask for; it uses less."""
+
+
+class AddressPendingError(RobotOffloadError):
+    """The cluster has not said yet where the robot reaches the cloud."""
+
+
+class CertificatesPendingError(RobotOffloadError):
+    """The robot's certificate is not there yet."""
+
+
+@dataclass(frozen=True)
+class BundleSecrets:
+    """What the robot proves itself with, all PEM.
+
+    Attributes:
+        ca: certificates of the authority that the cloud's certificate comes from.
+        certificate: the robot's.
+        private_key: its key.
+    """
+
+    ca: bytes
+    certificate: bytes
+    private_key: bytes
+
+    def __repr__(self) -> str:
+        return "BundleSecrets(...)"  # a private key must not end in a log
+
+
+def default_folder(offload: RobotOffload) -> str:
+    """Where the bundle lies on the robot."""
+    return f"/etc/robot-offload/{offload.metadata.name}"
+
+
+def bundle(
+    offload: RobotOffload, facts: Facts, secrets: BundleSecrets | None, *, folder: str = ""
+) -> Mapping[str, bytes]:
+    """The files of the bundle by their paths in it.
+
+    Args:
+        offload: the resource.
+        facts: with the endpoints that are known.
+        secrets: None where the transport needs none.
+        folder: where the bundle will lie on the robot; empty: see `default_folder`.
+
+    Raises:
+        AddressPendingError: an address of the cloud is not known yet.
+        CertificatesPendingError: the transport needs certificates and there are none yet.
+    """
+    missing = missing_purposes(offload, facts.endpoints)
+    if missing:
+        raise AddressPendingError(
+            f"{offload.metadata.name}: the cluster has given no address yet for {', '.join(missing)}; wait for the "
+            "load balancer, or set spec.transport.expose (see `kubectl get services`)"
+        )
+    if transport.needs_certificates(offload.spec) and secrets is None:
+        raise CertificatesPendingError(
+            f"{offload.metadata.name}: the robot's certificate is not made yet; see the condition CertificatesReady"
+        )
+    place = folder or default_folder(offload)
+    chosen = transport.of(offload.spec)
+    files = {
+        "agent.yaml": agent_config(offload, robot_site(offload, facts, place)).encode(),
+        "environment": _environment(offload, facts).encode(),
+        "robot-offload-agent.service": texts.agent_unit(offload, place, REALTIME_PRIORITY).encode(),
+        **chosen.robot_files(offload, facts.endpoints, place),
+        **_certificates(offload, secrets),
+    }
+    if offload.spec.transport.type == "DDSRouter":
+        files["robot-offload-router.service"] = texts.router_unit(offload, place).encode()
+    files["compose.yaml"] = _compose(offload, facts, place).encode()
+    files["README.md"] = texts.readme(offload, place, [*files, "README.md"]).encode()
+    return dict(sorted(files.items()))
+
+
+def missing_purposes(offload: RobotOffload, endpoints: tuple[Endpoint, ...]) -> tuple[Purpose, ...]:
+    """For what the robot needs an address that is not known yet."""
+    wanted = Counter(transport.of(offload.spec).purposes(offload))
+    known = Counter(endpoint.purpose for endpoint in endpoints)
+    return tuple(purpose for purpose, count in wanted.items() if known[purpose] < count)
+
+
+def robot_site(offload: RobotOffload, facts: Facts, folder: str) -> AgentSite:
+    """Where the robot's agent runs."""
+    name = offload.metadata.name
+    pulse = facts.endpoints_for("pulse")
+    certified = transport.of(offload.spec).traits.agent_needs_certificates
+    return AgentSite(
+        side="robot",
+        host=pulse[0].host if pulse else "",
+        ca=f"{folder}/certificates/ca.pem" if certified else "",
+        certificate=f"{folder}/certificates/robot.pem" if certified else "",
+        private_key=f"{folder}/{PRIVATE_KEY}" if certified else "",
+        endpoints=facts.endpoints,
+        # Without a declared name the address may change; the authority serves this robot alone and is enough.
+        verify_name=offload.spec.transport.expose.host is not None,
+        uid=facts.uid,
+        runtime_dir=texts.runtime_dir(name),
+        state_dir=texts.state_dir(name),
+        realtime=True,
+        generation=facts.generation,
+    )
+
+
+def _certificates(offload: RobotOffload, secrets: BundleSecrets | None) -> dict[str, bytes]:
+    if secrets is None or not transport.needs_certificates(offload.spec):
+        return {}
+    files = {"certificates/ca.pem": secrets.ca}
+    if transport.of(offload.spec).traits.agent_needs_certificates:
+        files |= {"certificates/robot.pem": secrets.certificate, PRIVATE_KEY: secrets.private_key}
+    return files
+
+
+def robot_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
+    """Environment of the agent and of the robot's own nodes."""
+    robot = offload.spec.robot
+    return {
+        "ROS_DOMAIN_ID": str(robot.domain_id),
+        "RMW_IMPLEMENTATION": robot.rmw,
+        **transport.of(offload.spec).robot_environment(offload, facts.endpoints),
+    }
+
+
+def _environment(offload: RobotOffload, facts: Facts) -> str:
+    values = {**robot_environment(offload, facts), texts.SETUP_VARIABLE: texts.setup_file(offload)}
+    return "".join(f"{name}={value}\n" for name, value in values.items())
+
+
+def _compose(offload: RobotOffload, facts: Facts, folder: str) -> str:
+    name = offload.metadata.name
+    agent = {
+        "image": facts.images.agent,
+        "command": ["robot-offload-agent", "robot", "--params", f"{folder}/agent.yaml"],
+        "env_file": ["environment"],
+        "environment": {"HOME": TMP, "ROS_LOG_DIR": TMP},
+        **_container(folder),
+        "cap_add": ["SYS_NICE"],
+        "ulimits": {"rtprio": REALTIME_PRIORITY},
+        "volumes": [f".:{folder}:ro", f"state:{texts.state_dir(name)}"],
+        "tmpfs": [TMP, texts.runtime_dir(name)],
+    }
+    services = {"agent": agent}
+    if offload.spec.transport.type == "DDSRouter":
+        services["router"] = {
+            "image": facts.images.router,
+            "command": ["ddsrouter", "-c", f"{folder}/ddsrouter.yaml"],
+            **_container(folder),
+        }
+    document = {"name": f"robot-offload-{name}", "services": services, "volumes": {"state": {}}}
+    return yaml.safe_dump(document, sort_keys=False, width=1000)
+
+
+def _container(folder: str) -> dict[str, Any]:
+    """What both containers have in common; on the robot's own network, because DDS is."""
+    return {
+        "network_mode": "host",
+        "restart": "unless-stopped",
+        "read_only": True,
+        "cap_drop": ["ALL"],
+        "security_opt": ["no-new-privileges:true"],
+        "tmpfs": [TMP],
+        "volumes": [f".:{folder}:ro"],
+    }

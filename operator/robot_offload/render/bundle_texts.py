@@ -1,0 +1,200 @@
+"""The texts of the bundle that people and systemd read."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from typing import Final
+
+from robot_offload.api.v1alpha1 import Node, RobotOffload
+from robot_offload.render.names import command, nodes_on, remappings
+
+SETUP_VARIABLE: Final = "ROBOT_OFFLOAD_SETUP"
+"""In the file `environment`: the script that makes ROS 2 and the robot's own message types known."""
+
+_MEANINGS: Final = {
+    "agent.yaml": "the agent's configuration, a ROS 2 parameter file",
+    "ddsrouter.yaml": "the configuration of the DDS Router on the robot",
+    "environment": "ROS 2 settings of the agent; your own nodes need the same ones",
+    "certificates/ca.pem": "by which the robot knows its cloud",
+    "certificates/robot.pem": "by which the cloud knows the robot",
+    "certificates/robot.key": "the key to it; whoever has it is the robot. Mode 0600",
+    "robot-offload-agent.service": "starts the agent with systemd",
+    "robot-offload-router.service": "starts the DDS Router with systemd",
+    "compose.yaml": "starts the same in containers instead",
+    "README.md": "this page",
+}
+
+
+def state_dir(name: str) -> str:
+    """What outlives a reboot of the robot."""
+    return f"/var/lib/robot-offload/{name}"
+
+
+def runtime_dir(name: str) -> str:
+    """Sockets and pid files on the robot."""
+    return f"/run/robot-offload/{name}"
+
+
+def setup_file(offload: RobotOffload) -> str:
+    """The script that makes ROS 2 known in a shell."""
+    return f"/opt/ros/{offload.spec.robot.ros_distro}/setup.bash"
+
+
+def agent_unit(offload: RobotOffload, folder: str, realtime_priority: int) -> str:
+    """A unit for systemd that runs the agent."""
+    name = offload.metadata.name
+    # `$$` is systemd's way to leave a `$` to the shell.
+    start = f'source "$${SETUP_VARIABLE}" && exec robot-offload-agent robot --params {shlex.quote(folder)}/agent.yaml'
+    return _unit(
+        f"Robot Offload agent of {name}",
+        [
+            f"EnvironmentFile={folder}/environment",
+            "Environment=ROS_LOG_DIR=/tmp HOME=/tmp",
+            f"ExecStart=/bin/bash -c '{start}'",
+            f"RuntimeDirectory=robot-offload/{name}",
+            f"StateDirectory=robot-offload/{name}",
+            f"LimitRTPRIO={realtime_priority}",
+            "CapabilityBoundingSet=CAP_SYS_NICE",
+            "AmbientCapabilities=CAP_SYS_NICE",
+        ],
+    )
+
+
+def router_unit(offload: RobotOffload, folder: str) -> str:
+    """A unit for systemd that runs the DDS Router."""
+    return _unit(
+        f"DDS Router of {offload.metadata.name}",
+        [f"ExecStart=/usr/bin/env ddsrouter -c {folder}/ddsrouter.yaml", "CapabilityBoundingSet="],
+    )
+
+
+def _unit(description: str, service: Sequence[str]) -> str:
+    lines = [
+        "[Unit]",
+        f"Description={description}",
+        # Not after network-online: the robot starts without a network as well.
+        "After=network.target",
+        "",
+        "[Service]",
+        "Type=exec",
+        *service,
+        "Restart=always",
+        "RestartSec=1",
+        "NoNewPrivileges=true",
+        "ProtectSystem=strict",
+        "ProtectHome=read-only",
+        "PrivateTmp=true",
+        "",
+        "[Install]",
+        "WantedBy=multi-user.target",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def readme(offload: RobotOffload, folder: str, files: Sequence[str]) -> str:
+    """What to do with the bundle, and how to do without it."""
+    parts = [
+        f"# Robot Offload: the bundle of {offload.metadata.name}",
+        "Everything that the robot needs. It works without the cluster and without a network.",
+        "\n".join(
+            ["| file | what it is |", "|---|---|", *(f"| `{one}` | {_MEANINGS[one]} |" for one in sorted(files))]
+        ),
+        _install(offload, folder),
+        _nodes(offload),
+        _driver(offload),
+        _back(offload),
+        _again(),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _install(offload: RobotOffload, folder: str) -> str:
+    router = offload.spec.transport.type == "DDSRouter"
+    units = ["robot-offload-agent", *(["robot-offload-router"] if router else [])]
+    enable = " ".join(units)
+    copies = "\n".join(f"sudo cp {folder}/{unit}.service /etc/systemd/system/" for unit in units)
+    return f"""\
+## Start it
+
+With systemd, run in this folder on the robot:
+
+```sh
+sudo mkdir -p {folder}
+sudo cp -r . {folder}
+sudo chown -R root:root {folder}
+{copies}
+sudo systemctl daemon-reload
+sudo systemctl enable --now {enable}
+```
+
+Your own message types must be known to the agent: write the setup script of your workspace behind `{SETUP_VARIABLE}=`
+in `{folder}/environment`.
+
+Or start it in containers: copy the folder with the first three commands, then
+`cd {folder} && sudo docker compose up -d`.
+
+Look at it:
+
+- `sudo robot-offload-agent robot --params {folder}/agent.yaml --check`: is the configuration good?
+- `ros2 topic echo --qos-durability transient_local /offload/placement`: which side acts, and why?
+- `journalctl -u robot-offload-agent`: the rest."""
+
+
+def _nodes(offload: RobotOffload) -> str:
+    spec = offload.spec
+    lines = ["## Start your nodes", ""]
+    remapped = [node for node in nodes_on(spec, "robot") if node.duplicated and node.outputs]
+    if not remapped:
+        return "\n".join([*lines, "As you always did: nothing about them changes."])
+    lines += [
+        "The outputs of duplicated nodes go through the agent, which passes one side's messages. So these nodes",
+        "publish under another name on the robot. Nodes that are not listed here start as they always did.",
+        "",
+    ]
+    for node in remapped:
+        rules = remappings(spec, node, "robot")
+        arguments = " ".join(f"-r {shlex.quote(f'{source}:={target}')}" for source, target in rules.items())
+        lines += [f"- `{node.name}`: add `--ros-args {arguments}`", *_whole_command(offload, node), ""]
+    lines += ["The shell that starts them needs the settings of `environment` too."]
+    return "\n".join(lines)
+
+
+def _whole_command(offload: RobotOffload, node: Node) -> list[str]:
+    if node.run is None:
+        return []
+    return ["", "  ```sh", f"  {shlex.join(command(offload.spec, node, 'robot'))}", "  ```"]
+
+
+def _driver(offload: RobotOffload) -> str:
+    service = offload.spec.driver.inhibit_service
+    called = f"The agent calls `{service}` to hold the robot while a core node is not active.\n" if service else ""
+    return f"""\
+## The driver
+
+{called}The driver must stop by itself when no command comes for some hundred milliseconds. Nothing replaces that:
+neither the agent nor this service is ever the only thing that stops the robot."""
+
+
+def _back(offload: RobotOffload) -> str:
+    units = "robot-offload-agent"
+    if offload.spec.transport.type == "DDSRouter":
+        units += " robot-offload-router"
+    return f"""\
+## How to go back without us
+
+1. `sudo systemctl disable --now {units}` (or `sudo docker compose down`).
+2. Start your nodes without the remappings above. They are unchanged and publish to their consumers directly again.
+3. Lifecycle nodes: let your own lifecycle manager bring them up, as before.
+
+Nothing else on the robot was changed."""
+
+
+def _again() -> str:
+    return """\
+## When a new bundle is needed
+
+When the nodes, outputs or topics of the resource change, when the cloud gets another address, when the robot was
+revoked, and before the robot's certificate ends. The agent says so with the reason `NeedsBundle`; settings such as
+`switching` and a pin reach a connected robot by themselves. Write one with `kubectl offload bundle`, copy it over this
+folder and restart the agent."""
