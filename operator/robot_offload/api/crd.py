@@ -172,10 +172,11 @@ def _default(part: Schema) -> None:
     if part.get("default") in (None, [], {}, "") or isinstance(part["default"], dict):
         part.pop("default", None)
     for field in part.get("properties", {}).values():
-        filled = any("default" in inner for inner in field.get("properties", {}).values())
+        # Written out in full: the API server holds a default against the rules before it fills in what is inside.
+        inside = {name: it["default"] for name, it in field.get("properties", {}).items() if "default" in it}
         optional = "required" not in field and not field.get("nullable") and not field.pop(_MARK, False)
-        if filled and optional:
-            field["default"] = {}
+        if inside and optional:
+            field["default"] = inside
 
 
 def _without_defaults(part: Schema) -> Schema:

@@ -41,8 +41,8 @@ class Rule:
 
 
 def _given(field: str) -> str:
-    """CEL for: the field is there and not null."""
-    return f"(has(self.{field}) && self.{field} != null)"
+    """CEL for: the field is there and not null; `dyn` because CEL compares no text or number with null otherwise."""
+    return f"(has(self.{field}) && dyn(self.{field}) != null)"
 
 
 def _milliseconds(duration: str) -> str:
