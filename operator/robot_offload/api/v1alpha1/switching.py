@@ -65,7 +65,7 @@ class Switching(Model):
     loss_timeout_ms: Annotated[Duration, Within("15ms", "10s")] = Field(
         default=90,
         description="Silence of good heartbeats that counts as a lost link. More than two heartbeat periods "
-        "and no multiple of one, so that the last beat is clearly in time or late. Default 90ms, from 10ms "
+        "and no multiple of one, so that the last beat is clearly in time or late. Default 90ms, from 15ms "
         "to 10s.",
     )
     lease_ms: Annotated[Duration, Within("50ms", "30s")] = Field(
