@@ -31,7 +31,7 @@ lint: venv ## Style and import directions
 types: venv ## mypy --strict
 	.venv/bin/mypy
 
-verify: venv ## Generated files (CRD, reference, install.yaml) are what the models say
+verify: venv ## Generated files are what the models say
 	$(PYTHON) -m robot_offload.generate --check
 
 fmt: venv ## Rewrite in the project's format
@@ -47,9 +47,12 @@ bench-operator: venv ## 200 RobotOffloads on a real API server; ARGS="--objects 
 	$(PYTHON) -m robot_offload.bench.operator_scale $(ARGS)
 
 ##@ Maintain
-.PHONY: venv generate cluster-binaries pins clean
-generate: venv ## Write everything that is derived from the models
+.PHONY: venv generate install-manifest cluster-binaries pins clean
+generate: venv ## Write everything that is derived from the models: definition, reference
 	$(PYTHON) -m robot_offload.generate
+
+install-manifest: venv ## Write manifests/install.yaml from the chart (with the test cluster's helm)
+	$(PYTHON) -m scripts.install_manifest
 
 cluster-binaries: venv ## Build the test cluster's programs (once, some ten minutes; the tests do it by themselves)
 	$(PYTHON) -m tests.cluster build
