@@ -1,0 +1,33 @@
+"""Python packages, in a folder of their own that both the build and the run see."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from robot_offload.images.features.feature import Feature, Flag, Stage
+from robot_offload.images.spec import BuildSpec
+
+
+class Pip(Feature[BuildSpec]):
+    """Installs into /opt/python, so that the running image needs no pip and the system's Python stays as it is."""
+
+    name = "pip"
+    stages = ("dependencies",)
+    flags = (
+        Flag(
+            "--pip-package",
+            "pipPackages",
+            "Python package that rosdep misses, for build and run; may be repeated.",
+            "texts",
+            "NAME",
+        ),
+    )
+
+    def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
+        """The official images have no pip."""
+        return ("python3-pip",) if spec.pip_packages and stage == "dependencies" else ()
+
+    def values(self, spec: BuildSpec) -> Mapping[str, Any]:
+        """The user's packages; rosdep adds its own in the build."""
+        return {"pip_packages": spec.pip_packages}

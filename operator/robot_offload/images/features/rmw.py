@@ -1,0 +1,37 @@
+"""The ROS middleware."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from robot_offload.findings import Finding
+from robot_offload.images.features.feature import Feature, Flag, Stage
+from robot_offload.images.spec import BuildSpec
+
+DEFAULT: Final = "rmw_fastrtps_cpp"
+"""What every official image has; the dynamic variant is a package of its own."""
+
+
+class Rmw(Feature[BuildSpec]):
+    """Installs the middleware and makes it the image's own."""
+
+    name = "rmw"
+    stages = ("runtime",)
+    flags = (Flag("--rmw", "rmw", "ROS middleware, e.g. rmw_cyclonedds_cpp. Default rmw_fastrtps_cpp."),)
+
+    def check(self, spec: BuildSpec) -> Iterator[Finding]:
+        """The distribution must carry it."""
+        if spec.rmw not in spec.release.rmw:
+            known = ", ".join(spec.release.rmw)
+            yield Finding("rmw", "NotSupported", f"{spec.rmw} is not packaged for {spec.distro}; it has {known}")
+
+    def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
+        """Its package, where the official image lacks it."""
+        if stage != "runtime" or spec.rmw == DEFAULT:
+            return ()
+        return (f"ros-{spec.distro}-{spec.rmw.replace('_', '-')}",)
+
+    def values(self, spec: BuildSpec) -> Mapping[str, Any]:
+        """Its name."""
+        return {"rmw": spec.rmw}

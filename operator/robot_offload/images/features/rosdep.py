@@ -1,0 +1,36 @@
+"""Dependencies of the source, as rosdep finds them in its package.xml files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from robot_offload.images.features.feature import Feature, Flag
+from robot_offload.images.spec import BuildSpec
+
+
+class Rosdep(Feature[BuildSpec]):
+    """Installs what the build needs, and writes down what the run needs; only package.xml files count for the cache."""
+
+    name = "rosdep"
+    stages = ("sources", "dependencies")
+    flags = (
+        Flag("--skip-key", "skipKeys", "rosdep key to leave out; may be repeated.", "texts", "KEY"),
+        Flag(
+            "--also-build",
+            "packages",
+            "Further package of the source to build, e.g. a plugin; may be repeated.",
+            "texts",
+            "PACKAGE",
+        ),
+    )
+
+    def values(self, spec: BuildSpec) -> Mapping[str, Any]:
+        """The packages that count, and what depends on the distribution."""
+        return {
+            "packages": (spec.package, *spec.packages),
+            "skip_keys": spec.skip_keys,
+            "distro": spec.distro,
+            "ended": spec.release.ended,
+            "externally_managed": spec.release.externally_managed,
+        }

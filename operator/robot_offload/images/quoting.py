@@ -1,0 +1,51 @@
+"""The only ways by which a value gets into a Dockerfile: one filter for each place where it can stand."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterable
+from typing import Final
+
+
+def shell(value: str) -> str:
+    """One word of a shell command."""
+    return shlex.quote(_one_line(value))
+
+
+def shell_words(values: Iterable[str]) -> str:
+    """Several words of a shell command."""
+    return " ".join(shell(value) for value in values)
+
+
+def quoted(value: str) -> str:
+    r"""The value of a LABEL or ENV instruction: in double quotes, where `\`, `"` and `$` would mean something."""
+    escaped = _one_line(value).replace("\\", "\\\\").replace('"', '\\"').replace("$", "\\$")
+    return f'"{escaped}"'
+
+
+def array(values: Iterable[str]) -> str:
+    """The JSON form of ENTRYPOINT, CMD or COPY, which no shell reads."""
+    return json.dumps([_one_line(value) for value in values], ensure_ascii=False)
+
+
+def file_lines(text: str, indent: int = 4) -> str:
+    r"""A small file as arguments of `printf '%s\n'`, one line each: no here-document, which not every builder reads."""
+    quoted_lines = ("'" + line.replace("'", "'\"'\"'") + "'" for line in text.splitlines())
+    return f" \\\n{' ' * indent}".join(quoted_lines)
+
+
+def _one_line(value: str) -> str:
+    """`value`, which the types of `values` have checked: a second line would be a second instruction."""
+    if "\n" in value or "\r" in value:
+        raise ValueError("a value of a Dockerfile has more than one line")
+    return value
+
+
+FILTERS: Final = {
+    "shell": shell,
+    "shell_words": shell_words,
+    "quoted": quoted,
+    "array": array,
+    "file_lines": file_lines,
+}

@@ -1,0 +1,73 @@
+"""Golden Dockerfiles: one for every distribution and every feature, held to the linter and to a real parser."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from robot_offload.images.distros import DISTROS
+from robot_offload.images.features import NODE_FEATURES, OVERLAY_FEATURES
+from robot_offload.images.spec import BuildSpec
+from tests.golden.dockerfiles.cases import CASES, REWRITE, generated, golden_path, spec_of
+from tests.unit.images import parsed
+
+IGNORED = {
+    "DL3002": "only stages that are thrown away stay root; the last USER is checked below",
+    "DL3003": "cd inside one RUN: a WORKDIR would be one more layer for a single command",
+    "DL3006": "our own images and those of users are named as they are given; pinning is the user's choice",
+    "DL3008": "Debian packages take the versions of the base image's day; the user pins with name=version",
+    "DL3013": "the same for Python packages",
+    "DL3042": "pip's cache is a cache mount and not in the image",
+    "SC2016": "the script that is written into the image shall expand its variables there",
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_specification_gives_the_committed_dockerfile_byte_for_byte(case: str) -> None:
+    assert generated(case) == golden_path(case).read_text(encoding="utf-8"), f"if that is meant: {REWRITE}"
+
+
+def test_every_distribution_has_a_golden_dockerfile() -> None:
+    assert {spec_of(case).distro for case in CASES} == set(DISTROS)
+
+
+def test_every_feature_writes_something_in_a_golden_dockerfile() -> None:
+    seen = {
+        feature.name
+        for case in CASES
+        for feature in (NODE_FEATURES if isinstance(spec_of(case), BuildSpec) else OVERLAY_FEATURES)
+        if feature.wanted(spec_of(case))
+    }
+    assert seen == {feature.name for feature in (*NODE_FEATURES, *OVERLAY_FEATURES)}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_shell_of_every_run_instruction_is_correct(case: str) -> None:
+    commands = parsed.shell_commands(generated(case))
+    assert commands or case == "agent-over-image"
+    for command in commands:
+        for shell in ("bash", "sh"):
+            done = subprocess.run([shell, "-n"], input=command, text=True, capture_output=True, check=False)
+            assert (done.returncode, done.stderr) == (0, ""), command
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_linter_finds_nothing(case: str, tmp_path: Path) -> None:
+    path = tmp_path / "Dockerfile"
+    path.write_text(generated(case), encoding="utf-8")
+    ignores = [word for rule in IGNORED for word in ("--ignore", rule)]
+    done = subprocess.run(
+        [parsed.program("hadolint"), "--no-color", *ignores, str(path)], text=True, capture_output=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, "")
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_dockerfile_parser_reads_what_we_meant(case: str) -> None:
+    instructions = parsed.instructions(generated(case))
+    names = [name for name, _ in instructions]
+    assert names.count("ENTRYPOINT") == names.count("CMD") == names.count("STOPSIGNAL") == 1
+    assert [value for name, value in instructions if name == "USER"][-1] == "{0}:{0}".format(spec_of(case).user_id)
+    assert not {"ARG", "ADD", "SHELL", "ONBUILD", "VOLUME"} & set(names)
