@@ -1,0 +1,43 @@
+"""A decision with its reason: what every check returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+Truth: TypeAlias = Literal["True", "False", "Unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is true, and why.
+
+    Attributes:
+        truth: True, False or Unknown, as in a condition.
+        reason: one CamelCase word.
+        message: a sentence with the next step, when there is one.
+    """
+
+    truth: Truth
+    reason: str
+    message: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is true."""
+        return self.truth == "True"
+
+
+def yes(reason: str, message: str = "") -> Verdict:
+    """It is true."""
+    return Verdict("True", reason, message)
+
+
+def no(reason: str, message: str) -> Verdict:
+    """It is false; the message says what to do."""
+    return Verdict("False", reason, message)
+
+
+def unknown(reason: str, message: str) -> Verdict:
+    """It cannot be told."""
+    return Verdict("Unknown", reason, message)

@@ -1,0 +1,57 @@
+"""Which changes of the status are told as Kubernetes Events: transitions only, so a quiet object has none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+_TOLD: Final = ("SpecValid", "ResourcesApplied", "AgentConnected", "AgentConfigCurrent", "CertificatesReady", "Ready")
+"""DiscoveryReady and WorkloadsAvailable are told by Ready: pods come and go for many reasons."""
+_MAX_MESSAGE: Final = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """An event to post.
+
+    Attributes:
+        type: Normal or Warning.
+        reason: one CamelCase word.
+        message: a sentence.
+    """
+
+    type: Literal["Normal", "Warning"]
+    reason: str
+    message: str
+
+
+def transitions(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[Told, ...]:
+    """The events between two statuses."""
+    old = {condition["type"]: condition for condition in before.get("conditions") or ()}
+    told = [*_conditions(old, after.get("conditions") or ())]
+    sites = before.get("placement", "Unknown"), after.get("placement", "Unknown")
+    if sites[0] != sites[1]:
+        reason, message = after.get("placementReason") or "Unknown", after.get("placementMessage") or ""
+        told.append(Told("Normal", f"Placement{sites[1]}", _cut(f"{reason}: {message}")))
+    return tuple(told)
+
+
+def _conditions(old: Mapping[str, Mapping[str, Any]], new: Iterable[Mapping[str, Any]]) -> Iterable[Told]:
+    for condition in new:
+        name, status = condition["type"], condition["status"]
+        before = old.get(name)
+        # The first pass finds most things unfinished; only what a person must act on is worth an event then.
+        first_trouble = before is None and status == "False" and name in ("SpecValid", "ResourcesApplied")
+        moved = before is not None and before["status"] != status
+        if name not in _TOLD or not (first_trouble or moved):
+            continue
+        fine = status == "True"
+        if status == "Unknown" and before is not None and name != "Ready":
+            continue
+        reason = condition["reason"] if not fine or name == "AgentConnected" else f"{name}"
+        yield Told("Normal" if fine else "Warning", reason, _cut(f"{name}: {condition['message']}"))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _MAX_MESSAGE else f"{text[: _MAX_MESSAGE - 3]}..."
