@@ -7,9 +7,9 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
-from robot_offload.api.v1alpha1 import parsing
 from robot_offload.api.v1alpha1.model import Model
 from robot_offload.api.v1alpha1.names import ExecutableName, PackageName, RmwName
+from robot_offload.api.v1alpha1.parsing import findings_of
 from robot_offload.errors import SpecError
 from robot_offload.images.distros import DISTROS, Distro, DistroName
 from robot_offload.images.values import (
@@ -203,5 +203,4 @@ def parse(model: type[SomeModel], value: Mapping[str, object], source: str) -> S
     try:
         return model.model_validate(freeze(value), by_alias=True, by_name=False)
     except ValidationError as error:
-        details = [detail for detail in error.errors(include_url=False) if not parsing._misleading(detail)]
-        raise SpecError(source, [parsing._finding(detail) for detail in details]) from error
+        raise SpecError(source, findings_of(error)) from error

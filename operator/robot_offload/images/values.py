@@ -26,7 +26,7 @@ _PIP = (
     r"^[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(\[[A-Za-z0-9._-]+(,[A-Za-z0-9._-]+)*\])?"
     r"((==|~=|!=|<=|>=|<|>)[A-Za-z0-9.*+!_-]+(,(==|~=|!=|<=|>=|<|>)[A-Za-z0-9.*+!_-]+)*)?$"
 )
-_BASE_IMAGE = (
+IMAGE_NAME = (
     r"^[A-Za-z0-9][A-Za-z0-9.-]*(:[0-9]+)?(/[a-z0-9]+([._-]+[a-z0-9]+)*)*"
     r"(:[A-Za-z0-9_][A-Za-z0-9._-]{0,127})?(@sha256:[0-9a-f]{64})?$"
 )
@@ -122,8 +122,8 @@ PipPackage = Annotated[
 ]
 BaseImage = Annotated[
     str,
-    AfterValidator(_matching(_BASE_IMAGE, "write registry/name:tag or registry/name@sha256:digest", 512)),
-    _schema(_BASE_IMAGE, 512),
+    AfterValidator(_matching(IMAGE_NAME, "write registry/name:tag or registry/name@sha256:digest", 512)),
+    _schema(IMAGE_NAME, 512),
 ]
 VariableName = Annotated[
     str, AfterValidator(_matching(_VARIABLE, "use letters, digits and underscores, no digit first")), _schema(_VARIABLE)

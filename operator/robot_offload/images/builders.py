@@ -1,0 +1,191 @@
+"""Builds images with docker, podman or buildah: which one is there, and what it is called with."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal, TypeAlias
+
+from robot_offload.errors import InputError, RobotOffloadError
+from robot_offload.images.values import IMAGE_NAME, shown
+
+Tool: TypeAlias = Literal["docker", "podman", "buildah"]
+Command: TypeAlias = tuple[str, ...]
+
+TOOLS: Final[tuple[Tool, ...]] = ("docker", "podman", "buildah")
+LOOKUP_TIMEOUT_S: Final = 60.0
+_PLATFORM: Final = r"[a-z0-9]+/[a-z0-9]+(/v[0-9]+)?"
+
+
+class BuildError(RobotOffloadError):
+    """A builder ran and failed; its own output says why."""
+
+
+class NoBuilderError(InputError):
+    """No program that can build an image is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One image to build.
+
+    Attributes:
+        tag: its name.
+        context: the folder that the Dockerfile copies from.
+        platforms: e.g. `linux/arm64`; empty: this machine's own.
+        push: whether it goes to its registry.
+        health_check: whether it has one; only images in docker's format carry it.
+        dockerfile: a file, or `-` for standard input.
+        build_arguments: values of ARG instructions.
+        source_date_epoch: seconds since 1970 that replace all times in the image; None: the real ones.
+        extra: further arguments of the builder, as they are (secrets, caches, volumes).
+    """
+
+    tag: str
+    context: Path
+    platforms: tuple[str, ...] = ()
+    push: bool = False
+    health_check: bool = False
+    dockerfile: str = "-"
+    build_arguments: Mapping[str, str] = field(default_factory=dict)
+    source_date_epoch: int | None = None
+    extra: tuple[str, ...] = ()
+
+
+def commands(tool: Tool, request: Request) -> tuple[Command, ...]:
+    """What is run, in order: the build, and the push where the builder does not do it at once.
+
+    Raises:
+        InputError: the tag or a platform cannot be one, or docker is to keep an image for several platforms
+            outside of a registry.
+    """
+    several = len(request.platforms) > 1
+    if tool == "docker" and several and not request.push:
+        raise InputError("--platform: docker keeps an image for several platforms in a registry only; add --push")
+    if not re.fullmatch(IMAGE_NAME, request.tag):
+        raise InputError(f"--tag: {shown(request.tag)} is not an image's name; write registry/name:tag, in lower case")
+    for platform in request.platforms:
+        if not re.fullmatch(_PLATFORM, platform):
+            raise InputError(f"--platform: {shown(platform)} is not a platform; write e.g. linux/arm64")
+    head: Command = {
+        "docker": ("docker", "buildx", "build") if several else ("docker", "build"),
+        "podman": ("podman", "build", "--layers"),
+        "buildah": ("buildah", "build", "--layers"),
+    }[tool]
+    name = ("--manifest", request.tag) if several and tool != "docker" else ("--tag", request.tag)
+    build = (*head, *name, "--file", request.dockerfile, *_options(tool, request), *request.extra, str(request.context))
+    if not request.push:
+        return (build,)
+    if not several:
+        return (build, (tool, "push", request.tag))
+    if tool == "docker":
+        return ((*build[:-1], "--push", build[-1]),)
+    return (build, (tool, "manifest", "push", "--all", request.tag, f"docker://{request.tag}"))
+
+
+def _options(tool: Tool, request: Request) -> Command:
+    options: list[str] = []
+    if request.platforms:
+        options += ["--platform", ",".join(request.platforms)]
+    if request.health_check and tool != "docker":
+        options += ["--format", "docker"]
+    for name, value in request.build_arguments.items():
+        options += ["--build-arg", f"{name}={value}"]
+    if request.source_date_epoch is not None:
+        epoch = str(request.source_date_epoch)
+        options += ["--build-arg", f"SOURCE_DATE_EPOCH={epoch}"] if tool == "docker" else ["--timestamp", epoch]
+    return tuple(options)
+
+
+def choose(wanted: Tool | None = None) -> Tool:
+    """The builder to use: the wanted one, else the first one that can work here.
+
+    Raises:
+        NoBuilderError: it is not there, or none is.
+    """
+    candidates = (wanted,) if wanted else TOOLS
+    reasons = []
+    for tool in candidates:
+        reason = _missing(tool)
+        if reason is None:
+            return tool
+        reasons.append(f"{tool}: {reason}")
+    raise NoBuilderError("no builder can be used here; install docker, podman or buildah\n" + "\n".join(reasons))
+
+
+def _missing(tool: Tool) -> str | None:
+    """Why a builder cannot be used, or None."""
+    if shutil.which(tool) is None:
+        return "is not installed"
+    if tool != "docker":
+        return None
+    # The client alone builds nothing.
+    asked = subprocess.run(
+        ("docker", "version", "--format", "{{.Server.Version}}"),
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LOOKUP_TIMEOUT_S,
+    )
+    return None if asked.returncode == 0 else "its daemon does not answer; start it, or use podman or buildah"
+
+
+def run(tool: Tool, request: Request, dockerfile: str | None = None) -> None:
+    """Builds, and pushes where asked; the builder's own progress goes to the terminal.
+
+    Args:
+        tool: the builder.
+        request: what it builds.
+        dockerfile: the text, where `request.dockerfile` is `-`.
+
+    Raises:
+        BuildError: the builder failed.
+        InputError: docker and several platforms, see `commands`.
+    """
+    for index, command in enumerate(commands(tool, request)):
+        text = dockerfile if index == 0 else None
+        done = subprocess.run(command, input=text, text=True, check=False)
+        if done.returncode != 0:
+            what = "build" if index == 0 else "push"
+            raise BuildError(
+                f"{tool} could not {what} {request.tag} (it ended with {done.returncode}); the last lines above say "
+                "why, and --dry-run prints the Dockerfile"
+            )
+
+
+def look_up_commit(url: str, ref: str) -> str:
+    """The commit that a branch or a tag names now.
+
+    Raises:
+        BuildError: the repository does not answer.
+        InputError: it has no such branch or tag.
+    """
+    asked = subprocess.run(
+        ("git", "ls-remote", "--", url, ref, f"{ref}^{{}}"),
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=LOOKUP_TIMEOUT_S,
+        env=_quiet_git(),
+    )
+    if asked.returncode != 0:
+        reason = (asked.stderr.strip().splitlines() or ["git gives no reason"])[-1]
+        raise BuildError(f"{url}: the repository cannot be asked: {reason}")
+    found: dict[str, str] = {
+        name: commit for commit, name in re.findall(r"^([0-9a-f]{40})\t(.+)$", asked.stdout, re.MULTILINE)
+    }
+    # An annotated tag has a commit behind it; `^{}` is that commit.
+    for name in (f"refs/tags/{ref}^{{}}", f"refs/heads/{ref}", f"refs/tags/{ref}", ref):
+        if name in found:
+            return found[name]
+    raise InputError(f"--ref: {url} has no branch or tag {ref}")
+
+
+def _quiet_git() -> dict[str, str]:
+    """This environment, with git failing instead of asking for a password."""
+    return os.environ | {"GIT_TERMINAL_PROMPT": "0"}
