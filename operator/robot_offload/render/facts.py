@@ -85,3 +85,10 @@ class Facts:
     def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:
         """The known addresses of these purposes, in the order of `purposes`."""
         return tuple(found for purpose in purposes for found in self.endpoints if found.purpose == purpose)
+
+
+def default_images(version: str) -> Images:
+    """Our own images of one version, where nobody has named others."""
+    return Images(
+        *(f"registry.robotoffload.dev/{name}:{version}" for name in ("agent", "operator", "discovery", "router"))
+    )

@@ -51,12 +51,17 @@ def facts(**changes: Any) -> Facts:
 
 def offload(changes: dict[str, Any] | None = None, **spec: Any) -> RobotOffload:
     """The sample, its specification changed: `changes` by paths (`nodes.1.env`), `spec` by first-level fields."""
+    return parse_object(resource(changes, **spec), "test.yaml")
+
+
+def resource(changes: dict[str, Any] | None = None, **spec: Any) -> dict[str, Any]:
+    """The same as plain values."""
     values = sample()
     values["spec"]["nodes"][2]["image"] = "registry.example/planner:1"
     values["spec"].update(copy.deepcopy(spec))
     for path, value in (changes or {}).items():
         _put(values["spec"], path.split("."), value)
-    return parse_object(values, "test.yaml")
+    return values
 
 
 def _put(target: Any, path: list[str], value: Any) -> None:
@@ -66,9 +71,9 @@ def _put(target: Any, path: list[str], value: Any) -> None:
     target[int(last) if last.isdigit() else last] = value
 
 
-def rendered(resource: RobotOffload | None = None, known: Facts | None = None) -> dict[str, Manifest]:
+def rendered(wanted: RobotOffload | None = None, known: Facts | None = None) -> dict[str, Manifest]:
     """All children by `Kind/name`."""
-    return by_key(children(resource or offload(), known or FACTS))
+    return by_key(children(wanted or offload(), known or FACTS))
 
 
 def by_key(manifests: tuple[Manifest, ...]) -> dict[str, Manifest]:

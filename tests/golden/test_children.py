@@ -1,0 +1,74 @@
+"""All children of every sample, as files that a person can read and compare.
+
+A wanted change: `UPDATE_GOLDEN=1 pytest tests/golden/test_children.py`, then look at the difference before committing.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+import yaml
+
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.render.bundle import BundleSecrets, bundle
+from robot_offload.render.children import children
+from tests.unit.render.given import EVERY_ENDPOINT, facts
+
+HERE = Path(__file__).parent / "children"
+SAMPLES = {
+    file.stem: document
+    for file in sorted(Path(__file__).parents[2].glob("manifests/samples/*.yaml"))
+    for document in yaml.safe_load_all(file.read_text())
+    if document["kind"] == "RobotOffload"
+}
+FACTS = facts(endpoints=EVERY_ENDPOINT, robot_connected=True, user_config_hashes={"nav2/nav2.yaml": "4f2a"})
+SECRETS = BundleSecrets(b"the cloud's authority\n", b"the robot's certificate\n", b"the robot's key\n")
+BUNDLES = ("dds-router", "discovery-server", "static-peers", "wheelchair")
+
+
+class Dumper(yaml.SafeDumper):
+    """Texts of several lines as blocks, nothing by reference."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
+def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style="|" if "\n" in value else None)
+
+
+Dumper.add_representer(str, _text)
+
+
+def compare(file: Path, text: str) -> None:
+    if os.environ.get("UPDATE_GOLDEN") == "1":
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    assert file.exists(), f"{file} is missing; write it with UPDATE_GOLDEN=1 (see the top of this file)"
+    assert text == file.read_text(), "what is rendered has changed; see the top of this file if that is wanted"
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_children_of_every_sample_are_as_recorded(name: str) -> None:
+    rendered = children(parse_object(SAMPLES[name], name), FACTS)
+    compare(HERE / f"{name}.yaml", yaml.dump_all(rendered, Dumper=Dumper, sort_keys=False, width=110))
+
+
+@pytest.mark.parametrize("name", BUNDLES)
+def test_the_bundle_is_as_recorded(name: str) -> None:
+    files = bundle(parse_object(SAMPLES[name], name), FACTS, SECRETS)
+    for path, content in files.items():
+        compare(HERE.parent / "bundles" / name / path, content.decode())
+    recorded = {str(file.relative_to(HERE.parent / "bundles" / name)) for file in walk(HERE.parent / "bundles" / name)}
+    assert recorded == set(files)
+
+
+def walk(folder: Path) -> list[Path]:
+    return [file for file in folder.rglob("*") if file.is_file()]
+
+
+def test_every_sample_is_recorded_and_nothing_else() -> None:
+    assert SAMPLES
+    assert {file.stem for file in walk(HERE)} == set(SAMPLES)
