@@ -22,6 +22,8 @@ class Command:
     program: Path
     kubeconfig: Path
     namespace: str
+    """Where it acts; empty leaves that to the objects, which may then be of several namespaces."""
+
     limit: float = 60.0
     """Seconds after which a command counts as hung."""
 
@@ -45,8 +47,9 @@ class Command:
 
     def _run(self, arguments: tuple[str, ...], stdin: str | None) -> subprocess.CompletedProcess[str]:
         home = str(self.kubeconfig.parent)
+        place = ["--namespace", self.namespace] if self.namespace else []
         return subprocess.run(
-            [str(self.program), "--kubeconfig", str(self.kubeconfig), "--namespace", self.namespace, *arguments],
+            [str(self.program), "--kubeconfig", str(self.kubeconfig), *place, *arguments],
             input=stdin if stdin is not None else "",
             env={"PATH": os.environ["PATH"], "HOME": home},  # no KUBECONFIG, no HELM_*: only ever our own cluster
             capture_output=True,

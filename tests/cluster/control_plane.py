@@ -11,10 +11,13 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import yaml
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
@@ -94,6 +97,15 @@ class ControlPlane:
             raise
         return self
 
+    @contextmanager
+    def running(self, definitions: Sequence[Path] = ()) -> Iterator[ControlPlane]:
+        """Start, and stop at the end of the block."""
+        self.start(definitions)
+        try:
+            yield self
+        finally:
+            self.stop()
+
     def stop(self) -> None:
         """End every process of this directory, whoever started it, and remove the directory."""
         self._kill()
@@ -113,6 +125,27 @@ class ControlPlane:
         path = self.directory / f"kubeconfig-{namespace}-{service_account}"
         self._write_kubeconfig(path, token, namespace)
         return path
+
+    def new_namespace(self, name: str, pod_security: str = "") -> str:
+        """Make a namespace and wait until a Pod could be made in it.
+
+        Args:
+            name: Of the namespace.
+            pod_security: The standard that is enforced there; empty for none.
+        """
+        labels = {"pod-security.kubernetes.io/enforce": pod_security} if pod_security else {}
+        metadata = {"name": name, "labels": labels}
+        self.request("POST", "/api/v1/namespaces", {"apiVersion": "v1", "kind": "Namespace", "metadata": metadata})
+        # Controllers put these there a moment later; a Pod is refused until its ServiceAccount exists.
+        for each in ("serviceaccounts/default", "configmaps/kube-root-ca.crt"):
+            self._wait(each, partial(self._exists, f"/api/v1/namespaces/{name}/{each}"))
+        return name
+
+    def wait_served(self, definition: Mapping[str, Any]) -> None:
+        """Wait until the API server serves the kind of a CustomResourceDefinition."""
+        spec = definition["spec"]
+        plural, version = spec["names"]["plural"], spec["versions"][0]["name"]
+        self._wait(f"{plural} to be served", partial(self._exists, f"/apis/{spec['group']}/{version}/{plural}"))
 
     def audit(self) -> Iterator[dict[str, Any]]:
         """What the API server was asked, oldest first: audit.k8s.io/v1 events with metadata only."""
@@ -136,6 +169,9 @@ class ControlPlane:
         trust = ssl.create_default_context(cafile=str(self.ca_file))
         with urllib.request.urlopen(request, timeout=5, context=trust) as answer:
             return str(answer.read().decode())
+
+    def _exists(self, path: str) -> bool:
+        return bool(self.get(path))
 
     def _start_api(self, *, die_with_us: bool, attempts: int = 3) -> None:
         """Start etcd and kube-apiserver; again with other ports when somebody was faster to take one."""
@@ -201,10 +237,9 @@ class ControlPlane:
         ]
 
     def _define(self, definitions: Sequence[Path]) -> None:
-        files = [argument for path in definitions for argument in ("-f", str(path))]
-        kubectl = self.kubectl()
-        kubectl("apply", "--server-side", *files)
-        kubectl("wait", "--for=condition=Established", *files, f"--timeout={PATIENCE:.0f}s")
+        for path in definitions:
+            self.kubectl()("apply", "--server-side", "-f", str(path))
+            self.wait_served(yaml.safe_load(path.read_text()))
 
     def _start_controllers(self, *, die_with_us: bool) -> None:
         arguments = [
@@ -217,7 +252,7 @@ class ControlPlane:
         ]
         self._spawn("kube-controller-manager", arguments, die_with_us=die_with_us)
         account = "/api/v1/namespaces/default/serviceaccounts/default"
-        self._wait("the controllers to work", lambda: bool(self.get(account)))
+        self._wait("the controllers to work", partial(self._exists, account))
 
     def _write_kubeconfig(self, path: Path, token: str, namespace: str) -> None:
         authority = base64.b64encode(self.ca_file.read_bytes()).decode()
@@ -246,12 +281,15 @@ class ControlPlane:
     def _wait(self, what: str, happened: Callable[[], bool]) -> None:
         deadline = time.monotonic() + PATIENCE
         while True:
-            trouble: object = "it said no"
+            trouble = "it said no"
             try:
                 if happened():
                     return
-            except (OSError, ssl.SSLError, urllib.error.URLError) as error:
-                trouble = error
+            except urllib.error.HTTPError as error:
+                with error:  # it holds the connection
+                    trouble = f"{error}: {error.read().decode(errors='replace')[:300]}"
+            except OSError as error:
+                trouble = str(error)
             for name, server in self._servers.items():
                 if server.poll() is not None:
                     raise ClusterError(f"{name} ended while waiting for {what}:\n{self._log_tail(name)}")

@@ -50,36 +50,32 @@ def cluster_programs(request: pytest.FixtureRequest) -> programs.Programs:
 @pytest.fixture(scope="session")
 def control_plane(cluster_programs: programs.Programs) -> Iterator[ControlPlane]:
     """The API server of this run with our CRDs. Tests share it, each in a namespace of its own."""
-    with directories.of_this_run() as directory:
-        yield ControlPlane(directory, cluster_programs).start(definitions())
+    with (
+        directories.of_this_run() as directory,
+        ControlPlane(directory, cluster_programs).running(definitions()) as plane,
+    ):
+        yield plane
 
 
 @pytest.fixture(scope="module")
 def bare_control_plane(cluster_programs: programs.Programs) -> Iterator[ControlPlane]:
     """Another one for a module that installs the CRDs by itself: none of ours are there."""
-    with directories.of_this_run() as directory:
-        yield ControlPlane(directory, cluster_programs).start()
+    with directories.of_this_run() as directory, ControlPlane(directory, cluster_programs).running() as plane:
+        yield plane
 
 
 @pytest.fixture
 def new_namespace(control_plane: ControlPlane, request: pytest.FixtureRequest) -> Iterator[NewNamespace]:
     """Make namespaces: `new_namespace()` or `new_namespace(pod_security="restricted")`; deleted after the test."""
     made: list[str] = []
-    kubectl = control_plane.kubectl()
 
     def make(pod_security: str = "") -> str:
-        name = _namespace_name(request.node.name)
-        kubectl("create", "namespace", name)
-        made.append(name)
-        if pod_security:
-            kubectl("label", "namespace", name, f"pod-security.kubernetes.io/enforce={pod_security}")
-        # A pod is refused until its ServiceAccount exists, and the controller makes that a moment later.
-        kubectl("wait", "--for=create", "serviceaccount/default", "--timeout=30s", f"--namespace={name}")
-        return name
+        made.append(control_plane.new_namespace(_namespace_name(request.node.name), pod_security))
+        return made[-1]
 
     yield make
-    if made:
-        kubectl("delete", "namespace", *made, "--wait=false")
+    for name in made:
+        control_plane.request("DELETE", f"/api/v1/namespaces/{name}")
 
 
 @pytest.fixture

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import secrets
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
 
 from tests.cluster.commands import Helm, Kubectl
 from tests.cluster.control_plane import ControlPlane
+from tests.cluster.definitions import definitions
 from tests.cluster.pretended_kubelet import report_ready
-from tests.integration.chart import CHART, OPERATOR, RELEASE, ROOT, with_values
+from tests.integration.chart import CHART, OPERATOR, RELEASE, with_values
+from tests.integration.resources import talker
 
 pytestmark = pytest.mark.api
 
-DEFINITION = "customresourcedefinition/robotoffloads.robotoffload.dev"
-NAMESPACE = "robot-offload-system"
+DEFINITION = yaml.safe_load(definitions()[0].read_text())
 EVERYTHING = (
     "deployments,replicasets,pods,services,serviceaccounts,roles,rolebindings,networkpolicies,secrets,configmaps"
 )
@@ -27,24 +28,16 @@ EVERYTHING = (
 @pytest.fixture
 def kubectl(bare_control_plane: ControlPlane) -> Iterator[Kubectl]:
     """Kubectl in a restricted namespace of a cluster that has never seen the chart."""
-    bound = bare_control_plane.kubectl(NAMESPACE)
-    bound("create", "namespace", NAMESPACE)
-    bound("label", "namespace", NAMESPACE, "pod-security.kubernetes.io/enforce=restricted")
-    bound("wait", "--for=create", "serviceaccount/default", "--timeout=30s")
+    bound = bare_control_plane.kubectl(f"system-{secrets.token_hex(3)}")
+    bare_control_plane.new_namespace(bound.namespace, pod_security="restricted")
     yield bound
-    bound("delete", "namespace", NAMESPACE, "--timeout=50s")
-    bound("delete", DEFINITION, "--ignore-not-found", "--timeout=50s")
+    bound("delete", "customresourcedefinition", DEFINITION["metadata"]["name"], "--ignore-not-found", "--timeout=50s")
+    bound("delete", "namespace", bound.namespace, "--ignore-not-found", "--wait=false")
 
 
 @pytest.fixture
 def helm(bare_control_plane: ControlPlane, kubectl: Kubectl) -> Helm:
     return bare_control_plane.helm(kubectl.namespace)
-
-
-def talker() -> dict[str, Any]:
-    resource = yaml.safe_load((ROOT / "examples" / "talker" / "robotoffload.yaml").read_text())
-    assert isinstance(resource, dict)
-    return resource
 
 
 def memory_limit(kubectl: Kubectl) -> str:
@@ -86,11 +79,13 @@ def test_an_upgrade_changes_and_a_rollback_restores(helm: Helm, kubectl: Kubectl
     assert memory_limit(kubectl) == before
 
 
-def test_uninstalling_removes_the_operator_and_keeps_the_resources(helm: Helm, kubectl: Kubectl) -> None:
+def test_uninstalling_removes_the_operator_and_keeps_the_resources(
+    bare_control_plane: ControlPlane, helm: Helm, kubectl: Kubectl
+) -> None:
     untouched = kubectl.names(EVERYTHING)
     cluster_wide = kubectl.names("clusterroles,clusterrolebindings")
     helm("install", RELEASE, str(CHART))
-    kubectl("wait", "--for=condition=Established", DEFINITION, "--timeout=30s")
+    bare_control_plane.wait_served(DEFINITION)
     kubectl.apply(talker())
     said = helm("uninstall", RELEASE, "--wait")
     assert "CustomResourceDefinition" in said  # helm says what it kept
@@ -116,11 +111,11 @@ def test_another_release_takes_the_kept_definition_over_when_told(helm: Helm, ku
 
 
 def test_objects_of_an_older_definition_live_through_upgrade_and_rollback(
-    helm: Helm, kubectl: Kubectl, tmp_path: Path
+    bare_control_plane: ControlPlane, helm: Helm, kubectl: Kubectl, tmp_path: Path
 ) -> None:
     older = with_older_definition(tmp_path / "chart", forgotten="scale")
     helm("install", RELEASE, str(older))
-    kubectl("wait", "--for=condition=Established", DEFINITION, "--timeout=30s")
+    bare_control_plane.wait_served(DEFINITION)
     kubectl.apply(talker())
     assert "scale" not in kubectl.json("get", "robotoffload", "talker")["spec"]
 
@@ -134,10 +129,12 @@ def test_objects_of_an_older_definition_live_through_upgrade_and_rollback(
     kubectl("annotate", "robotoffload", "talker", "touched=again", "--overwrite")
 
 
-def test_deleting_the_namespace_with_everything_in_it_leaves_nothing_stuck(helm: Helm, kubectl: Kubectl) -> None:
+def test_deleting_the_namespace_with_everything_in_it_leaves_nothing_stuck(
+    bare_control_plane: ControlPlane, helm: Helm, kubectl: Kubectl
+) -> None:
     helm("install", RELEASE, str(CHART))
-    kubectl("wait", "--for=condition=Established", DEFINITION, "--timeout=30s")
+    bare_control_plane.wait_served(DEFINITION)
     kubectl.apply(talker())
-    kubectl("delete", "namespace", NAMESPACE, "--timeout=50s")
-    assert f"namespace/{NAMESPACE}" not in kubectl.names("namespaces")
+    kubectl("delete", "namespace", kubectl.namespace, "--timeout=50s")
+    assert f"namespace/{kubectl.namespace}" not in kubectl.names("namespaces")
     helm("install", RELEASE, str(CHART), "--create-namespace")  # nothing of the first is in the way

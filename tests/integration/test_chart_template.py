@@ -11,6 +11,7 @@ import yaml
 
 from tests.cluster.commands import Helm, Kubectl
 from tests.cluster.control_plane import ControlPlane
+from tests.cluster.definitions import definitions
 from tests.integration.chart import CHART, OPERATOR, RELEASE, ROOT, Values, of_kind, rendered, with_values
 from tests.integration.conftest import NewNamespace
 
@@ -31,7 +32,7 @@ CASES: dict[str, Values] = {
     "no roles": {"rbac.create": False},
     "not aggregated": {"rbac.aggregate": False},
     "openshift": {"runAsUser": None},
-    "resources": {"resources": {"requests": {"cpu": 1, "memory": "1Gi"}, "limits": {"cpu": "2"}}},
+    "resources": {"resources": {"requests": {"cpu": 1, "memory": "1Gi"}, "limits": {"cpu": "2", "memory": "2Gi"}}},
     "scheduling": {
         "nodeSelector": {"kubernetes.io/arch": "amd64"},
         "tolerations": [{"key": "edge", "operator": "Exists", "effect": "NoSchedule"}],
@@ -71,7 +72,7 @@ def test_the_api_server_accepts_a_chart_for_one_namespace(
     helm: Helm, kubectl: Kubectl, new_namespace: NewNamespace
 ) -> None:
     objects = rendered(helm, {"watchNamespace": new_namespace()})
-    kubectl("apply", "--server-side", "--dry-run=server", "-f", "-", stdin=yaml.safe_dump_all(objects))
+    kubectl.within("")("apply", "--server-side", "--dry-run=server", "-f", "-", stdin=yaml.safe_dump_all(objects))
 
 
 @pytest.mark.parametrize("name", ["defaults", "cert-manager", "openshift", "scheduling"])
@@ -134,7 +135,7 @@ def test_the_operator_learns_which_namespace_to_serve(helm: Helm) -> None:
 
 def test_the_charts_definition_is_the_one_of_the_manifests(helm: Helm) -> None:
     (ours,) = of_kind(rendered(helm), "CustomResourceDefinition")
-    (published,) = yaml.safe_load_all((ROOT / "manifests" / "crd" / "robotoffloads.yaml").read_text())
+    (published,) = yaml.safe_load_all(definitions()[0].read_text())
     assert ours["spec"] == published["spec"]
     assert ours["metadata"]["annotations"]["helm.sh/resource-policy"] == "keep"
 
@@ -147,8 +148,9 @@ def test_selectors_do_not_match_what_the_operator_makes_for_a_robot(helm: Helm) 
 def test_monitors_are_accepted_where_the_prometheus_operator_is(bare_control_plane: ControlPlane, helm: Helm) -> None:
     kubectl = bare_control_plane.kubectl()
     kinds = {"podmonitors": "PodMonitor", "servicemonitors": "ServiceMonitor"}
-    kubectl.apply(*(monitoring_definition(plural, kind) for plural, kind in kinds.items()))
-    kubectl("wait", "--for=condition=Established", *(f"crd/{plural}.monitoring.coreos.com" for plural in kinds))
+    for plural, kind in kinds.items():
+        kubectl.apply(monitoring_definition(plural, kind))
+        bare_control_plane.wait_served(monitoring_definition(plural, kind))
     objects = rendered(helm, {"metrics.podMonitor": SCRAPE, "metrics.serviceMonitor": SCRAPE})
     monitors = [each for kind in kinds.values() for each in of_kind(objects, kind)]
     assert len(monitors) == 2

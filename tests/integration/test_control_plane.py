@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from tests.cluster import directories, processes
 from tests.cluster.commands import Kubectl
 from tests.cluster.control_plane import ControlPlane
 from tests.cluster.errors import CommandError
 from tests.cluster.pretended_kubelet import report_ready
+from tests.integration.resources import talker
 
 pytestmark = pytest.mark.api
 
@@ -70,7 +70,7 @@ def test_a_deployment_is_available_once_its_pods_are_reported_ready(
 
 def test_children_of_our_resource_go_with_it(kubectl: Kubectl) -> None:
     # Where the controllers start before the definitions, the first child waits 40 s: longer than this wait.
-    owner = yaml.safe_load((ROOT / "examples" / "talker" / "robotoffload.yaml").read_text())
+    owner = talker()
     kubectl.apply(owner)
     identity = {**owner, "uid": kubectl.json("get", "roff", "talker")["metadata"]["uid"]}
     reference = {key: identity[key] for key in ("apiVersion", "kind", "uid")} | {"name": "talker"}
