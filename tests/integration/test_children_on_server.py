@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,7 @@ from robot_offload.render.children import children
 from robot_offload.render.facts import Endpoint, Facts, Manifest
 from tests.cluster.commands import Kubectl
 from tests.cluster.control_plane import ControlPlane
-from tests.cluster.pretended_kubelet import report_ready
-from tests.unit.render.given import EVERY_ENDPOINT, facts, resource
+from tests.unit.render.given import EVERY_ENDPOINT, by_key, facts, resource
 
 pytestmark = pytest.mark.api
 
@@ -83,55 +83,43 @@ def restricted(control_plane: ControlPlane, restricted_namespace: str) -> Kubect
 
 
 @pytest.mark.parametrize("name", RESOURCES)
-def test_every_child_is_taken_kept_and_left_alone_by_a_second_apply(
-    control_plane: ControlPlane, restricted: Kubectl, name: str
-) -> None:
-    offload, known = created(restricted, RESOURCES[name])
-    rendered = children(offload, known)
+def test_every_child_is_taken_kept_and_left_alone_by_a_second_apply(restricted: Kubectl, name: str) -> None:
+    rendered = children(*created(restricted, RESOURCES[name]))
     restricted.apply(*rendered, options=OPTIONS)
-    assert lost_fields(restricted, rendered) == []
-    for one in rendered:
-        if "template" in one.get("spec", {}) and one["spec"]["replicas"]:
-            labels = ",".join(f"{key}={value}" for key, value in one["spec"]["selector"]["matchLabels"].items())
-            restricted("wait", "--for=create", "pods", "-l", labels, "--timeout=30s")
-    report_ready(control_plane, restricted.namespace)
-    assert refused_pods(restricted) == []
-    before = generations(restricted, rendered), versions(restricted, rendered)
+    first = live(restricted, rendered)
+    assert [lost for key, one in by_key(rendered).items() for lost in missing(one, first[key], key)] == []
+    assert pods_refused(restricted) == []
     restricted.apply(*rendered, options=OPTIONS)
-    assert (generations(restricted, rendered), versions(restricted, rendered)) == before
+    assert versions(live(restricted, rendered)) == versions(first)
 
 
-def lost_fields(kubectl: Kubectl, rendered: tuple[Manifest, ...]) -> list[str]:
-    """Fields that we render and the server did not keep."""
-    kept = live(kubectl, rendered)
-    return [
-        path
-        for one in rendered
-        for path in missing(one, kept[f"{one['kind']}/{one['metadata']['name']}"], one["metadata"]["name"])
-    ]
+def pods_refused(kubectl: Kubectl) -> list[str]:
+    """Waits until every workload has the pods that it wants, or says why it gets none, e.g. by Pod Security."""
+    deadline_s = time.monotonic() + 60
+    while time.monotonic() < deadline_s:
+        workloads = kubectl.json("get", "deployments,statefulsets,replicasets")["items"]
+        refused = [
+            f"{one['metadata']['name']}: {condition['message']}"
+            for one in workloads
+            for condition in one.get("status", {}).get("conditions", [])
+            if condition["type"] == "ReplicaFailure"
+        ]
+        if refused or all(one.get("status", {}).get("replicas", 0) == one["spec"]["replicas"] for one in workloads):
+            return refused
+        time.sleep(0.2)
+    return [f"{one['metadata']['name']}: no pod after a minute" for one in workloads]
 
 
-def refused_pods(kubectl: Kubectl) -> list[str]:
-    """What the server said about pods that it did not take, for instance because of their security context."""
-    return [
-        f"{one['metadata']['name']}: {condition['message']}"
-        for one in kubectl.json("get", "replicasets,deployments")["items"]
-        for condition in one.get("status", {}).get("conditions", [])
-        if condition["type"] == "ReplicaFailure"
-    ]
-
-
-def generations(kubectl: Kubectl, rendered: tuple[Manifest, ...]) -> dict[str, int]:
-    """How often the server saw each specification change."""
-    found = live(kubectl, rendered).items()
-    return {key: one["metadata"]["generation"] for key, one in found if "generation" in one["metadata"]}
-
-
-def versions(kubectl: Kubectl, rendered: tuple[Manifest, ...]) -> dict[str, str]:
-    """The version of each object that no controller writes to."""
+def versions(found: dict[str, Manifest]) -> dict[str, tuple[int | None, str | None]]:
+    """How often the server saw each specification change; for what no controller writes to, how often anything."""
     quiet = ("ConfigMap", "Service", "Lease", "Role", "RoleBinding", "NetworkPolicy", "ServiceAccount")
-    found = live(kubectl, rendered).items()
-    return {key: one["metadata"]["resourceVersion"] for key, one in found if one["kind"] in quiet}
+    return {
+        key: (
+            one["metadata"].get("generation"),
+            one["metadata"]["resourceVersion"] if one["kind"] in quiet else None,
+        )
+        for key, one in found.items()
+    }
 
 
 def missing(wanted: Any, found: Any, path: str) -> list[str]:

@@ -97,8 +97,8 @@ def runtime_parameters(offload: RobotOffload, generation: int) -> dict[str, Any]
         offload: the resource.
         generation: of its specification.
     """
-    robot = agent_parameters(offload, AgentSite("robot", "", "", "", ""))
-    return {"generation": generation, **{name: value for name, value in robot.items() if name in SHARED}}
+    robot = agent_parameters(offload, AgentSite("robot", "", "", "", "", generation=generation))
+    return {name: value for name, value in robot.items() if name in SHARED}
 
 
 def start_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:

@@ -121,7 +121,8 @@ def _agent(offload: RobotOffload, facts: Facts) -> Manifest:
     if chosen.traits.agent_needs_certificates:
         mounts.append(pod.mount("certificates", pod.CERTIFICATES_DIR))
     extra: Manifest = {"lifecycle": handover.pre_stop()}
-    if chosen.traits.agent_ports:
+    ports = transport.agent_ports(offload)
+    if ports:
         extra["ports"] = [
             {"name": port.name, "containerPort": port.number, "protocol": port.protocol}
             for port in chosen.traits.agent_ports

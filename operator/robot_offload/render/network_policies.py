@@ -28,7 +28,7 @@ def _agent(offload: RobotOffload, facts: Facts) -> Manifest:
     chosen = transport.of(offload.spec)
     incoming, outgoing = rules.dds_both_ways(offload, robot=chosen.traits.robot_speaks_dds)
     handing_over = rules.coming_from(selector(offload, "node"), rules.port("TCP", handover.PORT))
-    ports = [rules.port(one.protocol, one.number) for one in chosen.traits.agent_ports]
+    ports = [rules.port(one.protocol, one.number) for one in transport.agent_ports(offload)]
     # The robot comes through NAT from anywhere; that it is the robot is proven by its certificate.
     robot = [rules.anybody(*ports)] if ports else []
     return rules.policy(

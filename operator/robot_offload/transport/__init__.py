@@ -11,13 +11,14 @@ from typing import Final
 from robot_offload.api.v1alpha1 import RobotOffload, RobotOffloadSpec, TransportType
 from robot_offload.render.facts import Endpoint, Manifest
 from robot_offload.transport import dds_router, discovery_server, static_peers, zenoh
-from robot_offload.transport.port import TransportModule
+from robot_offload.transport.port import ContainerPort, TransportModule
 from robot_offload.transport.zenoh import DATA_PORT, PULSE_PORT
 
 __all__ = [
     "DATA_PORT",
     "PULSE_PORT",
     "TransportModule",
+    "agent_ports",
     "discovery_servers",
     "needs_certificates",
     "observed_endpoints",
@@ -35,6 +36,13 @@ _MODULES: Final[dict[TransportType, TransportModule]] = {
 def of(spec: RobotOffloadSpec) -> TransportModule:
     """The transport that a specification asks for."""
     return _MODULES[spec.transport.type]
+
+
+def agent_ports(offload: RobotOffload) -> tuple[ContainerPort, ...]:
+    """What the cloud's agent listens on for the robot: one port for each address that the robot needs."""
+    chosen = of(offload.spec)
+    wanted = chosen.purposes(offload)
+    return tuple(port for port in chosen.traits.agent_ports if port.name in wanted)
 
 
 def discovery_servers(spec: RobotOffloadSpec) -> int:

@@ -1,0 +1,116 @@
+"""Bundle, cloud configuration and settings, as rendered, against the agent that reads them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import yaml
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.render.agent_config import RUN_TIME, RUN_TIME_INPUT, SHARED
+from robot_offload.render.bundle import BundleSecrets, bundle
+from robot_offload.render.facts import Facts
+from robot_offload_agent import parameters as agent
+from robot_offload_agent import tuning
+from robot_offload_agent.link.zenoh_config import ZenohSettings
+from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload, rendered
+from tests.unit.render.test_rolls import RUN_TIME as CHANGES_AT_RUN_TIME
+
+SECRETS = BundleSecrets(b"ca", b"certificate", b"key")
+KNOWN = facts(endpoints=EVERY_ENDPOINT)
+
+
+def configuration(text: str) -> agent.Configuration:
+    return agent.parse(agent.flatten(yaml.safe_load(text)["/**"]["ros__parameters"]))
+
+
+def robots(resource: RobotOffload, known: Facts = KNOWN) -> agent.Configuration:
+    return configuration(bundle(resource, known, SECRETS)["agent.yaml"].decode())
+
+
+def clouds(resource: RobotOffload, known: Facts = KNOWN) -> agent.Configuration:
+    return configuration(rendered(resource, known)["ConfigMap/wheelchair-7-agent"]["data"]["agent.yaml"])
+
+
+def judged(bundled: RobotOffload, now: RobotOffload) -> tuning.Judgement:
+    """What a robot with the bundle of one generation says to the settings of the next one."""
+    settings = rendered(now, facts(generation=4))["ConfigMap/wheelchair-7-settings"]["data"]["settings.yaml"]
+    return tuning.judge(robots(bundled), 3, tuning.read_offer(settings))
+
+
+def test_both_packages_mean_the_same_by_run_time() -> None:
+    assert set(tuning.RUN_TIME) == RUN_TIME
+    assert set(tuning.RUN_TIME_INPUT) == RUN_TIME_INPUT
+
+
+def test_only_what_an_agents_place_decides_is_left_out_of_the_settings() -> None:
+    local = {
+        "side", "uid", "robot_name", "runtime_dir", "state_dir", "realtime", "state_file", "settings_file",
+        "handover_file", "link",
+    }  # fmt: skip
+    top = {name.split(".")[0] for name in agent.GENERAL} | {prefix for prefix, _ in agent.GROUPS.values()}
+    assert top - SHARED == local
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_both_agents_of_every_transport_start_with_what_is_rendered(transport: str) -> None:
+    resource = offload(transport=TRANSPORTS[transport])
+    robot, cloud = robots(resource), clouds(resource)
+    assert (robot.side.value, cloud.side.value) == ("robot", "cloud")
+    assert robot["uid"] == cloud["uid"] == KNOWN.uid
+    assert robot["link.type"] == cloud["link.type"] == ("zenoh" if transport == "Zenoh" else "ros")
+    assert robot["generation"] == cloud["generation"] == 3
+    assert (robot["state_file"], cloud["state_file"]) == ("", "/run/robot-offload/state.json")
+
+
+def test_the_endpoints_of_both_sides_are_ones_that_zenoh_takes() -> None:
+    resource = offload()
+    for found in (robots(resource), clouds(resource)):
+        for session in ("pulse", "data"):
+            ZenohSettings(
+                side=found["side"],
+                session=session,
+                uid=found["uid"],
+                endpoints=tuple(found[f"link.{session}_endpoints"]),
+                fallback=tuple(found[f"link.{session}_fallback"]),
+                ca="ca",
+                certificate="c",
+                private_key="k",
+            )
+
+
+def test_settings_of_an_unchanged_resource_are_taken() -> None:
+    assert judged(offload(), offload()).reason == "Accepted"
+
+
+def test_a_stricter_setting_reaches_a_running_robot() -> None:
+    found = judged(offload(), offload({"switching.pin": "Robot", "switching.lossTimeout": "70ms"}))
+    assert found.reason == "Accepted"
+    assert found.configuration is not None
+    assert (found.configuration["pin"], found.configuration["loss_timeout_ms"]) == ("Robot", 70.0)
+    assert found.configuration["generation"] == 4
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in CHANGES_AT_RUN_TIME if path.split(".")[0] in ("switching", "topics")]
+)
+def test_no_change_at_run_time_needs_a_bundle(path: str) -> None:
+    found = judged(offload(), offload({path: CHANGES_AT_RUN_TIME[path]}))
+    assert found.reason in ("Accepted", "HardLimit"), found.message
+
+
+NEEDS_BUNDLE: dict[str, Any] = {
+    "switching.heartbeatPeriod": "25ms",
+    "switching.strict": True,
+    "driver": {"inhibitService": "/stop"},
+    "nodes.1.core": False,
+    "nodes.1.outputs": [{"topic": "/cmd_vel", "rate": 10}],
+    "topics.toCloud.1.latched": True,
+    "robot.namespace": "/chair",
+}
+
+
+@pytest.mark.parametrize("path", NEEDS_BUNDLE)
+def test_what_only_a_new_bundle_brings_is_told(path: str) -> None:
+    assert judged(offload(), offload({path: NEEDS_BUNDLE[path]})).reason == "NeedsBundle"
