@@ -73,11 +73,11 @@ class Kubectl(Command):
 
     def apply(self, *manifests: Manifest, options: tuple[str, ...] = ("--server-side",)) -> str:
         """Apply objects; server-side unless told otherwise."""
-        return self("apply", *options, "-f", "-", stdin=as_list(*manifests))
+        return self("apply", *options, "-f", "-", stdin=documents(*manifests))
 
     def apply_refused(self, *manifests: Manifest, options: tuple[str, ...] = ("--server-side",)) -> str:
         """Apply objects, expect the API server to refuse them, and return why."""
-        return self.refuses("apply", *options, "-f", "-", stdin=as_list(*manifests))
+        return self.refuses("apply", *options, "-f", "-", stdin=documents(*manifests))
 
     def names(self, kinds: str, *arguments: str) -> list[str]:
         """`kind/name` of every object of these kinds, sorted."""
@@ -89,6 +89,9 @@ class Helm(Command):
     """helm."""
 
 
-def as_list(*manifests: Manifest) -> str:
-    """Objects in the form that `kubectl apply -f -` reads."""
-    return json.dumps({"apiVersion": "v1", "kind": "List", "items": [dict(each) for each in manifests]})
+def documents(*manifests: Manifest) -> str:
+    """Objects in the form that `kubectl apply -f -` reads.
+
+    Not as one `List`: kubectl would leave the server's validation out and only do its own.
+    """
+    return "\n---\n".join(json.dumps(dict(each)) for each in manifests)
