@@ -125,7 +125,7 @@ def _agent(offload: RobotOffload, facts: Facts) -> Manifest:
     if ports:
         extra["ports"] = [
             {"name": port.name, "containerPort": port.number, "protocol": port.protocol}
-            for port in chosen.traits.agent_ports
+            for port in ports
         ]
     return pod.container(
         "agent",
