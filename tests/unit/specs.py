@@ -36,6 +36,7 @@ spec:
       command: [python3, controller.py]
       parameters: {rate_hz: 20.0, max_speed: 0.6, plugins: {names: [a, b]}}
       cloudParameters: {rate_hz: 50.0, max_speed: 0.9}
+      doubles: [rate_hz]
       remap: {cmd_vel_nav: /cmd_vel}
     image: registry.example/controller:1
     outputs:

@@ -71,6 +71,19 @@ def test_all_problems_are_told_at_once() -> None:
         ("spec.nodes.1.run.parameters", {"a": {"b": None}}, "b has no value"),
         ("spec.nodes.1.run.parameters", [1], "must be a mapping of parameter names to values"),
         ("spec.switching.heartbeatPeriod", "0s", "0s is out of range; it must be between 5ms and 1s"),
+        ("spec.scale", {"idleTimeout": "10s"}, "10s is out of range; it must be 0s or between 30s and 168h"),
+        ("spec.replicas", 2, "must be at most 1, found the number 2"),
+        ("spec.nodes.1.resources", {"limits": {"cpu": "lots"}}, "'lots' is not a quantity; write for example 500m"),
+        ("spec.nodes.1.resources", {"limits": {"cpu": 0.5}}, "0.5 is not a quantity; write for example 500m"),
+        ("spec.nodes.1.nodeSelector", {"a b": "c"}, "'a b' is not the name of a label or annotation"),
+        ("spec.nodes.1.nodeSelector", {"a": "b c"}, "'b c' is not a label's value"),
+        ("spec.nodes.1.env", [{"name": "A-B"}], "'A-B' is not the name of an environment variable"),
+        ("spec.nodes.1.run.parametersFrom", {"configMapKeyRef": {"name": "a"}}, "is missing (The key in it"),
+        ("spec.transport.expose", {"host": "Edge.example:80"}, "is not a DNS name; write it in lower case"),
+        ("spec.transport.expose", {"address": "edge"}, "'edge' is not an IP address; write e.g. 192.0.2.10"),
+        ("spec.cloud.imagePullSecrets", [{"name": "x"}] * 17, "has 17 entries; at most 16 fit"),
+        ("spec.cloud.runAsUser", 0, "must be at least 1, found the number 0"),
+        ("spec.nodes.1.run.command", ["x" * 5000], "is longer than 4096 characters"),
         ("spec.switching.latency.robotPeriod", "0ms", "0s is out of range; it must be between 1ms and 10s"),
     ],
 )
@@ -96,6 +109,28 @@ def test_values_nested_without_end_are_refused() -> None:
     for _ in range(5000):
         endless = {"a": endless}
     assert problems(changed("spec.robot.rmw", endless)) == ("f.yaml: lists or mappings are nested too deeply",)
+
+
+def test_the_operator_reads_an_object_as_the_api_server_keeps_it() -> None:
+    stored = sample()
+    stored["metadata"] |= {"uid": "1", "generation": 3, "managedFields": [{"manager": "kubectl"}]}
+    stored["status"] = {"placement": "Cloud"}
+    stored["spec"]["nodes"][1]["fromTheFuture"] = {"a": [1]}
+    read = parse_object(stored, "stored", unknown="ignore")
+    assert read == parse_object(sample(), "sample")
+    assert len(problems(stored)) == 5
+    stored["spec"]["nodes"][1]["placement"] = "Nowhere"
+    with pytest.raises(SpecError) as caught:
+        parse_object(stored, "stored", unknown="ignore")
+    assert [finding.path for finding in caught.value.findings] == ["spec.nodes[1].placement"]
+
+
+def test_a_double_keeps_its_type_although_kubernetes_drops_the_point() -> None:
+    values = changed("spec.nodes.1.run.parameters", {"rate_hz": 20, "count": 3, "plugins": {"gain": 2, "all": [1, 2]}})
+    values["spec"]["nodes"][1]["run"]["doubles"] = ["rate_hz", "plugins.gain", "plugins.all"]
+    run = parse_object(values, "f.yaml").spec.nodes[1].run
+    assert run is not None
+    assert repr(run.parameters) == "{'rate_hz': 20.0, 'count': 3, 'plugins': {'gain': 2.0, 'all': (1.0, 2.0)}}"
 
 
 def test_yaml_errors_are_told_with_line_and_column() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload.api.v1alpha1.checks import check
+from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS, check
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.errors import SpecError
 from robot_offload.findings import Finding
@@ -33,6 +33,14 @@ ERRORS = [
     ("spec.nodes.1.run.command", ..., "spec.nodes[1].run", "NoProgram", "needs either command"),
     ("spec.nodes.2.run.executable", ..., "spec.nodes[2].run", "NoProgram", "needs either command"),
     ("spec.nodes.1.run.remap", {"/cmd_vel": "/other"}, "spec.nodes[1].run.remap", "RemapsOutput", "consumers know"),
+    ("spec.transport", {"type": "StaticPeers"}, "spec.transport.staticPeers.robot", "NoPeers", "at least one address"),
+    ("spec.transport.expose", {"nodePorts": {"pulse": 30001, "data": 30001}}, "spec.transport.expose.nodePorts",
+     "SamePort", "one purpose"),
+    ("spec.cloud.imagePullSecrets", [{"name": "a"}, {"name": "a"}], "spec.cloud.imagePullSecrets[1].name",
+     "DuplicateSecret", "remove one"),
+    ("spec.nodes.1.env", [{"name": "A"}, {"name": "A"}], "spec.nodes[1].env[1].name", "DuplicateVariable",
+     "set twice"),
+    ("spec.nodes.1.env", [{"name": "ROS_DOMAIN_ID"}], "spec.nodes[1].env[0].name", "ReservedVariable", "remove it"),
     ("spec.nodes.1.outputs.1", {"topic": "/cmd_vel"}, "spec.nodes[1].outputs[1].topic", "DuplicateOutput",
      "an output of two nodes"),
 ]  # fmt: skip
@@ -101,3 +109,40 @@ def test_topics_whose_identifiers_would_collide_are_refused() -> None:
 def test_outputs_whose_identifiers_would_collide_are_refused() -> None:
     [finding] = errors_of(changed("spec.nodes.1.outputs", [{"topic": "/a_/b"}, {"topic": "/a/_b"}]))
     assert (finding.path, finding.reason) == ("spec.nodes[1].outputs[1].topic", "AmbiguousTopic")
+
+
+SPEEDS = {"speeds": [1.0, 2.5], "plugins": {"gain": 3.0}}
+WHOLE_DOUBLES = [
+    ("spec.nodes.1.run.doubles", [], ["parameters.rate_hz", "cloudParameters.rate_hz"]),
+    ("spec.nodes.1.run.parameters", SPEEDS, ["parameters.speeds", "parameters.plugins.gain"]),
+    ("spec.nodes.1.run.doubles", ["rate_hz", "rate"], ["doubles[1]"]),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "where"), WHOLE_DOUBLES)
+def test_a_double_that_kubernetes_would_make_whole_is_a_warning(path: str, value: Any, where: list[str]) -> None:
+    found = check(parse_object(changed(path, value), "f.yaml").spec)
+    assert [finding.path for finding in found] == [f"spec.nodes[1].run.{name}" for name in where]
+    assert {finding.severity for finding in found} == {"warning"}
+
+
+CLUSTER_ERRORS = [
+    ("spec.nodes.1.image", ..., "spec.nodes[1].image", "NoImage"),
+    ("spec.nodes.2.run", ..., "spec.nodes[2].run", "NoProgram"),
+    ("spec.robot.rmw", "rmw_cyclonedds_cpp", "spec.cloud.rmw", "CloudRmw"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "where", "reason"), CLUSTER_ERRORS)
+def test_what_only_a_cluster_needs_is_an_error_there_alone(path: str, value: Any, where: str, reason: str) -> None:
+    offload = parse_object(changed(path, value), "f.yaml")
+    assert all(finding.severity == "warning" for finding in check(offload.spec))
+    [finding] = check(offload.spec, CLUSTER_CHECKS)
+    assert (finding.path, finding.reason, finding.severity) == (where, reason, "error")
+    with pytest.raises(SpecError):
+        parse_object(changed(path, value), "f.yaml", rules=CLUSTER_CHECKS)
+
+
+def test_nodes_on_the_robot_need_neither_image_nor_program() -> None:
+    values = changed("spec.nodes.0.run", ...)
+    assert check(parse_object(values, "f.yaml", rules=CLUSTER_CHECKS).spec, CLUSTER_CHECKS) == ()

@@ -130,11 +130,9 @@ def _structural(described: Mapping[str, Any], definitions: Mapping[str, Any]) ->
     part.pop("$defs", None)
     if "anyOf" in part and {"type": "null"} in part["anyOf"]:
         [inner] = [choice for choice in part.pop("anyOf") if choice != {"type": "null"}]
-        return _structural({**part, **inner, "nullable": True}, definitions)
-        if "$ref" in inner:
-            part["description"] = _joined(
-                described.get("description", ""), _structural(inner, definitions)["description"]
-            )
+        # The API server drops a null where nothing else is said, which is what a default of None means.
+        kept = {"nullable": True} if part.get("default") is not None else NO_SERVER_DEFAULT
+        return _structural({**part, **inner, **kept}, definitions)
     if "$ref" in part:
         target = definitions[part.pop("$ref").removeprefix("#/$defs/")]
         own = part.get("description", "")
@@ -174,9 +172,9 @@ def _default(part: Schema) -> None:
     for field in part.get("properties", {}).values():
         # Written out in full: the API server holds a default against the rules before it fills in what is inside.
         inside = {name: it["default"] for name, it in field.get("properties", {}).items() if "default" in it}
-        optional = "required" not in field and not field.get("nullable") and not field.pop(_MARK, False)
-        if inside and optional:
+        if inside and "required" not in field and _MARK not in field:
             field["default"] = inside
+        field.pop(_MARK, None)
 
 
 def _without_defaults(part: Schema) -> Schema:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from robot_offload.api.v1alpha1.model import NO_SERVER_DEFAULT, Model, map_list
 from robot_offload.api.v1alpha1.names import (
@@ -54,6 +55,30 @@ def _check_parameter(name: str, value: Any) -> None:
             raise ValueError(f"{name} is a list of different things; ROS 2 takes lists of one plain type")
     elif not isinstance(value, _SCALARS):
         raise ValueError(f"{name} has no value; write one or leave the parameter out")
+
+
+def _with_doubles(values: Mapping[str, Any], doubles: Collection[str], prefix: str = "") -> dict[str, Any]:
+    """`values` with those named as floating-point numbers, whole or not; nested names are joined by dots."""
+    return {name: _with_double(f"{prefix}{name}", item, doubles) for name, item in values.items()}
+
+
+def _with_double(name: str, item: Any, doubles: Collection[str]) -> Any:
+    if isinstance(item, Mapping):
+        return _with_doubles(item, doubles, f"{name}.")
+    if name not in doubles:
+        return item
+    if isinstance(item, tuple | list):
+        return type(item)(float(it) if type(it) is int else it for it in item)
+    return float(item) if type(item) is int else item
+
+
+def flat_parameters(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Every parameter with its full name, nested names joined by dots."""
+    for name, item in values.items():
+        if isinstance(item, Mapping):
+            yield from flat_parameters(item, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", item
 
 
 Parameters = Annotated[
@@ -122,6 +147,13 @@ class Run(Model):
         default_factory=dict,
         description="ROS parameters that differ in the cloud; they are laid over `parameters`. Default: none.",
     )
+    doubles: tuple[RosName, ...] = Field(
+        default=(),
+        max_length=64,
+        description="Names of parameters that ROS 2 declares as double and whose value may be whole, e.g. [rate_hz]. "
+        "Kubernetes keeps 20.0 as 20, and ROS 2 takes no whole number for a double. Nested names are joined by dots. "
+        "Default: none.",
+    )
     parameters_from: ParametersFrom | None = Field(
         default=None,
         description="A ROS 2 parameter file for the replica in the cloud; `parameters` and `cloudParameters` are "
@@ -133,6 +165,17 @@ class Run(Model):
         description="Remapping of names, from: to, e.g. {cmd_vel_nav: /cmd_vel}. Outputs are remapped on top "
         "of it. Default: none.",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_doubles(cls, value: Any) -> Any:
+        """Gives back the point that Kubernetes takes away."""
+        doubles = value.get("doubles") if isinstance(value, Mapping) else None
+        if not isinstance(doubles, tuple | list) or not all(isinstance(name, str) for name in doubles):
+            return value
+        fields = ("parameters", "cloudParameters", "cloud_parameters")
+        mappings = {field: value[field] for field in fields if isinstance(value.get(field), Mapping)}
+        return {**value, **{field: _with_doubles(them, doubles) for field, them in mappings.items()}}
 
 
 class Output(Model):

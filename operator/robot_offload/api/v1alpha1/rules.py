@@ -3,8 +3,8 @@
 Each says the same as a check of `checks` and refuses the same objects, only sooner: when the object is written. What
 CEL cannot say at a bearable cost (an output of two nodes, topics that differ in underscores) only the checks know.
 
-The text must hold for an object whose defaults the API server has filled in. Blocks and fields without a default may
-be missing, and those that may be null may be null.
+The text must hold for an object whose defaults the API server has filled in and from which it has dropped nulls; what
+has no default may be missing.
 """
 
 from __future__ import annotations
@@ -38,11 +38,6 @@ class Rule:
     def schema(self) -> dict[str, Any]:
         """The rule as it stands in `x-kubernetes-validations`."""
         return {"rule": self.rule, "message": self.message}
-
-
-def _given(field: str) -> str:
-    """CEL for: the field is there and not null; `dyn` because CEL compares no text or number with null otherwise."""
-    return f"(has(self.{field}) && dyn(self.{field}) != null)"
 
 
 def _milliseconds(duration: str) -> str:
@@ -89,19 +84,19 @@ _TRANSPORT: Final = (
     Rule(
         "spec.transport.expose",
         "WrongExposure",
-        f"self.type == 'LoadBalancer' || !{_given('address')}",
+        "self.type == 'LoadBalancer' || !has(self.address)",
         "address belongs to type LoadBalancer; remove it or write type: LoadBalancer",
     ),
     Rule(
         "spec.transport.expose",
         "WrongExposure",
-        f"self.type == 'LoadBalancer' || !{_given('loadBalancerClass')}",
+        "self.type == 'LoadBalancer' || !has(self.loadBalancerClass)",
         "loadBalancerClass belongs to type LoadBalancer; remove it or write type: LoadBalancer",
     ),
     Rule(
         "spec.transport.expose",
         "WrongExposure",
-        f"self.type != 'ClusterIP' || !{_given('nodePorts')}",
+        "self.type != 'ClusterIP' || !has(self.nodePorts)",
         "Services of type ClusterIP have no ports on the nodes; remove nodePorts or write type: NodePort",
     ),
     Rule(
@@ -116,26 +111,26 @@ _CLOUD: Final = (
     Rule(
         "spec",
         "CloudRmw",
-        f"({_given('cloud.rmw')} ? self.cloud.rmw : self.robot.rmw) in {_cel_list(FAST_DDS)}",
+        f"(has(self.cloud.rmw) ? self.cloud.rmw : self.robot.rmw) in {_cel_list(FAST_DDS)}",
         "the cloud's middleware cannot find nodes through discovery servers, as a cluster needs it; write "
         f"rmw: {FAST_DDS[0]} under spec.cloud",
     ),
     Rule(
         "spec.cloud.tolerations[]",
         "Contradiction",
-        f"self.operator != 'Exists' || !{_given('value')} || self.value == ''",
+        "self.operator != 'Exists' || !has(self.value) || self.value == ''",
         "operator Exists takes no value; remove it",
     ),
     Rule(
         "spec.cloud.tolerations[]",
         "Required",
-        f"self.operator == 'Exists' || {_given('key')}",
+        "self.operator == 'Exists' || has(self.key)",
         "key is missing; give one or write operator: Exists",
     ),
     Rule(
         "spec.cloud.tolerations[]",
         "Contradiction",
-        f"!{_given('tolerationSeconds')} || ({_given('effect')} && self.effect == 'NoExecute')",
+        "!has(self.tolerationSeconds) || (has(self.effect) && self.effect == 'NoExecute')",
         "tolerationSeconds counts for effect NoExecute only; remove it or add that",
     ),
 )
@@ -143,7 +138,7 @@ _NODES: Final = (
     Rule(
         "spec.topics.toCloud[]",
         "Contradiction",
-        f"!self.latched || !{_given('qos')} || !{_given('qos.durability')} || self.qos.durability != 'Volatile'",
+        "!self.latched || !has(self.qos) || !has(self.qos.durability) || self.qos.durability != 'Volatile'",
         "durability Volatile keeps no last value, but the topic is latched; write TransientLocal or latched: false",
     ),
     Rule(
@@ -156,44 +151,44 @@ _NODES: Final = (
     Rule(
         "spec.nodes[]",
         "NoImage",
-        f"self.placement == 'Robot' || {_given('image')}",
+        "self.placement == 'Robot' || has(self.image)",
         "a cluster needs the image of the replica in the cloud; add image",
     ),
     Rule(
         "spec.nodes[]",
         "NoProgram",
-        f"self.placement == 'Robot' || {_given('run')}",
+        "self.placement == 'Robot' || has(self.run)",
         "a cluster must know how to start the replica in the cloud; add run",
     ),
     Rule(
         "spec.nodes[]",
         "RemapsOutput",
-        f"self.placement != 'Duplicated' || !has(self.outputs) || !{_given('run')} || !has(self.run.remap) || "
+        "self.placement != 'Duplicated' || !has(self.outputs) || !has(self.run) || !has(self.run.remap) || "
         "self.outputs.all(o, !(o.topic in self.run.remap) || self.run.remap[o.topic] == o.topic)",
         "run.remap moves an output; declare the output under the name that consumers know",
     ),
     Rule(
         "spec.nodes[].run",
         "TwoPrograms",
-        f"!has(self.command) || size(self.command) == 0 || (!{_given('package')} && !{_given('executable')})",
+        "!has(self.command) || size(self.command) == 0 || (!has(self.package) && !has(self.executable))",
         "has both command and package or executable; keep one of the two",
     ),
     Rule(
         "spec.nodes[].run",
         "NoProgram",
-        f"(has(self.command) && size(self.command) > 0) || ({_given('package')} && {_given('executable')})",
+        "(has(self.command) && size(self.command) > 0) || (has(self.package) && has(self.executable))",
         "needs either command, or package together with executable",
     ),
     Rule(
         "spec.nodes[].outputs[]",
         "NoRate",
-        f"!{_given('deadline')} || {_given('rate')}",
+        "!has(self.deadline) || has(self.rate)",
         "an output without a rate is not judged; add its rate or remove deadline",
     ),
     Rule(
         "spec.nodes[].outputs[]",
         "TooShort",
-        f"!{_given('deadline')} || !{_given('rate')} || double({_milliseconds('self.deadline')}) * self.rate > 1000.0",
+        f"!has(self.deadline) || !has(self.rate) || double({_milliseconds('self.deadline')}) * self.rate > 1000.0",
         "deadline is not more than one period of the rate, so a healthy output would fail; write at least two periods",
     ),
     Rule(

@@ -27,6 +27,7 @@ _EVERYWHERE: Final[tuple[Check, ...]] = (
     nodes.nodes_are_complete,
     cloud.environment_is_free,
     nodes.runs_name_one_program,
+    nodes.doubles_survive_kubernetes,
     nodes.core_nodes_can_stop_the_robot,
     switching.loss_timeout_fits_heartbeat,
     switching.loop_latency_is_possible,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from robot_offload.api.v1alpha1.checks.findings import repeated
 from robot_offload.api.v1alpha1.names import identifier
-from robot_offload.api.v1alpha1.nodes import Node
+from robot_offload.api.v1alpha1.nodes import Node, Run, flat_parameters
 from robot_offload.api.v1alpha1.quantities import format_duration as text
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
 from robot_offload.findings import Finding
@@ -162,3 +162,32 @@ def core_nodes_can_stop_the_robot(spec: RobotOffloadSpec) -> Iterator[Finding]:
             "command time-out will",
             "warning",
         )
+
+
+def doubles_survive_kubernetes(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """JSON knows one kind of number: 20.0 comes back as 20, and ROS 2 refuses that for a double."""
+    for i, node in enumerate(spec.nodes):
+        if node.run is not None:
+            yield from _doubles(f"spec.nodes[{i}].run", node.run)
+
+
+def _doubles(path: str, run: Run) -> Iterator[Finding]:
+    fields = (("parameters", run.parameters), ("cloudParameters", run.cloud_parameters))
+    values = [(field, name, value) for field, mapping in fields for name, value in flat_parameters(mapping)]
+    for field, name, value in values:
+        numbers = value if isinstance(value, tuple | list) else (value,)
+        whole = any(isinstance(number, float) and number.is_integer() for number in numbers)
+        if whole and name not in run.doubles:
+            yield Finding(
+                f"{path}.{field}.{name}",
+                "WholeDouble",
+                f"Kubernetes keeps a whole number without its point, which ROS 2 refuses for a double; add {name} to "
+                "run.doubles",
+                "warning",
+            )
+    known = {name for _, name, _ in values}
+    for i, name in enumerate(run.doubles):
+        if name not in known:
+            yield Finding(
+                f"{path}.doubles[{i}]", "NoParameter", f"{name!r} is no parameter here; correct it", "warning"
+            )

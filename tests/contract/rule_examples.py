@@ -1,0 +1,173 @@
+"""For every rule of the CRD: what breaks it, and what just keeps it. Checked by the models and by a real API server."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Example:
+    """A change of the sample specification.
+
+    Attributes:
+        rule: path and reason of the rule that it is about.
+        path: the changed field, as in `spec.nodes.1.name`.
+        value: its new value; `...` removes it.
+    """
+
+    rule: tuple[str, str]
+    path: str
+    value: Any
+
+    @property
+    def name(self) -> str:
+        return f"{self.rule[1]}-{self.path.removeprefix('spec.')}-{self.value}"[:70]
+
+
+def _of(path: str, reason: str, *changes: tuple[str, Any]) -> tuple[Example, ...]:
+    return tuple(Example((path, reason), changed, value) for changed, value in changes)
+
+
+_TRANSPORT, _EXPOSE, _SWITCHING = "spec.transport", "spec.transport.expose", "spec.switching"
+_LATENCY = "spec.switching.latency"
+_TOLERATION = "spec.cloud.tolerations[]"
+_PEERS = {"type": "StaticPeers", "staticPeers": {"robot": ["10.0.0.1"]}}
+_CONTROLLER, _OUTPUT = "spec.nodes.1", "spec.nodes.1.outputs.0"
+
+BROKEN: tuple[Example, ...] = (
+    *_of(
+        _TRANSPORT,
+        "WrongBlock",
+        (_TRANSPORT, {"type": "DDSRouter", "zenoh": {}}),
+        (_TRANSPORT, {"ddsRouter": {}}),
+        (_TRANSPORT, {"type": "Zenoh", "discoveryServer": {}}),
+        (_TRANSPORT, {"type": "Zenoh", "staticPeers": {"robot": ["10.0.0.1"]}}),
+        (_TRANSPORT, {**_PEERS, "expose": {}}),
+        (_TRANSPORT, {"type": "DiscoveryServer", "certificates": {}}),
+    ),
+    *_of(
+        _TRANSPORT,
+        "NoPeers",
+        (_TRANSPORT, {"type": "StaticPeers"}),
+        (_TRANSPORT, {"type": "StaticPeers", "staticPeers": {}}),
+        (_TRANSPORT, {"type": "StaticPeers", "staticPeers": {"robot": [], "cloud": ["10.0.0.1"]}}),
+    ),
+    *_of("spec.transport.zenoh", "SamePort", ("spec.transport.zenoh", {"pulsePort": 7448})),
+    *_of(
+        _EXPOSE,
+        "WrongExposure",
+        (_EXPOSE, {"type": "NodePort", "address": "192.0.2.1"}),
+        (_EXPOSE, {"type": "ClusterIP", "loadBalancerClass": "example.com/internal"}),
+        (_EXPOSE, {"type": "ClusterIP", "nodePorts": {"pulse": 30001}}),
+    ),
+    *_of(
+        "spec.transport.certificates",
+        "TooLong",
+        ("spec.transport.certificates", {"duration": "24h", "renewBefore": "24h"}),
+        ("spec.transport.certificates", {"duration": "48h"}),
+    ),
+    *_of(
+        "spec",
+        "CloudRmw",
+        ("spec.robot.rmw", "rmw_cyclonedds_cpp"),
+        ("spec.cloud.rmw", "rmw_zenoh_cpp"),
+    ),
+    *_of(
+        _TOLERATION,
+        "Contradiction",
+        ("spec.cloud.tolerations", [{"key": "a", "operator": "Exists", "value": "b"}]),
+        ("spec.cloud.tolerations", [{"key": "a", "value": "b", "tolerationSeconds": 3}]),
+        ("spec.cloud.tolerations", [{"key": "a", "value": "b", "effect": "NoSchedule", "tolerationSeconds": 3}]),
+    ),
+    *_of(_TOLERATION, "Required", ("spec.cloud.tolerations", [{"value": "b"}])),
+    *_of(
+        "spec.topics.toCloud[]",
+        "Contradiction",
+        ("spec.topics.toCloud.2.qos.durability", "Volatile"),
+    ),
+    *_of("spec.nodes[]", "NotManaged", (f"{_CONTROLLER}.lifecycle", False)),
+    *_of("spec.nodes[]", "NoImage", (f"{_CONTROLLER}.image", ...), ("spec.nodes.2.image", None)),
+    *_of("spec.nodes[]", "NoProgram", ("spec.nodes.2.run", ...), ("spec.nodes.2.run", None)),
+    *_of("spec.nodes[]", "RemapsOutput", (f"{_CONTROLLER}.run.remap", {"/cmd_vel": "/other"})),
+    *_of(
+        "spec.nodes[].run",
+        "TwoPrograms",
+        (f"{_CONTROLLER}.run.package", "nav2"),
+        (f"{_CONTROLLER}.run.executable", "controller"),
+    ),
+    *_of(
+        "spec.nodes[].run",
+        "NoProgram",
+        (f"{_CONTROLLER}.run.command", ...),
+        (f"{_CONTROLLER}.run.command", []),
+        ("spec.nodes.2.run.executable", ...),
+        ("spec.nodes.2.run.package", None),
+    ),
+    *_of("spec.nodes[].outputs[]", "NoRate", (f"{_OUTPUT}.rate", ...), (f"{_OUTPUT}.rate", None)),
+    *_of("spec.nodes[].outputs[]", "TooShort", (f"{_OUTPUT}.deadline", "50ms"), (f"{_OUTPUT}.rate", 0.05)),
+    *_of(
+        "spec.nodes[].env[]",
+        "ReservedVariable",
+        (f"{_CONTROLLER}.env", [{"name": "ROS_DOMAIN_ID", "value": "3"}]),
+        (f"{_CONTROLLER}.env", [{"name": "FINE"}, {"name": "ROS_DISCOVERY_SERVER"}]),
+    ),
+    *_of(
+        _SWITCHING,
+        "TooShort",
+        ("spec.switching.lossTimeout", "40ms"),
+        ("spec.switching.lease", "189ms"),
+        ("spec.switching.maxCommandAge", "80ms"),
+        (f"{_LATENCY}.tolerance", "101ms"),
+    ),
+    *_of(
+        _SWITCHING,
+        "MultipleOfPeriod",
+        ("spec.switching.lossTimeout", "80ms"),
+        ("spec.switching", {"heartbeatPeriod": "300ms", "lossTimeout": "1200ms", "lease": "3s", "maxCommandAge": "1s"}),
+        ("spec.switching", {"heartbeatPeriod": "1s", "lossTimeout": "3s", "lease": "9s", "maxCommandAge": "2s"}),
+    ),
+    *_of(_LATENCY, "NeverInCloud", (f"{_LATENCY}.cloudPeriod", "80ms"), (f"{_LATENCY}.cloudPeriod", "10s")),
+    *_of(
+        "spec.switching.holdDown",
+        "OutOfRange",
+        ("spec.switching.holdDown", {"initial": "31s"}),
+        ("spec.switching.holdDown.max", "500ms"),
+    ),
+)
+"""Each is refused for the reason that it names."""
+
+KEPT: tuple[tuple[str, Any], ...] = (
+    (_TRANSPORT, ...),
+    (_TRANSPORT, {}),
+    (_TRANSPORT, {"type": "DDSRouter"}),
+    (_TRANSPORT, {"type": "DDSRouter", "ddsRouter": {"domainID": None}, "expose": {}, "certificates": {}}),
+    (_TRANSPORT, {"type": "DiscoveryServer", "discoveryServer": {}, "expose": {"type": "ClusterIP"}}),
+    (_TRANSPORT, _PEERS),
+    (_EXPOSE, {"address": "192.0.2.1", "loadBalancerClass": "example.com/internal", "nodePorts": {"pulse": 30001}}),
+    (_EXPOSE, {"type": "ClusterIP", "address": None, "loadBalancerClass": None, "nodePorts": None}),
+    ("spec.transport.certificates", {"duration": "24h", "renewBefore": "23h"}),
+    ("spec.transport.certificates", {"issuerRef": {"name": "corporate"}}),
+    ("spec.cloud", ...),
+    ("spec.cloud", {"rmw": None, "runAsUser": None, "domainID": None}),
+    ("spec.cloud.rmw", "rmw_fastrtps_dynamic_cpp"),
+    ("spec.cloud.tolerations", [{"operator": "Exists"}, {"key": "a", "value": "b", "effect": None}]),
+    ("spec.cloud.tolerations", [{"operator": "Exists", "value": "", "effect": "NoExecute", "tolerationSeconds": 3}]),
+    ("spec.topics.toCloud.2.qos.durability", None),
+    ("spec.topics.toCloud.2.qos", None),
+    (f"{_CONTROLLER}.run.remap", {"/cmd_vel": "/cmd_vel"}),
+    (f"{_CONTROLLER}.run.package", None),
+    (f"{_CONTROLLER}.resources", {"limits": {"nvidia.com/gpu": 1, "memory": "1Gi"}, "requests": {"cpu": "500m"}}),
+    (f"{_CONTROLLER}.env", [{"name": "OMP_NUM_THREADS", "value": "2"}]),
+    (f"{_OUTPUT}.deadline", "51ms"),
+    (f"{_OUTPUT}.deadline", None),
+    ("spec.switching", ...),
+    ("spec.switching.lossTimeout", "41ms"),
+    ("spec.switching.lease", "190ms"),
+    ("spec.switching.maxCommandAge", "81ms"),
+    (f"{_LATENCY}.cloudPeriod", "79ms"),
+    ("spec.switching.holdDown", {"initial": "30s"}),
+    ("spec.scale", {"idleTimeout": "0s"}),
+    ("spec.replicas", 0),
+)
+"""Changes after which the sample is still right."""
