@@ -17,9 +17,13 @@ def instructions(text: str) -> list[tuple[str, str]]:
 
 
 def assignments(text: str) -> list[tuple[str, str]]:
-    """Name and value, as written, of every ENV and LABEL instruction with one assignment."""
-    pairs = (value.split("=", 1) for name, value in instructions(text) if name in ("ENV", "LABEL"))
-    return [(name, value) for name, value in pairs]
+    """Name and value, as written, of every ENV and LABEL instruction."""
+    return [
+        (name, value)
+        for instruction, rest in instructions(text)
+        if instruction in ("ENV", "LABEL")
+        for name, value in re.findall(r'([\w.-]+)=("(?:[^"\\]|\\.)*")(?:\s+|$)', rest)
+    ]
 
 
 def shell_commands(text: str) -> list[str]:

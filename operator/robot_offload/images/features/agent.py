@@ -55,4 +55,9 @@ class Agent(Feature[OverlaySpec]):
 
     def values(self, spec: OverlaySpec) -> Mapping[str, Any]:
         """What is laid over what."""
-        return {"home": HOME, "onto": spec.onto, "setup": ":".join(f"/{path}" for path in spec.setup_files)}
+        return {
+            "home": HOME,
+            "distro": spec.distro,
+            "onto": spec.onto,
+            "setup": ":".join(f"/{path}" for path in spec.setup_files),
+        }

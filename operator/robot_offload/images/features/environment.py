@@ -84,7 +84,11 @@ class Environment(Feature[BuildSpec]):
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
         """All variables in order."""
         network = spec.environment
-        variables = {"ROS_DISTRO": spec.distro, **FIXED}
+        variables = {"ROS_DISTRO": spec.distro, "RMW_IMPLEMENTATION": spec.rmw, **FIXED}
+        if spec.node:
+            variables["ROBOT_OFFLOAD_NODE"] = spec.node
+        if spec.autostart:
+            variables["ROBOT_OFFLOAD_AUTOSTART"] = "1"
         if network.domain_id is not None:
             variables["ROS_DOMAIN_ID"] = str(network.domain_id)
         if network.discovery_servers:

@@ -36,6 +36,6 @@ class Lifecycle(Feature[BuildSpec]):
             yield Finding("node", "Required", "is missing; autostart and the health check ask a node by its name")
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """The helper's text and the node."""
+        """The helper's text."""
         helper = resources.files("robot_offload.images.inside").joinpath("lifecycle.py").read_text(encoding="utf-8")
-        return {"helper": helper, "node": spec.node, "autostart": spec.autostart}
+        return {"helper": helper}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Iterator
+from typing import Final
 
 from robot_offload.findings import Finding
 from robot_offload.images.features.feature import Feature, Flag, Stage
@@ -14,10 +14,9 @@ DEFAULT: Final = "rmw_fastrtps_cpp"
 
 
 class Rmw(Feature[BuildSpec]):
-    """Installs the middleware and makes it the image's own."""
+    """Installs the middleware; `environment` makes it the image's own."""
 
     name = "rmw"
-    stages = ("runtime",)
     flags = (Flag("--rmw", "rmw", "ROS middleware, e.g. rmw_cyclonedds_cpp. Default rmw_fastrtps_cpp."),)
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
@@ -31,7 +30,3 @@ class Rmw(Feature[BuildSpec]):
         if stage != "runtime" or spec.rmw == DEFAULT:
             return ()
         return (f"ros-{spec.distro}-{spec.rmw.replace('_', '-')}",)
-
-    def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Its name."""
-        return {"rmw": spec.rmw}
