@@ -138,6 +138,29 @@ class CollectorStatus:
 
 
 @dataclass(frozen=True)
+class Notes:
+    """control <-> data, once a second and at changes: notes for the other side, and notes of the other side.
+
+    `incarnation` is of the control process that wrote them.
+    """
+
+    incarnation: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Limits:
+    """control -> collector and data, once a second and at changes: limits that can change at run time.
+
+    `inputs` holds (input, oldest age in ms, most messages a second) of each input.
+    """
+
+    max_command_age_s: float
+    gate_timeout_s: float
+    inputs: tuple[tuple[str, float, float], ...]
+
+
+@dataclass(frozen=True)
 class Fatal:
     """any -> supervisor: the start must fail with this message and exit code."""
 
@@ -149,7 +172,7 @@ class Fatal:
 KINDS: dict[str, type] = {
     cls.__name__: cls
     for cls in (
-        Speak, Arrived, Heard, PulseStatus, Orders, Egress, DataStatus, CollectorStatus, Fatal,
+        Speak, Arrived, Heard, PulseStatus, Orders, Egress, DataStatus, CollectorStatus, Notes, Limits, Fatal,
         placement.PulseSent, placement.SetGate, placement.Reopen,
     )
 }  # fmt: skip

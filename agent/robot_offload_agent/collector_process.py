@@ -14,8 +14,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from robot_offload_agent import realtime
-from robot_offload_agent.bus import ENVELOPE, PASSED, Bus, Carried, CollectorStatus, Fatal
+from robot_offload_agent import kept, realtime
+from robot_offload_agent.bus import ENVELOPE, PASSED, Bus, Carried, CollectorStatus, Fatal, Limits
 from robot_offload_agent.clock import now_s, now_us
 from robot_offload_agent.parameters import Configuration
 from robot_offload_agent.pauses import Pauses
@@ -86,17 +86,17 @@ class CollectorProcess:
         self.configuration = configuration
         self.bus = bus
         self.lock = threading.Lock()
-        settings = configuration.settings()
+        settings = kept.in_force(configuration).settings()
         self.state = collector.start(configuration.output_specs(), settings.max_command_age_s, settings.lease_s)
         self.memory = Memory(configuration.runtime_dir)
-        kept = self.memory.load()
-        if kept is not None:
-            self.state = collector.resume(self.state, *kept, now_s())
+        remembered = self.memory.load()
+        if remembered is not None:
+            self.state = collector.resume(self.state, *remembered, now_s())
         self.started_s = now_s()
         self.pauses = Pauses(self.started_s)
         self.sequence = now_us()  # of the robot's messages; grows over restarts of this process
         self.detail_due_s = self.report_due_s = 0.0
-        self.report_period_s = min(0.1, settings.lease_s / REPORTS_PER_LEASE)
+        self.report_period_s = report_period_s(settings.lease_s)
         self.reported: collector.GateReport | None = None
         self.counters: Counter[str] = Counter()
         self.problems: dict[str, tuple[str, str]] = {}
@@ -234,6 +234,10 @@ class CollectorProcess:
                 self.report()
         elif isinstance(message, Carried) and message.kind == ENVELOPE:
             self.offer_cloud(message)
+        elif isinstance(message, Limits):
+            self.report_period_s = report_period_s(message.gate_timeout_s)
+            with self.lock:
+                self.state = collector.limit(self.state, message.max_command_age_s, message.gate_timeout_s)
 
     def offer_cloud(self, message: Carried) -> None:
         """A message of the cloud's replica."""
@@ -275,6 +279,11 @@ class CollectorProcess:
             self.detail_due_s = now + DETAIL_PERIOD_S
             problems, counters = tuple(self.problems.values()), tuple(sorted(self.counters.items()))
         self.bus.send("control", CollectorStatus(report, problems, counters))
+
+
+def report_period_s(lease_s: float) -> float:
+    """How often control is told in any case."""
+    return min(0.1, lease_s / REPORTS_PER_LEASE)
 
 
 def run(configuration: Configuration) -> None:

@@ -6,17 +6,23 @@ import logging
 from dataclasses import replace
 from typing import Any
 
-from robot_offload_agent.bus import Arrived, Bus, DataStatus, Egress, Speak
+from robot_offload_agent import liaison
+from robot_offload_agent.bus import Arrived, Bus, DataStatus, Egress, Limits, Notes, Speak
 from robot_offload_agent.clock import now_s
+from robot_offload_agent.cluster_files import ClusterFiles, wall_text
 from robot_offload_agent.control_process import ControlProcess, start
+from robot_offload_agent.notes import NotesError, decode_robot, encode
 from robot_offload_agent.parameters import Configuration
 from robot_offload_agent.ros.services import SwitchServices
-from robot_offload_core import guardian, lease
+from robot_offload_agent.tuning import offered_limits
+from robot_offload_core import guardian, lease, link
 from robot_offload_core.beats import Beat
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
 
+SILENT_S = 2.0
+"""A data process that has not reported for so long is not there; it reports 25 times a second."""
 REQUEST_LIFE_S = 2.0
 """How long a switch asked for here is offered to the robot before it is refused."""
 
@@ -27,6 +33,12 @@ class CloudControl(ControlProcess):
     def __init__(self, configuration: Configuration, bus: Bus) -> None:
         super().__init__(configuration, bus)
         self.cloud = lease.Cloud(self.incarnation, self.settings)
+        self.link = link.Link()
+        self.liaison = liaison.Liaison(watched=bool(configuration["settings_file"]))
+        self.noted: tuple[object, ...] = ()
+        self.data_s = self.started_us / 1e6
+        self.files = ClusterFiles(configuration, lambda event: self.post(lambda now: self.deal(event, now)))
+        self.files.start()
         self.data_status: DataStatus | None = None
         self.complete = False
         self.told_sustained = 0
@@ -52,11 +64,16 @@ class CloudControl(ControlProcess):
     def take_beat(self, beat: Beat, arrived: Arrived) -> None:
         """A beat of a robot."""
         self.step(lease.RobotBeat(beat, arrived.arrived_s), now_s())
+        if beat.incarnation == self.cloud.robot:
+            self.link = link.hear(self.link, beat, self.incarnation, arrived.arrived_s, arrived.wall_us)
 
     def take_message(self, message: Any) -> None:
-        """The data process's view."""
+        """The data process's view, and notes of the robot."""
+        if isinstance(message, Notes):
+            self.take_notes(message)
         if not isinstance(message, DataStatus) or message.cloud_data is None:
             return
+        self.data_s = now_s()
         if message.counters:
             self.data_status = message
         now = now_s()
@@ -79,6 +96,53 @@ class CloudControl(ControlProcess):
         if self.request and now >= self.request_until_s:
             self.services.answer(self.request_key, False, "Refused (RobotUnheard): the robot did not answer")
             self.request = ""
+        connected = bool(self.cloud.robot)
+        if connected is not self.liaison.connected or not self.liaison.since:
+            self.deal(liaison.Seen(connected, wall_text()), now)
+        self.tell_state(now)
+
+    def take_notes(self, message: Notes) -> None:
+        """What the robot served says of its settings, of who acts, and of our end."""
+        if message.incarnation != self.cloud.robot:
+            return
+        try:
+            notes = decode_robot(message.text)
+        except NotesError as error:
+            log.warning("Notes of the robot that are none of ours: %s", error)
+            return
+        self.deal(liaison.RobotSaid(notes), now_s())
+
+    def deal(self, event: liaison.Event, now: float) -> None:
+        """One event for what joins us to the operator."""
+        self.liaison = liaison.step(self.liaison, event, now)
+        told = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
+        if told != self.noted:
+            self.tell_notes(now)
+        self.tell_state(now)
+
+    def tell_notes(self, now: float) -> None:
+        """Our notes for the robot, and the limits of the inputs that it has accepted."""
+        notes, taken = self.noted = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
+        self.bus.send("data", Notes(self.incarnation, encode(notes)))
+        limits = offered_limits(self.configuration, taken)
+        self.bus.send("data", Limits(self.settings.max_command_age_s, self.settings.lease_s, limits))
+
+    def tell_state(self, now: float) -> None:
+        """The state file."""
+        if self.files.writer is None:
+            return
+        state = liaison.state(
+            self.liaison,
+            generation=self.configuration["generation"],
+            epoch=self.cloud.epoch,
+            nodes=self.node_states(),
+            ready=self.pulse_status is not None and now - self.data_s < SILENT_S,
+        )
+        self.files.tell(state, now, lambda: liaison.figures(self.health(now)))
+
+    def health(self, now: float) -> link.Health | None:
+        """Of the link to the robot served; None when there is none."""
+        return link.health(self.link, now) if self.cloud.robot else None
 
     def nodes_changed(self, now: float) -> None:
         """Ready means: the CORE nodes are Active and the latched inputs are the robot's."""
@@ -109,9 +173,10 @@ class CloudControl(ControlProcess):
     def publish_report(self, now: float) -> None:
         """Diagnostics and network status."""
         self.report.publish_network_status(self.sustained(now))
+        self.tell_notes(now)
         reason, message = lease.situation(self.cloud, now)
         self.report.publish_diagnostics(
-            link=None,
+            link=self.health(now),
             pulse=self.pulse_status,
             placement={
                 "epoch": str(self.cloud.epoch), "robot": self.cloud.robot[:8], "reason": reason, "message": message,

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import logging
+from dataclasses import replace
 from typing import Any
 
-from robot_offload_agent.bus import Arrived, Bus, CollectorStatus, DataStatus, Orders, Speak
+from robot_offload_agent.bus import Arrived, Bus, CollectorStatus, DataStatus, Notes, Orders, Speak
 from robot_offload_agent.clock import now_s
 from robot_offload_agent.control_process import ControlProcess, start
+from robot_offload_agent.liaison import LEAVING_S
 from robot_offload_agent.overrides import Override
 from robot_offload_agent.parameters import Configuration
+from robot_offload_agent.robot_settings import RobotSettings
 from robot_offload_agent.ros.services import SwitchServices
 from robot_offload_core import guardian, health, link, placement, switcher
 from robot_offload_core.beats import Beat
+from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
@@ -34,10 +38,15 @@ class RobotControl(ControlProcess):
         super().__init__(configuration, bus)
         started_s = self.started_us / 1e6
         self.override = Override(configuration)
+        self.tuned = RobotSettings(configuration, self.post, self.adopt)
+        asked = self.tuned.present.settings()
+        # Until the cloud has stopped for sure the longest lease that an earlier process may have granted counts.
         self.robot = placement.Robot(
-            self.incarnation, self.started_us, self.settings, configuration.input_specs(),
-            since_s=started_s, charged_s=started_s, pin=self.override.wish(started_s),
+            self.incarnation, self.started_us, meanwhile(self.settings, asked), self.tuned.present.input_specs(),
+            since_s=started_s, charged_s=started_s, pin=self.override.wish(started_s), asked=asked,
         )  # fmt: skip
+        self.settings = asked
+        self.guardian = replace(self.guardian, grace_s=asked.activation_deadline_s)
         self.data_status: DataStatus | None = None
         self.collector_status: CollectorStatus | None = None
         self.levels: dict[str, tuple[placement.SetGate | Orders, float]] = {}
@@ -48,6 +57,7 @@ class RobotControl(ControlProcess):
         self.since_s = started_s
         self.effects: Site | None = None
         self.asked_in_cloud = ""
+        self.left = ("", "")  # (cloud, its last words before its end), as far as obeyed
         self.services = SwitchServices(self.report.guardian, self.report.switcher_names(), self.post_switch)
         self.report.declare_override(self.override, lambda: self.post(self.set_override))
         self.publish_placement(self.robot.decided.reason, self.robot.decided.message)
@@ -82,6 +92,40 @@ class RobotControl(ControlProcess):
                 self.replicas = dict(message.replicas)
             self.step(message.report, now)
             self.ask_for_cloud(message, now)
+        elif isinstance(message, Notes):
+            self.take_notes(message, now)
+
+    def adopt(self, now: float) -> None:
+        """Settings that the cloud offers were answered, and are in force when they were taken (deciding thread)."""
+        self.settings = self.tuned.present.settings()
+        self.guardian = replace(self.guardian, grace_s=self.settings.activation_deadline_s)
+        self.step(placement.SetSettings(self.settings, self.tuned.present.input_specs()), now)
+        self.report.note("settings", self.tuned.problem)
+        self.tell_limits()
+        self.tell_notes()
+
+    def tell_limits(self) -> None:
+        """Limits that the other processes keep: at changes, and again because they may be new."""
+        limits = self.tuned.limits()
+        for process in ("collector", "data"):
+            self.bus.send(process, limits)
+
+    def take_notes(self, message: Notes, now: float) -> None:
+        """Notes of the cloud that the pulse hears."""
+        cloud = self.robot.link.peer
+        if message.incarnation != cloud:
+            return
+        leaving = self.tuned.take(message.text)
+        if leaving and (cloud, leaving) != self.left:
+            self.left = cloud, leaving
+            self.step(placement.CloudLeaving(cloud, now + LEAVING_S), now)
+            self.tell_notes()
+
+    def tell_notes(self) -> None:
+        """Our notes for the cloud."""
+        decided = self.robot.decided
+        text = self.tuned.notes(self.left[1], switcher.site(self.robot), decided.reason, decided.message)
+        self.bus.send("data", Notes(self.incarnation, text))
 
     def ask_for_cloud(self, message: DataStatus, now: float) -> None:
         """A switch by hand asked for in the cloud; each request once."""
@@ -178,6 +222,7 @@ class RobotControl(ControlProcess):
             "control": self.incarnation,
         }
         self.report.publish_placement(json.dumps(body))
+        self.tell_notes()
 
     # -- reports ------------------------------------------------------------------------------------------------------
 
@@ -204,6 +249,9 @@ class RobotControl(ControlProcess):
         """Diagnostics, network status, slow checks."""
         self.report.publish_network_status(self.sustained(now))
         self.report.note("replicas", self.missing_replicas(now))
+        self.report.note("settings", self.tuned.problem)
+        self.tell_limits()
+        self.tell_notes()
         for node, warning in self.managed.undeclared().items():
             self.report.note(f"undeclared {node}", ("UndeclaredPublisher", warning) if warning else None)
             if warning and self.configuration["strict"]:
@@ -217,7 +265,7 @@ class RobotControl(ControlProcess):
             placement={
                 "site": switcher.site(self.robot).value, "phase": self.robot.phase.value,
                 "epoch": str(self.robot.epoch), "reason": self.robot.decided.reason,
-                "message": self.robot.decided.message,
+                "message": self.robot.decided.message, "generation": str(self.tuned.generation),
             },
             nodes=self.guardian.nodes,
             counters=self.counters,

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from robot_offload_agent import probe
-from robot_offload_agent.bus import Bus, DataStatus, Egress
+from robot_offload_agent.bus import Bus, DataStatus, Egress, Limits
 from robot_offload_agent.clock import now_s
 from robot_offload_agent.data_process import DataProcess, start
 from robot_offload_agent.errors import StartError
@@ -34,6 +34,7 @@ class CloudSideData(DataProcess):
         self.wanted: dict[str, str] = {}  # latched input -> hash that the robot holds
         self.publishers: dict[str, Any] = {}
         self.inputs = {i.name: i for i in configuration.inputs}
+        self.max_age_ms = {i.name: i["max_age_ms"] for i in configuration.inputs}
         self.outputs = [
             raw.RawSubscription(self.node, o["cloud_topic"], o, False, partial(self.leave, o))
             for o in configuration.outputs
@@ -100,7 +101,7 @@ class CloudSideData(DataProcess):
         now = now_s()
         known = opened.token.cloud == self.egress.incarnation  # else the echo is of another host's clock
         age_s = opened.age_s(now) if known else float("inf")
-        if spec["max_age_ms"] and age_s * 1e3 > spec["max_age_ms"]:
+        if self.max_age_ms[name] and age_s * 1e3 > self.max_age_ms[name]:
             self.counters[f"{name}.too_old"] += 1
             return
         with self.lock:
@@ -160,6 +161,10 @@ class CloudSideData(DataProcess):
         """The lease from control."""
         if isinstance(message, Egress):
             self.egress = message
+
+    def limit(self, limits: Limits) -> None:
+        """The oldest age of each input."""
+        self.max_age_ms.update({name: age_ms for name, age_ms, _ in limits.inputs})
 
     def make_probe(self) -> probe.Probe:
         """Identity, hashes held, node states."""

@@ -6,10 +6,11 @@ import logging
 import select
 import threading
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 from robot_offload_agent import probe, realtime
-from robot_offload_agent.bus import Bus, Heard
+from robot_offload_agent.bus import Bus, Heard, Limits, Notes
 from robot_offload_agent.clock import now_s
 from robot_offload_agent.link import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel
@@ -56,6 +57,9 @@ class DataProcess:
         self.heard: Heard | None = None
         self.probe: probe.Probe | None = None
         self.probe_s: float | None = None
+        self.notes = ""
+        self.notes_passed: tuple[str, str] = ("", "")
+        self.notes_due_s = 0.0
         self.counters: Counter[str] = Counter()
         self.problems: dict[str, tuple[str, str]] = {}
         context.init(configuration)
@@ -87,12 +91,16 @@ class DataProcess:
                     self.heard = message
                 elif isinstance(message, Reopen):
                     self.link.reopen(message.reason)
+                elif isinstance(message, Notes):
+                    self.notes = message.text
+                elif isinstance(message, Limits):
+                    self.limit(message)
                 else:
                     self.order(message)
             now = now_s()
             if now >= probe_due_s:
                 probe_due_s = now + probe.PERIOD_S
-                self.link.send("probe", b"-", probe.encode(self.make_probe()))
+                self.link.send("probe", b"-", probe.encode(replace(self.make_probe(), notes=self.notes)))
             if now >= status_due_s:
                 status_due_s = now + STATUS_PERIOD_S
                 detailed = now >= detail_due_s
@@ -115,6 +123,7 @@ class DataProcess:
             with self.lock:
                 self.probe, self.probe_s = received, now_s()
             self.probed(received)
+            self.pass_notes(received)
             return
         kind, _, name = channel.partition("/")
         try:
@@ -123,6 +132,13 @@ class DataProcess:
             self.counters["garbage"] += 1
             return
         self.carried_in(kind, name, opened, header, payload)
+
+    def pass_notes(self, received: probe.Probe) -> None:
+        """Notes of the other side's control to ours: at changes, and once a second because ours may be new."""
+        notes, now = (received.incarnation, received.notes), now_s()
+        if received.notes and (notes != self.notes_passed or now >= self.notes_due_s):
+            self.notes_passed, self.notes_due_s = notes, now + DETAIL_PERIOD_S
+            self.bus.send("control", Notes(*notes))
 
     def probe_age_s(self, now: float) -> float | None:
         """Since the other side was last heard on the data session."""
@@ -149,6 +165,10 @@ class DataProcess:
 
     def order(self, message: Any) -> None:
         """A bus message of control or of the collector."""
+        raise NotImplementedError
+
+    def limit(self, limits: Limits) -> None:
+        """Limits that control has changed."""
         raise NotImplementedError
 
     def make_probe(self) -> probe.Probe:

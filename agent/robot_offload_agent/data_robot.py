@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 
-from robot_offload_agent import probe
-from robot_offload_agent.bus import ENVELOPE, PASSED, Bus, Carried, DataStatus, Orders
+from robot_offload_agent import kept, probe, tuning
+from robot_offload_agent.bus import ENVELOPE, PASSED, Bus, Carried, DataStatus, Limits, Orders
 from robot_offload_agent.clock import now_s
 from robot_offload_agent.data_process import DataProcess, start
 from robot_offload_agent.parameters import Configuration
@@ -36,7 +37,8 @@ class RobotSideData(DataProcess):
             for i in (configuration.inputs if self.carried else ())
         ]
         self.aged = {i.name for i in configuration.inputs if i["max_age_ms"] > 0}
-        self.least_s = {i.name: 1 / i["max_rate_hz"] if i["max_rate_hz"] else 0.0 for i in configuration.inputs}
+        self.least_s: dict[str, float] = {}
+        self.limit_rates(tuning.input_limits(kept.in_force(configuration)))
 
     def resolve(self) -> bool:
         """Subscribes to inputs that have got a publisher."""
@@ -84,6 +86,14 @@ class RobotSideData(DataProcess):
         elif isinstance(message, Carried) and message.kind == PASSED and self.carried:
             name = self.configuration.outputs[message.index].name
             self.link.send(f"mirror/{name}", message.header, message.payload)
+
+    def limit(self, limits: Limits) -> None:
+        """The rates of the inputs."""
+        self.limit_rates(limits.inputs)
+
+    def limit_rates(self, limits: Iterable[tuple[str, float, float]]) -> None:
+        """The least distance of two messages of each input."""
+        self.least_s.update({name: 1 / rate_hz if rate_hz else 0.0 for name, _, rate_hz in limits})
 
     def make_probe(self) -> probe.Probe:
         """Identity, hashes of latched inputs, types found in the graph."""

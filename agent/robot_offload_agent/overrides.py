@@ -7,6 +7,7 @@ import os
 import time
 from pathlib import Path
 
+from robot_offload_agent.files import write_whole
 from robot_offload_agent.parameters import Configuration
 from robot_offload_core.placement import Wish
 from robot_offload_core.token import Site
@@ -45,10 +46,7 @@ class Override:
             OSError: it cannot be kept; then it is not set either, because it would be forgotten by the next start.
         """
         until_wall_s = _wall_s() + for_s if for_s > 0 and word != "Auto" else None
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        part = self.path.with_suffix(".part")
-        part.write_text(json.dumps({"override": word, "until": until_wall_s}))
-        part.replace(self.path)
+        write_whole(self.path, json.dumps({"override": word, "until": until_wall_s}))
         self.word, self.until_wall_s = word, until_wall_s
 
     def expire(self) -> bool:

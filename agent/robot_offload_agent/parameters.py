@@ -69,6 +69,10 @@ GENERAL: dict[str, Parameter] = {
     "namespace": Parameter("/", "namespace of the agent's nodes and of relative node names", pattern=rf"/|{TOPIC}"),
     "runtime_dir": Parameter("", "folder for sockets and pid files; empty: in the user's runtime folder"),
     "state_dir": Parameter("", "folder for what outlives a reboot; empty: in the user's state folder"),
+    "generation": Parameter(0, "generation of the resource that this file was made from; 0: none", low=0, high=2**53),
+    "state_file": Parameter("", "file to which the cloud's agent tells its state (JSON); empty: none"),
+    "settings_file": Parameter("", "parameter file watched in the cloud for settings to push; empty: none"),
+    "handover_file": Parameter("", "file watched in the cloud: its text asks the robot to take over; empty: none"),
     "realtime": Parameter(False, "run under SCHED_FIFO (needs the privilege; a warning tells when it is missing)"),
     "mode": Parameter(
         "Auto", "Auto switches; Observe only says what it would do", choices=tuple(m.value for m in Mode)
@@ -216,17 +220,27 @@ class Configuration:
 def load(path: Path) -> Configuration:
     """Reads a parameter file; raises ConfigurationError naming every parameter that is wrong."""
     try:
-        document = yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise ConfigurationError(f"{path}: {error.strerror}; give the file that the bundle contains") from error
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"{path}: {why}; give the file that the bundle contains") from error
+    return parse(flatten(read(text, str(path))))
+
+
+def read(text: str, where: str) -> dict[str, Any]:
+    """The parameters in the text of a parameter file, as nested blocks; raises ConfigurationError."""
+    try:
+        document = yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise ConfigurationError(f"{path}: not YAML: {error}") from error
+        raise ConfigurationError(f"{where}: not YAML: {error}") from error
     try:
         tree = document["/**"]["ros__parameters"]
         assert isinstance(tree, dict)
     except (TypeError, KeyError, AssertionError) as error:
-        raise ConfigurationError(f"{path}: no `/**: ros__parameters:` block, this is no agent configuration") from error
-    return parse(flatten(tree))
+        raise ConfigurationError(
+            f"{where}: no `/**: ros__parameters:` block, this is no agent configuration"
+        ) from error
+    return tree
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

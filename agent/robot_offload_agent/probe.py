@@ -27,6 +27,7 @@ class Probe:
         types: interface type of each input and output that the sender knows.
         nodes: lifecycle state of each managed node of the sender.
         word: a request to, or an answer of, the robot's control process; "" for none.
+        notes: of the sender's control process (notes.py); "" for none.
     """
 
     incarnation: str
@@ -34,6 +35,7 @@ class Probe:
     types: dict[str, str] = field(default_factory=dict)
     nodes: dict[str, str] = field(default_factory=dict)
     word: str = ""
+    notes: str = ""
 
 
 def encode(probe: Probe) -> bytes:
@@ -45,6 +47,7 @@ def encode(probe: Probe) -> bytes:
         "t": probe.types,
         "n": probe.nodes,
         "w": probe.word,
+        "s": probe.notes,
     }
     return json.dumps(body, separators=(",", ":")).encode()
 
@@ -61,11 +64,12 @@ def decode(data: bytes) -> Probe:
     if (
         not isinstance(body.get("i"), str)
         or not isinstance(body.get("w"), str)
+        or not isinstance(body.get("s", ""), str)
         or not all(isinstance(t, dict) and all(isinstance(v, str) for v in t.values()) for t in tables)
     ):
         raise ProbeError("a probe's fields have other types")
     latched, types, nodes = tables
-    return Probe(body["i"], latched, types, nodes, body["w"])
+    return Probe(body["i"], latched, types, nodes, body["w"], body.get("s", ""))
 
 
 def digest(values: list[bytes]) -> str:

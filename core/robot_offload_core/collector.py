@@ -153,6 +153,11 @@ def set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
     return _enter(collector, theirs, gate.next, now_s)
 
 
+def limit(collector: Collector, max_age_s: float, gate_timeout_s: float) -> Collector:
+    """Limits that were changed at run time; safe at any moment, they only say what is refused."""
+    return replace(collector, max_age_s=max_age_s, gate_timeout_s=gate_timeout_s)
+
+
 def turn(collector: Collector, now_s: float) -> Collector:
     """A turn of the process's loop: notices a pause of its own, and what `tick` notices."""
     if collector.turned_s is not None and now_s - collector.turned_s > PAUSE_S:

@@ -5,7 +5,9 @@ namespaces. The test itself plays consumer, driver and sensors with a ROS node i
 """
 
 import datetime
+import json
 import os
+import secrets
 import shutil
 import signal
 import subprocess
@@ -34,6 +36,8 @@ PATIENCE_S = 30.0
 MAX_AGE_S = 0.25
 MEASURING_S = 0.15
 """What the test's own process may add to an age on a busy machine."""
+HEARD_S = 2.0
+"""What was said is heard by then."""
 COMMAND = "/command"
 PROCESSES = {"robot": ("collector", "pulse", "control", "data"), "cloud": ("pulse", "control", "data")}
 
@@ -75,6 +79,7 @@ class Plan:
         link: `zenoh` or `ros`.
         both, robot, cloud: parameters that differ from COMMON.
         fed: the robot's sensors publish from the start.
+        files: the cloud's agent has the three files by which the operator meets it, see `offer` and `state`.
         environment: of the agents, by side.
     """
 
@@ -84,6 +89,7 @@ class Plan:
     robot: dict[str, Any] = field(default_factory=dict)
     cloud: dict[str, Any] = field(default_factory=dict)
     fed: bool = True
+    files: bool = False
     environment: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
@@ -199,6 +205,8 @@ class World:
             "side": side, "uid": self.folder.name, "domain_id": self.domain[side],
             "runtime_dir": str(self.folder / side), "state_dir": str(self.folder / "state"),
         }  # fmt: skip
+        if self.plan.files and side == "cloud":
+            base |= {f"{name}_file": str(self.folder / f"{name}.file") for name in ("settings", "state", "handover")}
         return {**COMMON, **base, **self._link(side), **self.plan.both, **own}
 
     def _link(self, side: str) -> dict[str, Any]:
@@ -224,8 +232,8 @@ class World:
         process = self.processes.start(f"{name or side}-agent", command, self.namespace(side), environment)
         if not name:
             self.agents[side] = process
-        if side == "robot":
-            self.begun_s.append(now_s())
+            if side == "robot":
+                self.begun_s.append(now_s())
         return process
 
     def pid(self, side: str, process: str) -> int:
@@ -286,11 +294,45 @@ class World:
             self.namespaces.cut(which)
         return at_s
 
+    # -- the operator's files ------------------------------------------------------------------------------------------
+
+    def offer(self, generation: int, **different: Any) -> None:
+        """Changes the settings that the cloud's agent is to offer to the robot."""
+        values = {key.replace("__", "."): value for key, value in different.items()}
+        self._replace("settings", yaml.safe_dump({"/**": {"ros__parameters": {"generation": generation, **values}}}))
+
+    def hand_over(self) -> str:
+        """The pods are to go; returns the name of this end."""
+        name = secrets.token_hex(8)
+        self._replace("handover", name)
+        return name
+
+    def new_pod(self) -> None:
+        """Starts the cloud's agent in a new pod, which has no handover file."""
+        (self.folder / "handover.file").unlink(missing_ok=True)
+        self.start_agent("cloud")
+
+    def _replace(self, name: str, text: str) -> None:
+        part = self.folder / f"{name}.new"
+        part.write_text(text)
+        part.replace(self.folder / f"{name}.file")
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What the cloud's agent has told last; raises KeyError before that, as wait_until likes it."""
+        try:
+            found: dict[str, Any] = json.loads((self.folder / "state.file").read_text())
+        except FileNotFoundError as error:
+            raise KeyError("state") from error
+        return found
+
     # -- what is to be seen -------------------------------------------------------------------------------------------
 
     @property
     def site(self) -> str:
-        return self.placed[-1].site if self.placed else ""
+        """The side in charge, "" while the robot's newest control has not been heard yet."""
+        heard = self.placed and (not self.begun_s or self.placed[-1].t_s > self.begun_s[-1])
+        return self.placed[-1].site if heard else ""
 
     @property
     def reason(self) -> str:
@@ -332,9 +374,17 @@ class World:
 
     def check(self, since: int = 0) -> None:
         """The rules at the consumer for everything that passed since the `since`-th message."""
-        found = violations(self.arrivals[since:], self.placed, MAX_AGE_S + MEASURING_S, self.begun_s)
-        if found:
-            raise ViolationError("\n".join(found[:10]))
+        if self.agents["robot"].poll() is None:
+            self.until(lambda: self.site, "a word of the robot's newest control, which the rules refer to")
+        passed, found = self.arrivals[since:], [""]
+
+        def clean() -> bool:
+            """An announcement may be heard after the message that it explains, but it is heard."""
+            found[:] = violations(passed, self.placed, MAX_AGE_S + MEASURING_S, self.begun_s)
+            return not found
+
+        if not wait_until(clean, HEARD_S):
+            raise ViolationError("\n".join([*found[:10], "said:", *map(str, self.placed[-20:])]))
 
 
 def header_numbers(heard: list[tuple[float, Header]]) -> list[int]:

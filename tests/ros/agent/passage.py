@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 NEAR_S = 2.0
 """An announcement belongs to a change of the passing side so close to it; a stopped control needs a second."""
+CALLED_OFF_S = 0.5
+"""The collector has heard by then that a preparation was called off."""
 
 
 class ViolationError(AssertionError):
@@ -48,15 +50,16 @@ class Placed:
 
 @dataclass(frozen=True)
 class Change:
-    """The side in charge became `site` at some moment from `from_s` to `to_s`."""
+    """The side in charge became `site` at some moment from `from_s` to `to_s`; `near_s` is added on both ends."""
 
     site: str
     from_s: float
     to_s: float
+    near_s: float = NEAR_S
 
     def explains(self, arrival: Arrival) -> bool:
         """Whether a message of that side may be the first one after it."""
-        return self.site == arrival.site and self.from_s - NEAR_S < arrival.t_s < self.to_s + NEAR_S
+        return self.site == arrival.site and self.from_s - self.near_s < arrival.t_s < self.to_s + self.near_s
 
 
 def violations(
@@ -87,10 +90,16 @@ def _changes(placed: Sequence[Placed], begun_s: Sequence[float]) -> list[Change]
     A new control begins with the robot in charge and says so before anybody has discovered it: the first of its words
     that is heard may be that the cloud is, seconds later. So each new control has put the robot in charge at some
     moment between the latest start before its first word that was heard, and that word.
+
+    The collector may change over to a cloud that is ready just before it hears that this was called off. Control never
+    comes to believe that the cloud is in charge then, so nobody says so, and the robot passes again under a new epoch.
     """
     changes = []
-    site, control = "", None
+    site, control, prepared_s = "", None, None
     for p in placed:
+        if prepared_s is not None and p.site == "robot" and p.control == control:
+            changes += [Change(to, prepared_s, p.t_s, CALLED_OFF_S) for to in ("cloud", "robot")]
+        prepared_s = p.t_s if p.phase == "ToCloud" else None
         if p.control != control:
             began_s = max((moment for moment in begun_s if moment <= p.t_s), default=p.t_s)
             if site != "robot":

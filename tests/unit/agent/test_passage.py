@@ -1,5 +1,7 @@
 """The rules at the consumer, which judge every test with real agents: what they forgive and what they never do."""
 
+from dataclasses import replace
+
 import pytest
 
 from tests.ros.agent.passage import Arrival, Placed, holes, longest_gap_s, violations
@@ -50,6 +52,15 @@ def test_a_control_that_begins_anew_explains_one_change_only() -> None:
     placed = [said(0.0, "cloud"), said(12.0, "cloud", NEW)]
     mixed = [cloud(9.9), robot(10.7), cloud(11.0, 2), robot(11.1, 2), cloud(12.0, 3)]
     assert violations(mixed, placed, 0.25, begun_s=[10.0])
+
+
+def test_a_preparation_that_is_called_off_explains_one_stay_of_the_cloud_and_no_second() -> None:
+    to_cloud = replace(said(9.5, "robot"), phase="ToCloud")
+    placed = [said(0.0, "robot"), to_cloud, said(10.0, "robot")]
+    once = [robot(9.9), cloud(10.0), robot(10.05, 2)]
+    assert not violations(once, placed, 0.25)
+    assert len(violations([*once, cloud(10.1, 2), robot(10.15, 3)], placed, 0.25)) == 2
+    assert violations([robot(20.0), cloud(20.1), robot(20.2, 2)], placed, 0.25)
 
 
 @pytest.mark.parametrize(("second", "word"), [(1, "came twice"), (0, "came after")])

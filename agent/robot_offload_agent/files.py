@@ -1,0 +1,129 @@
+"""Files that others read or write while the agent runs.
+
+Never on a deciding thread: a disk may stall for longer than a lease lasts.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+log = logging.getLogger(__name__)
+
+WATCH_PERIOD_S = 0.2
+TEXT_BYTES = 1 << 20
+"""Longer files are none of ours."""
+
+
+def write_whole(path: Path, text: str, *, durable: bool = False) -> None:
+    """Replaces a file at once: a reader sees the old text or the new one.
+
+    Args:
+        path: its folder is made when it is missing.
+        text: UTF-8.
+        durable: returns only when a loss of power cannot undo it.
+
+    Raises:
+        OSError: it could not be written; then the old text is still there.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f"{path.name}.part")
+    with part.open("w", encoding="utf-8") as file:
+        file.write(text)
+        if durable:
+            file.flush()
+            os.fsync(file.fileno())
+    part.replace(path)
+    if durable:
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def read_text(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is no text, or longer than any file of ours.
+    """
+    with path.open("rb") as file:
+        data = file.read(TEXT_BYTES + 1)
+    if len(data) > TEXT_BYTES:
+        raise ValueError(f"more than {TEXT_BYTES} bytes")
+    return data.decode()
+
+
+class NewestWriter:
+    """Writes the newest text on a thread of its own; what was not written yet when a newer one comes is left out."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.text: str | None = None
+        self.failed = False
+        self.changed = threading.Event()
+        threading.Thread(target=self._work, name="writer", daemon=True).start()
+
+    def write(self, text: str) -> None:
+        """Returns at once."""
+        self.text = text
+        self.changed.set()
+
+    def _work(self) -> None:
+        while self.changed.wait():
+            self.changed.clear()
+            try:
+                write_whole(self.path, self.text or "")
+            except OSError as error:
+                if not self.failed:
+                    log.warning("%s cannot be written: %s", self.path, error)
+                self.failed = True
+            else:
+                self.failed = False
+
+
+class Watch:
+    """Calls back with the text of a file when it is there for the first time and at each change, on its own thread.
+
+    It looks at the content, because a mounted ConfigMap changes by exchanging a symbolic link.
+    """
+
+    def __init__(self, path: Path, changed: Callable[[str | None, str], None]) -> None:
+        """`changed(text, "")`, or `changed(None, why)` when the file cannot be read (any more)."""
+        self.path = path
+        self.changed = changed
+        self.known: tuple[str | None, str] | None = None
+
+    def start(self) -> None:
+        """Begins to watch."""
+        threading.Thread(target=self._work, name="watch", daemon=True).start()
+
+    def look(self) -> None:
+        """One look."""
+        found: tuple[str | None, str]
+        try:
+            found = read_text(self.path), ""
+        except (OSError, ValueError) as error:
+            found = None, f"{self.path}: {getattr(error, 'strerror', None) or error}"
+        if found != self.known:
+            self.known = found
+            self.changed(*found)
+
+    def _work(self) -> None:
+        while True:
+            self.look()
+            time.sleep(WATCH_PERIOD_S)
+
+
+def age_s(path: Path) -> float:
+    """How long ago a file was written, by this host's system clock; infinite when it is not there."""
+    with contextlib.suppress(OSError):
+        return time.clock_gettime(time.CLOCK_REALTIME) - path.stat().st_mtime
+    return float("inf")
