@@ -124,8 +124,7 @@ def _agent(offload: RobotOffload, facts: Facts) -> Manifest:
     ports = transport.agent_ports(offload)
     if ports:
         extra["ports"] = [
-            {"name": port.name, "containerPort": port.number, "protocol": port.protocol}
-            for port in ports
+            {"name": port.name, "containerPort": port.number, "protocol": port.protocol} for port in ports
         ]
     return pod.container(
         "agent",

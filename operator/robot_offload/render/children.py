@@ -7,7 +7,7 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.render.agent_workload import agent_deployment, agent_objects
 from robot_offload.render.facts import Facts, Manifest
 from robot_offload.render.network_policies import network_policies
-from robot_offload.render.node_workloads import node_deployments
+from robot_offload.render.node_workloads import node_deployments, parameter_copies
 
 __all__ = ["Manifest", "children"]
 
@@ -26,6 +26,7 @@ def children(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
         *network_policies(offload, facts),
         *chosen.services(offload, facts),
         *agent_objects(offload, facts),
+        *parameter_copies(offload, facts),
         *chosen.workloads(offload, facts),
         agent_deployment(offload, facts),
         *node_deployments(offload, facts),

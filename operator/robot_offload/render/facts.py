@@ -70,6 +70,7 @@ class Facts:
         endpoints: the addresses known so far, from `transport.observed_endpoints`.
         certificate_hash: of what is in the Secret of the cloud's certificate; a renewed one rolls what reads it.
         user_config_hashes: of the ConfigMaps of `parametersFrom`, by `name/key`; empty text: it is missing.
+        user_configs: what is in them, by `name/key`; replicas get a copy in which they find their own names.
     """
 
     namespace: str
@@ -81,6 +82,7 @@ class Facts:
     endpoints: tuple[Endpoint, ...] = ()
     certificate_hash: str = ""
     user_config_hashes: Mapping[str, str] = field(default_factory=dict)
+    user_configs: Mapping[str, str] = field(default_factory=dict)
 
     def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:
         """The known addresses of these purposes, in the order of `purposes`."""

@@ -10,7 +10,9 @@ from robot_offload.render import handover, labels, pod
 from robot_offload.render.child_names import AGENT, child_name, node_child
 from robot_offload.render.facts import Facts, Manifest
 from robot_offload.render.hashes import config_hash
-from robot_offload.render.names import command
+from robot_offload.render.names import command, replica_name
+from robot_offload.render.objects import config_map
+from robot_offload.render.parameter_files import renamed
 
 PARAMETERS_DIR: Final = "/etc/robot-offload/parameters"
 CONTAINER: Final = "node"
@@ -36,7 +38,7 @@ def replicas(spec: RobotOffloadSpec, node: Node, facts: Facts) -> int:
 def _deployment(offload: RobotOffload, facts: Facts, node: Node) -> Manifest:
     name = node_child(offload.metadata.name, node.name)
     own_label = {labels.NODE: name}
-    volumes, mounts, params_file = _parameter_file(node)
+    volumes, mounts, params_file = _parameter_file(offload, facts, node)
     extra: Manifest = {"lifecycle": handover.pre_stop()} if node.duplicated else {}
     if node.image_pull_policy is not None:
         extra["imagePullPolicy"] = node.image_pull_policy
@@ -86,13 +88,37 @@ def _environment(offload: RobotOffload, facts: Facts, node: Node) -> dict[str, s
     return {**own, **{one.name: one.value for one in node.env}, **fixed}
 
 
-def _parameter_file(node: Node) -> tuple[list[Manifest], list[Manifest], str | None]:
+def _parameter_file(
+    offload: RobotOffload, facts: Facts, node: Node
+) -> tuple[list[Manifest], list[Manifest], str | None]:
     """Volumes, mounts and the path of the parameter file that a user keeps in a ConfigMap."""
     if node.run is None or node.run.parameters_from is None:
         return [], [], None
     reference = node.run.parameters_from.config_map_key_ref
-    volume = pod.config_map_volume("parameters", reference.name, [reference.key])
+    source = node_child(offload.metadata.name, node.name) if _copied(facts, node) is not None else reference.name
+    volume = pod.config_map_volume("parameters", source, [reference.key])
     return [volume], [pod.mount("parameters", PARAMETERS_DIR)], f"{PARAMETERS_DIR}/{reference.key}"
+
+
+def _copied(facts: Facts, node: Node) -> str | None:
+    """The parameter file of a replica that goes by another name; None: the user's own is mounted."""
+    if node.run is None or node.run.parameters_from is None or not node.duplicated:
+        return None
+    reference = node.run.parameters_from.config_map_key_ref
+    text = facts.user_configs.get(f"{reference.name}/{reference.key}")
+    return None if text is None else renamed(text, node.name, replica_name(node, "cloud"))
+
+
+def parameter_copies(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+    """ConfigMaps with the parameter files of replicas, see `parameter_files`."""
+    found = []
+    for node in offload.spec.cloud_nodes:
+        text = _copied(facts, node)
+        if text is not None and node.run is not None and node.run.parameters_from is not None:
+            key = node.run.parameters_from.config_map_key_ref.key
+            name = node_child(offload.metadata.name, node.name)
+            found.append(config_map(offload, facts, name, "node", {key: text}))
+    return tuple(found)
 
 
 def _read_at_start(node: Node, facts: Facts) -> str:
