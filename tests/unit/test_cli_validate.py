@@ -57,8 +57,11 @@ def test_warnings_are_told_and_do_not_refuse(tmp_path: Path) -> None:
 def test_json_tells_the_same_to_scripts(good: Path, bad: Path) -> None:
     accepted, refused = run("validate", "--json", good), run("validate", "--json", bad)
     assert (accepted.returncode, refused.returncode) == (0, 2)
-    assert json.loads(accepted.stdout) == {"file": str(good), "valid": True, "problems": []}
-    assert json.loads(refused.stdout)["problems"] == [
+    assert json.loads(accepted.stdout) == {
+        "valid": True,
+        "files": [{"file": str(good), "valid": True, "problems": []}],
+    }
+    assert json.loads(refused.stdout)["files"][0]["problems"] == [
         {
             "path": "spec.nodes[0].lifecycel",
             "reason": "UnknownField",
@@ -112,6 +115,12 @@ def test_an_output_file_that_cannot_be_written_is_bad_input(good: Path, tmp_path
     done = run("render", "agent-config", good, "--side", "robot", "--output", tmp_path / "missing" / "x.yaml")
     assert done.returncode == 2
     assert "cannot be written" in done.stderr
+
+
+def test_many_files_are_checked_and_one_bad_one_refuses(good: Path, bad: Path) -> None:
+    done = run("validate", good, bad)
+    assert done.returncode == 2
+    assert [line.split(": ")[0] for line in (done.stdout + done.stderr).splitlines()] == [str(good), str(bad)]
 
 
 @pytest.mark.parametrize("command", [(), ("validate",), ("render",), ("render", "agent-config")])

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import typer
+from typer._completion_classes import completion_init
 from typer.core import TyperGroup
 
 from robot_offload.errors import RobotOffloadError
+
+PROGRAM: Final = "robot-offload"
+COMPLETE_VARIABLE: Final = "_ROBOT_OFFLOAD_COMPLETE"
+"""Set by the shell while it asks for completions."""
 
 
 class Commands(TyperGroup):
@@ -16,6 +21,11 @@ class Commands(TyperGroup):
 
     Exit codes: 0 all is well, 1 something ran and a promise was broken, 2 the input is wrong and nothing ran.
     """
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Runs the command line; the shells that can complete it are made known first."""
+        completion_init()
+        return super().main(*args, **{"complete_var": COMPLETE_VARIABLE, **extra})
 
     def invoke(self, ctx: Any) -> Any:
         """Runs the chosen command."""
@@ -27,15 +37,28 @@ class Commands(TyperGroup):
             raise typer.Exit(error.exit_code) from error
 
 
-def commands(text: str, examples: Sequence[str] = ()) -> typer.Typer:
+class CommandsWithDefault(Commands):
+    """A group that runs its command `default` when what follows is none of its commands."""
+
+    default = "file"
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Puts the default command in front of a bare argument."""
+        if args and args[0] not in self.commands and args[0] not in {"--help", "-h"}:
+            args = [self.default, *args]
+        return super().parse_args(ctx, args)
+
+
+def commands(text: str, examples: Sequence[str] = (), cls: type[Commands] = Commands) -> typer.Typer:
     """An empty group of commands.
 
     Args:
         text: what its `--help` says first.
         examples: command lines that its `--help` shows.
+        cls: how it finds the command that is meant.
     """
     return typer.Typer(
-        cls=Commands,
+        cls=cls,
         help=text,
         epilog=example_text(examples),
         no_args_is_help=True,

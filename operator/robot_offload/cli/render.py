@@ -4,16 +4,28 @@ from __future__ import annotations
 
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 import typer
+import yaml
 
-from robot_offload.cli.app import commands, example_text
+from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
+from robot_offload.api.v1alpha1.parsing import parse_text
+from robot_offload.cli.app import CommandsWithDefault, commands, example_text
+from robot_offload.cli.images import default_images
+from robot_offload.cli.sources import sources
 from robot_offload.errors import InputError
 from robot_offload.loading import load
 from robot_offload.render.agent_config import AgentSite, agent_config
+from robot_offload.render.children import children
+from robot_offload.render.facts import Facts, Manifest
 
-EXAMPLES = (
+FILE_EXAMPLES = (
+    "robot-offload render wheelchair.yaml",
+    "robot-offload render wheelchair.yaml | grep -E '^kind|^  name:'",
+    "robot-offload render - < wheelchair.yaml > children.yaml",
+)
+AGENT_EXAMPLES = (
     "robot-offload render agent-config wheelchair.yaml --side cloud --output cloud.yaml",
     "robot-offload render agent-config wheelchair.yaml --side robot --host edge.example --output robot.yaml",
     "robot-offload-agent robot --params robot.yaml",
@@ -21,6 +33,10 @@ EXAMPLES = (
 DEFAULT_HOSTS = {"robot": "127.0.0.1", "cloud": "0.0.0.0"}  # noqa: S104 - the cloud's agent serves every interface
 CERTIFICATE_AUTHORITIES = {"robot": "server-ca.pem", "cloud": "client-ca.pem"}
 """Each side trusts the authority of the other one."""
+HEADER: Final = """\
+# What the operator makes of RobotOffload {name}, without the Secrets (it makes their keys) and without owners.
+# To look at and to compare; to have it made, apply the RobotOffload itself.
+"""
 
 
 class SideOption(str, Enum):
@@ -32,11 +48,52 @@ class SideOption(str, Enum):
 
 def add_to(app: typer.Typer) -> None:
     """Adds the commands to `app`."""
-    group = commands("Print what is derived from a RobotOffload.", EXAMPLES)
-    # A callback keeps it a group while it has a single command.
-    group.callback()(lambda: None)
-    group.command("agent-config", epilog=example_text(EXAMPLES))(agent_config_command)
+    group = commands(
+        "Print what is derived from a RobotOffload: with a FILE all objects in the cluster, without asking any "
+        "cluster; or one of the files below.",
+        [*FILE_EXAMPLES, *AGENT_EXAMPLES[:1]],
+        CommandsWithDefault,
+    )
+    group.command("file", epilog=example_text(FILE_EXAMPLES))(file_command)
+    group.command("agent-config", epilog=example_text(AGENT_EXAMPLES))(agent_config_command)
     app.add_typer(group, name="render")
+
+
+def file_command(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="YAML file with one RobotOffload, or - .")],
+    *,
+    namespace: Annotated[
+        str, typer.Option("--namespace", "-n", help="Namespace of the objects. Default: the file's, or default.")
+    ] = "",
+    robot_connected: Annotated[
+        bool, typer.Option("--robot-connected", help="As while the robot is connected: Cold nodes have pods, too.")
+    ] = False,
+    asleep: Annotated[
+        bool, typer.Option("--asleep", help="As after spec.scale.idleTimeout without the robot: no node has pods.")
+    ] = False,
+) -> None:
+    """Print all objects that the operator makes of a RobotOffload, as YAML. No cluster is asked."""
+    if robot_connected and asleep:
+        raise InputError("--robot-connected, --asleep: one of them at a time")
+    [source] = sources([file])
+    offload = parse_text(source.text, source.name, rules=CLUSTER_CHECKS)
+    facts = Facts(
+        namespace=namespace or offload.metadata.namespace or "default",
+        uid="",
+        generation=1,
+        images=default_images(),
+        nodes_wanted=not asleep,
+        robot_connected=robot_connected,
+    )
+    manifests = [_without_owner(manifest) for manifest in children(offload, facts)]
+    typer.echo(HEADER.format(name=offload.metadata.name), nl=False)
+    typer.echo(yaml.safe_dump_all(manifests, sort_keys=False, width=120, explicit_start=True), nl=False)
+
+
+def _without_owner(manifest: Manifest) -> Manifest:
+    """Without owner reference: one to an object that does not exist would have the cluster delete what is applied."""
+    metadata: dict[str, Any] = {key: value for key, value in manifest["metadata"].items() if key != "ownerReferences"}
+    return {**manifest, "metadata": metadata}
 
 
 def agent_config_command(

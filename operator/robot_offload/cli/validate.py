@@ -1,24 +1,27 @@
-"""`robot-offload validate`: every problem of a specification at once, before anything starts."""
+"""`robot-offload validate`: every problem of specifications at once, before anything starts."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from robot_offload.api.v1alpha1.checks import check
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.checks import CHECKS, CLUSTER_CHECKS, Check, check
+from robot_offload.api.v1alpha1.parsing import parse_text
 from robot_offload.cli.app import example_text
+from robot_offload.cli.sources import Source, sources
 from robot_offload.errors import InputError, SpecError
 from robot_offload.findings import Finding
-from robot_offload.loading import load
 
 EXAMPLES = (
     "robot-offload validate examples/wheelchair/robotoffload.yaml",
-    "robot-offload validate wheelchair.yaml --json | jq -r '.problems[].path'",
+    "robot-offload validate --cluster manifests/samples",
+    "kubectl get roff wheelchair -o yaml | kubectl offload validate -",
+    "robot-offload validate wheelchair.yaml --json | jq -r '.files[].problems[].path'",
 )
 
 
@@ -27,33 +30,73 @@ def add_to(app: typer.Typer) -> None:
     app.command("validate", epilog=example_text(EXAMPLES))(validate)
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class Verdict:
+    """What was found in one source.
+
+    Attributes:
+        source: its name.
+        offload: what it holds; None: it cannot be used.
+        findings: errors, or the warnings of what can be used.
+    """
+
+    source: str
+    offload: RobotOffload | None
+    findings: tuple[Finding, ...]
+
+
 def validate(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="YAML file with one RobotOffload.")],
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE...", help="YAML files with one RobotOffload each, folders of them, or - ."),
+    ],
+    *,
+    cluster: Annotated[
+        bool, typer.Option("--cluster", help="Also what a cluster needs and a run on one machine does not.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")] = False,
 ) -> None:
-    """Check a RobotOffload file and tell every problem.
+    """Check RobotOffload files and tell every problem.
 
-    Each problem is one line, `file: field: what to do`. Ends with 0 when the file can be used (warnings are only
-    told) and with 2 when it cannot.
+    Each problem is one line, `file: field: what to do`. Ends with 0 when all files can be used (warnings are only
+    told) and with 2 when one cannot. Nothing is sent to a cluster.
     """
-    try:
-        offload = load(file)
-    except SpecError as error:
-        if as_json:
-            _print_json(file, error.findings)
-            raise typer.Exit(InputError.exit_code) from error
-        raise
-    warnings = check(offload.spec)
+    verdicts = [judge(source, CLUSTER_CHECKS if cluster else CHECKS) for source in sources(files)]
     if as_json:
-        _print_json(file, warnings)
-        return
-    for finding in warnings:
-        typer.echo(f"{file}: warning: {finding.line()}", err=True)
-    nodes, collected = len(offload.spec.nodes), len(offload.spec.collected_outputs)
-    typer.echo(f"{file}: {offload.metadata.name} is valid, nodes: {nodes}, collected outputs: {collected}")
+        _print_json(verdicts)
+    else:
+        for verdict in verdicts:
+            _print(verdict)
+    if any(verdict.offload is None for verdict in verdicts):
+        raise typer.Exit(InputError.exit_code)
 
 
-def _print_json(file: Path, findings: Sequence[Finding]) -> None:
-    valid = all(finding.severity == "warning" for finding in findings)
-    problems = [dataclasses.asdict(finding) for finding in findings]
-    typer.echo(json.dumps({"file": str(file), "valid": valid, "problems": problems}, indent=2))
+def judge(source: Source, rules: Sequence[Check]) -> Verdict:
+    """What there is to say about one source."""
+    try:
+        offload = parse_text(source.text, source.name, rules=rules)
+    except SpecError as error:
+        return Verdict(source.name, None, error.findings)
+    return Verdict(source.name, offload, check(offload.spec, rules))
+
+
+def _print(verdict: Verdict) -> None:
+    for finding in verdict.findings:
+        kind = "warning: " if finding.severity == "warning" else ""
+        typer.echo(f"{verdict.source}: {kind}{finding.line()}", err=True)
+    if verdict.offload is not None:
+        spec, name = verdict.offload.spec, verdict.offload.metadata.name
+        nodes, collected = len(spec.nodes), len(spec.collected_outputs)
+        typer.echo(f"{verdict.source}: {name} is valid, nodes: {nodes}, collected outputs: {collected}")
+
+
+def _print_json(verdicts: Sequence[Verdict]) -> None:
+    files = [
+        {
+            "file": verdict.source,
+            "valid": verdict.offload is not None,
+            "problems": [dataclasses.asdict(finding) for finding in verdict.findings],
+        }
+        for verdict in verdicts
+    ]
+    typer.echo(json.dumps({"valid": all(file["valid"] for file in files), "files": files}, indent=2))

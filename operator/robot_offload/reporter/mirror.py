@@ -14,8 +14,6 @@ from typing import Any, Final
 
 from robot_offload.reporter.state import ANNOTATION, Sight, lasting
 
-LEASE_S: Final = 30
-"""How long a Lease counts after it was renewed: three renewals may fail."""
 RENEW_S: Final = 10.0
 GAP_S: Final = 1.0
 FIRST_PAUSE_S: Final = 1.0
@@ -93,7 +91,7 @@ def patch(wanted: Report, robot: str, now: datetime.datetime) -> dict[str, Any]:
         robot: the robot's name.
         now: the present, with its time zone.
     """
-    spec: dict[str, Any] = {"holderIdentity": robot if wanted.connected else None, "leaseDurationSeconds": LEASE_S}
+    spec: dict[str, Any] = {"holderIdentity": robot if wanted.connected else None}
     if wanted.connected:
         spec["renewTime"] = _micro_time(now)
         spec["acquireTime"] = _micro_time(_time(wanted.since) or now)

@@ -1,0 +1,171 @@
+"""What all commands that talk to a cluster share: options as kubectl has them, one connection, objects by name."""
+
+from __future__ import annotations
+
+import asyncio
+import difflib
+import json
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, TypeVar
+
+import typer
+
+from robot_offload.errors import InputError, RobotOffloadError
+from robot_offload.kube.configuration import connect, current_namespace
+from robot_offload.kube.errors import KubeError, NotFoundError
+from robot_offload.kube.kinds import ROBOT_OFFLOAD, Kind
+from robot_offload.kube.port import KubeApi, Manifest
+from robot_offload.kube.retry import RetryPolicy
+from robot_offload.render.child_names import AGENT, child_name
+from robot_offload.reporter.state import AgentState, StateError, parse_state
+
+Result = TypeVar("Result")
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the RobotOffload.")]
+Kubeconfig = Annotated[
+    str | None, typer.Option("--kubeconfig", metavar="FILE", help="As kubectl's. Default: KUBECONFIG, ~/.kube/config.")
+]
+Context = Annotated[str | None, typer.Option("--context", metavar="NAME", help="Context of the kubeconfig.")]
+Namespace = Annotated[
+    str | None, typer.Option("--namespace", "-n", metavar="NAME", help="Namespace. Default: the context's.")
+]
+
+REPORTER_PORT: Final = 8080
+INSTALL: Final = "helm install robot-offload charts/robot-offload --namespace robot-offload --create-namespace"
+NO_KIND: Final = f"the cluster does not know RobotOffload; install it first: {INSTALL}"
+PATIENCE: Final = RetryPolicy(attempts=2, request_timeout_s=10.0)
+"""Somebody waits at the terminal: rather an error soon than an answer late."""
+HURRY: Final = RetryPolicy(attempts=1, request_timeout_s=3.0)
+"""For the live numbers, which are welcome but not needed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where to look.
+
+    Attributes:
+        kubeconfig: as `kubectl --kubeconfig`.
+        context: as `kubectl --context`.
+        given_namespace: as `kubectl --namespace`.
+    """
+
+    kubeconfig: str | None = None
+    context: str | None = None
+    given_namespace: str | None = None
+
+    @property
+    def namespace(self) -> str:
+        """The namespace that is meant."""
+        return self.given_namespace or current_namespace(self.kubeconfig, self.context)
+
+    @asynccontextmanager
+    async def api(self, retry: RetryPolicy = PATIENCE) -> AsyncIterator[KubeApi]:
+        """A connection, ended at the end."""
+        api = connect(self.kubeconfig, self.context, retry)
+        try:
+            yield api
+        finally:
+            await api.close()
+
+    def run(self, work: Callable[[KubeApi], Coroutine[Any, Any, Result]]) -> Result:
+        """Runs `work` with a connection."""
+
+        async def whole() -> Result:
+            async with self.api() as api:
+                return await work(api)
+
+        return asyncio.run(whole())
+
+
+async def find(api: KubeApi, namespace: str, name: str) -> Manifest:
+    """The RobotOffload of this name.
+
+    Raises:
+        InputError: there is none; the message says what there is.
+        KubeError: the API server refuses or is silent.
+    """
+    found = await api.get(ROBOT_OFFLOAD, namespace, name)
+    if found is not None:
+        return found
+    known = [other["metadata"]["name"] for other in await find_all(api, namespace)]
+    raise InputError(missing(name, namespace, known))
+
+
+async def find_all(api: KubeApi, namespace: str | None) -> list[Manifest]:
+    """All RobotOffloads of a namespace, or of all.
+
+    Raises:
+        RobotOffloadError: the cluster does not know the kind.
+    """
+    try:
+        found = await api.list(ROBOT_OFFLOAD, namespace)
+    except NotFoundError as error:
+        raise RobotOffloadError(NO_KIND) from error
+    return sorted(found, key=lambda each: (each["metadata"]["namespace"], each["metadata"]["name"]))
+
+
+def missing(name: str, namespace: str, known: list[str]) -> str:
+    """What to say when there is no RobotOffload of this name."""
+    problem = f"there is no RobotOffload {name} in namespace {namespace}"
+    close = difflib.get_close_matches(name, known, n=1)
+    if close:
+        return f"{problem}; did you mean {close[0]}?"
+    if known:
+        return f"{problem}; there is {', '.join(sorted(known)[:10])}"
+    return f"{problem}, and no other either; kubectl get roff --all-namespaces shows where they are"
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """The live state of a cloud agent.
+
+    Attributes:
+        state: what the agent says; None: it cannot be asked.
+        problem: why it cannot be asked; empty: it was.
+    """
+
+    state: AgentState | None = None
+    problem: str = ""
+
+
+async def live(api: KubeApi, namespace: str, name: str) -> Live:
+    """Asks the reporter of a RobotOffload through the API server's proxy."""
+    service = child_name(name, AGENT)
+    url = f"/api/v1/namespaces/{namespace}/services/http:{service}:{REPORTER_PORT}/proxy/state"
+    try:
+        answer = await read_page(api, url)
+        return Live(parse_state(json.dumps(answer))) if answer else Live(problem="there is no cloud agent")
+    except KubeError as error:
+        return Live(problem=_short(error))
+    except StateError as error:
+        return Live(problem=str(error))
+
+
+@dataclass(frozen=True, slots=True)
+class _Page(Kind):
+    """Something that the API server answers at a fixed place and that is no object of a kind."""
+
+    url: str = ""
+
+    def path(self, namespace: str | None, name: str = "", subresource: str = "") -> str:
+        """The place."""
+        return self.url
+
+
+async def read_page(api: KubeApi, url: str) -> Manifest | None:
+    """What the API server answers at `url` as JSON; None: there is nothing."""
+    return await api.get(_Page("", url, "", namespaced=False, url=url), None, "")
+
+
+def _short(error: KubeError) -> str:
+    """The reporter's own words where it has answered, else the API server's."""
+    text = str(error)
+    start = text.find('{"problem"')
+    if start >= 0:
+        try:
+            return str(json.loads(text[start : text.rindex("}") + 1])["problem"])
+        except (ValueError, KeyError):
+            pass
+    return text if len(text) <= 160 else f"{text[:157]}..."

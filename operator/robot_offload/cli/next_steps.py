@@ -1,0 +1,176 @@
+"""What each reason of a condition means and what to do about it: the one table behind `explain` and the docs.
+
+`{name}` and `{namespace}` are those of the RobotOffload. docs/how-to/troubleshooting.md carries the same rows; a
+contract test holds both against the reasons in `reconcile`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+PODS: Final = "kubectl get pods -n {namespace} -l app.kubernetes.io/instance={name}"
+AGENT_LOG: Final = "kubectl logs -n {namespace} deployment/{name}-agent -c agent"
+BUNDLE: Final = "kubectl offload bundle {name} -n {namespace} -o DIR, then copy the folder to the robot"
+OPERATOR_LOG: Final = "kubectl logs -A --selector app.kubernetes.io/name=robot-offload-operator"
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """What a reason means, and the next step.
+
+    Attributes:
+        meaning: one sentence.
+        step: what to do, a command where there is one; empty: nothing.
+    """
+
+    meaning: str
+    step: str = ""
+
+
+GOOD: Final[dict[str, Advice]] = {
+    "Valid": Advice("The specification can be carried out."),
+    "ValidWithWarnings": Advice(
+        "The specification can be carried out, and something in it is probably not meant.",
+        "Read the message; kubectl offload validate --cluster FILE says the same before you apply.",
+    ),
+    "Applied": Advice("Every object in the cluster is as it should be."),
+    "Available": Advice("All pods that are wanted are ready."),
+    "NotNeeded": Advice("This transport does without."),
+    "Degraded": Advice(
+        "At least one discovery server is ready, so nodes find each other; another one is missing.", PODS
+    ),
+    "ScaledDown": Advice("The workload has no pods, on purpose."),
+    "Connected": Advice("The robot's agent is connected."),
+    "Current": Advice("The robot runs the settings of the present generation."),
+    "Issued": Advice("Certificates of cloud and robot are there and valid."),
+    "IssuedByIssuer": Advice("Your own issuer has delivered the certificates and renews them."),
+    "Wanted": Advice("The nodes in the cloud should have pods."),
+    "Ready": Advice("The cloud can act for the robot."),
+}
+"""Reasons of conditions that are true."""
+
+WORKLOADS: Final[dict[str, Advice]] = {
+    "PodsNotReady": Advice("Pods are starting, or do not become ready.", PODS),
+    "Unschedulable": Advice(
+        "No node of the cluster fits a pod: not enough CPU, memory or GPU, or nodeSelector and tolerations fit none.",
+        "Lower spec.nodes[].resources, correct nodeSelector and tolerations, or add a node; kubectl describe nodes "
+        "shows what is free.",
+    ),
+    "ImagePullFailing": Advice(
+        "An image cannot be pulled: its name is wrong, it does not exist, or the registry wants a login.",
+        "Correct spec.nodes[].image, or name a login in spec.cloud.imagePullSecrets; kubectl describe pod -n "
+        "{namespace} -l app.kubernetes.io/instance={name} tells the registry's answer.",
+    ),
+    "CrashLoop": Advice(
+        "A container ends again and again.",
+        "kubectl logs -n {namespace} deployment/WORKLOAD --previous (the message names the workload).",
+    ),
+    "CreateContainerConfigError": Advice(
+        "A container cannot be started: mostly a ConfigMap or Secret that it names is missing.",
+        "Create what the message names; spec.nodes[].run.parametersFrom refers to ConfigMaps in namespace {namespace}.",
+    ),
+    "CreateContainerError": Advice("The container runtime refuses a container.", PODS),
+    "RunContainerError": Advice(
+        "A container was made and cannot run: mostly the command does not exist in the image.",
+        "Correct spec.nodes[].run or the image.",
+    ),
+    "PodsRefused": Advice(
+        "The API server refuses pods: a quota is used up, or the namespace's pod security forbids them.",
+        "kubectl describe quota -n {namespace}; kubectl get namespace {namespace} --show-labels",
+    ),
+    "NotMade": Advice("The objects are being made.", "Wait some seconds; then look at the operator: " + OPERATOR_LOG),
+    "Missing": Advice("Something that should exist does not yet.", "Wait some seconds; then: " + OPERATOR_LOG),
+}
+"""Reasons of WorkloadsAvailable and DiscoveryReady."""
+
+ROBOT: Final[dict[str, Advice]] = {
+    "NeverConnected": Advice("No robot has ever connected.", BUNDLE),
+    "Disconnected": Advice(
+        "The robot's agent has gone; the robot acts alone.",
+        "On the robot: journalctl -u robot-offload-agent, and robot-offload doctor for ports and limits.",
+    ),
+    "LeaseExpired": Advice("The cloud agent has stopped reporting; nobody knows about the robot.", AGENT_LOG),
+    "NotConnected": Advice("The robot is not connected, so only it knows.", "See condition AgentConnected."),
+    "NotReported": Advice("The agents have not said yet.", "Wait some seconds; then: " + AGENT_LOG),
+    "Pending": Advice("The settings are on their way to the robot.", "Wait some seconds."),
+    "Refused": Advice(
+        "The robot refuses the new settings and keeps its old ones.",
+        "Correct what the message names: settings may never be looser than the limits of the robot's own bundle.",
+    ),
+    "NeedsBundle": Advice(
+        "Something changed that the robot reads only at its start.", BUNDLE + " and restart its agent."
+    ),
+    "SwitchedOff": Advice(
+        "spec.replicas is 0: the cloud side is switched off.",
+        "kubectl scale roff/{name} -n {namespace} --replicas=1 switches it on.",
+    ),
+    "RobotGone": Advice("The robot was gone for spec.scale.idleTimeout; its nodes wait without pods.", BUNDLE),
+    "AgentSilent": Advice("The cloud agent's process has stopped.", AGENT_LOG),
+}
+"""Reasons around the robot: AgentConnected, AgentConfigCurrent, placement."""
+
+CERTIFICATES: Final[dict[str, Advice]] = {
+    "WaitingForIssuer": Advice(
+        "cert-manager has not delivered the certificates yet.",
+        "kubectl describe certificate -n {namespace} -l app.kubernetes.io/instance={name}",
+    ),
+    "Expiring": Advice("A certificate ends soon and is made anew.", BUNDLE),
+    "Revoked": Advice("The robot was revoked; a new client authority was made.", BUNDLE),
+    "OtherAuthority": Advice("A certificate was signed by another authority and is made anew.", BUNDLE),
+    "OtherHosts": Advice("The declared host has changed; the cloud's certificate is made anew.", BUNDLE),
+    "OtherRobot": Advice("The certificate names another robot and is made anew.", BUNDLE),
+}
+"""Reasons of CertificatesReady, and of the events that tell a new certificate."""
+
+CLUSTER: Final[dict[str, Advice]] = {
+    "AddressPending": Advice(
+        "The cluster has not given the Services an address yet.",
+        "kubectl get services -n {namespace} -l app.kubernetes.io/instance={name}; without a load balancer write "
+        "spec.transport.expose.type: NodePort, or give an address in expose.address or expose.host.",
+    ),
+    "Conflict": Advice(
+        "Somebody else owns an object, or a field of one, that we need.",
+        "The message names it; rename or delete the other object, or stop what changes it.",
+    ),
+    "AlreadyExists": Advice("An object of this name belongs to somebody else.", "Rename it, or rename {name}."),
+    "Forbidden": Advice("The operator's role does not allow something.", "helm upgrade the chart: its role fits it."),
+    "Invalid": Advice("The API server does not accept an object.", "The message says which field; report it to us."),
+    "NotFound": Advice("A kind or a namespace is missing.", "Install the custom resource definition: helm upgrade."),
+    "TooManyRequests": Advice("The API server asks to slow down.", "Wait; the operator tries again by itself."),
+    "ServerFailed": Advice("The API server has a problem of its own.", "Wait; the operator tries again by itself."),
+    "Unreachable": Advice("The API server does not answer.", "Wait; the operator tries again by itself."),
+    "Unauthorized": Advice("The API server does not accept the operator's token.", "Restart the operator's pod."),
+    "ApiServerRefused": Advice("The API server refused a request.", OPERATOR_LOG),
+    "NotConfigured": Advice("It is not known which cluster to talk to.", "Set KUBECONFIG, or pass --kubeconfig."),
+}
+"""Reasons of ResourcesApplied."""
+
+OWN: Final[dict[str, Advice]] = {
+    "NoStatus": Advice(
+        "The operator has not looked at this object yet: it is not running, or watches another namespace.",
+        "kubectl get deployments -A -l app.kubernetes.io/name=robot-offload-operator; none: helm install it.",
+    ),
+    "InProgress": Advice(
+        "The operator has not dealt with the last change yet.", "Wait some seconds; then: " + OPERATOR_LOG
+    ),
+    "BeingDeleted": Advice("The object is being deleted.", "Wait; everything that it made goes with it."),
+}
+"""Reasons that the command line itself finds."""
+
+NEXT_STEPS: Final[dict[str, Advice]] = GOOD | WORKLOADS | ROBOT | CERTIFICATES | CLUSTER | OWN
+
+INVALID: Final = Advice(
+    "The specification cannot be carried out; what was made before stays as it is.",
+    "Correct every line of the message and apply again; kubectl offload validate --cluster FILE checks it before.",
+)
+"""For SpecValid=False, whose reason is that of the first problem."""
+
+
+def advice(condition: str, reason: str) -> Advice:
+    """The advice for a reason of a condition."""
+    if reason in NEXT_STEPS:
+        return NEXT_STEPS[reason]
+    if condition == "SpecValid":
+        return INVALID
+    return Advice("", "The message says more; the operator's log says most: " + OPERATOR_LOG)

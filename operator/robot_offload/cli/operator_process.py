@@ -1,0 +1,18 @@
+"""`robot-offload operator`: the operator's own process. Hidden: the chart starts it, nobody types it."""
+
+from __future__ import annotations
+
+import importlib
+
+import typer
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command to `app`."""
+    app.command("operator", hidden=True)(operator)
+
+
+def operator() -> None:
+    """Run the operator until it is told to stop."""
+    # Imported only here: the framework under it takes a second that no other command needs.
+    importlib.import_module("robot_offload.running").main()
