@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import hypothesis
@@ -15,6 +16,7 @@ from robot_offload_core.collector import Charge, GateReport
 from robot_offload_core.placement import (
     Answer,
     CloudBeat,
+    CloudLeaving,
     Command,
     DataReported,
     Decided,
@@ -27,6 +29,7 @@ from robot_offload_core.placement import (
     Robot,
     SetGate,
     SetPin,
+    SetSettings,
     SwitchByHand,
     Tick,
     Wish,
@@ -80,6 +83,11 @@ class Machine:
         beat = cloud_beat(self.now_s, None, incarnation=incarnation, body=report, echo=echo)
         self.hear(CloudBeat(beat, self.now_s, 0))
 
+    def tune(self, settings: Settings) -> None:
+        """Settings are changed; who observes goes on observing, and who does not does not begin."""
+        mode = (self.robot.asked or self.robot.settings).mode
+        self.hear(SetSettings(replace(settings, mode=mode), self.robot.inputs))
+
     def gate(self, back: int, fell_back: bool, flow: bool) -> None:
         """The collector reports one of the charges that it was offered, or none."""
         charge = self.offers[-1 - back] if back < len(self.offers) else None
@@ -99,12 +107,21 @@ reports = st.builds(
     st.sampled_from(["", "", ROBOT]), st.sampled_from([-1, 10_000, 9_000_000]),
     st.lists(st.sampled_from([-1, 50_000]), max_size=2).map(tuple),
 )  # fmt: skip
+OTHER_SETTINGS = (
+    SETTINGS, replace(SETTINGS, lease_s=0.200), replace(SETTINGS, lease_s=0.230, loss_timeout_s=0.060),
+    replace(SETTINGS, pin=Site.ROBOT), replace(SETTINGS, pin=Site.CLOUD), replace(SETTINGS, prefer=Site.ROBOT),
+)  # fmt: skip
 wishes = st.none() | st.builds(Wish, st.sampled_from(Site), st.none() | st.floats(NOW_S, NOW_S + 5))
 acts: st.SearchStrategy[Act] = st.one_of(
     st.just(told(Tick())),
     st.booleans().map(lambda ready: told(NodesReported(ready))),
     st.sampled_from(Site).map(lambda site: told(SwitchByHand(site))),
     wishes.map(lambda wish: told(SetPin(wish))),
+    st.sampled_from(OTHER_SETTINGS).map(lambda settings: lambda machine: machine.tune(settings)),
+    st.builds(
+        lambda cloud, for_s: lambda machine: machine.hear(CloudLeaving(cloud, machine.now_s + for_s)),
+        st.sampled_from([CLOUD, STRANGER]), st.sampled_from([0.0, 1.0]),
+    ),
     st.builds(lambda up, age_s: told(DataReported(up, age_s, CLOUD)), mostly, st.none() | st.floats(0, 0.4)),
     st.builds(
         lambda who, body, echo, follows: lambda machine: machine.beat(who, body, echo, follows),
@@ -221,6 +238,10 @@ FAULTS: dict[str, Callable[[Story], None]] = {
     "pinned to the robot": lambda story: story.tell(SetPin(Wish(Site.ROBOT))),
     "pinned to the cloud": lambda story: story.tell(SetPin(Wish(Site.CLOUD))),
     "unpinned": lambda story: story.tell(SetPin(None)),
+    "a shorter lease": lambda story: story.tell(SetSettings(OTHER_SETTINGS[1], story.robot.inputs)),
+    "the lease as before": lambda story: story.tell(SetSettings(SETTINGS, story.robot.inputs)),
+    "observing": lambda story: story.tell(SetSettings(replace(SETTINGS, mode=Mode.OBSERVE), story.robot.inputs)),
+    "a cloud that is going": lambda story: story.tell(CloudLeaving(CLOUD, story.now_s + 60.0)),
 }
 
 
@@ -232,6 +253,8 @@ def heal(story: Story) -> None:
         nodes.able, nodes.mute = True, False
     story.control_runs = story.pulse_runs = story.collector_runs = True
     story.cloud_wall_error_s = 0.0
+    story.tell(SetSettings(SETTINGS, story.robot.inputs))
+    story.tell(CloudLeaving(CLOUD, story.now_s))
 
 
 steps = st.tuples(st.sampled_from([*FAULTS, *["heal"] * 8]), st.sampled_from([0.03, 0.1, 0.1, 0.3, 0.6]))
