@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from robot_offload.simulate.link_model import REPLAY_SPREAD_S, Session, Wire
@@ -11,6 +11,7 @@ from robot_offload.simulate.nodes import Node
 from robot_offload.simulate.strangers import OtherRobot, babble, other_cloud
 from robot_offload.simulate.world import Process
 from robot_offload_core import placement as words
+from robot_offload_core.settings import Mode, Settings
 from robot_offload_core.switcher import PREPARE_EXTRA_S
 from robot_offload_core.token import Site
 
@@ -366,15 +367,31 @@ def _babble(run: Chunk, fault: Fault) -> Undo:
 
 
 def _hand(run: Chunk, fault: Fault) -> Undo:
-    """Somebody switches or pins at the worst moment."""
+    """Somebody switches, pins, or changes settings at the worst moment, or the cloud's pods say that they are going."""
     site, pick = _of((Site.ROBOT, Site.CLOUD), fault.pick)
+    control = run.robot.control
     until_s = run.robot.host.now_s() + fault.duration_s
+    tuned, _ = _of((_shorter_lease, _observing), pick * 97 % 1)
     events: tuple[words.Event, ...] = (
         words.SwitchByHand(site), words.SetPin(words.Wish(site, until_s)), words.SetPin(None),
+        words.SetSettings(tuned(run.scenario.settings, pick), run.scenario.inputs),
+        words.CloudLeaving(control.robot.link.peer, until_s),
     )  # fmt: skip
     event, _ = _of(events, pick)
-    run.robot.control.deliver(run.robot.control.step, event)
+    control.deliver(control.step, event)
+    if isinstance(event, words.SetSettings):
+        return lambda: control.deliver(control.step, words.SetSettings(run.scenario.settings, run.scenario.inputs))
     return _nothing
+
+
+def _shorter_lease(settings: Settings, pick: float) -> Settings:
+    """Settings that are pushed are never longer than those of the bundle, so the observer's limits hold for them."""
+    shortest_s = settings.echo_limit_s + 2 * settings.beat_period_s
+    return replace(settings, lease_s=shortest_s + (settings.lease_s - shortest_s) * pick)
+
+
+def _observing(settings: Settings, _: float) -> Settings:
+    return replace(settings, mode=Mode.OBSERVE)
 
 
 KINDS: dict[str, Kind] = {
