@@ -21,7 +21,7 @@ request = urllib.request.Request(os.environ["{URL_VARIABLE}"], data=b"", method=
 try:
     opener.open(request, timeout=15).read()
 except OSError as error:
-    print("the robot was not asked to take over:", error)
+    print("the robot has not confirmed that it takes over:", error)
 """
 
 
