@@ -26,6 +26,7 @@ CASES: dict[str, Values] = {
     "without the definition": {"crds.install": False},
     "another registry": {"images.registry": "mirror.example:5000/ros", "images.tag": "1.2.3", "images.agent": DIGEST},
     "private registry": {"images.pullSecrets": [{"name": "registry"}], "images.pullPolicy": "Always"},
+    "more to read": {"logLevel": "debug"},
     "cert-manager": {"certManager.enabled": True},
     "own service account": {"serviceAccount.create": False, "serviceAccount.name": "mine"},
     "annotated service account": {"serviceAccount.annotations": {"example.com/role": "arn:1"}},
@@ -58,6 +59,7 @@ WRONG: dict[str, tuple[Values, str]] = {
     "no port": ({"networkPolicy.apiServerPorts": [70000]}, "apiServerPorts"),
     "a pull secret without a name": ({"images.pullSecrets": ["registry"]}, "pullSecrets"),
     "an interval without a unit": ({"metrics.podMonitor.interval": "30"}, "interval"),
+    "an unknown log level": ({"logLevel": "chatty"}, "logLevel"),
     "a missing account name": ({"serviceAccount.create": False}, "serviceAccount.name"),
 }
 
