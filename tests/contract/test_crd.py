@@ -230,6 +230,7 @@ def test_what_keeps_the_rules_is_taken(path: str, value: Any) -> None:
 def test_every_rule_of_the_crd_stands_in_it_and_has_an_example() -> None:
     for rule in RULES:
         assert rule.schema() in part_at(SCHEMA, rule.path)["x-kubernetes-validations"]
+        assert not rule.field or f"{rule.path}.{rule.field}" in PARTS
     assert {(rule.path, rule.reason) for rule in RULES} == {example.rule for example in BROKEN}
 
 

@@ -21,6 +21,7 @@ from robot_offload.strict_yaml import parse, thaw
 from tests.cluster.commands import Kubectl
 from tests.cluster.control_plane import ControlPlane
 from tests.contract.rule_examples import BROKEN, KEPT
+from tests.contract.test_crd import PLACES
 from tests.unit.specs import MINIMAL, changed, sample
 
 pytestmark = pytest.mark.api
@@ -115,6 +116,31 @@ def test_a_wrong_field_is_refused_by_both(judged: Callable[[Any], tuple[int, str
         assert status in (400, 422), (path, value, said)
         with pytest.raises(SpecError):
             parse_object(values, "f.yaml", rules=CLUSTER_CHECKS)
+
+
+# A value for a field, right for some and wrong for most. No null: the API server drops it, the models ask for a value.
+VALUES = st.sampled_from(
+    ["20ms", "0s", "1h", "500m", "Robot", "Cold", "/scan", "/a__b", "", "none", "a/msg/B", "Zenoh", "DDSRouter",
+     "Exists", "StaticPeers", "x" * 64, "x" * 300, "a.b", "A", "a_b", "1.2.3.4", "::1", "remote_x", "guardian", "a\n", "a b",
+     0, 1, -1, 2, 300, 70_000, 0.01, 0.05, 1001, [], {}, True, False]
+)  # fmt: skip
+# What only the operator judges: keys of mappings, the form of parameters, and these reasons.
+OPERATOR_ONLY = {"DuplicateOutput", "AlsoAnOutput", "AmbiguousTopic", "DuplicateVariable"}
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.sampled_from(PLACES), VALUES)
+def test_any_change_of_one_field_is_judged_alike(
+    judged: Callable[[Any], tuple[int, str]], path: str, value: Any
+) -> None:
+    values = changed(path, value)
+    try:
+        parse_object(values, "f.yaml", rules=CLUSTER_CHECKS)
+        taken = True
+    except SpecError as error:
+        taken = {finding.reason for finding in error.findings} <= OPERATOR_ONLY
+    status, said = judged(values)
+    assert (status == 201) == taken, said
 
 
 DURATIONS = st.builds(lambda number, unit: f"{number}{unit}", st.integers(0, 400), st.sampled_from(["ms", "ms", "s"]))

@@ -99,7 +99,12 @@ class Within:
 Duration = Annotated[int, _DurationType()]
 """Whole milliseconds in Python, text with a unit in YAML. Combine it with `Within`."""
 
-RateHz = Annotated[float, Field(ge=0.05, le=1000, allow_inf_nan=False)]
+# The API server cuts a limit to a whole number where the value is one, so 0 would pass the minimum of 0.05.
+_RATE_RULE: Final = {"rule": "self >= 0.05", "message": "must be at least 0.05"}
+RateHz = Annotated[
+    float,
+    Field(ge=0.05, le=1000, allow_inf_nan=False, json_schema_extra={"x-kubernetes-validations": [_RATE_RULE]}),
+]
 """Messages per second: from one in 20 s, which is slow for something that is judged, to the limit for control
 loops."""
 

@@ -28,16 +28,19 @@ class Rule:
         reason: the reason of the check that says the same.
         rule: CEL; `self` is the object at `path`.
         message: what is wrong and what to write instead.
+        field: the field of it that the message is shown with, as the check does; empty: the object itself.
     """
 
     path: str
     reason: str
     rule: str
     message: str
+    field: str = ""
 
     def schema(self) -> dict[str, Any]:
         """The rule as it stands in `x-kubernetes-validations`."""
-        return {"rule": self.rule, "message": self.message}
+        where = {"fieldPath": f".{self.field}"} if self.field else {}
+        return {"rule": self.rule, "message": self.message, **where}
 
 
 def _milliseconds(duration: str) -> str:
@@ -62,6 +65,7 @@ def _blocks() -> Iterator[Rule]:
             "WrongBlock",
             f"!has(self.{yaml_name(block)}) || self.type in {_cel_list(types)}",
             f"{yaml_name(block)} belongs to transport type {' or '.join(types)}; remove it or change type",
+            yaml_name(block),
         )
 
 
@@ -74,30 +78,35 @@ _TRANSPORT: Final = (
         "size(self.staticPeers.robot) > 0)",
         "transport type StaticPeers needs at least one address of the robot, as the cloud reaches it: add "
         "staticPeers.robot",
+        "staticPeers",
     ),
     Rule(
         "spec.transport.zenoh",
         "SamePort",
         "self.pulsePort != self.dataPort",
         "pulsePort and dataPort are the same port; give the data session another one",
+        "dataPort",
     ),
     Rule(
         "spec.transport.expose",
         "WrongExposure",
         "self.type == 'LoadBalancer' || !has(self.address)",
         "address belongs to type LoadBalancer; remove it or write type: LoadBalancer",
+        "address",
     ),
     Rule(
         "spec.transport.expose",
         "WrongExposure",
         "self.type == 'LoadBalancer' || !has(self.loadBalancerClass)",
         "loadBalancerClass belongs to type LoadBalancer; remove it or write type: LoadBalancer",
+        "loadBalancerClass",
     ),
     Rule(
         "spec.transport.expose",
         "WrongExposure",
         "self.type != 'ClusterIP' || !has(self.nodePorts)",
         "Services of type ClusterIP have no ports on the nodes; remove nodePorts or write type: NodePort",
+        "nodePorts",
     ),
     Rule(
         "spec.transport.certificates",
@@ -105,6 +114,7 @@ _TRANSPORT: Final = (
         "duration(self.renewBefore) < duration(self.duration)",
         "renewBefore is not less than duration, so certificates would be renewed all the time; write for example a "
         "third of duration",
+        "renewBefore",
     ),
 )
 _CLOUD: Final = (
@@ -114,24 +124,28 @@ _CLOUD: Final = (
         f"(has(self.cloud.rmw) ? self.cloud.rmw : self.robot.rmw) in {_cel_list(FAST_DDS)}",
         "the cloud's middleware cannot find nodes through discovery servers, as a cluster needs it; write "
         f"rmw: {FAST_DDS[0]} under spec.cloud",
+        "cloud.rmw",
     ),
     Rule(
         "spec.cloud.tolerations[]",
         "Contradiction",
         "self.operator != 'Exists' || !has(self.value) || self.value == ''",
         "operator Exists takes no value; remove it",
+        "value",
     ),
     Rule(
         "spec.cloud.tolerations[]",
         "Required",
         "self.operator == 'Exists' || has(self.key)",
         "key is missing; give one or write operator: Exists",
+        "key",
     ),
     Rule(
         "spec.cloud.tolerations[]",
         "Contradiction",
         "!has(self.tolerationSeconds) || (has(self.effect) && self.effect == 'NoExecute')",
         "tolerationSeconds counts for effect NoExecute only; remove it or add that",
+        "tolerationSeconds",
     ),
 )
 _NODES: Final = (
@@ -140,6 +154,7 @@ _NODES: Final = (
         "Contradiction",
         "!self.latched || !has(self.qos) || !has(self.qos.durability) || self.qos.durability != 'Volatile'",
         "durability Volatile keeps no last value, but the topic is latched; write TransientLocal or latched: false",
+        "qos.durability",
     ),
     Rule(
         "spec.nodes[]",
@@ -147,18 +162,21 @@ _NODES: Final = (
         "self.placement != 'Duplicated' || self.lifecycle",
         "a Duplicated node must be a managed (lifecycle) node: only those can be put to sleep; write lifecycle: true "
         "or another placement",
+        "lifecycle",
     ),
     Rule(
         "spec.nodes[]",
         "NoImage",
         "self.placement == 'Robot' || has(self.image)",
         "a cluster needs the image of the replica in the cloud; add image",
+        "image",
     ),
     Rule(
         "spec.nodes[]",
         "NoProgram",
         "self.placement == 'Robot' || has(self.run)",
         "a cluster must know how to start the replica in the cloud; add run",
+        "run",
     ),
     Rule(
         "spec.nodes[]",
@@ -166,6 +184,7 @@ _NODES: Final = (
         "self.placement != 'Duplicated' || !has(self.outputs) || !has(self.run) || !has(self.run.remap) || "
         "self.outputs.all(o, !(o.topic in self.run.remap) || self.run.remap[o.topic] == o.topic)",
         "run.remap moves an output; declare the output under the name that consumers know",
+        "run.remap",
     ),
     Rule(
         "spec.nodes[].run",
@@ -184,18 +203,21 @@ _NODES: Final = (
         "NoRate",
         "!has(self.deadline) || has(self.rate)",
         "an output without a rate is not judged; add its rate or remove deadline",
+        "deadline",
     ),
     Rule(
         "spec.nodes[].outputs[]",
         "TooShort",
         f"!has(self.deadline) || !has(self.rate) || double({_milliseconds('self.deadline')}) * self.rate > 1000.0",
         "deadline is not more than one period of the rate, so a healthy output would fail; write at least two periods",
+        "deadline",
     ),
     Rule(
         "spec.nodes[].env[]",
         "ReservedVariable",
         f"!(self.name in {_cel_list(RESERVED_VARIABLES)})",
         "this variable follows from the resource and cannot be set; remove it",
+        "name",
     ),
 )
 _SWITCHING: Final = (
@@ -205,13 +227,16 @@ _SWITCHING: Final = (
         f"duration(self.lossTimeout) > {_BEAT} + {_BEAT}",
         "lossTimeout is not more than two heartbeat periods, so one lost beat would be an alarm; write for example "
         "90ms for a period of 20ms",
+        "lossTimeout",
     ),
     Rule(
         "spec.switching",
         "MultipleOfPeriod",
+        f"duration(self.lossTimeout) <= {_BEAT} + {_BEAT} || "
         f"{_milliseconds('self.lossTimeout')} % {_milliseconds('self.heartbeatPeriod')} != 0",
         "lossTimeout is a multiple of the heartbeat period, so the last beat and the alarm would race; write for "
         "example 90ms for a period of 20ms",
+        "lossTimeout",
     ),
     Rule(
         "spec.switching.latency",
@@ -226,6 +251,7 @@ _SWITCHING: Final = (
         f"duration(self.lease) >= duration(self.lossTimeout) + ({_LOOP}) + {_BEAT} + {_BEAT}",
         "lease is less than lossTimeout + allowed loop latency (robotPeriod + tolerance - cloudPeriod) + two "
         "heartbeats; raise it",
+        "lease",
     ),
     Rule(
         "spec.switching",
@@ -233,12 +259,14 @@ _SWITCHING: Final = (
         f"duration(self.maxCommandAge) > {_LOOP} + {_BEAT}",
         "maxCommandAge is not more than the allowed loop latency (robotPeriod + tolerance - cloudPeriod) + one "
         "heartbeat, so messages of a good link would be dropped; raise it",
+        "maxCommandAge",
     ),
     Rule(
         "spec.switching.holdDown",
         "OutOfRange",
         "duration(self.initial) <= duration(self.max)",
         "initial is more than max; lower it or raise max",
+        "initial",
     ),
 )
 RULES: Final[tuple[Rule, ...]] = (*_TRANSPORT, *_CLOUD, *_NODES, *_SWITCHING)
