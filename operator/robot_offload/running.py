@@ -37,8 +37,13 @@ from robot_offload.render import labels
 
 _SETTLE_S: Final = 0.1
 """How long after an event of a child the pass waits for its siblings' events."""
-_BLIND_LIMIT_S: Final = 180.0
+_BLIND_LIMIT: Final = 2.5
+"""How long the watch may miss something, in times of silence after which it is opened again."""
 _log = structlog.get_logger("robot_offload.running")
+
+
+class PartEndedError(RobotOffloadError):
+    """A part that should run for ever has ended; the process ends with it."""
 
 
 class Operator:
@@ -155,8 +160,10 @@ class Operator:
             part.cancel()
         results = await asyncio.gather(*parts, leading, watching, stopped, return_exceptions=True)
         for result in results:
-            if isinstance(result, Exception):
+            if isinstance(result, RobotOffloadError):
                 raise result
+            if isinstance(result, Exception):
+                raise PartEndedError(f"a part of the operator broke: {result!r}") from result
         if watching in done and not stop.is_set():
             _log.info("Stopped by a signal")
 
@@ -230,7 +237,7 @@ class Operator:
         now_s = self._clock.steady_s()
         yield Limit("leader loop", now_s - self._leadership.looked_s, max(60.0, 4 * self._settings.lease_s))
         if self._watching:
-            yield Limit("watch behind the list", self._sight.blind_s(now_s), _BLIND_LIMIT_S)
+            yield Limit("watch behind the list", self._sight.blind_s(now_s), _BLIND_LIMIT * self._settings.inactivity_s)
             yield Limit("list", now_s - self._probed_s, max(300.0, 6 * self._settings.probe_s))
 
     def _statuses(self) -> Iterable[dict[str, object]]:
@@ -259,7 +266,7 @@ async def _run(settings: Settings) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
-    api = connect()
+    api = connect(retry=RetryPolicy(request_timeout_s=settings.request_s))
     # Its own connection and no patience: renewing must not queue behind the work.
     leader_api = connect(retry=RetryPolicy(attempts=1, request_timeout_s=settings.lease_s / 5))
     try:

@@ -25,6 +25,7 @@ class Settings:
         metrics_port: of /metrics; 0: a free one, told in the log.
         health_port: of /healthz; 0: a free one, told in the log.
         log_level: debug, info, warning or error.
+        request_s: how long one request to the API server may take.
         workers: how many objects are looked at at once.
     """
 
@@ -39,6 +40,7 @@ class Settings:
     metrics_port: int = 8080
     health_port: int = 8081
     log_level: str = "info"
+    request_s: float = 15.0
     workers: int = 4
 
 
@@ -84,6 +86,7 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
         metrics_port=int(number("METRICS_PORT", 8080, 0)),
         health_port=int(number("HEALTH_PORT", 8081, 0)),
         log_level=_level(environment.get("LOG_LEVEL") or "info", problems),
+        request_s=number("REQUEST_TIMEOUT_SECONDS", 15.0, 0.1),
         workers=int(number("WORKERS", 4, 1)),
     )
     if problems:

@@ -1,0 +1,211 @@
+"""A proxy in front of the API server that counts, refuses, delays, forgets, cuts and kills, as a test says.
+
+It runs in a thread of its own and speaks plain HTTP to the operator on the loopback interface.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import ssl
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+from aiohttp import web
+
+from tests.cluster.control_plane import ControlPlane
+
+WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+LEADER = "/leases/robot-offload-operator"
+_HOP_BY_HOP = frozenset({"connection", "content-length", "transfer-encoding", "content-encoding", "host"})
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One request of the operator and how it was answered."""
+
+    method: str
+    path: str
+    query: str
+    watch: bool
+    status: int
+    content: str = ""
+
+    @property
+    def write(self) -> bool:
+        """Whether it changes objects. The leader's own Lease is another writer's business."""
+        return self.method in WRITES and not self.leader
+
+    @property
+    def leader(self) -> bool:
+        return LEADER in self.path or (self.path.endswith("/leases") and self.method == "POST")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the proxy answers instead of the API server."""
+
+    status: int
+    body: Any = None
+    headers: tuple[tuple[str, str], ...] = ()
+    hang: bool = False
+    carried_out: bool = False  # whether the API server gets the request all the same
+
+    @classmethod
+    def refusal(cls, status: int, reason: str, **headers: str) -> Answer:
+        body = {"kind": "Status", "apiVersion": "v1", "code": status, "reason": reason, "message": f"injected {reason}"}
+        return cls(status, body, tuple((key.replace("_", "-"), value) for key, value in headers.items()))
+
+
+Fault = Callable[[Asked], Answer | None]
+
+
+class Proxy:
+    """One proxy. Set `fault` and `after_write` from the test at any time."""
+
+    def __init__(self, plane: ControlPlane, directory: Path, name: str = "proxy") -> None:
+        self.asked: list[Asked] = []
+        self.fault: Fault | None = None
+        self.after_write: Callable[[Asked], None] | None = None
+        self.silent = False
+        self._plane = plane
+        self._watches: set[asyncio.Task[Any]] = set()
+        self._loop = asyncio.new_event_loop()
+        self._stopping = asyncio.Event()
+        self._started = threading.Event()
+        self._port = 0
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+        assert self._started.wait(30)
+        self.kubeconfig = directory / f"{name}.kubeconfig"
+        self.kubeconfig.write_text(json.dumps(self._kubeconfig()))
+
+    def close(self) -> None:
+        self._loop.call_soon_threadsafe(self._stopping.set)
+        self._thread.join(30)
+
+    def writes(self) -> list[Asked]:
+        return [asked for asked in list(self.asked) if asked.write]
+
+    def cut_watches(self) -> int:
+        """End all open watches in the middle; returns how many there were."""
+
+        async def cut() -> int:
+            watches = list(self._watches)
+            for watch in watches:
+                watch.cancel()
+            return len(watches)
+
+        return asyncio.run_coroutine_threadsafe(cut(), self._loop).result(30)
+
+    def watches(self) -> int:
+        return len(self._watches)
+
+    # -- in the thread ------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.run_until_complete(self._serve())
+        self._loop.run_until_complete(self._clear())
+        self._loop.close()
+
+    async def _clear(self) -> None:
+        """Leave no task and no half-closed TLS connection behind."""
+        others = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+        await asyncio.sleep(0.3)  # aiohttp closes TLS transports in the background
+
+    async def _serve(self) -> None:
+        trust = ssl.create_default_context(cafile=str(self._plane.ca_file))
+        connector = aiohttp.TCPConnector(ssl=trust, limit=0)
+        async with aiohttp.ClientSession(connector=connector, auto_decompress=False) as self._session:
+            application = web.Application(client_max_size=2**24)
+            application.router.add_route("*", "/{path:.*}", self._handle)
+            runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.1)
+            await runner.setup()
+            await web.TCPSite(runner, "127.0.0.1", 0).start()
+            self._port = runner.addresses[0][1]
+            self._started.set()
+            await self._stopping.wait()
+            for watch in list(self._watches):
+                watch.cancel()
+            await runner.cleanup()
+
+    async def _handle(self, request: web.Request) -> web.StreamResponse:
+        body = await request.read()
+        watch = request.query.get("watch") == "true"
+        asking = Asked(request.method, request.path, request.query_string, watch, 0, body.decode(errors="replace"))
+        answer = self.fault(asking) if self.fault and not watch else None
+        if answer is not None:
+            if answer.carried_out:
+                await self._forward(request, body)
+            self._note(asking, answer.status)
+            if answer.hang:
+                await asyncio.sleep(3600)
+            return web.json_response(answer.body, status=answer.status, headers=dict(answer.headers))
+        if watch:
+            return await self._watch(request)
+        status, headers, content = await self._forward(request, body)
+        self._note(asking, status)
+        if asking.write and status < 300 and self.after_write:
+            self.after_write(asking)
+        return web.Response(status=status, body=content, headers=headers)
+
+    def _note(self, asking: Asked, status: int) -> None:
+        self.asked.append(Asked(asking.method, asking.path, asking.query, asking.watch, status, asking.content))
+
+    async def _forward(self, request: web.Request, body: bytes) -> tuple[int, dict[str, str], bytes]:
+        async with self._session.request(
+            request.method,
+            self._plane.url + request.raw_path,
+            data=body or None,
+            headers=_passed(request.headers),
+            skip_auto_headers=("Content-Type",),
+        ) as answer:
+            return answer.status, _passed(answer.headers), await answer.read()
+
+    async def _watch(self, request: web.Request) -> web.StreamResponse:
+        task = asyncio.current_task()
+        assert task is not None
+        self._watches.add(task)
+        try:
+            if self.silent:
+                await asyncio.sleep(3600)
+            headers = {**_passed(request.headers), "Accept-Encoding": "identity"}
+            timeout = aiohttp.ClientTimeout(total=None)
+            async with self._session.get(
+                self._plane.url + request.raw_path, headers=headers, timeout=timeout
+            ) as upstream:
+                response = web.StreamResponse(status=upstream.status, headers=_passed(upstream.headers))
+                await response.prepare(request)
+                self.asked.append(Asked("GET", request.path, request.query_string, True, upstream.status))
+                async for chunk in upstream.content.iter_any():
+                    if self.silent:
+                        await asyncio.sleep(3600)
+                    await response.write(chunk)
+                await response.write_eof()
+                return response
+        except ConnectionError:  # the operator has gone
+            return web.Response(status=500)
+        finally:
+            self._watches.discard(task)
+
+    def _kubeconfig(self) -> dict[str, Any]:
+        return {
+            "apiVersion": "v1",
+            "kind": "Config",
+            "clusters": [{"name": "proxy", "cluster": {"server": f"http://127.0.0.1:{self._port}"}}],
+            "users": [{"name": "admin", "user": {"token": self._plane.token}}],
+            "contexts": [{"name": "proxy", "context": {"cluster": "proxy", "user": "admin"}}],
+            "current-context": "proxy",
+        }
+
+
+def _passed(headers: Any) -> dict[str, str]:
+    return {key: value for key, value in headers.items() if key.lower() not in _HOP_BY_HOP}

@@ -1,0 +1,369 @@
+"""The life of RobotOffloads under a running operator: made, changed, invalid, edited by others, gone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robot_offload.kube.kinds import (
+    CHILD_KINDS,
+    CONFIG_MAP,
+    DEPLOYMENT,
+    LEASE,
+    NAMESPACE,
+    ROBOT_OFFLOAD,
+    SECRET,
+    SERVICE,
+    Kind,
+)
+from tests.cluster.control_plane import ControlPlane
+from tests.integration.operator_cluster import Place, eventually, walker
+from tests.integration.operator_process import Operator
+from tests.integration.operator_proxy import Asked, Proxy
+
+pytestmark = pytest.mark.api
+
+
+@pytest.fixture(scope="module")
+def proxy(control_plane: ControlPlane, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
+    proxy = Proxy(control_plane, tmp_path_factory.mktemp("proxy"))
+    yield proxy
+    proxy.close()
+
+
+@pytest.fixture(scope="module")
+def operator(proxy: Proxy, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Operator]:
+    operator = Operator.start(proxy.kubeconfig, tmp_path_factory.mktemp("operator") / "log")
+    operator.wait_said("Became leader")
+    yield operator
+    assert operator.stop() == 0
+    assert not [line for line in operator.lines() if line["event"] == "A pass broke"]
+
+
+@pytest.fixture
+def place(control_plane: ControlPlane, namespace: str, operator: Operator) -> Place:
+    return Place(control_plane, namespace)
+
+
+def test_a_new_resource_gets_all_its_children_with_its_labels_and_its_owner_reference(place: Place) -> None:
+    uid = place.create(ROBOT_OFFLOAD, walker())["metadata"]["uid"]
+    roff = place.applied()
+    children = place.children()
+    assert {kind for kind, _ in children} == {
+        "ServiceAccount", "Role", "RoleBinding", "Secret", "ConfigMap", "Lease", "Service", "NetworkPolicy",
+        "StatefulSet", "Deployment",
+    }  # fmt: skip
+    assert {"walker-server-ca", "walker-client-ca", "walker-cloud", "walker-robot"} <= {n for _, n in children}
+    for child in children.values():
+        (owner,) = child["metadata"]["ownerReferences"]
+        assert (owner["uid"], owner["controller"], owner["blockOwnerDeletion"]) == (uid, True, True)
+        assert child["metadata"]["labels"]["app.kubernetes.io/managed-by"] == "robot-offload"
+        assert "finalizers" not in child["metadata"]
+    assert "finalizers" not in roff["metadata"]
+    assert not [key for key in roff["metadata"].get("annotations", {}) if "kopf" in key]
+    assert roff["status"]["observedGeneration"] == 1
+    assert place.condition("Ready")["status"] == "False"
+    assert roff["status"]["nodesReady"] == "0/1"
+
+
+def test_what_settles_is_never_written_again_not_even_by_a_new_operator(
+    place: Place, operator: Operator, proxy: Proxy, tmp_path: Path
+) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    quiet(proxy, place)
+    before = {key: child["metadata"]["resourceVersion"] for key, child in place.children().items()}
+    version = place.roff()["metadata"]["resourceVersion"]
+    operator.stop()
+    count = len(writes(proxy, place))
+    operator.__dict__.update(Operator.start(proxy.kubeconfig, tmp_path / "log").__dict__)
+    operator.wait_said("Became leader")
+    # A change of another object shows that the new operator has been through everything.
+    place.create(ROBOT_OFFLOAD, walker("marker"))
+    place.applied("marker")
+    quiet(proxy, place)
+    mine = [asked for asked in writes(proxy, place)[count:] if "walker" in asked.path]
+    assert mine == []
+    assert place.roff()["metadata"]["resourceVersion"] == version
+    assert {key: child["metadata"]["resourceVersion"] for key, child in place.children().items()} == before
+
+
+def test_a_changed_child_is_put_right_and_what_others_add_is_left_alone(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    for (kind, name), child in place.children().items():
+        of = _kind(kind)
+        labels = {"app.kubernetes.io/component": "edited", "somebody": "else"}
+        place.patch(of, name, {"metadata": {"labels": labels, "annotations": {"note": "kept"}}})
+        want = child["metadata"]["labels"]["app.kubernetes.io/component"]
+
+        def healed(of: Kind = of, name: str = name, want: str = want) -> bool:
+            metadata = place.there(of, name)["metadata"]
+            return metadata["labels"]["app.kubernetes.io/component"] == want
+
+        eventually(healed, f"{kind} {name} to be put right")
+        metadata = place.there(of, name)["metadata"]
+        assert metadata["labels"]["somebody"] == "else"
+        assert metadata["annotations"]["note"] == "kept"
+
+
+def test_edits_of_what_matters_are_undone(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    image = place.there(DEPLOYMENT, "walker-talker")["spec"]["template"]["spec"]["containers"][0]["image"]
+    place.patch(DEPLOYMENT, "walker-talker", {"spec": {"replicas": 3}})
+    eventually(lambda: place.there(DEPLOYMENT, "walker-talker")["spec"]["replicas"] == 1, "one replica")
+    place.patch(CONFIG_MAP, "walker-agent", {"data": {"agent.yaml": "nonsense"}})
+    eventually(lambda: place.there(CONFIG_MAP, "walker-agent")["data"]["agent.yaml"] != "nonsense", "the configuration")
+    container = {"name": "talker", "image": "evil:1"}
+    name = place.there(DEPLOYMENT, "walker-talker")["spec"]["template"]["spec"]["containers"][0]["name"]
+    place.patch(
+        DEPLOYMENT, "walker-talker", {"spec": {"template": {"spec": {"containers": [{**container, "name": name}]}}}}
+    )
+
+    def restored() -> bool:
+        containers = place.there(DEPLOYMENT, "walker-talker")["spec"]["template"]["spec"]["containers"]
+        return [entry["image"] for entry in containers] == [image]
+
+    eventually(restored, "the image")
+    place.patch(SERVICE, "walker-udp", {"metadata": {"ownerReferences": None}})
+    eventually(lambda: place.there(SERVICE, "walker-udp")["metadata"].get("ownerReferences"), "the owner")
+
+
+def test_every_child_that_somebody_deletes_is_made_again(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    before = place.children()
+    for kind, name in before:
+        place.delete(_kind(kind), name)
+
+    def back() -> bool:
+        now = place.children()
+        return now.keys() == before.keys() and all(
+            now[key]["metadata"]["uid"] != child["metadata"]["uid"] for key, child in before.items()
+        )
+
+    eventually(back, "all children to be made again")
+    place.applied()
+
+
+def test_a_strangers_object_is_not_taken_over_and_the_condition_says_whose_it_is(place: Place) -> None:
+    stranger = {"apiVersion": "v1", "kind": "ConfigMap", "metadata": {"name": "walker-agent"}, "data": {"mine": "yes"}}
+    place.create(CONFIG_MAP, stranger)
+    place.create(ROBOT_OFFLOAD, walker())
+    condition = place.wait_condition("ResourcesApplied", "False", "NameTaken")
+    assert "ConfigMap walker-agent exists and has no owner" in condition["message"]
+    assert place.there(DEPLOYMENT, "walker-talker")  # the others are made all the same
+    assert place.there(CONFIG_MAP, "walker-agent")["data"] == {"mine": "yes"}
+    place.delete(CONFIG_MAP, "walker-agent")
+    place.patch(ROBOT_OFFLOAD, "walker", {"metadata": {"annotations": {"poke": "1"}}})
+    place.wait_condition("ResourcesApplied", "True")
+    assert "agent.yaml" in place.there(CONFIG_MAP, "walker-agent")["data"]
+
+
+def test_two_resources_whose_children_would_share_a_name_do_not_fight(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker("walker"))
+    place.applied("walker")
+    other = walker("walker-talker")
+    other["spec"]["nodes"][0]["name"] = "agent_x"
+    first = walker("walker")["spec"]["nodes"][0]
+    place.change({"nodes": [first, {**first, "name": "talker_agent", "outputs": []}]})
+    place.applied("walker")
+    place.create(ROBOT_OFFLOAD, other)
+    condition = place.wait_condition("ResourcesApplied", "False", "NameTaken", name="walker-talker")
+    assert "belongs to RobotOffload walker" in condition["message"]
+    assert place.condition("ResourcesApplied", "walker")["status"] == "True"
+
+
+def test_an_invalid_resource_says_every_problem_keeps_its_children_and_recovers(place: Place, proxy: Proxy) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    quiet(proxy, place)
+    before = place.children()
+    node = walker()["spec"]["nodes"][0]
+    twice = [node, {**node, "name": "second"}]
+    place.change({"nodes": twice, "topics": {"toCloud": [{"name": "/chatter"}]}})
+    condition = place.wait_condition("SpecValid", "False")
+    assert "DuplicateOutput" in condition["reason"] or "second" in condition["message"]
+    assert len(condition["message"].splitlines()) >= 3  # two problems and what happens to the children
+    assert place.wait_condition("Ready", "False")["reason"] == condition["reason"]
+    quiet(proxy, place)
+    count = len(proxy.asked)
+    assert {key: child["metadata"]["resourceVersion"] for key, child in place.children().items()} == {
+        key: child["metadata"]["resourceVersion"] for key, child in before.items()
+    }
+    place.change({"nodes": [node], "topics": None})
+    place.wait_condition("SpecValid", "True")
+    place.applied()
+    assert [asked for asked in proxy.asked[count:] if asked.write]
+
+
+def test_deleting_the_resource_removes_every_child_and_one_of_the_same_name_starts_afresh(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    first = {child["metadata"]["uid"] for child in place.children().values()}
+    place.delete(ROBOT_OFFLOAD, "walker")
+    place.create(ROBOT_OFFLOAD, walker())  # at once: the old children are still on their way out
+    uid = place.roff()["metadata"]["uid"]
+    eventually(
+        lambda: (
+            place.condition("ResourcesApplied").get("status") == "True"
+            and not first & {child["metadata"]["uid"] for child in place.children().values()}
+        ),
+        "new children only",
+    )
+    owners = {child["metadata"]["ownerReferences"][0]["uid"] for child in place.children().values()}
+    assert owners == {uid}
+    place.delete(ROBOT_OFFLOAD, "walker")
+    eventually(lambda: not place.children(), "no children")
+
+
+def test_a_namespace_can_be_deleted_with_everything_in_it(control_plane: ControlPlane, operator: Operator) -> None:
+    place = Place(control_plane, control_plane.new_namespace("short-lived"))
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    place.delete(NAMESPACE, place.namespace)
+    place.gone(NAMESPACE, place.namespace)
+
+
+def test_the_robots_lease_becomes_the_status_and_nodes_sleep_without_a_robot(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker(scale={"idleTimeout": "30s"}))
+    place.applied()
+    assert place.condition("AgentConnected")["reason"] == "NeverConnected"
+    renew(place, site="cloud", reason="LinkGood")
+    place.wait_condition("AgentConnected", "True", "Connected")
+    roff = eventually(
+        lambda: roff if (roff := place.roff())["status"]["placement"] == "Cloud" else None, "the placement"
+    )
+    assert roff["status"]["placementReason"] == "LinkGood"
+    assert roff["status"]["robot"]["connected"] is True
+    assert place.wait_condition("AgentConfigCurrent", "True")["reason"] == "Current"
+    told = {event["reason"] for event in place.events()}
+    assert {"Connected", "PlacementCloud"} <= told
+    place.patch(LEASE, "walker-robot", {"spec": {"holderIdentity": None}})
+    place.wait_condition("AgentConnected", "False", "Disconnected")
+    assert place.roff()["status"]["placement"] == "Unknown"
+    # spec.replicas beats everything else
+    place.change({"replicas": 0})
+    eventually(lambda: place.there(DEPLOYMENT, "walker-talker")["spec"]["replicas"] == 0, "no pods")
+    assert place.there(DEPLOYMENT, "walker-agent")["spec"]["replicas"] == 1
+    place.wait_condition("ResourcesApplied", "True")
+    assert place.roff()["status"]["replicas"] == 0
+
+
+def test_addresses_of_load_balancers_become_endpoints(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    ingress = {"status": {"loadBalancer": {"ingress": [{"ip": "10.79.0.10"}]}}}
+    for name in ("walker-udp", "walker-tcp"):
+        place.patch(SERVICE, name, ingress, "status")
+    eventually(lambda: len(place.roff()["status"]["endpoints"]) == 4, "four endpoints")
+    found = {(point["purpose"], point["protocol"], point["host"]) for point in place.roff()["status"]["endpoints"]}
+    assert ("pulse", "UDP", "10.79.0.10") in found
+    assert ("data-fallback", "TCP", "10.79.0.10") in found
+
+
+def test_revoking_makes_a_new_client_authority_once_and_rolls_the_agent(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    names = ("walker-server-ca", "walker-client-ca", "walker-cloud", "walker-robot")
+    before = {name: place.there(SECRET, name)["data"] for name in names}
+    template = place.there(DEPLOYMENT, "walker-agent")["spec"]["template"]["metadata"]["annotations"]
+    place.patch(
+        ROBOT_OFFLOAD, "walker", {"metadata": {"annotations": {"robotoffload.dev/revoke": "2026-11-21T23:00:00Z"}}}
+    )
+    eventually(lambda: place.there(SECRET, "walker-robot")["data"] != before["walker-robot"], "a new certificate")
+    eventually(
+        lambda: place.there(DEPLOYMENT, "walker-agent")["spec"]["template"]["metadata"]["annotations"] != template,
+        "the agent to be rolled",
+    )
+    after = {name: place.there(SECRET, name)["data"] for name in names}
+    assert after["walker-server-ca"] == before["walker-server-ca"]
+    assert after["walker-client-ca"] != before["walker-client-ca"]
+    assert after["walker-cloud"]["ca.crt"] == after["walker-client-ca"]["tls.crt"]
+    place.patch(ROBOT_OFFLOAD, "walker", {"metadata": {"annotations": {"poke": "1"}}})
+    place.change({"replicas": 0})
+    place.applied()
+    assert {name: place.there(SECRET, name)["data"] for name in names} == after
+
+
+def test_a_users_parameter_file_that_changes_rolls_the_node_that_reads_it(place: Place) -> None:
+    spec = walker()["spec"]
+    spec["nodes"][0]["run"]["parametersFrom"] = {"configMapKeyRef": {"name": "tuning", "key": "talker.yaml"}}
+    place.create(ROBOT_OFFLOAD, walker(**spec))
+    place.applied()
+
+    def template() -> object:
+        return place.there(DEPLOYMENT, "walker-talker")["spec"]["template"]["metadata"]["annotations"]
+
+    missing = template()
+    tuning = {"apiVersion": "v1", "kind": "ConfigMap", "metadata": {"name": "tuning"}, "data": {"talker.yaml": "a: 1"}}
+    place.create(CONFIG_MAP, tuning)
+    eventually(lambda: template() != missing, "the node to be rolled when the file appears")
+    first = template()
+    place.patch(CONFIG_MAP, "tuning", {"data": {"talker.yaml": "a: 2"}})
+    eventually(lambda: template() != first, "the node to be rolled when the file changes")
+
+
+def test_metrics_and_health_tell_what_the_operator_sees(place: Place, operator: Operator) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    status, text = operator.ask("metrics", "/metrics")
+    assert status == 200
+    values = dict(line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#"))
+    assert float(values["robot_offload_objects"]) >= 1
+    assert float(values["robot_offload_leader"]) == 1
+    assert float(values['robot_offload_reconciles_total{result="ok"}']) >= 1
+    assert float(values['robot_offload_condition{status="True",type="ResourcesApplied"}']) >= 1
+    assert operator.ask("health", "/healthz")[0] == 200
+
+
+def writes(proxy: Proxy, place: Place) -> list[Asked]:
+    return [asked for asked in proxy.writes() if f"/namespaces/{place.namespace}/" in asked.path]
+
+
+def quiet(proxy: Proxy, place: Place) -> None:
+    """Wait until the operator has asked nothing about this namespace for a second."""
+
+    def count() -> int:
+        return sum(f"/namespaces/{place.namespace}/" in asked.path and not asked.watch for asked in list(proxy.asked))
+
+    last = [count(), 0]
+
+    def look() -> bool:
+        now = count()
+        last[1] = last[1] + 1 if now == last[0] else 0
+        last[0] = now
+        return last[1] >= 20
+
+    eventually(look, "the operator to have nothing to do")
+
+
+def renew(place: Place, site: str, reason: str) -> None:
+    """Write the robot's Lease as the reporter does."""
+    import json
+
+    generation = place.roff()["metadata"]["generation"]
+    state = {
+        "version": 1, "agent_generation": generation, "connected": True, "site": site, "epoch": 3, "reason": reason,
+        "message": "as a test says", "ready": True,
+        "settings": {"robot_generation": generation, "accepted": True, "reason": "", "message": ""},
+    }  # fmt: skip
+    place.patch(
+        LEASE,
+        "walker-robot",
+        {
+            "metadata": {"annotations": {"robotoffload.dev/state": json.dumps(state)}},
+            "spec": {
+                "holderIdentity": "walker",
+                "leaseDurationSeconds": 30,
+                "renewTime": "2026-11-21T23:00:00.000000Z",
+            },
+        },
+    )
+
+
+def _kind(name: str) -> Kind:
+    return next(kind for kind in CHILD_KINDS if kind.kind == name)
