@@ -47,6 +47,7 @@ class RobotControl(ControlProcess):
         )  # fmt: skip
         self.settings = asked
         self.guardian = replace(self.guardian, grace_s=asked.activation_deadline_s)
+        self.report.show_settings(self.tuned.present)
         self.data_status: DataStatus | None = None
         self.collector_status: CollectorStatus | None = None
         self.levels: dict[str, tuple[placement.SetGate | Orders, float]] = {}
@@ -101,6 +102,7 @@ class RobotControl(ControlProcess):
         self.guardian = replace(self.guardian, grace_s=self.settings.activation_deadline_s)
         self.step(placement.SetSettings(self.settings, self.tuned.present.input_specs()), now)
         self.report.note("settings", self.tuned.problem)
+        self.report.show_settings(self.tuned.present)
         self.tell_limits()
         self.tell_notes()
 

@@ -19,6 +19,7 @@ from robot_offload_agent.bus import PulseStatus
 from robot_offload_agent.overrides import WORDS, Override
 from robot_offload_agent.parameters import GENERAL, Configuration, Parameter
 from robot_offload_agent.ros import services
+from robot_offload_agent.tuning import RUN_TIME
 from robot_offload_core.beats import Beat
 from robot_offload_core.guardian import Node as GuardedNode
 from robot_offload_core.guardian import State
@@ -32,10 +33,10 @@ BEAT_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 Problem = tuple[str, str]
 
 
-def describe(parameter: Parameter) -> ParameterDescriptor:
+def describe(parameter: Parameter, read_only: bool = True) -> ParameterDescriptor:
     """What `ros2 param describe` shows."""
     text = parameter.text + (f" ({', '.join(parameter.choices)})" if parameter.choices else "")
-    descriptor = ParameterDescriptor(description=text, read_only=True)
+    descriptor = ParameterDescriptor(description=text, read_only=read_only)
     if parameter.low is not None and parameter.high is not None:
         if parameter.type is float:
             descriptor.floating_point_range = [FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]
@@ -51,6 +52,7 @@ class Report:
     def __init__(self, configuration: Configuration) -> None:
         self.configuration = configuration
         self.side = configuration.side
+        self.showing = False
         prefix = "" if self.side is Site.ROBOT else "remote_"
         self.monitor, self.switcher, self.guardian = (
             self._make(f"{prefix}{name}") for name in ("network_monitor", "cloud_switcher", "guardian")
@@ -78,8 +80,34 @@ class Report:
         )
         if name.endswith("cloud_switcher"):
             for key, parameter in GENERAL.items():
-                node.declare_parameter(key, self.configuration[key], describe(parameter))
+                # What the cloud may change is shown as it is; that nobody else sets it is seen to in `_guarded`.
+                fixed = key not in RUN_TIME or self.side is Site.CLOUD
+                node.declare_parameter(key, self.configuration[key], describe(parameter, fixed))
+            node.add_on_set_parameters_callback(self._guarded)
         return node
+
+    def _guarded(self, parameters: Sequence[Any]) -> SetParametersResult:
+        """Settings of the resource are not set by hand."""
+        names = [p.name for p in parameters if p.name in RUN_TIME]
+        if names and not self.showing:
+            reason = f"{', '.join(names)}: comes from the resource; change it there, or set override to move the robot"
+            return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+    def show_settings(self, configuration: Configuration) -> None:
+        """Shows the settings in force as parameters, from any thread."""
+        values = [NodeParameter(name, value=configuration[name]) for name in RUN_TIME]
+
+        def show() -> None:
+            self.showing = True
+            self.switcher.set_parameters(values)
+            self.showing = False
+
+        executor = self.switcher.executor
+        if executor is None:
+            show()  # nothing is spun yet
+        else:
+            executor.create_task(show)
 
     def switcher_names(self) -> Mapping[str, Site]:
         """The switch services that this side serves: on a shared graph each name once."""

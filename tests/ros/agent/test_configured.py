@@ -87,11 +87,15 @@ def test_the_state_file_follows_every_change(world: World) -> None:
 def test_a_new_pin_reaches_the_robot_and_survives_its_restart_with_the_cloud_away(world: World) -> None:
     pinned = accept(world, pin="Robot")
     world.until(lambda: world.reason == "PinnedToRobot" and world.site == "robot", "the pin is obeyed")
+    world.until(lambda: world.ear.get_parameter("/cloud_switcher", "pin") == "Robot", "the parameter shows it")
+    by_hand = world.ear.set_parameter("/cloud_switcher", "pin", "Cloud")
+    assert "comes from the resource" in by_hand.reason
     world.kill_agent("cloud")
     world.kill_agent("robot")
     world.start_agent("robot")
     world.until(lambda: world.site and world.reason == "PinnedToRobot", "the pin is obeyed without a cloud")
     world.until(lambda: generation(world) == str(pinned), "it says which generation it runs")
+    world.until(lambda: world.ear.get_parameter("/cloud_switcher", "pin") == "Robot", "the parameter shows it")
     world.start_agent("cloud")
     world.until(lambda: world.state["connected"] and answer(world) == ACCEPTED, "a new cloud hears the same")
     offer(world, pin="Auto")
