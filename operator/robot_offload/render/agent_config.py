@@ -39,6 +39,8 @@ SHARED: Final = RUN_TIME | {
     "inputs", "input",
 }  # fmt: skip
 """What follows from the resource alone, not from where an agent runs."""
+_DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+"""In C where PyYAML has it: an operator of many robots writes these files at every look at each of them."""
 _QOS_WORDS: Final = {
     "Reliable": "reliable",
     "BestEffort": "best_effort",
@@ -55,7 +57,7 @@ def agent_config(offload: RobotOffload, site: AgentSite) -> str:
 def parameter_file(parameters: Mapping[str, Any]) -> str:
     """Nested parameters as the text of a ROS 2 parameter file for every node."""
     document = {"/**": {"ros__parameters": dict(parameters)}}
-    return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=1000, allow_unicode=True)
+    return yaml.dump(document, Dumper=_DUMPER, sort_keys=False, default_flow_style=None, width=1000, allow_unicode=True)
 
 
 def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:

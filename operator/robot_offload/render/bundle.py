@@ -84,7 +84,9 @@ def bundle(
     files = {
         "agent.yaml": agent_config(offload, robot_site(offload, facts, place)).encode(),
         "environment": _environment(offload, facts).encode(),
-        "robot-offload-agent.service": texts.agent_unit(offload, place, REALTIME_PRIORITY).encode(),
+        "robot-offload-agent.service": texts.agent_unit(
+            offload, place, REALTIME_PRIORITY, _agent_environment(offload, facts)
+        ).encode(),
         **chosen.robot_files(offload, facts.endpoints, place),
         **_certificates(offload, secrets),
     }
@@ -143,6 +145,13 @@ def robot_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
     }
 
 
+def _agent_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
+    """What only the agent needs; through discovery servers it must see the whole graph."""
+    values = {"HOME": TMP, "ROS_LOG_DIR": TMP}
+    by_servers = "ROS_DISCOVERY_SERVER" in robot_environment(offload, facts)
+    return {**values, "ROS_SUPER_CLIENT": "TRUE"} if by_servers else values
+
+
 def _environment(offload: RobotOffload, facts: Facts) -> str:
     values = {**robot_environment(offload, facts), texts.SETUP_VARIABLE: texts.setup_file(offload)}
     return "".join(f"{name}={value}\n" for name, value in values.items())
@@ -154,7 +163,7 @@ def _compose(offload: RobotOffload, facts: Facts, folder: str) -> str:
         "image": facts.images.agent,
         "command": ["robot-offload-agent", "robot", "--params", f"{folder}/agent.yaml"],
         "env_file": ["environment"],
-        "environment": {"HOME": TMP, "ROS_LOG_DIR": TMP},
+        "environment": _agent_environment(offload, facts),
         **_container(folder),
         "cap_add": ["SYS_NICE"],
         "ulimits": {"rtprio": REALTIME_PRIORITY},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffload
@@ -41,8 +41,15 @@ def setup_file(offload: RobotOffload) -> str:
     return f"/opt/ros/{offload.spec.robot.ros_distro}/setup.bash"
 
 
-def agent_unit(offload: RobotOffload, folder: str, realtime_priority: int) -> str:
-    """A unit for systemd that runs the agent."""
+def agent_unit(offload: RobotOffload, folder: str, realtime_priority: int, environment: Mapping[str, str]) -> str:
+    """A unit for systemd that runs the agent.
+
+    Args:
+        offload: the resource.
+        folder: where the bundle lies on the robot.
+        realtime_priority: the highest that the agent may ask for.
+        environment: beside what is in the file `environment`.
+    """
     name = offload.metadata.name
     # `$$` is systemd's way to leave a `$` to the shell.
     start = f'source "$${SETUP_VARIABLE}" && exec robot-offload-agent robot --params {shlex.quote(folder)}/agent.yaml'
@@ -50,7 +57,7 @@ def agent_unit(offload: RobotOffload, folder: str, realtime_priority: int) -> st
         f"Robot Offload agent of {name}",
         [
             f"EnvironmentFile={folder}/environment",
-            "Environment=ROS_LOG_DIR=/tmp HOME=/tmp",
+            f"Environment={' '.join(f'{name}={value}' for name, value in environment.items())}",
             f"ExecStart=/bin/bash -c '{start}'",
             f"RuntimeDirectory=robot-offload/{name}",
             f"StateDirectory=robot-offload/{name}",

@@ -70,4 +70,5 @@ def observed_endpoints(
 
 def _environment(peers: Sequence[str]) -> dict[str, str]:
     # The range is said although it is the default: with OFF the listed peers would be left alone too.
-    return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": ";".join(peers)}
+    listed = {"ROS_STATIC_PEERS": ";".join(peers)} if peers else {}
+    return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", **listed}

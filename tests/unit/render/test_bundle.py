@@ -124,3 +124,19 @@ def test_another_folder_is_used_everywhere() -> None:
     assert all("/etc/robot-offload" not in text.replace("/var/lib/robot-offload", "") for text in texts.values())
     assert "/opt/offload/agent.yaml" in texts["robot-offload-agent.service"]
     assert "/opt/offload/certificates/ca.pem" in texts["ddsrouter.yaml"]
+
+
+def test_through_discovery_servers_only_the_agent_sees_the_whole_graph() -> None:
+    for transport in TRANSPORTS:
+        files = made(transport)
+        agent = yaml.safe_load(files["compose.yaml"])["services"]["agent"]["environment"]
+        wanted = transport == "DiscoveryServer"
+        assert ("ROS_SUPER_CLIENT=TRUE" in files["robot-offload-agent.service"]) is wanted
+        assert (agent.get("ROS_SUPER_CLIENT") == "TRUE") is wanted
+        assert "ROS_SUPER_CLIENT" not in files["environment"]
+
+
+def test_without_addresses_of_the_cloud_the_robot_looks_for_none() -> None:
+    files = made("StaticPeers", staticPeers={"robot": ["192.0.2.7"]})
+    assert "ROS_STATIC_PEERS" not in files["environment"]
+    assert "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET" in files["environment"]
