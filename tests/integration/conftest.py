@@ -57,9 +57,9 @@ def control_plane(cluster_programs: programs.Programs) -> Iterator[ControlPlane]
         yield plane
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def bare_control_plane(cluster_programs: programs.Programs) -> Iterator[ControlPlane]:
-    """Another one for a module that installs the CRDs by itself: none of ours are there."""
+    """Another one, for tests that install our CRDs by themselves; each removes what it has installed."""
     with directories.of_this_run() as directory, ControlPlane(directory, cluster_programs).running() as plane:
         yield plane
 
