@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from tests.unit.specs import changed, sample
+
 
 @dataclass(frozen=True)
 class Example:
@@ -25,6 +27,14 @@ class Example:
         return f"{self.rule[1]}-{self.path.removeprefix('spec.')}-{self.value}"[:70]
 
 
+def example_values(path: str, value: Any) -> dict[str, Any]:
+    """The sample with that change; both sides in one domain, which some transports need, unless it is about that."""
+    values = changed(path, value)
+    if path != "spec" and not path.startswith("spec.cloud"):
+        del values["spec"]["cloud"]["domainID"]
+    return values
+
+
 def _of(path: str, reason: str, *changes: tuple[str, Any]) -> tuple[Example, ...]:
     return tuple(Example((path, reason), changed, value) for changed, value in changes)
 
@@ -33,6 +43,7 @@ _TRANSPORT, _EXPOSE, _SWITCHING = "spec.transport", "spec.transport.expose", "sp
 _LATENCY = "spec.switching.latency"
 _TOLERATION = "spec.cloud.tolerations[]"
 _PEERS = {"type": "StaticPeers", "staticPeers": {"robot": ["10.0.0.1"]}}
+_SPEC: dict[str, Any] = sample()["spec"]
 _CONTROLLER, _OUTPUT = "spec.nodes.1", "spec.nodes.1.outputs.0"
 
 BROKEN: tuple[Example, ...] = (
@@ -66,6 +77,12 @@ BROKEN: tuple[Example, ...] = (
         "TooLong",
         ("spec.transport.certificates", {"duration": "24h", "renewBefore": "24h"}),
         ("spec.transport.certificates", {"duration": "48h"}),
+    ),
+    *_of(
+        "spec",
+        "DomainsDiffer",
+        ("spec", {**_SPEC, "transport": {"type": "DiscoveryServer"}, "cloud": {"domainID": 43}}),
+        ("spec", {**_SPEC, "transport": _PEERS, "cloud": {"domainID": 0}}),
     ),
     *_of(
         "spec",
@@ -149,6 +166,7 @@ KEPT: tuple[tuple[str, Any], ...] = (
     ("spec.transport.certificates", {"duration": "24h", "renewBefore": "23h"}),
     ("spec.transport.certificates", {"issuerRef": {"name": "corporate"}}),
     ("spec.cloud", ...),
+    ("spec", {**_SPEC, "transport": {"type": "DiscoveryServer"}, "cloud": {"domainID": 42}}),
     ("spec.cloud", {"rmw": None, "runAsUser": None, "domainID": None}),
     ("spec.cloud.rmw", "rmw_fastrtps_dynamic_cpp"),
     ("spec.cloud.tolerations", [{"operator": "Exists"}, {"key": "a", "value": "b", "effect": None}]),

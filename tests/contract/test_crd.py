@@ -25,7 +25,7 @@ from robot_offload.errors import SpecError
 from robot_offload.generate.files import CHART_CRD_FILE, CRD_FILE, generated_files
 from robot_offload.generate.main import OutOfDateError, main, run
 from robot_offload.strict_yaml import freeze, parse, thaw
-from tests.contract.rule_examples import BROKEN, KEPT, Example
+from tests.contract.rule_examples import BROKEN, KEPT, Example, example_values
 from tests.contract.structural import KNOWN_KEYS, defaulted, problems
 from tests.unit.specs import MINIMAL, changed, sample
 
@@ -215,7 +215,7 @@ def refused(values: object) -> dict[str, str]:
 
 @pytest.mark.parametrize("example", BROKEN, ids=lambda example: example.name)
 def test_what_breaks_a_rule_of_the_crd_is_refused_by_a_check_for_the_same_reason(example: Example) -> None:
-    found = refused(changed(example.path, example.value))
+    found = refused(example_values(example.path, example.value))
     path, reason = example.rule
     shape = path.replace("[]", "")
     assert reason in found.values()
@@ -224,7 +224,7 @@ def test_what_breaks_a_rule_of_the_crd_is_refused_by_a_check_for_the_same_reason
 
 @pytest.mark.parametrize(("path", "value"), KEPT, ids=lambda it: str(it)[:60])
 def test_what_keeps_the_rules_is_taken(path: str, value: Any) -> None:
-    assert not refused(changed(path, value))
+    assert not refused(example_values(path, value))
 
 
 def test_every_rule_of_the_crd_stands_in_it_and_has_an_example() -> None:

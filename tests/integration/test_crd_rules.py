@@ -20,7 +20,7 @@ from robot_offload.errors import SpecError
 from robot_offload.strict_yaml import parse, thaw
 from tests.cluster.commands import Kubectl
 from tests.cluster.control_plane import ControlPlane
-from tests.contract.rule_examples import BROKEN, KEPT
+from tests.contract.rule_examples import BROKEN, KEPT, example_values
 from tests.contract.test_crd import PLACES
 from tests.unit.specs import MINIMAL, changed, sample
 
@@ -91,21 +91,21 @@ def test_the_sample_and_the_smallest_are_taken(judged: Callable[[Any], tuple[int
 
 def test_what_breaks_a_rule_is_refused_with_the_words_of_the_rule(judged: Callable[[Any], tuple[int, str]]) -> None:
     for example in BROKEN:
-        status, said = judged(changed(example.path, example.value))
+        status, said = judged(example_values(example.path, example.value))
         messages = [rule.message for rule in RULES if (rule.path, rule.reason) == example.rule]
         assert status == 422, (example, said)
         assert any(message in said for message in messages), (example, said)
 
 
 def test_every_rule_has_refused_something(judged: Callable[[Any], tuple[int, str]]) -> None:
-    said = " ".join(judged(changed(example.path, example.value))[1] for example in BROKEN)
+    said = " ".join(judged(example_values(example.path, example.value))[1] for example in BROKEN)
     assert [rule.message for rule in RULES if rule.message not in said] == []
 
 
 @pytest.mark.parametrize("part", [0, 1])
 def test_what_keeps_the_rules_is_taken(judged: Callable[[Any], tuple[int, str]], part: int) -> None:
     for path, value in KEPT[part::2]:
-        status, said = judged(changed(path, value))
+        status, said = judged(example_values(path, value))
         assert status == 201, (path, value, said)
 
 
@@ -121,8 +121,8 @@ def test_a_wrong_field_is_refused_by_both(judged: Callable[[Any], tuple[int, str
 # A value for a field, right for some and wrong for most. No null: the API server drops it, the models ask for a value.
 VALUES = st.sampled_from(
     ["20ms", "0s", "1h", "500m", "Robot", "Cold", "/scan", "/a__b", "", "none", "a/msg/B", "Zenoh", "DDSRouter",
-     "Exists", "StaticPeers", "x" * 64, "x" * 300, "a.b", "A", "a_b", "1.2.3.4", "::1", "remote_x", "guardian", "a\n", "a b",
-     0, 1, -1, 2, 300, 70_000, 0.01, 0.05, 1001, [], {}, True, False]
+     "Exists", "StaticPeers", "x" * 64, "x" * 300, "a.b", "A", "a_b", "1.2.3.4", "::1", "remote_x", "guardian", "a\n",
+     "a b", 0, 1, -1, 2, 300, 70_000, 0.01, 0.05, 1001, [], {}, True, False]
 )  # fmt: skip
 # What only the operator judges: keys of mappings, the form of parameters, and these reasons.
 OPERATOR_ONLY = {"DuplicateOutput", "AlsoAnOutput", "AmbiguousTopic", "DuplicateVariable"}

@@ -33,7 +33,7 @@ ERRORS = [
     ("spec.nodes.1.run.command", ..., "spec.nodes[1].run", "NoProgram", "needs either command"),
     ("spec.nodes.2.run.executable", ..., "spec.nodes[2].run", "NoProgram", "needs either command"),
     ("spec.nodes.1.run.remap", {"/cmd_vel": "/other"}, "spec.nodes[1].run.remap", "RemapsOutput", "consumers know"),
-    ("spec.transport", {"type": "StaticPeers"}, "spec.transport.staticPeers.robot", "NoPeers", "at least one address"),
+    ("spec.transport", {"type": "DiscoveryServer"}, "spec.cloud.domainID", "DomainsDiffer", "the robot's is 42"),
     ("spec.transport.expose", {"nodePorts": {"pulse": 30001, "data": 30001}}, "spec.transport.expose.nodePorts",
      "SamePort", "one purpose"),
     ("spec.cloud.imagePullSecrets", [{"name": "a"}, {"name": "a"}], "spec.cloud.imagePullSecrets[1].name",
@@ -146,3 +146,10 @@ def test_what_only_a_cluster_needs_is_an_error_there_alone(path: str, value: Any
 def test_nodes_on_the_robot_need_neither_image_nor_program() -> None:
     values = changed("spec.nodes.0.run", ...)
     assert check(parse_object(values, "f.yaml", rules=CLUSTER_CHECKS).spec, CLUSTER_CHECKS) == ()
+
+
+def test_static_peers_need_an_address_of_the_robot() -> None:
+    values = changed("spec.transport", {"type": "StaticPeers"})
+    del values["spec"]["cloud"]["domainID"]
+    [finding] = errors_of(values)
+    assert (finding.path, finding.reason) == ("spec.transport.staticPeers.robot", "NoPeers")

@@ -8,13 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.loading import load
 from robot_offload.local.dds_wire_config import DdsWireConfig, carried
 from robot_offload.local.system import (
     HOST,
     Mode,
+    NotRunnableError,
     System,
     adapted,
+    check_runnable,
     environment,
     free_domains,
     free_ports,
@@ -22,6 +25,7 @@ from robot_offload.local.system import (
     wire_config,
 )
 from robot_offload.local.wire_config import LinkOptions
+from tests.unit.specs import changed
 
 ROOT = Path(__file__).parents[2]
 WHEELCHAIR = ROOT / "examples" / "wheelchair" / "robotoffload.yaml"
@@ -146,3 +150,10 @@ def test_one_process_can_lay_out_many_runs_one_after_the_other() -> None:
     for _ in range(30):
         robot, cloud = free_domains()
         assert robot != cloud
+
+
+def test_a_parameter_file_of_a_cluster_cannot_be_used_on_one_machine() -> None:
+    reference = {"configMapKeyRef": {"name": "parameters", "key": "nav2.yaml"}}
+    offload = parse_object(changed("spec.nodes.1.run.parametersFrom", reference), "spec.yaml")
+    with pytest.raises(NotRunnableError, match=r"nodes\[1\]\.run\.parametersFrom: .*use parameters"):
+        check_runnable(offload, Path("spec.yaml"))

@@ -182,6 +182,8 @@ def check_runnable(offload: RobotOffload, file: Path) -> None:
             problems.append(f"{path}: nothing says how to start {node.name!r}; write a command")
         elif not node.run.command and shutil.which("ros2") is None:
             problems.append(f"{path}: `ros2 run` needs ROS 2's command line, which is not installed; write a command")
+        if node.run is not None and node.run.parameters_from is not None:
+            problems.append(f"{path}.parametersFrom: there are no ConfigMaps without a cluster; use parameters")
     if problems:
         raise NotRunnableError(problems)
 

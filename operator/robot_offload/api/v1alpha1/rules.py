@@ -16,7 +16,7 @@ from typing import Any, Final
 from robot_offload.api.v1alpha1.model import yaml_name
 from robot_offload.api.v1alpha1.nodes import RESERVED_VARIABLES
 from robot_offload.api.v1alpha1.robotoffload import FAST_DDS
-from robot_offload.api.v1alpha1.transport import BLOCKS
+from robot_offload.api.v1alpha1.transport import BLOCKS, ONE_DOMAIN
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +118,15 @@ _TRANSPORT: Final = (
     ),
 )
 _CLOUD: Final = (
+    Rule(
+        "spec",
+        "DomainsDiffer",
+        f"!(self.transport.type in {_cel_list(ONE_DOMAIN)}) || !has(self.cloud.domainID) || "
+        "self.cloud.domainID == self.robot.domainID",
+        f"transport types {' and '.join(ONE_DOMAIN)} join both sides in one domain, but the robot's is another one; "
+        "remove domainID under spec.cloud",
+        "cloud.domainID",
+    ),
     Rule(
         "spec",
         "CloudRmw",

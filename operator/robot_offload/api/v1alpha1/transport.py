@@ -22,6 +22,9 @@ BLOCKS: Final[dict[str, tuple[TransportType, ...]]] = {
 }
 """For each block of Transport (its Python name) the types that it belongs to."""
 
+ONE_DOMAIN: Final[tuple[TransportType, ...]] = ("DiscoveryServer", "StaticPeers")
+"""The types that join both sides in one DDS domain."""
+
 NodePort = Annotated[int, Field(ge=1, le=65535)]
 """A port of the cluster's nodes; which ones are free to choose is the cluster's setting (30000 to 32767 mostly)."""
 

@@ -18,6 +18,7 @@ _EVERYWHERE: Final[tuple[Check, ...]] = (
     connection.transport_block_fits_type,
     connection.exposure_is_consistent,
     connection.certificates_are_renewed_in_time,
+    connection.domains_are_one_where_they_must,
     connection.domains_avoid_ephemeral_ports,
     cloud.pull_secrets_are_unique,
     cloud.tolerations_are_complete,

@@ -8,7 +8,7 @@ from typing import Final
 from robot_offload.api.v1alpha1.model import yaml_name
 from robot_offload.api.v1alpha1.quantities import format_duration as text
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
-from robot_offload.api.v1alpha1.transport import BLOCKS
+from robot_offload.api.v1alpha1.transport import BLOCKS, ONE_DOMAIN
 from robot_offload.findings import Finding
 
 # Linux hands out ephemeral ports from 32768 on; a domain from 102 on (7400 + 250 * 102 = 32900) can collide with
@@ -74,6 +74,17 @@ def certificates_are_renewed_in_time(spec: RobotOffloadSpec) -> Iterator[Finding
             "TooLong",
             f"{text(certificates.renew_before_ms)} is not less than duration {text(certificates.duration_ms)}, so "
             "certificates would be renewed all the time; write for example a third of duration",
+        )
+
+
+def domains_are_one_where_they_must(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Without a link of the agents' own, nodes of different domains never meet."""
+    if spec.transport.type in ONE_DOMAIN and spec.cloud_domain_id != spec.robot.domain_id:
+        yield Finding(
+            "spec.cloud.domainID",
+            "DomainsDiffer",
+            f"transport type {spec.transport.type} joins both sides in one domain, but the robot's is "
+            f"{spec.robot.domain_id}; remove it",
         )
 
 
