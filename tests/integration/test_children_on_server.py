@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import time
+import urllib.error
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +15,9 @@ import yaml
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.kube.kinds import DEPLOYMENT, SERVICE, STATEFUL_SET, Kind, kind_of
 from robot_offload.render.children import children
 from robot_offload.render.facts import Endpoint, Facts, Manifest
-from tests.cluster.commands import Kubectl
 from tests.cluster.control_plane import ControlPlane
 from tests.unit.render.given import EVERY_ENDPOINT, by_key, facts, resource
 
@@ -52,71 +54,98 @@ RUNTIME_CLASS = {
     "metadata": {"name": "nvidia"},
     "handler": "nvidia",
 }
-OPTIONS = ("--server-side", "--field-manager=robot-offload", "--validate=strict")
+REPLICA_SET = Kind("apps/v1", "ReplicaSet", "replicasets")
+QUIET = ("ConfigMap", "Service", "Lease", "Role", "RoleBinding", "NetworkPolicy", "ServiceAccount")
+"""Kinds that no controller writes to here, so that their version changes only when somebody applies a change."""
 
 
-def created(kubectl: Kubectl, values: dict[str, Any]) -> tuple[RobotOffload, Facts]:
-    """The resource in the cluster, and the facts that the controller would gather."""
-    kubectl.apply(values, RUNTIME_CLASS)
-    live = kubectl.json("get", "robotoffload", values["metadata"]["name"])
-    known = facts(
-        namespace=kubectl.namespace,
-        uid=live["metadata"]["uid"],
-        generation=live["metadata"]["generation"],
-        robot_connected=True,
-        endpoints=EVERY_ENDPOINT,
-    )
-    return parse_object(live, "cluster", unknown="ignore"), known
+@dataclass(frozen=True)
+class Place:
+    """A namespace on the server. Requests are sent straight to it: kubectl takes a second for each of them."""
 
+    plane: ControlPlane
+    namespace: str
 
-def live(kubectl: Kubectl, manifests: tuple[Manifest, ...]) -> dict[str, Manifest]:
-    """What the server made of them."""
-    found = json.loads(
-        kubectl("get", "-o", "json", *(f"{m['kind'].lower()}/{m['metadata']['name']}" for m in manifests))
-    )
-    return {f"{one['kind']}/{one['metadata']['name']}": one for one in found["items"]}
+    def apply(self, *manifests: Manifest) -> list[Manifest]:
+        """Applies objects as the operator does, and lets no unknown field pass."""
+        return [self._apply(one) for one in manifests]
+
+    def _apply(self, manifest: Manifest) -> Manifest:
+        path = f"{self._path(manifest)}?fieldManager=robot-offload&fieldValidation=Strict"
+        try:
+            answer = self.plane.request("PATCH", path, manifest, "application/apply-patch+yaml")
+        except urllib.error.HTTPError as error:
+            message = json.loads(error.read())["message"]
+            raise AssertionError(f"{manifest['kind']} {manifest['metadata']['name']}: {message}") from error
+        found: Manifest = json.loads(answer)
+        return found
+
+    def read(self, *manifests: Manifest) -> dict[str, Manifest]:
+        """What the server made of objects."""
+        return by_key(tuple(json.loads(self.plane.get(self._path(one))) for one in manifests))
+
+    def list(self, kind: Kind) -> list[Manifest]:
+        """All objects of a kind."""
+        found: list[Manifest] = json.loads(self.plane.get(kind.path(self.namespace)))["items"]
+        return found
+
+    def create(self, values: dict[str, Any]) -> tuple[RobotOffload, Facts]:
+        """The resource in the cluster, and the facts that the controller would gather."""
+        [live] = self.apply(values)
+        known = facts(
+            namespace=self.namespace,
+            uid=live["metadata"]["uid"],
+            generation=live["metadata"]["generation"],
+            robot_connected=True,
+            endpoints=EVERY_ENDPOINT,
+        )
+        return parse_object(live, "cluster", unknown="ignore"), known
+
+    def _path(self, manifest: Manifest) -> str:
+        return kind_of(manifest).path(self.namespace, manifest["metadata"]["name"])
 
 
 @pytest.fixture
-def restricted(control_plane: ControlPlane, restricted_namespace: str) -> Kubectl:
-    return control_plane.kubectl(restricted_namespace)
+def restricted(control_plane: ControlPlane, restricted_namespace: str) -> Place:
+    control_plane.kubectl().apply(RUNTIME_CLASS)
+    return Place(control_plane, restricted_namespace)
 
 
 @pytest.mark.parametrize("name", RESOURCES)
-def test_every_child_is_taken_kept_and_left_alone_by_a_second_apply(restricted: Kubectl, name: str) -> None:
-    rendered = children(*created(restricted, RESOURCES[name]))
-    restricted.apply(*rendered, options=OPTIONS)
-    first = live(restricted, rendered)
+def test_every_child_is_taken_kept_and_left_alone_by_a_second_apply(restricted: Place, name: str) -> None:
+    rendered = children(*restricted.create(RESOURCES[name]))
+    restricted.apply(*rendered)
+    first = restricted.read(*rendered)
     assert [lost for key, one in by_key(rendered).items() for lost in missing(one, first[key], key)] == []
     assert pods_refused(restricted) == []
-    restricted.apply(*rendered, options=OPTIONS)
-    assert versions(live(restricted, rendered)) == versions(first)
+    restricted.apply(*rendered)
+    assert versions(restricted.read(*rendered)) == versions(first)
 
 
-def pods_refused(kubectl: Kubectl) -> list[str]:
+def pods_refused(place: Place) -> list[str]:
     """Waits until every workload has the pods that it wants, or says why it gets none, e.g. by Pod Security."""
     deadline_s = time.monotonic() + 60
-    while time.monotonic() < deadline_s:
-        workloads = kubectl.json("get", "deployments,statefulsets,replicasets")["items"]
+    while True:
+        workloads = [one for kind in (DEPLOYMENT, STATEFUL_SET, REPLICA_SET) for one in place.list(kind)]
         refused = [
             f"{one['metadata']['name']}: {condition['message']}"
             for one in workloads
-            for condition in one.get("status", {}).get("conditions", [])
+            for condition in one["status"].get("conditions", [])
             if condition["type"] == "ReplicaFailure"
         ]
-        if refused or all(one.get("status", {}).get("replicas", 0) == one["spec"]["replicas"] for one in workloads):
+        if refused or all(one["status"].get("replicas", 0) == one["spec"]["replicas"] for one in workloads):
             return refused
+        if time.monotonic() > deadline_s:
+            return [f"{one['metadata']['name']}: no pod after a minute" for one in workloads]
         time.sleep(0.2)
-    return [f"{one['metadata']['name']}: no pod after a minute" for one in workloads]
 
 
 def versions(found: dict[str, Manifest]) -> dict[str, tuple[int | None, str | None]]:
     """How often the server saw each specification change; for what no controller writes to, how often anything."""
-    quiet = ("ConfigMap", "Service", "Lease", "Role", "RoleBinding", "NetworkPolicy", "ServiceAccount")
     return {
         key: (
             one["metadata"].get("generation"),
-            one["metadata"]["resourceVersion"] if one["kind"] in quiet else None,
+            one["metadata"]["resourceVersion"] if one["kind"] in QUIET else None,
         )
         for key, one in found.items()
     }
@@ -133,10 +162,9 @@ def missing(wanted: Any, found: Any, path: str) -> list[str]:
     return [] if same else [f"{path}: {wanted!r} -> {found!r}"]
 
 
-def test_node_ports_that_the_cluster_chooses_become_endpoints(restricted: Kubectl) -> None:
-    offload, known = created(restricted, resource(transport={"type": "Zenoh", "expose": {"type": "NodePort"}}))
-    restricted.apply(*children(offload, known), options=OPTIONS)
-    services = restricted.json("get", "services")["items"]
+def test_node_ports_that_the_cluster_chooses_become_endpoints(restricted: Place) -> None:
+    offload, known = restricted.create(resource(transport={"type": "Zenoh", "expose": {"type": "NodePort"}}))
+    restricted.apply(*children(offload, known))
     node = {
         "metadata": {"name": "edge-1"},
         "status": {
@@ -144,49 +172,51 @@ def test_node_ports_that_the_cluster_chooses_become_endpoints(restricted: Kubect
             "addresses": [{"type": "InternalIP", "address": "192.0.2.11"}],
         },
     }
-    found = transport.observed_endpoints(offload, services, [node])
+    found = transport.observed_endpoints(offload, restricted.list(SERVICE), [node])
     assert [one.purpose for one in found] == ["pulse", "data", "pulse-fallback", "data-fallback"]
     assert {one.host for one in found} == {"192.0.2.11"}
     assert len({one.port for one in found}) == 4
     assert all(30000 <= one.port <= 32767 for one in found)
 
 
-def test_one_node_port_cannot_serve_udp_and_tcp_in_two_services(restricted: Kubectl) -> None:
+def test_one_node_port_cannot_serve_udp_and_tcp_in_two_services(restricted: Place) -> None:
     """Why `expose.nodePorts` has four numbers: the server gives out node ports by number alone."""
     ports = {"pulse": 31551, "data": 31552, "pulseFallback": 31553, "dataFallback": 31554}
     values = resource(transport={"type": "Zenoh", "expose": {"type": "NodePort", "nodePorts": ports}})
-    rendered = children(*created(restricted, values))
+    rendered = children(*restricted.create(values))
     [tcp] = [one for one in rendered if one["metadata"]["name"] == "wheelchair-7-tcp"]
     tcp["spec"]["ports"][0]["nodePort"] = ports["pulse"]
-    assert "port is already allocated" in restricted.apply_refused(*rendered, options=OPTIONS)
+    with pytest.raises(AssertionError, match="port is already allocated"):
+        restricted.apply(*rendered)
 
 
-def test_the_router_waits_for_its_address_and_then_announces_it(
-    control_plane: ControlPlane, restricted: Kubectl
-) -> None:
-    offload, known = created(restricted, resource(transport={"type": "DDSRouter"}))
-    first = children(offload, facts(namespace=known.namespace, uid=known.uid))
-    restricted.apply(*first, options=OPTIONS)
-    assert "deployment.apps/wheelchair-7-router" not in restricted.names("deployments")
-    service = "wheelchair-7-router"
+def test_the_router_waits_for_its_address_and_then_announces_it(restricted: Place) -> None:
+    offload, known = restricted.create(resource(transport={"type": "DDSRouter"}))
+    name = "wheelchair-7-router"
+    restricted.apply(*children(offload, replace(known, endpoints=())))
+    assert name not in [one["metadata"]["name"] for one in restricted.list(DEPLOYMENT)]
     status = {"status": {"loadBalancer": {"ingress": [{"ip": "203.0.113.77"}]}}}
-    restricted("patch", "service", service, "--subresource=status", "--type=merge", f"--patch={json.dumps(status)}")
-    found = transport.observed_endpoints(offload, restricted.json("get", "services")["items"], [])
+    path = SERVICE.path(restricted.namespace, name, "status")
+    restricted.plane.request("PATCH", path, status, "application/merge-patch+json")
+    found = transport.observed_endpoints(offload, restricted.list(SERVICE), [])
     assert found == (Endpoint("router", "TCP", "203.0.113.77", 11666),)
-    second = children(offload, facts(namespace=known.namespace, uid=known.uid, endpoints=found))
-    restricted.apply(*second, options=OPTIONS)
-    text = restricted.json("get", "configmap", service)["data"]["router.yaml"]
-    [wan] = [one for one in yaml.safe_load(text)["participants"] if one["kind"] == "wan"]
+    second = children(offload, replace(known, endpoints=found))
+    restricted.apply(*second)
+    configuration = restricted.read(*second)[f"ConfigMap/{name}"]
+    [wan] = [
+        one for one in yaml.safe_load(configuration["data"]["router.yaml"])["participants"] if one["kind"] == "wan"
+    ]
     assert wan["listening-addresses"][0]["ip"] == "203.0.113.77"
-    restricted("wait", "--for=create", "pods", "-l", "app.kubernetes.io/component=router", "--timeout=30s")
+    assert pods_refused(restricted) == []
 
 
-def test_all_children_go_away_with_the_resource(restricted: Kubectl) -> None:
-    offload, known = created(restricted, resource())
+def test_all_children_go_away_with_the_resource(restricted: Place) -> None:
+    offload, known = restricted.create(resource())
     rendered = children(offload, known)
-    restricted.apply(*rendered, options=OPTIONS)
-    restricted("delete", "robotoffload", offload.metadata.name)
+    restricted.apply(*rendered)
+    kubectl = restricted.plane.kubectl(restricted.namespace)
+    kubectl("delete", "robotoffload", offload.metadata.name)
     kinds = ",".join(sorted({one["kind"].lower() for one in rendered} | {"pod"}))
     selector = f"app.kubernetes.io/instance={offload.metadata.name}"
-    restricted("wait", "--for=delete", kinds, "-l", selector, "--timeout=50s")
-    assert restricted.names(kinds, "-l", selector) == []
+    kubectl("wait", "--for=delete", kinds, "-l", selector, "--timeout=50s")
+    assert kubectl.names(kinds, "-l", selector) == []

@@ -59,6 +59,8 @@ def resource(changes: dict[str, Any] | None = None, **spec: Any) -> dict[str, An
     values = sample()
     values["spec"]["nodes"][2]["image"] = "registry.example/planner:1"
     values["spec"].update(copy.deepcopy(spec))
+    if values["spec"]["transport"].get("type") in ("DiscoveryServer", "StaticPeers"):
+        del values["spec"]["cloud"]["domainID"]  # these two join both sides in one domain
     for path, value in (changes or {}).items():
         _put(values["spec"], path.split("."), value)
     return values

@@ -9,8 +9,8 @@ import pytest
 from robot_offload.render.facts import Manifest
 from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload, pods, rendered
 
-DDS = ("UDP", 7400 + 250 * 43)
-"""The first port of the cloud's domain in the sample."""
+DDS = ("UDP", 7400 + 250 * 42)
+"""The first port of the robot's domain in the sample, which is the cloud's too where nodes of both talk directly."""
 
 
 def everything(transport: str) -> dict[str, Manifest]:
