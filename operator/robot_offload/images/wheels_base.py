@@ -1,0 +1,138 @@
+"""A base image without a container registry: Debian by debootstrap, this very CPython, and ROS 2 as wheels.
+
+It stands in for `ros:jazzy` and `ros:jazzy-ros-core` in tests and on offline machines; see `images/wheels-base`. Needs
+root and debootstrap. The two archives are kept, because making them takes minutes.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final, Literal, TypeAlias
+
+from robot_offload.errors import InputError
+from robot_offload.images.builders import BuildError, Request, Tool, run
+
+Stage: TypeAlias = Literal["system", "ros-core", "ros-base"]
+
+STAGES: Final[tuple[Stage, ...]] = ("system", "ros-core", "ros-base")
+RELEASE: Final = "bookworm"
+MIRROR: Final = "http://deb.debian.org/debian"
+# What CPython links, and the certificates.
+PACKAGES: Final = (
+    "ca-certificates", "libssl3", "libffi8", "libsqlite3-0", "libbz2-1.0", "liblzma5", "zlib1g", "libreadline8",
+    "libuuid1", "libncursesw6",
+)  # fmt: skip
+TIMEOUT_S: Final = 1800.0
+PYTHON: Final = "python3.12"
+_NOT_OF_SYSTEM: Final = re.compile(
+    r"(var/cache/apt|var/lib/apt/lists|var/log|usr/share/(doc|man|locale|info)|dev|proc|sys|debootstrap)/.+"
+)
+_OF_PYTHON: Final = re.compile(rf"(bin/(python3|{PYTHON})|lib(/.*)?)")
+_NOT_OF_PYTHON: Final = re.compile(
+    rf"(.*/__pycache__(/.*)?|.*\.a|lib/pkgconfig(/.*)?|lib/{PYTHON}/(test|idlelib|site-packages)/.+)"
+)
+
+
+def tag(stage: Stage) -> str:
+    """The name of a stage's image; it belongs to this machine."""
+    return f"localhost/robot-offload/wheels-{stage}:jazzy"
+
+
+def build(tool: Tool, root: Path, extra: tuple[str, ...] = ()) -> None:
+    """Builds all stages; what has not changed comes from the builder's cache.
+
+    Args:
+        tool: the builder.
+        root: of the repository.
+        extra: further arguments of the builder.
+
+    Raises:
+        InputError: this machine lacks what it needs.
+        BuildError: debootstrap or the builder failed.
+    """
+    kept = archives(_cache_folder())
+    with tempfile.TemporaryDirectory(prefix="robot-offload-wheels-") as folder:
+        context = Path(folder)
+        shutil.copytree(root / "images" / "wheels-base", context, dirs_exist_ok=True)
+        for archive in kept:
+            shutil.copy2(archive, context)
+        text = (root / "requirements" / "all.txt").read_text(encoding="utf-8")
+        (context / "constraints.txt").write_text(constraints(text), encoding="utf-8")
+        request = Request(tag="", context=context, dockerfile=str(context / "Dockerfile"), extra=extra)
+        for stage in STAGES:
+            run(tool, replace(request, tag=tag(stage), extra=("--target", stage, *extra)))
+
+
+def constraints(requirements: str) -> str:
+    """The pinned versions without hashes and conditions: pip takes hashes for everything or for nothing."""
+    return "".join(f"{pin}\n" for pin in re.findall(r"^[A-Za-z0-9_.-]+==[^\s;\\]+", requirements, re.MULTILINE))
+
+
+def archives(folder: Path) -> tuple[Path, Path]:
+    """The archives of the system and of CPython, made if they are not in `folder` yet.
+
+    Raises:
+        InputError: this is not CPython 3.12, or root or debootstrap are missing.
+        BuildError: debootstrap failed.
+    """
+    system, python = folder / f"{RELEASE}/system.tar", folder / f"{sys.version.split()[0]}/python.tar"
+    for path, write in ((system, _write_system), (python, _write_python)):
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            unfinished = path.with_suffix(f".{os.getpid()}")
+            write(unfinished)
+            unfinished.rename(path)
+    return system, python
+
+
+def _write_system(path: Path) -> None:
+    if os.geteuid() != 0 or shutil.which("debootstrap") is None:
+        raise InputError("a base image of one's own needs root and debootstrap; install it, or name a base with --base")
+    with tempfile.TemporaryDirectory(prefix="robot-offload-system-") as folder:
+        command = ("debootstrap", "--variant=minbase", f"--include={','.join(PACKAGES)}", RELEASE, folder, MIRROR)
+        done = subprocess.run(command, check=False, timeout=TIMEOUT_S, stdout=sys.stderr)
+        if done.returncode != 0:
+            raise BuildError(f"debootstrap ended with {done.returncode}; its last lines above say why")
+        pack(Path(folder), path, of_system)
+
+
+def pack(folder: Path, path: Path, chosen: Callable[[tarfile.TarInfo], tarfile.TarInfo | None]) -> None:
+    """Writes what is chosen of a folder into an archive."""
+    with tarfile.open(path, "w") as archive:
+        archive.add(folder, arcname="", filter=chosen)
+
+
+def of_system(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
+    """All of Debian but caches, logs and manuals."""
+    return None if _NOT_OF_SYSTEM.fullmatch(member.name) else member
+
+
+def _write_python(path: Path) -> None:
+    if sys.version_info[:2] != (3, 12):
+        raise InputError("the ROS wheels are for CPython 3.12; run this with python3.12")
+    pack(Path(sys.base_prefix), path, of_python)
+
+
+def of_python(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
+    """The interpreter and its library, as they will stand in /usr/local, owned by root."""
+    kept = member.name in ("", "bin") or _OF_PYTHON.fullmatch(member.name)
+    if not kept or _NOT_OF_PYTHON.fullmatch(member.name):
+        return None
+    member.name = f"usr/local/{member.name}"
+    member.uid = member.gid = 0
+    member.uname = member.gname = "root"
+    return member
+
+
+def _cache_folder() -> Path:
+    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(home) / "robot-offload" / "images"
