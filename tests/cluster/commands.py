@@ -24,7 +24,7 @@ class Command:
     namespace: str
     """Where it acts; empty leaves that to the objects, which may then be of several namespaces."""
 
-    limit: float = 60.0
+    limit: float = 120.0
     """Seconds after which a command counts as hung."""
 
     def __call__(self, *arguments: str, stdin: str | None = None) -> str:

@@ -167,7 +167,7 @@ class ControlPlane:
             headers={"Authorization": f"Bearer {self.token}", "Content-Type": content_type},
         )
         trust = ssl.create_default_context(cafile=str(self.ca_file))
-        with urllib.request.urlopen(request, timeout=5, context=trust) as answer:
+        with urllib.request.urlopen(request, timeout=30, context=trust) as answer:
             return str(answer.read().decode())
 
     def _exists(self, path: str) -> bool:

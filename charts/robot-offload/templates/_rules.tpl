@@ -48,8 +48,4 @@ What the operator does, as rules of a Role. The tests compare them with robot_of
 - apiGroups: [""]
   resources: [nodes]
   verbs: [list]
-# Waits for its own kind.
-- apiGroups: [apiextensions.k8s.io]
-  resources: [customresourcedefinitions]
-  verbs: [list, watch]
 {{- end }}
