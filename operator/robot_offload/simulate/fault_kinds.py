@@ -371,27 +371,38 @@ def _hand(run: Chunk, fault: Fault) -> Undo:
     site, pick = _of((Site.ROBOT, Site.CLOUD), fault.pick)
     control = run.robot.control
     until_s = run.robot.host.now_s() + fault.duration_s
-    tuned, _ = _of((_shorter_lease, _observing), pick * 97 % 1)
+    base = run.scenario.settings
+    tuned, _ = _of((_shortest_lease(base), replace(base, mode=Mode.OBSERVE)), pick * 97 % 1)
     events: tuple[words.Event, ...] = (
         words.SwitchByHand(site), words.SetPin(words.Wish(site, until_s)), words.SetPin(None),
-        words.SetSettings(tuned(run.scenario.settings, pick), run.scenario.inputs),
+        words.SetSettings(tuned, run.scenario.inputs),
         words.CloudLeaving(control.robot.link.peer, until_s),
     )  # fmt: skip
     event, _ = _of(events, pick)
-    control.deliver(control.step, event)
     if isinstance(event, words.SetSettings):
-        return lambda: control.deliver(control.step, words.SetSettings(run.scenario.settings, run.scenario.inputs))
+        return _tuned(run, event.settings)
+    control.deliver(control.step, event)
     return _nothing
 
 
-def _shorter_lease(settings: Settings, pick: float) -> Settings:
-    """Settings that are pushed are never longer than those of the bundle, so the observer's limits hold for them."""
-    shortest_s = settings.echo_limit_s + 2 * settings.beat_period_s
-    return replace(settings, lease_s=shortest_s + (settings.lease_s - shortest_s) * pick)
+def _lease(run: Chunk, _: Fault) -> Undo:
+    """A shorter lease, while grants of the longer one are out."""
+    return _tuned(run, _shortest_lease(run.scenario.settings))
 
 
-def _observing(settings: Settings, _: float) -> Settings:
-    return replace(settings, mode=Mode.OBSERVE)
+def _tuned(run: Chunk, settings: Settings) -> Undo:
+    """Changes settings for a while; never to longer limits than the scenario's, for which the observer looks."""
+    control = run.robot.control
+
+    def tell(settings: Settings) -> None:
+        control.deliver(control.step, words.SetSettings(settings, run.scenario.inputs))
+
+    tell(settings)
+    return lambda: tell(run.scenario.settings)
+
+
+def _shortest_lease(settings: Settings) -> Settings:
+    return replace(settings, lease_s=settings.echo_limit_s + 2 * settings.beat_period_s)
 
 
 KINDS: dict[str, Kind] = {
@@ -431,5 +442,6 @@ KINDS: dict[str, Kind] = {
     "other cloud": Kind(0.8, (0.2, 3.0), _other_cloud),
     "bare": Kind(0.7, (0.05, 1.5), _bare),
     "hand": Kind(2.0, (0.02, 0.5), _hand),
+    "lease": Kind(0.5, (0.2, 1.0), _lease),
     "babble": Kind(0.5, (0.1, 1.0), _babble),
 }
