@@ -46,6 +46,11 @@ bench-switch: venv ## The switching figures of docs/benchmarks.md; ARGS="--quick
 bench-operator: venv ## 200 RobotOffloads on a real API server; ARGS="--objects 50"
 	$(PYTHON) -m robot_offload.bench.operator_scale $(ARGS)
 
+##@ Build
+.PHONY: images
+images: venv ## Build our own images; ARGS="--wheels" where no container registry can be reached
+	$(PYTHON) -m robot_offload.images.ours $(ARGS)
+
 ##@ Maintain
 .PHONY: venv generate install-manifest cluster-binaries pins clean
 generate: venv ## Write everything that is derived from the models: definition, reference
