@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import assume, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from robot_offload.api.v1alpha1 import RobotOffload
@@ -103,26 +103,56 @@ def test_ports_seen_through_a_wire_or_a_service_replace_those_of_the_resource() 
     assert link["verify_name"] is False
 
 
-MS = st.integers(min_value=0, max_value=12_000).map(format_duration)
-RATE = st.floats(min_value=0.01, max_value=1500)
+RATE = st.floats(min_value=0.05, max_value=1000)
 
 
-@settings(deadline=None, max_examples=150)
-@given(
-    switching=st.fixed_dictionaries(
-        {},
-        optional={
-            "heartbeatPeriod": MS, "lossTimeout": MS, "lease": MS, "maxCommandAge": MS, "minDwell": MS,
-            "maxClockOffset": MS, "activationDeadline": MS, "prefer": st.sampled_from(["Cloud", "Robot"]),
-            "pin": st.sampled_from(["Auto", "Cloud", "Robot"]), "mode": st.sampled_from(["Auto", "Observe"]),
-            "strict": st.booleans(),
-            "latency": st.fixed_dictionaries({}, optional={"robotPeriod": MS, "cloudPeriod": MS, "tolerance": MS}),
-            "holdDown": st.fixed_dictionaries({}, optional={"initial": MS, "max": MS, "flapWindow": MS}),
+def ms(low: int, high: int) -> st.SearchStrategy[str]:
+    return st.integers(low, high).map(format_duration)
+
+
+@st.composite
+def switchings(draw: st.DrawFn) -> dict[str, Any]:
+    """Times around the edges of the rules between them, most of them accepted, some just beyond."""
+    beat, robot, tolerance = draw(st.integers(5, 200)), draw(st.integers(1, 2000)), draw(st.integers(0, 2000))
+    cloud = draw(st.integers(1, robot + tolerance))
+    loss = max(15, 2 * beat + draw(st.integers(1, 4 * beat)))
+    loop = robot + tolerance - cloud
+    initial = draw(st.integers(0, 600_000))
+    edge = st.integers(-1, 3) | st.integers(0, 3000)
+    written = {
+        "heartbeatPeriod": beat,
+        "lossTimeout": loss,
+        "lease": max(50, loss + loop + 2 * beat + draw(edge)),
+        "maxCommandAge": max(10, loop + beat + 1 + draw(edge)),
+    }
+    return {
+        **{name: format_duration(value) for name, value in written.items()},
+        "latency": {
+            "robotPeriod": format_duration(robot),
+            "cloudPeriod": format_duration(cloud),
+            "tolerance": format_duration(tolerance),
         },
-    ),
-    output=st.fixed_dictionaries({"topic": st.just("/a/b")}, optional={"rate": RATE, "deadline": MS}),
+        "holdDown": {
+            "initial": format_duration(initial),
+            "max": format_duration(max(0, initial + draw(edge))),
+            "flapWindow": draw(ms(0, 3_600_000)),
+        },
+        "minDwell": draw(ms(0, 3_600_000)),
+        "maxClockOffset": draw(ms(1, 10_000)),
+        "activationDeadline": draw(ms(10, 60_000)),
+        "prefer": draw(st.sampled_from(["Cloud", "Robot"])),
+        "pin": draw(st.sampled_from(["Auto", "Cloud", "Robot"])),
+        "mode": draw(st.sampled_from(["Auto", "Observe"])),
+        "strict": draw(st.booleans()),
+    }
+
+
+@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.filter_too_much])
+@given(
+    switching=switchings(),
+    output=st.fixed_dictionaries({"topic": st.just("/a/b")}, optional={"rate": RATE, "deadline": ms(1, 60_000)}),
     topic=st.fixed_dictionaries(
-        {"name": st.just("/c")}, optional={"maxAge": MS, "maxRate": RATE, "latched": st.booleans()}
+        {"name": st.just("/c")}, optional={"maxAge": ms(1, 600_000), "maxRate": RATE, "latched": st.booleans()}
     ),
     side=st.sampled_from(SIDES),
 )  # fmt: skip
