@@ -188,6 +188,7 @@ class _Pass:
             robot_connected=robot.connected,
             endpoints=transport.observed_endpoints(self._offload, services, self._seen.nodes),
             user_config_hashes=self._seen.config_hashes,
+            user_configs=self._seen.config_texts,
         )
 
     async def _certify(self, facts: Facts) -> tuple[Verdict, float | None]:

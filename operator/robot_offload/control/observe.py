@@ -23,12 +23,22 @@ class Observed:
     Attributes:
         live: objects with the labels of its children, and whoever else bears the name of one.
         nodes: the cluster's nodes, when their addresses matter.
-        config_hashes: of the ConfigMap entries that its nodes read, by `name/key`; empty text: it is missing.
+        configs: the ConfigMap entries that its nodes read, by `name/key`; None: it is missing.
     """
 
     live: dict[Key, Manifest] = field(default_factory=dict)
     nodes: tuple[Manifest, ...] = ()
-    config_hashes: dict[str, str] = field(default_factory=dict)
+    configs: dict[str, str | None] = field(default_factory=dict)
+
+    @property
+    def config_texts(self) -> dict[str, str]:
+        """The entries that exist."""
+        return {entry: text for entry, text in self.configs.items() if text is not None}
+
+    @property
+    def config_hashes(self) -> dict[str, str]:
+        """A short name for the content of each entry; empty: it is missing."""
+        return {entry: "" if text is None else _hash(text) for entry, text in self.configs.items()}
 
     @property
     def services(self) -> list[Manifest]:
@@ -39,10 +49,10 @@ class Observed:
 async def observe(api: KubeApi, namespace: str, offload: RobotOffload) -> Observed:
     """Reads all that the next decisions need."""
     lists = [api.list(kind, namespace, _labels(offload)) for kind in CHILD_KINDS]
-    children, nodes, hashes = await asyncio.gather(
-        asyncio.gather(*lists), _nodes(api, offload), _config_hashes(api, namespace, offload)
+    children, nodes, configs = await asyncio.gather(
+        asyncio.gather(*lists), _nodes(api, offload), _configs(api, namespace, offload)
     )
-    seen = Observed({key_of(child): child for found in children for child in found}, nodes, hashes)
+    seen = Observed({key_of(child): child for found in children for child in found}, nodes, configs)
     if _issuer_matters(offload, seen):
         found = await _certificates(api, namespace, offload)
         seen.live.update({key_of(certificate): certificate for certificate in found})
@@ -90,18 +100,19 @@ async def _nodes(api: KubeApi, offload: RobotOffload) -> tuple[Manifest, ...]:
         return ()
 
 
-async def _config_hashes(api: KubeApi, namespace: str, offload: RobotOffload) -> dict[str, str]:
+async def _configs(api: KubeApi, namespace: str, offload: RobotOffload) -> dict[str, str | None]:
     entries = sorted(config_maps(offload))
     found = await asyncio.gather(*(api.get(CONFIG_MAP, namespace, name) for name, _ in entries))
-    return {f"{name}/{key}": _entry_hash(manifest, key) for (name, key), manifest in zip(entries, found, strict=True)}
+    return {f"{name}/{key}": _entry(manifest, key) for (name, key), manifest in zip(entries, found, strict=True)}
 
 
-def _entry_hash(config_map: Manifest | None, key: str) -> str:
-    for block in ("data", "binaryData"):
-        value = ((config_map or {}).get(block) or {}).get(key)
-        if value is not None:
-            return hashlib.sha256(str(value).encode()).hexdigest()[:16]
-    return ""
+def _entry(config_map: Manifest | None, key: str) -> str | None:
+    value = ((config_map or {}).get("data") or {}).get(key)
+    return None if value is None else str(value)
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _issuer_matters(offload: RobotOffload, seen: Observed) -> bool:

@@ -120,7 +120,6 @@ USES: Final[tuple[Use, ...]] = (
     Use(POD, ("list", "watch"), reason="says why a workload is not available"),
     Use(NODE, ("list",), reason="addresses of a Service of type NodePort"),
     Use(EVENT, ("create",), reason="tells transitions"),
-    Use(CUSTOM_RESOURCE_DEFINITION, ("list", "watch"), reason="waits for its own kind"),
     Use(
         CERTIFICATE,
         ("get", "list", "create", "patch", "delete"),

@@ -41,10 +41,10 @@ def _conditions(old: Mapping[str, Mapping[str, Any]], new: Iterable[Mapping[str,
     for condition in new:
         name, status = condition["type"], condition["status"]
         before = old.get(name)
-        # The first pass finds most things unfinished; only what a person must act on is worth an event then.
-        first_trouble = before is None and status == "False" and name in ("SpecValid", "ResourcesApplied")
+        # The first pass finds most things unfinished; that it was done, or must be corrected, is worth an event.
+        first = before is None and (name == "ResourcesApplied" or (name == "SpecValid" and status == "False"))
         moved = before is not None and before["status"] != status
-        if name not in _TOLD or not (first_trouble or moved):
+        if name not in _TOLD or not (first or moved):
             continue
         fine = status == "True"
         if status == "Unknown" and before is not None and name != "Ready":
