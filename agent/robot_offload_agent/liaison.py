@@ -93,8 +93,9 @@ def step(liaison: Liaison, event: Event, now_s: float) -> Liaison:
 
 
 def notes(liaison: Liaison, now_s: float) -> CloudNotes:
-    """What to tell the robot."""
-    answered = liaison.robot is not None and _answered(liaison.robot, liaison.offer)
+    """What to tell the robot; settings that it could not keep are offered again and again."""
+    robot = liaison.robot
+    answered = robot is not None and _answered(robot, liaison.offer) and robot.reason != "NotKept"
     leaving = liaison.leaving if now_s < liaison.leaving_until_s else ""
     return CloudNotes(None if answered else liaison.offer, leaving)
 

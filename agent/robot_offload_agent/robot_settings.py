@@ -32,6 +32,8 @@ class RobotSettings:
         self.local = local
         self.post = post
         self.adopt = adopt
+        self.keeping = False
+        self.disk = threading.Lock()
         self.present, offer, self.problem = kept.load(local)
         self.judged = offer.digest if offer is not None else ""
         self.judgement = Judgement(self.present, "Accepted", f"The robot runs generation {self.generation}")
@@ -58,14 +60,17 @@ class RobotSettings:
             log.warning("Notes of the cloud that are none of ours: %s", error)
             return ""
         offer = notes.offer
-        if offer is not None and offer.digest != self.judged:
-            self.judged = offer.digest
+        again = self.judgement.reason == "NotKept" and not self.keeping  # the disk may have been freed
+        if offer is not None and (offer.digest != self.judged or again):
+            again, self.judged = offer.digest == self.judged, offer.digest
             judgement = judge(self.local, self.generation, offer)
             if judgement.configuration is None:
                 self.post(lambda now: self._kept(offer, judgement, now))
             else:
                 # Until it is on the disk nothing is answered: what was accepted must hold at an offline start.
-                self.judgement = Judgement(None, "Keeping", "The robot writes the settings to its disk")
+                self.keeping = True
+                if not again:
+                    self.judgement = Judgement(None, "Keeping", "The robot writes the settings to its disk")
                 threading.Thread(target=self._keep, args=(offer, judgement), name="keep", daemon=True).start()
         return notes.leaving
 
@@ -81,7 +86,9 @@ class RobotSettings:
 
     def _keep(self, offer: Offer, judgement: Judgement) -> None:
         try:
-            kept.keep(self.local, offer)
+            with self.disk:
+                if offer.digest == self.judged:  # else a newer one is written before or after us, and stays
+                    kept.keep(self.local, offer)
         except OSError as error:
             message = f"{kept.path(self.local)} cannot be written: {error.strerror}; free the disk, or set state_dir"
             judgement = Judgement(None, "NotKept", message)
@@ -90,6 +97,7 @@ class RobotSettings:
     def _kept(self, offer: Offer, judgement: Judgement, now: float) -> None:
         if offer.digest != self.judged:
             return  # a newer one was offered meanwhile
+        self.keeping = False
         self.judgement = judgement
         if judgement.configuration is None:
             message = f"Settings of the cloud were refused ({judgement.reason}): {judgement.message}"

@@ -40,6 +40,13 @@ def test_settings_are_offered_until_the_robot_has_answered_to_exactly_them() -> 
         assert liaison.notes(after(RobotSaid(answer), start=state), 10.0).offer is None
 
 
+def test_settings_that_the_robot_could_not_keep_are_offered_again() -> None:
+    answer = RobotNotes(6, OFFER.digest, False, "NotKept", "the disk is full")
+    state = after(SettingsRead(OFFER), RobotSaid(answer), start=CONNECTED)
+    assert liaison.notes(state, 10.0).offer == OFFER
+    assert told(state)["settings"]["reason"] == "NotKept"
+
+
 def test_newer_settings_are_offered_again() -> None:
     state = after(SettingsRead(OFFER), RobotSaid(ACCEPTED), SettingsRead(Offer(8, {})), start=CONNECTED)
     assert liaison.notes(state, 10.0).offer == Offer(8, {})
