@@ -142,6 +142,9 @@ class Operator:
         parts.append(asyncio.create_task(self._resync()))
         leading = asyncio.create_task(self._leadership.hold())
         stopped = asyncio.create_task(stop.wait())
+        for manifest in await self._list():
+            # At once, without waiting for the watches: whatever a predecessor left half done is finished first.
+            self._queue.add((manifest["metadata"]["namespace"], manifest["metadata"]["name"]))
         stop_watching, ready = asyncio.Event(), asyncio.Event()
         watching = asyncio.ensure_future(
             handlers.operator(

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import urllib.error
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 from robot_offload.kube.kinds import (
     CHILD_KINDS,
@@ -24,6 +28,7 @@ from tests.integration.operator_process import Operator
 from tests.integration.operator_proxy import Asked, Proxy
 
 pytestmark = pytest.mark.api
+SAMPLES = Path(__file__).resolve().parents[2] / "manifests" / "samples"
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +93,41 @@ def test_what_settles_is_never_written_again_not_even_by_a_new_operator(
     assert mine == []
     assert place.roff()["metadata"]["resourceVersion"] == version
     assert {key: child["metadata"]["resourceVersion"] for key, child in place.children().items()} == before
+
+
+def test_every_field_of_the_samples_can_be_set_and_unset_again(place: Place, proxy: Proxy) -> None:
+    """Through the specifications of all samples and back: the children are as if nothing had happened."""
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    before = place.shape()
+    names = sorted(path.stem for path in SAMPLES.glob("*.yaml"))
+    assert len(names) >= 10
+    for sample in names:
+        (manifest,) = yaml.safe_load_all((SAMPLES / f"{sample}.yaml").read_text())
+        replace_spec(place, manifest["spec"])
+        place.applied()
+        assert place.condition("SpecValid")["status"] == "True", sample
+    replace_spec(place, walker()["spec"])
+    place.applied()
+    eventually(lambda: place.shape().keys() == before.keys(), "no leftover children", lambda: place.shape().keys())
+    assert place.shape() == before
+    quiet(proxy, place)
+
+
+def replace_spec(place: Place, spec: dict[str, Any]) -> None:
+    """The whole specification, as `kubectl replace` does it; defaults fill what is left out."""
+    path = ROBOT_OFFLOAD.path(place.namespace, "walker")
+    for _ in range(20):
+        roff = place.roff()
+        try:
+            place.plane.request("PUT", path, {**roff, "spec": spec})
+        except urllib.error.HTTPError as error:
+            with error:
+                if error.code != 409:
+                    raise AssertionError(error.read().decode()) from error
+        else:
+            return
+    raise AssertionError("the status was written each time")
 
 
 def test_a_changed_child_is_put_right_and_what_others_add_is_left_alone(place: Place) -> None:
@@ -343,8 +383,6 @@ def quiet(proxy: Proxy, place: Place) -> None:
 
 def renew(place: Place, site: str, reason: str) -> None:
     """Write the robot's Lease as the reporter does."""
-    import json
-
     generation = place.roff()["metadata"]["generation"]
     state = {
         "version": 1, "agent_generation": generation, "connected": True, "site": site, "epoch": 3, "reason": reason,
