@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,10 +12,12 @@ import yaml
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.render.agent_config import RUN_TIME, RUN_TIME_INPUT, SHARED
 from robot_offload.render.bundle import BundleSecrets, bundle
+from robot_offload.render.certificates import build_certificates
 from robot_offload.render.facts import Facts
 from robot_offload_agent import parameters as agent
 from robot_offload_agent import tuning
 from robot_offload_agent.link.zenoh_config import ZenohSettings
+from robot_offload_agent.main import main
 from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload, rendered
 from tests.unit.render.test_rolls import RUN_TIME as CHANGES_AT_RUN_TIME
 
@@ -62,6 +66,18 @@ def test_both_agents_of_every_transport_start_with_what_is_rendered(transport: s
     assert robot["link.type"] == cloud["link.type"] == ("zenoh" if transport == "Zenoh" else "ros")
     assert robot["generation"] == cloud["generation"] == 3
     assert (robot["state_file"], cloud["state_file"]) == ("", "/run/robot-offload/state.json")
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_a_bundle_on_the_robots_disk_passes_the_agents_own_check(transport: str, tmp_path: Path) -> None:
+    now = datetime.datetime.now(datetime.UTC)
+    made = build_certificates(robot="wheelchair-7", host_names=["edge.example"], now=now)
+    secrets = BundleSecrets(made.server_ca.certificate, made.robot.certificate, made.robot.private_key)
+    resource = offload(transport=TRANSPORTS[transport])
+    for path, content in bundle(resource, KNOWN, secrets, folder=str(tmp_path)).items():
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_bytes(content)
+    assert main(["robot", "--params", str(tmp_path / "agent.yaml"), "--check"]) == 0
 
 
 def test_the_endpoints_of_both_sides_are_ones_that_zenoh_takes() -> None:
