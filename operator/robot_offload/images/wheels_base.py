@@ -59,7 +59,7 @@ def build(tool: Tool, root: Path, extra: tuple[str, ...] = ()) -> None:
         InputError: this machine lacks what it needs.
         BuildError: debootstrap or the builder failed.
     """
-    kept = archives(_cache_folder())
+    kept = archives(cache_folder())
     with tempfile.TemporaryDirectory(prefix="robot-offload-wheels-") as folder:
         context = Path(folder)
         shutil.copytree(root / "images" / "wheels-base", context, dirs_exist_ok=True)
@@ -84,7 +84,7 @@ def archives(folder: Path) -> tuple[Path, Path]:
         InputError: this is not CPython 3.12, or root or debootstrap are missing.
         BuildError: debootstrap failed.
     """
-    system, python = folder / f"{RELEASE}/system.tar", folder / f"{sys.version.split()[0]}/python.tar"
+    system, python = _paths(folder)
     for path, write in ((system, _write_system), (python, _write_python)):
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -92,6 +92,15 @@ def archives(folder: Path) -> tuple[Path, Path]:
             write(unfinished)
             unfinished.rename(path)
     return system, python
+
+
+def archives_are_kept() -> bool:
+    """Whether both archives are there, so that debootstrap is not needed."""
+    return all(path.exists() for path in _paths(cache_folder()))
+
+
+def _paths(folder: Path) -> tuple[Path, Path]:
+    return folder / f"{RELEASE}/system.tar", folder / f"{sys.version.split()[0]}/python.tar"
 
 
 def _write_system(path: Path) -> None:
@@ -133,6 +142,7 @@ def of_python(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
     return member
 
 
-def _cache_folder() -> Path:
+def cache_folder() -> Path:
+    """Where the archives are kept."""
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(home) / "robot-offload" / "images"
