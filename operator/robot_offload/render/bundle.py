@@ -163,7 +163,8 @@ def _compose(offload: RobotOffload, facts: Facts, folder: str) -> str:
         "image": facts.images.agent,
         "command": ["robot-offload-agent", "robot", "--params", f"{folder}/agent.yaml"],
         "env_file": ["environment"],
-        "environment": _agent_environment(offload, facts),
+        # The image knows its own folders; those of the robot are not in it.
+        "environment": {**_agent_environment(offload, facts), texts.SETUP_VARIABLE: ""},
         **_container(folder),
         "cap_add": ["SYS_NICE"],
         "ulimits": {"rtprio": REALTIME_PRIORITY},

@@ -139,7 +139,7 @@ Your own message types must be known to the agent: write the setup script of you
 in `{folder}/environment`.
 
 Or start it in containers: copy the folder with the first three commands, then
-`cd {folder} && sudo docker compose up -d`.
+`cd {folder} && sudo docker compose up -d`. There your message types come with the agent's image.
 
 Look at it:
 

@@ -140,3 +140,11 @@ def test_without_addresses_of_the_cloud_the_robot_looks_for_none() -> None:
     files = made("StaticPeers", staticPeers={"robot": ["192.0.2.7"]})
     assert "ROS_STATIC_PEERS" not in files["environment"]
     assert "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET" in files["environment"]
+
+
+def test_the_robots_own_setup_script_is_for_systemd_and_not_for_a_container() -> None:
+    files = made()
+    agent = yaml.safe_load(files["compose.yaml"])["services"]["agent"]
+    assert "ROBOT_OFFLOAD_SETUP=/opt/ros/jazzy/setup.bash\n" in files["environment"]
+    assert agent["env_file"] == ["environment"]
+    assert agent["environment"]["ROBOT_OFFLOAD_SETUP"] == ""
