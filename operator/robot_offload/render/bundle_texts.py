@@ -143,7 +143,8 @@ Or start it in containers: copy the folder with the first three commands, then
 
 Look at it:
 
-- `sudo robot-offload-agent robot --params {folder}/agent.yaml --check`: is the configuration good?
+- `sudo bash -c 'source {setup_file(offload)} && robot-offload-agent robot --params {folder}/agent.yaml --check'`:
+  is the configuration good?
 - `ros2 topic echo --qos-durability transient_local /offload/placement`: which side acts, and why?
 - `journalctl -u robot-offload-agent`: the rest."""
 
