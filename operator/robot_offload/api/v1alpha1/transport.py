@@ -144,7 +144,7 @@ class Expose(Model):
 
 
 class IssuerReference(Model):
-    """An issuer of cert-manager that signs the cloud's certificate."""
+    """An issuer of cert-manager, which signs the certificates of cloud and robot."""
 
     name: ObjectName = Field(description="The issuer's name.")
     kind: Literal["Issuer", "ClusterIssuer"] = Field(
@@ -157,8 +157,8 @@ class Certificates(Model):
 
     issuer_ref: IssuerReference | None = Field(
         default=None,
-        description="Who signs the cloud's certificate. Default: an authority of this RobotOffload's own, kept by "
-        "the operator.",
+        description="Who signs the certificates. Default: two authorities of this RobotOffload's own, kept by the "
+        "operator.",
     )
     duration_ms: Annotated[Duration, Within("24h", "87600h")] = Field(
         default=2160 * 3_600_000,
