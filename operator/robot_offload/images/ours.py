@@ -98,6 +98,8 @@ def build(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the commands only.")] = False,
 ) -> None:
     """Build our own images; one that fails does not keep the others from being built."""
+    if not (ROOT / "images").is_dir():
+        raise InputError("our own images are built in a checkout of the repository, with the package installed from it")
     bases = dict(_base(text) for text in base or ())
     chosen = _chosen(names or [], wheels)
     known = next((tool for tool in TOOLS if tool == builder), None)

@@ -14,7 +14,8 @@ class Entrypoint(Feature[BuildSpec]):
     """Sources the installation and the overlay, then becomes the program; tini is process 1 and passes signals on.
 
     `ros2 run` itself would swallow the signal that ends a container, so the program it would start is started
-    directly. `ros2 launch` ends its nodes in order at SIGINT only; at SIGTERM it leaves them behind.
+    directly. `ros2 launch` ends its nodes in order at SIGINT only (launch's `launch_service.py`); at SIGTERM it leaves
+    them behind. It passes the signal on to its nodes itself, so tini must not do the same.
     """
 
     name = "entrypoint"
@@ -35,7 +36,7 @@ class Entrypoint(Feature[BuildSpec]):
             yield Finding("autostart", "NotSupported", message)
 
     def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
-        """Process 1, and launch where it is wanted (every official image has it, but a small base may not)."""
+        """Process 1."""
         return ("tini",) if stage == "runtime" else ()
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
@@ -44,5 +45,9 @@ class Entrypoint(Feature[BuildSpec]):
             command = ("ros2", "launch", "--noninteractive", spec.package, spec.launch, *spec.arguments)
         else:
             command = ("ros2", "run", spec.package, str(spec.executable), *spec.arguments)
-        signal = "SIGINT" if spec.launch else spec.release.stop_signal
-        return {"command": command, "stop_signal": signal, "autostart": spec.autostart}
+        tini = ("/usr/bin/tini",) if spec.launch else ("/usr/bin/tini", "-g")
+        return {
+            "command": command,
+            "stop_signal": "SIGINT" if spec.launch else spec.release.stop_signal,
+            "entrypoint": (*tini, "--", "/usr/local/bin/robot-offload-node"),
+        }
