@@ -33,7 +33,7 @@ Namespace = Annotated[
 ]
 
 REPORTER_PORT: Final = 8080
-INSTALL: Final = "helm install robot-offload charts/robot-offload --namespace robot-offload --create-namespace"
+INSTALL: Final = "helm install robot-offload charts/robot-offload --namespace robot-offload-system --create-namespace"
 NO_KIND: Final = f"the cluster does not know RobotOffload; install it first: {INSTALL}"
 PATIENCE: Final = RetryPolicy(attempts=2, request_timeout_s=10.0)
 """Somebody waits at the terminal: rather an error soon than an answer late."""
@@ -162,6 +162,8 @@ async def read_page(api: KubeApi, url: str) -> Manifest | None:
 def _short(error: KubeError) -> str:
     """The reporter's own words where it has answered, else the API server's."""
     text = str(error)
+    if "no endpoints available" in text:
+        return "the cloud agent has no ready pod"
     start = text.find('{"problem"')
     if start >= 0:
         try:

@@ -29,6 +29,8 @@ OPERATOR_LABELS: Final = {"app.kubernetes.io/name": "robot-offload-operator"}
 LEADER_LEASE: Final = "robot-offload-operator"
 DEFINITION: Final = f"{ROBOT_OFFLOAD.plural}.{ROBOT_OFFLOAD.group}"
 
+CORRECT: Final = "Correct the field in your file and apply it again."
+
 Question = Callable[[], Awaitable[list[Finding]]]
 
 
@@ -67,8 +69,10 @@ async def examine_one(
     try:
         offload = parse_object(manifest, f"{namespace}/{name}", unknown="ignore", rules=CLUSTER_CHECKS)
     except SpecError as error:
-        return findings + [Finding("Specification", "error", each.line()) for each in error.findings], None
-    findings += [Finding("Specification", "warning", each.line()) for each in check(offload.spec, CLUSTER_CHECKS)]
+        return findings + [Finding("Specification", "error", each.line(), CORRECT) for each in error.findings], None
+    findings += [
+        Finding("Specification", "warning", each.line(), CORRECT) for each in check(offload.spec, CLUSTER_CHECKS)
+    ]
     findings.append(checkup.addresses(offload, observed))
     findings += checkup.images(offload)
 

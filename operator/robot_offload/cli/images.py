@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from importlib.metadata import version
-from typing import Final
 
 from robot_offload.kube.port import Manifest
+from robot_offload.render import facts
 from robot_offload.render.facts import Images
-
-REGISTRY: Final = "registry.robotoffload.dev"
 
 
 def default_images() -> Images:
     """The images of this version, as the chart installs them."""
-    tag = version("robot-offload")
-    return Images(**{name: f"{REGISTRY}/{name}:{tag}" for name in ("agent", "operator", "discovery", "router")})
+    return facts.default_images(version("robot-offload"))
 
 
 def images_in_use(deployments: list[Manifest]) -> Images:

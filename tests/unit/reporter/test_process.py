@@ -10,17 +10,16 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
-from urllib.error import HTTPError
-from urllib.request import Request, urlopen
 
 import pytest
 import yaml
 
 from robot_offload.reporter.state import ANNOTATION
+from tests.unit.reporter.running import Running, eventually
 from tests.unit.reporter.states import text
 
 LEASE = "/apis/coordination.k8s.io/v1/namespaces/ward/leases/wheelchair-7-robot"
@@ -56,85 +55,22 @@ class ApiServer:
         self._thread.start()
         self.url = f"http://127.0.0.1:{self._http.server_port}"
 
+    def kubeconfig(self, file: Path) -> Path:
+        values = {
+            "apiVersion": "v1",
+            "kind": "Config",
+            "clusters": [{"name": "c", "cluster": {"server": self.url}}],
+            "users": [{"name": "u", "user": {"token": "t"}}],
+            "contexts": [{"name": "x", "context": {"cluster": "c", "user": "u"}}],
+            "current-context": "x",
+        }
+        file.write_text(yaml.safe_dump(values))
+        return file
+
     def close(self) -> None:
         self._http.shutdown()
         self._http.server_close()
         self._thread.join()
-
-
-class Running:
-    """The process, its files and its address."""
-
-    def __init__(self, folder: Path, api: ApiServer) -> None:
-        self.state_file = folder / "state.json"
-        self.handover_file = folder / "handover"
-        kubeconfig = folder / "kubeconfig"
-        kubeconfig.write_text(
-            yaml.safe_dump(
-                {
-                    "apiVersion": "v1",
-                    "kind": "Config",
-                    "clusters": [{"name": "c", "cluster": {"server": api.url}}],
-                    "users": [{"name": "u", "user": {"token": "t"}}],
-                    "contexts": [{"name": "x", "context": {"cluster": "c", "user": "u"}}],
-                    "current-context": "x",
-                }
-            )
-        )
-        environment = {
-            "NAMESPACE": "ward",
-            "LEASE_NAME": "wheelchair-7-robot",
-            "ROBOT_NAME": "wheelchair-7",
-            "STATE_FILE": str(self.state_file),
-            "HANDOVER_FILE": str(self.handover_file),
-            "PORT": "0",
-            "KUBECONFIG": str(kubeconfig),
-        }
-        self.log = (folder / "log").open("w+")
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "robot_offload.reporter"], env={**os.environ, **environment}, stderr=self.log
-        )
-        self.url = f"http://127.0.0.1:{self._port(folder / 'log')}"
-
-    def _port(self, log: Path) -> int:
-        def port() -> int | None:
-            assert self.process.poll() is None, log.read_text()
-            lines = [json.loads(line) for line in log.read_text().splitlines() if line.startswith("{")]
-            served = [address for line in lines if line["event"] == "serving" for address in line["addresses"]]
-            return next((port for host, port in served if "." in host), None)  # the other one is IPv6
-
-        return int(eventually(port))
-
-    def write(self, content: str) -> None:
-        new = self.state_file.with_suffix(".new")
-        new.write_text(content)
-        new.replace(self.state_file)
-
-    def ask(self, path: str, method: str = "GET") -> tuple[int, str]:
-        try:
-            with urlopen(Request(self.url + path, method=method), timeout=20) as answer:
-                return answer.status, answer.read().decode()
-        except HTTPError as error:
-            with error:
-                return error.code, error.read().decode()
-
-    def stop(self) -> int:
-        self.process.send_signal(signal.SIGTERM)
-        try:
-            return self.process.wait(20)
-        finally:
-            self.process.kill()
-            self.process.wait()
-            self.log.close()
-
-
-def eventually(found: Callable[[], Any], within_s: float = 60.0) -> Any:
-    end = time.monotonic() + within_s
-    while time.monotonic() < end:
-        if value := found():
-            return value
-        time.sleep(0.05)
-    raise AssertionError(f"not within {within_s} s")
 
 
 @pytest.fixture
@@ -146,7 +82,7 @@ def api() -> Iterator[ApiServer]:
 
 @pytest.fixture
 def running(tmp_path: Path, api: ApiServer) -> Iterator[Running]:
-    process = Running(tmp_path, api)
+    process = Running(tmp_path, api.kubeconfig(tmp_path / "kubeconfig"))
     yield process
     process.stop()
 

@@ -1,0 +1,158 @@
+"""The reporter against a real API server, with the rights that the operator gives it and no others."""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.cli.main import app
+from robot_offload.render.children import children
+from robot_offload.render.facts import Facts, default_images
+from robot_offload.reporter.state import ANNOTATION
+from tests.cluster.commands import Kubectl
+from tests.cluster.control_plane import ControlPlane
+from tests.integration.resources import talker
+from tests.unit.reporter.running import Running, eventually
+from tests.unit.reporter.states import text
+
+pytestmark = pytest.mark.api
+RIGHTS = ("ServiceAccount", "Role", "RoleBinding", "Lease")
+
+
+@pytest.fixture
+def lease(kubectl: Kubectl, namespace: str) -> str:
+    """The robot's Lease and the reporter's rights as they are rendered; the Lease's name."""
+    offload = parse_object(talker(), "talker")
+    facts = Facts(namespace=namespace, uid="", generation=1, images=default_images("1"), nodes_wanted=True)
+    rendered = [child for child in children(offload, facts) if child["kind"] in RIGHTS]
+    for child in rendered:
+        del child["metadata"]["ownerReferences"]  # there is no RobotOffload here that could own them
+    kubectl.apply(*rendered)
+    [name] = [child["metadata"]["name"] for child in rendered if child["kind"] == "Lease"]
+    return str(name)
+
+
+@pytest.fixture
+def running(control_plane: ControlPlane, namespace: str, lease: str, tmp_path: Path) -> Iterator[Running]:
+    assert lease == "talker-robot"
+    process = Running(tmp_path, control_plane.kubeconfig_of(namespace, "talker-agent"), namespace, "talker")
+    yield process
+    assert process.stop() == 0
+
+
+def held(kubectl: Kubectl, holder: str | None) -> dict[str, Any]:
+    """The Lease as soon as it has this holder."""
+
+    def look() -> dict[str, Any] | None:
+        found: dict[str, Any] = kubectl.json("get", "lease", "talker-robot")
+        fits = found["spec"].get("holderIdentity") == holder and ANNOTATION in found["metadata"].get("annotations", {})
+        return found if fits else None
+
+    return dict(eventually(look))
+
+
+def test_the_state_reaches_the_lease_with_the_rendered_role_alone(running: Running, kubectl: Kubectl) -> None:
+    running.write(text())
+    lease = held(kubectl, "talker")
+    assert lease["spec"]["acquireTime"] == "2026-11-21T10:00:00.000000Z"
+    assert lease["spec"]["leaseDurationSeconds"] == 30  # of the operator, left alone
+    assert json.loads(lease["metadata"]["annotations"][ANNOTATION])["epoch"] == 12
+    running.write(text(connected=False, site="unknown", epoch=13))
+    lease = held(kubectl, None)
+    assert json.loads(lease["metadata"]["annotations"][ANNOTATION])["epoch"] == 13
+    assert "lease_failures_total 0.0" in running.ask("/metrics")[1]
+
+
+def test_applying_the_lease_again_takes_nothing_back(running: Running, kubectl: Kubectl, namespace: str) -> None:
+    running.write(text())
+    held(kubectl, "talker")
+    bare = {
+        "apiVersion": "coordination.k8s.io/v1",
+        "kind": "Lease",
+        "metadata": {"name": "talker-robot", "namespace": namespace},
+        "spec": {"leaseDurationSeconds": 30},
+    }
+    kubectl.apply(bare, options=("--server-side", "--field-manager=robot-offload"))
+    assert held(kubectl, "talker")["spec"]["renewTime"]
+
+
+def test_the_reporter_may_touch_one_lease_and_nothing_else(
+    control_plane: ControlPlane, kubectl: Kubectl, namespace: str, lease: str
+) -> None:
+    own = f"--as=system:serviceaccount:{namespace}:talker-agent"
+
+    def may(*question: str) -> bool:
+        # kubectl ends with 1 for a no, unless it may just be quiet about it.
+        return "Allowed" not in kubectl("auth", "can-i", *question, own, "--no-headers")
+
+    assert may("patch", f"lease/{lease}")
+    assert not may("patch", "lease/another-robot")
+    assert not may("create", "leases")
+    assert not may("list", "leases")
+    assert not may("get", "secrets")
+    assert not may("get", "robotoffloads")
+
+
+def test_a_lease_that_comes_later_is_written_then(
+    control_plane: ControlPlane, kubectl: Kubectl, namespace: str, lease: str, running: Running
+) -> None:
+    saved = kubectl.json("get", "lease", lease)
+    kubectl("delete", "lease", lease)
+    running.write(text(epoch=20))
+    eventually(lambda: "lease_failures_total 0.0" not in running.ask("/metrics")[1])
+    kubectl.apply({**saved, "metadata": {"name": lease, "namespace": namespace}})
+    assert json.loads(held(kubectl, "talker")["metadata"]["annotations"][ANNOTATION])["epoch"] == 20
+
+
+def own_address() -> str:
+    """An address of this machine that is not the loopback's; nothing is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.connect(("192.0.2.1", 9))
+        return str(probe.getsockname()[0])
+
+
+def test_status_shows_live_numbers_through_the_api_server(
+    control_plane: ControlPlane, kubectl: Kubectl, namespace: str, running: Running
+) -> None:
+    address = own_address()
+    kubectl.apply(
+        {**talker(), "metadata": {"name": "talker", "namespace": namespace}},
+        {
+            "apiVersion": "v1",
+            "kind": "Service",
+            "metadata": {"name": "talker-agent", "namespace": namespace},
+            "spec": {"ports": [{"name": "http", "port": 8080, "targetPort": running.port}]},
+        },
+        {
+            "apiVersion": "v1",
+            "kind": "Endpoints",
+            "metadata": {"name": "talker-agent", "namespace": namespace},
+            "subsets": [{"addresses": [{"ip": address}], "ports": [{"name": "http", "port": running.port}]}],
+        },
+    )
+    options = ("--kubeconfig", str(control_plane.kubeconfig), "-n", namespace)
+
+    def shown(*arguments: str) -> str:
+        done = CliRunner().invoke(app, [*arguments, *options])
+        assert done.exit_code == 0, done.output
+        return done.stdout
+
+    def silent() -> bool:
+        found = json.loads(shown("status", "talker", "--json"))[0]
+        assert not found["live"]
+        return bool(found["liveProblem"] == "there is no state file: the agent has not started")
+
+    eventually(silent)  # the API server learns of the endpoints a moment later
+    running.write(text())
+    eventually(lambda: running.ask("/readyz")[0] == 200)
+    live = json.loads(shown("status", "--json"))[0]
+    assert (live["live"], live["placement"], live["roundTripMs"]) == (True, "Cloud", {"p50": 11.5, "p99": 19.0})
+    assert "12 ms (p99 19 ms)" in shown("status")
+    assert "12 ms (p99 19 ms)" in shown("status", "talker")

@@ -1,0 +1,78 @@
+"""The reporter as a process, with its files and its address."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+
+class Running:
+    """The process, its files and its address."""
+
+    def __init__(self, folder: Path, kubeconfig: Path, namespace: str = "ward", robot: str = "wheelchair-7") -> None:
+        self.state_file = folder / "state.json"
+        self.handover_file = folder / "handover"
+        environment = {
+            "NAMESPACE": namespace,
+            "LEASE_NAME": f"{robot}-robot",
+            "ROBOT_NAME": robot,
+            "STATE_FILE": str(self.state_file),
+            "HANDOVER_FILE": str(self.handover_file),
+            "PORT": "0",
+            "KUBECONFIG": str(kubeconfig),
+        }
+        self.log = (folder / "log").open("w+")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "robot_offload.reporter"], env={**os.environ, **environment}, stderr=self.log
+        )
+        self.port = self._port(folder / "log")
+        self.url = f"http://127.0.0.1:{self.port}"
+
+    def _port(self, log: Path) -> int:
+        def port() -> int | None:
+            assert self.process.poll() is None, log.read_text()
+            lines = [json.loads(line) for line in log.read_text().splitlines() if line.startswith("{")]
+            served = [address for line in lines if line["event"] == "serving" for address in line["addresses"]]
+            return next((port for host, port in served if "." in host), None)  # the other one is IPv6
+
+        return int(eventually(port))
+
+    def write(self, content: str) -> None:
+        new = self.state_file.with_suffix(".new")
+        new.write_text(content)
+        new.replace(self.state_file)
+
+    def ask(self, path: str, method: str = "GET") -> tuple[int, str]:
+        try:
+            with urlopen(Request(self.url + path, method=method), timeout=20) as answer:
+                return answer.status, answer.read().decode()
+        except HTTPError as error:
+            with error:
+                return error.code, error.read().decode()
+
+    def stop(self) -> int:
+        self.process.send_signal(signal.SIGTERM)
+        try:
+            return self.process.wait(20)
+        finally:
+            self.process.kill()
+            self.process.wait()
+            self.log.close()
+
+
+def eventually(found: Callable[[], Any], within_s: float = 60.0) -> Any:
+    end = time.monotonic() + within_s
+    while time.monotonic() < end:
+        if value := found():
+            return value
+        time.sleep(0.05)
+    raise AssertionError(f"not within {within_s} s")
