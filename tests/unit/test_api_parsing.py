@@ -11,8 +11,10 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
-from robot_offload.api.v1alpha1.parsing import parse_object, parse_text
+from robot_offload.api.v1alpha1.nodes import Output
+from robot_offload.api.v1alpha1.parsing import findings_of, parse_object, parse_text
 from robot_offload.errors import InputError, SpecError
 from robot_offload.loading import load
 from tests.unit.specs import SAMPLE, changed, sample
@@ -131,6 +133,15 @@ def test_a_double_keeps_its_type_although_kubernetes_drops_the_point() -> None:
     run = parse_object(values, "f.yaml").spec.nodes[1].run
     assert run is not None
     assert repr(run.parameters) == "{'rate_hz': 20.0, 'count': 3, 'plugins': {'gain': 2.0, 'all': (1.0, 2.0)}}"
+
+
+def test_the_errors_of_a_part_are_told_with_the_fields_of_the_part() -> None:
+    with pytest.raises(ValidationError) as caught:
+        Output.model_validate({"topik": "/a"})
+    assert [finding.line() for finding in findings_of(caught.value, Output)] == [
+        "topic: is missing (The full name under which consumers know it, e.g. /cmd_vel)",
+        "topik: is not a known field; did you mean topic?",
+    ]
 
 
 def test_yaml_errors_are_told_with_line_and_column() -> None:

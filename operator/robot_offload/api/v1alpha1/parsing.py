@@ -95,9 +95,14 @@ def parse_object(
     return offload
 
 
-def findings_of(error: ValidationError) -> list[Finding]:
-    """Everything that pydantic complains of, in our words; never empty."""
-    return [_finding(detail) for detail in error.errors(include_url=False) if not _misleading(detail)]
+def findings_of(error: ValidationError, root: type[Model] = RobotOffload) -> list[Finding]:
+    """Everything that pydantic complains of, in our words; never empty.
+
+    Args:
+        error: from validating values of `root`.
+        root: the model whose fields are suggested where one is unknown or missing.
+    """
+    return [_finding(detail, root) for detail in error.errors(include_url=False) if not _misleading(detail)]
 
 
 def _misleading(detail: ErrorDetails) -> bool:
@@ -105,15 +110,15 @@ def _misleading(detail: ErrorDetails) -> bool:
     return detail["type"] == "too_short" and bool(detail["input"])
 
 
-def _finding(detail: ErrorDetails) -> Finding:
+def _finding(detail: ErrorDetails, root: type[Model]) -> Finding:
     """One of pydantic's errors in our words."""
     kind, location, given = detail["type"], detail["loc"], detail["input"]
     context = detail.get("ctx", {})
     path = path_of(location)
     if kind == "extra_forbidden":
-        return Finding(path, "UnknownField", f"is not a known field{_instead(location)}")
+        return Finding(path, "UnknownField", f"is not a known field{_instead(location, root)}")
     if kind == "missing":
-        return Finding(path, "Required", f"is missing{_meaning(location)}")
+        return Finding(path, "Required", f"is missing{_meaning(location, root)}")
     if kind == "literal_error":
         return Finding(path, "NotSupported", _not_one_of(given, str(context.get("expected", ""))))
     if kind == "value_error":
@@ -150,9 +155,9 @@ def path_of(location: Location) -> str:
     return path
 
 
-def _instead(location: Location) -> str:
+def _instead(location: Location, root: type[Model]) -> str:
     """What could have been meant by an unknown field."""
-    model = _model_at(location[:-1])
+    model = _model_at(location[:-1], root)
     known = sorted(_fields(model)) if model else []
     return _suggestion(str(location[-1]), known) or (f"; known here: {', '.join(known)}" if known else "")
 
@@ -173,9 +178,9 @@ def _suggestion(given: str, known: Iterable[str]) -> str:
     return f"; did you mean {plain[close[0]]}?" if close else ""
 
 
-def _meaning(location: Location) -> str:
+def _meaning(location: Location, root: type[Model]) -> str:
     """What a missing field is for: its description, in brackets."""
-    model = _model_at(location[:-1])
+    model = _model_at(location[:-1], root)
     field = _fields(model).get(str(location[-1])) if model else None
     return f" ({field.description.rstrip('.')})" if field and field.description else ""
 
@@ -184,9 +189,9 @@ def _fields(model: type[Model]) -> dict[str, Any]:
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
-def _model_at(location: Location) -> type[Model] | None:
-    """The model that stands at `location` of a document, or None where there is none."""
-    current: Any = RobotOffload
+def _model_at(location: Location, root: type[Model]) -> type[Model] | None:
+    """The model that stands at `location` of a document of `root`, or None where there is none."""
+    current: Any = root
     for part in location:
         current = _bare(current)
         if isinstance(current, type) and issubclass(current, Model):
