@@ -19,7 +19,7 @@ from robot_offload.kube.kinds import DEPLOYMENT, SERVICE, STATEFUL_SET, Kind, ki
 from robot_offload.render.children import children
 from robot_offload.render.facts import Endpoint, Facts, Manifest
 from tests.cluster.control_plane import ControlPlane
-from tests.unit.render.given import EVERY_ENDPOINT, by_key, facts, resource
+from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, by_key, facts, resource
 
 pytestmark = pytest.mark.api
 
@@ -220,3 +220,46 @@ def test_all_children_go_away_with_the_resource(restricted: Place) -> None:
     selector = f"app.kubernetes.io/instance={offload.metadata.name}"
     kubectl("wait", "--for=delete", kinds, "-l", selector, "--timeout=50s")
     assert kubectl.names(kinds, "-l", selector) == []
+
+
+def test_the_type_of_the_services_can_be_changed_and_changed_back(restricted: Place) -> None:
+    ports = {"pulse": 31651, "data": 31652, "pulseFallback": 31653, "dataFallback": 31654}
+    steps: list[dict[str, Any]] = [
+        {"type": "LoadBalancer", "address": "203.0.113.5"},
+        {"type": "NodePort", "nodePorts": ports},
+        {"type": "ClusterIP"},
+        {"type": "LoadBalancer", "loadBalancerClass": "example.com/other"},
+        {"type": "NodePort"},
+        {"type": "LoadBalancer", "address": "203.0.113.5"},
+    ]
+    for expose in steps:
+        offload, known = restricted.create(resource(transport={"type": "Zenoh", "expose": expose}))
+        services = [one for one in children(offload, known) if one["kind"] == "Service"]
+        restricted.apply(*services)
+        udp = restricted.read(*services)["Service/wheelchair-7-udp"]["spec"]
+        assert udp["type"] == expose["type"]
+        assert udp.get("loadBalancerIP") == expose.get("address")
+        assert udp.get("loadBalancerClass") == expose.get("loadBalancerClass")
+        given = {one["nodePort"] for one in udp["ports"] if "nodePort" in one}
+        assert given == {31651, 31652} or "nodePorts" not in expose
+        assert not given or expose["type"] != "ClusterIP"
+
+
+def test_a_transport_can_be_changed_and_changed_back(restricted: Place) -> None:
+    for block in (*TRANSPORTS.values(), TRANSPORTS["Zenoh"]):
+        restricted.apply(*children(*restricted.create(resource(transport=block))))
+    assert pods_refused(restricted) == []
+
+
+def test_the_class_of_a_load_balancer_is_changed_by_way_of_another_type(restricted: Place) -> None:
+    """Kubernetes refuses it in place; docs/how-to/transports.md says what to do."""
+
+    def show(**expose: str) -> None:
+        offload, known = restricted.create(resource(transport={"type": "Zenoh", "expose": expose}))
+        restricted.apply(*[one for one in children(offload, known) if one["kind"] == "Service"])
+
+    show()
+    with pytest.raises(AssertionError, match="loadBalancerClass"):
+        show(loadBalancerClass="example.com/other")
+    show(type="ClusterIP")
+    show(loadBalancerClass="example.com/other")
