@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from prometheus_client import CollectorRegistry, Counter, Histogram
-from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from robot_offload.api.v1alpha1.status import CONDITION_TYPES
@@ -27,9 +27,6 @@ class Metrics:
         self.errors = Counter(
             "robot_offload_errors", "Failures of passes by reason.", ["reason"], registry=self.registry
         )
-        self.writes = Counter(
-            "robot_offload_writes", "Writes to the API server, without the leader's Lease.", registry=self.registry
-        )
         self.seconds = Histogram(
             "robot_offload_reconcile_seconds",
             "How long a pass takes.",
@@ -37,19 +34,40 @@ class Metrics:
             buckets=(0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 30),
         )
 
-    def show(self, statuses: Statuses, queued: Callable[[], int], leader: Callable[[], bool]) -> None:
+    def show(
+        self,
+        statuses: Statuses,
+        calls: Callable[[], Mapping[str, int]],
+        queued: Callable[[], int],
+        leader: Callable[[], bool],
+    ) -> None:
         """Adds what is worked out when somebody asks."""
-        self.registry.register(_State(statuses, queued, leader))
+        self.registry.register(_State(statuses, calls, queued, leader))
 
 
 class _State(Collector):
-    def __init__(self, statuses: Statuses, queued: Callable[[], int], leader: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        statuses: Statuses,
+        calls: Callable[[], Mapping[str, int]],
+        queued: Callable[[], int],
+        leader: Callable[[], bool],
+    ) -> None:
         self._statuses = statuses
+        self._calls = calls
         self._queued = queued
         self._leader = leader
 
-    def collect(self) -> Iterable[GaugeMetricFamily]:
-        """All gauges, from one look at the statuses."""
+    def collect(self) -> Iterable[Metric]:
+        """All of them, from one look at the statuses."""
+        requests = CounterMetricFamily(
+            "robot_offload_requests",
+            "Requests to the API server by verb, without watches and the leader's Lease.",
+            labels=["verb"],
+        )
+        for verb, count in sorted(self._calls().items()):
+            requests.add_metric([verb], count)
+        yield requests
         statuses = list(self._statuses())
         yield _gauge("robot_offload_objects", "RobotOffloads that this operator keeps.", len(statuses))
         yield _gauge("robot_offload_queue", "Objects that wait for a pass.", self._queued())

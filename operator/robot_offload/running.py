@@ -62,7 +62,9 @@ class Operator:
         self._probed_s = self._clock.steady_s()
         self._watching = False
         self.metrics = Metrics()
-        self.metrics.show(self._statuses, lambda: len(self._queue), lambda: self._leadership.held)
+        self.metrics.show(
+            self._statuses, lambda: self._api.calls, lambda: len(self._queue), lambda: self._leadership.held
+        )
 
     # -- triggers (handlers.Triggers) ---------------------------------------------------------------------------
 
@@ -173,7 +175,6 @@ class Operator:
     async def _look(self, name: Name) -> None:
         """One pass with everything around it: metrics, errors, the next time."""
         began = time.perf_counter()
-        writes = self._api.writes
         try:
             result = await self._controller.reconcile(name)
         except KubeError as error:
@@ -199,7 +200,6 @@ class Operator:
             return
         finally:
             self.metrics.seconds.observe(time.perf_counter() - began)
-            self.metrics.writes.inc(self._api.writes - writes)
         if result.failed:
             self.metrics.reconciles.labels("refused").inc()
             self._queue.retry(name)

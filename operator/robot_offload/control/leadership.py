@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import datetime
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -180,49 +181,56 @@ class LeaderOnly:
     def __init__(self, api: KubeApi, leadership: Leadership) -> None:
         self._api = api
         self._leadership = leadership
-        self.writes = 0
+        self.calls: Counter[str] = Counter()
 
     async def get(self, kind: Kind, namespace: str | None, name: str) -> Manifest | None:
         """See `KubeApi.get`."""
+        self.calls["get"] += 1
         return await self._api.get(kind, namespace, name)
 
     async def list(
         self, kind: Kind, namespace: str | None = None, labels: Mapping[str, str] | None = None
     ) -> list[Manifest]:
         """See `KubeApi.list`."""
+        self.calls["list"] += 1
         return await self._api.list(kind, namespace, labels)
 
     async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:
         """See `KubeApi.apply`."""
-        self._count()
+        self._count("apply")
         return await self._api.apply(manifest, force=force)
 
     async def create(self, manifest: Manifest) -> Manifest:
         """See `KubeApi.create`."""
-        self._count()
+        self._count("create")
         return await self._api.create(manifest)
 
     async def patch(
         self, kind: Kind, namespace: str | None, name: str, patch: Mapping[str, Any], *, subresource: str = ""
     ) -> Manifest:
         """See `KubeApi.patch`."""
-        self._count()
+        self._count("patch")
         return await self._api.patch(kind, namespace, name, patch, subresource=subresource)
 
     async def delete(self, kind: Kind, namespace: str | None, name: str, uid: str) -> None:
         """See `KubeApi.delete`."""
-        self._count()
+        self._count("delete")
         await self._api.delete(kind, namespace, name, uid)
 
     async def patch_status(self, manifest: Manifest) -> Manifest:
         """See `KubeApi.patch_status`."""
-        self._count()
+        self._count("patch status")
         return await self._api.patch_status(manifest)
 
     async def close(self) -> None:
         """See `KubeApi.close`."""
         await self._api.close()
 
-    def _count(self) -> None:
+    @property
+    def writes(self) -> int:
+        """How many writes were asked for."""
+        return sum(count for verb, count in self.calls.items() if verb not in ("get", "list"))
+
+    def _count(self, verb: str) -> None:
         self._leadership.check()
-        self.writes += 1
+        self.calls[verb] += 1
