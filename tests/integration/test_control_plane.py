@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -135,21 +136,57 @@ def test_a_killed_test_run_leaves_no_process_and_the_next_run_its_files(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_cluster_by_hand_outlives_the_command_and_goes_when_told(cluster_programs: object, tmp_path: Path) -> None:
-    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path), "TMPDIR": str(tmp_path)}
+class ByHand:
+    """`python -m tests.cluster`, with its files under a directory of the test."""
 
-    def cluster(*arguments: str) -> subprocess.CompletedProcess[str]:
+    def __init__(self, base: Path) -> None:
+        self.home = base / "robot-offload" / "clusters" / "by-hand"
+        self._environment = {**os.environ, "XDG_STATE_HOME": str(base), "TMPDIR": str(base)}
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "tests.cluster", "--name", "by-hand", *arguments]
-        return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+        pipe = subprocess.PIPE
+        return subprocess.Popen(command, cwd=ROOT, env=self._environment, stdout=pipe, stderr=pipe, text=True)
 
-    home = tmp_path / "robot-offload" / "clusters" / "by-hand"
-    try:
-        assert f"export KUBECONFIG={home}/kubeconfig" in cluster("up").stdout
-        assert "kube-controller-manager" in cluster("status").stdout
-        assert "robotoffloads.robotoffload.dev" in cluster("kubectl", "get", "crd", "-o", "name").stdout
-    finally:
-        down = cluster("down")
-    assert "3 processes ended" in down.stderr
-    assert processes.running(home) == {}
-    assert not home.exists()
-    assert "Next: python -m tests.cluster up" in cluster("status").stderr
+    def __call__(self, *arguments: str) -> tuple[str, str]:
+        """Run it to its end; what it printed to stdout and stderr."""
+        with self.start(*arguments) as command:
+            return command.communicate()
+
+
+@pytest.fixture
+def by_hand(cluster_programs: object, tmp_path: Path) -> Iterator[ByHand]:
+    cluster = ByHand(tmp_path)
+    yield cluster
+    processes.kill(cluster.home)
+
+
+def test_a_cluster_by_hand_outlives_the_command_and_goes_when_told(by_hand: ByHand) -> None:
+    assert f"export KUBECONFIG={by_hand.home}/kubeconfig" in by_hand("up")[0]
+    assert "kube-controller-manager" in by_hand("status")[0]
+    assert "robotoffloads.robotoffload.dev" in by_hand("kubectl", "get", "crd", "-o", "name")[0]
+    assert "3 processes ended" in by_hand("down")[1]
+    assert processes.running(by_hand.home) == {}
+    assert not by_hand.home.exists()
+    assert "Next: python -m tests.cluster up" in by_hand("status")[1]
+
+
+def test_down_removes_what_a_killed_up_has_left(by_hand: ByHand) -> None:
+    with by_hand.start("up") as up:
+        while not processes.running(by_hand.home):
+            time.sleep(0.01)
+        up.send_signal(signal.SIGKILL)
+    assert processes.running(by_hand.home) != {}
+    assert "files removed" in by_hand("down")[1]
+    assert processes.running(by_hand.home) == {}
+    assert not by_hand.home.exists()
+
+
+def test_ctrl_c_during_up_leaves_nothing(by_hand: ByHand) -> None:
+    with by_hand.start("up") as up:
+        while not processes.running(by_hand.home):
+            time.sleep(0.01)
+        up.send_signal(signal.SIGINT)
+        assert "nothing is left" in up.communicate()[1]
+    assert processes.running(by_hand.home) == {}
+    assert not by_hand.home.exists()
