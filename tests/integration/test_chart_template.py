@@ -189,6 +189,6 @@ def test_the_install_manifest_can_be_applied_and_deleted(bare_control_plane: Con
     kubectl = bare_control_plane.kubectl("robot-offload-system")
     manifest = str(ROOT / "manifests" / "install.yaml")
     kubectl("apply", "--server-side", "-f", manifest)
-    kubectl("wait", "--for=create", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=30s")
-    kubectl("delete", "-f", manifest, "--timeout=50s")
+    kubectl("wait", "--for=create", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=60s")
+    kubectl("delete", "-f", manifest, "--timeout=60s")
     assert "robot-offload" not in kubectl("get", "namespaces,clusterroles,clusterrolebindings,crd", "-o", "name")

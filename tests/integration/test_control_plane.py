@@ -54,9 +54,9 @@ def test_a_second_field_manager_is_told_of_the_conflict(kubectl: Kubectl) -> Non
 
 def test_a_deployment_gets_its_pod_and_takes_it_along(kubectl: Kubectl) -> None:
     kubectl.apply(deployment("worker"))
-    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=30s")
+    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=60s")
     kubectl("delete", "deployment", "worker")
-    kubectl("wait", "--for=delete", "replicasets,pods", "-l", "app=worker", "--timeout=30s")
+    kubectl("wait", "--for=delete", "replicasets,pods", "-l", "app=worker", "--timeout=60s")
     assert kubectl.names("replicasets,pods") == []
 
 
@@ -64,9 +64,9 @@ def test_a_deployment_is_available_once_its_pods_are_reported_ready(
     control_plane: ControlPlane, kubectl: Kubectl
 ) -> None:
     kubectl.apply(deployment("worker"))
-    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=30s")
+    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=60s")
     assert len(report_ready(control_plane, kubectl.namespace)) == 1
-    kubectl("wait", "--for=condition=Available", "deployment/worker", "--timeout=30s")
+    kubectl("wait", "--for=condition=Available", "deployment/worker", "--timeout=60s")
 
 
 def test_children_of_our_resource_go_with_it(kubectl: Kubectl) -> None:
@@ -79,7 +79,7 @@ def test_children_of_our_resource_go_with_it(kubectl: Kubectl) -> None:
     child["metadata"]["ownerReferences"] = [reference]
     kubectl.apply(child)
     kubectl("delete", "roff", "talker")
-    kubectl("wait", "--for=delete", "configmap/child", "--timeout=20s")
+    kubectl("wait", "--for=delete", "configmap/child", "--timeout=30s")
 
 
 def test_a_restricted_namespace_refuses_a_pod_that_asks_for_too_much(
