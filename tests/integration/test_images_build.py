@@ -33,6 +33,7 @@ pytestmark = [
 ]
 WAIT_S = 120.0
 DOMAIN = "87"
+TAGS = ("localhost/talker:1", "localhost/talker:2", "localhost/talker:3", "localhost/talker:4")
 PACKAGE_XML = """<?xml version="1.0"?>
 <package format="3">
   <name>talker</name><version>0.1.0</version><description>Says hello</description>
@@ -115,8 +116,11 @@ def machine() -> Iterator[Machine]:
     finally:
         os.environ.clear()
         os.environ.update(before)
-    yield machine
-    machine.run("buildah", "rm", "--all")
+    try:
+        yield machine
+    finally:
+        machine.run("buildah", "rm", "--all", check=False)
+        machine.run("buildah", "rmi", "--force", *TAGS, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -166,8 +170,8 @@ def node_options(repository: Path, *more: str) -> tuple[str, ...]:
 @pytest.fixture(scope="module")
 def image(machine: Machine, repository: Path) -> str:
     """The node's image."""
-    machine.build("localhost/talker:1", *node_options(repository))
-    return "localhost/talker:1"
+    machine.build(TAGS[0], *node_options(repository))
+    return TAGS[0]
 
 
 def test_only_the_result_is_in_the_image(machine: Machine, image: str) -> None:
@@ -202,25 +206,23 @@ def test_a_changed_line_is_built_from_the_caches(machine: Machine, image: str, r
     node = repository / "src/talker/talker/node.py"
     node.write_text(node.read_text().replace("hello", "good day"), encoding="utf-8")
     commit(repository)
-    output = machine.build("localhost/talker:2", *node_options(repository))
+    output = machine.build(TAGS[1], *node_options(repository))
     steps = re.split(r"(?=^\[\d/\d\] STEP )", output, flags=re.MULTILINE)
     (rosdep,) = [step for step in steps if "rosdep update" in step.split("\n")[0]]
     assert "Using cache" in rosdep, "dependencies depend on package.xml only"
-    with machine.mounted("localhost/talker:2") as root:
+    with machine.mounted(TAGS[1]) as root:
         assert "good day" in next(root.glob("opt/overlay/lib/python3*/site-packages/talker/node.py")).read_text()
 
 
-def test_the_same_source_gives_the_same_image(
-    machine: Machine, repository: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_same_source_gives_the_same_image(machine: Machine, repository: Path) -> None:
     machine.environment["SOURCE_DATE_EPOCH"] = "1700000000"
     try:
-        for tag in ("localhost/talker:3", "localhost/talker:4"):
+        for tag in TAGS[2:]:
             machine.build(tag, *node_options(repository, "--builder-argument=--no-cache"))
     finally:
         del machine.environment["SOURCE_DATE_EPOCH"]
-    layers = [layers_of(machine, tag) for tag in ("localhost/talker:3", "localhost/talker:4")]
-    assert layers[0] == layers[1]
+    first, second = (layers_of(machine, tag) for tag in TAGS[2:])
+    assert first == second
 
 
 def layers_of(machine: Machine, image: str) -> list[str]:

@@ -203,4 +203,4 @@ def parse(model: type[SomeModel], value: Mapping[str, object], source: str) -> S
     try:
         return model.model_validate(freeze(value), by_alias=True, by_name=False)
     except ValidationError as error:
-        raise SpecError(source, findings_of(error)) from error
+        raise SpecError(source, findings_of(error, model)) from error

@@ -57,3 +57,10 @@ def test_options_of_the_other_kind_of_image_are_refused() -> None:
         overlay_spec({"--from": "image:1", "--git": "https://git.example/a"}, "agent:1")
     assert overlay_spec({"--from": "image:1"}, "agent:1").agent_image == "agent:1"
     assert overlay_spec({"--from": "image:1", "--agent-image": "mine:2"}, "agent:1").agent_image == "mine:2"
+
+
+def test_an_unknown_or_missing_field_of_a_block_is_told_with_the_right_one() -> None:
+    with pytest.raises(InputError) as told:
+        node_spec({}, {"workspace": {}, "aptPackage": ["jq"], "executable": "server"}, "build.yaml")
+    assert "build.yaml: aptPackage: is not a known field; did you mean aptPackages?" in told.value.lines
+    assert any(line.startswith("build.yaml: package: is missing (The package of the node") for line in told.value.lines)
