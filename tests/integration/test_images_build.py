@@ -74,8 +74,12 @@ class Machine:
         return done.stdout
 
     def build(self, tag: str, *options: str) -> str:
-        """Runs `robot-offload build` with buildah; what it prints."""
-        return self.run(
+        """Builds an image; what is printed."""
+        return self.run(*self.command(tag, *options))
+
+    def command(self, tag: str, *options: str) -> tuple[str, ...]:
+        """`robot-offload build` with buildah, on our base."""
+        return (
             sys.executable, "-m", "robot_offload", "build", "--builder", "buildah", "--tag", tag,
             "--base", wheels_base.tag("ros-base"), "--runtime-base", wheels_base.tag("ros-core"),
             *(f"--builder-argument={argument}" for argument in trust()), *options,
@@ -214,6 +218,13 @@ def test_a_changed_line_is_built_from_the_caches(machine: Machine, image: str, r
         assert "good day" in next(root.glob("opt/overlay/lib/python3*/site-packages/talker/node.py")).read_text()
 
 
+def test_a_wrong_name_is_told_with_the_right_ones(machine: Machine, image: str, repository: Path) -> None:
+    wrong = node_options(repository, "--package", "tolker")
+    output = machine.run(*machine.command("localhost/talker:wrong", *wrong), check=False)
+    assert "The source has no package tolker. It has:\ntalker\n" in output
+    assert "buildah could not build localhost/talker:wrong" in output
+
+
 def test_the_same_source_gives_the_same_image(machine: Machine, repository: Path) -> None:
     machine.environment["SOURCE_DATE_EPOCH"] = "1700000000"
     try:
@@ -223,6 +234,8 @@ def test_the_same_source_gives_the_same_image(machine: Machine, repository: Path
         del machine.environment["SOURCE_DATE_EPOCH"]
     first, second = (layers_of(machine, tag) for tag in TAGS[2:])
     assert first == second
+    ids = [machine.run("buildah", "images", "--no-trunc", "--format", "{{.ID}}", tag).strip() for tag in TAGS[2:]]
+    assert ids[0] == ids[1], "the digest of the configuration: times, labels, history"
 
 
 def layers_of(machine: Machine, image: str) -> list[str]:
