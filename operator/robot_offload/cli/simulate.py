@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -17,7 +18,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from robot_offload.api.v1alpha1.quantities import parse_duration
 from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
-from robot_offload.replay import picture, show, study, tune
+from robot_offload.replay import show, study, tune
 from robot_offload.replay.costs import Weights
 from robot_offload.replay.named import POLICIES, NamedPolicy, find
 from robot_offload.replay.study import Case
@@ -134,6 +135,8 @@ def _replayed(
             for line in show.strips(subject, outcomes[0]):
                 console.print(line, soft_wrap=True)
     if out is not None:
+        # Imported only here: drawing takes longer to load than all other commands together.
+        picture = importlib.import_module("robot_offload.replay.picture")
         _writing(out, lambda: (out / "placement.png").write_bytes(picture.draw(done)))
     return {"recordings": [study.plain(subject, outcomes) for subject, outcomes in done]}
 

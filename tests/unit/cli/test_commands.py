@@ -17,6 +17,7 @@ from robot_offload.cli.pin import told
 from tests.unit.cli.resources import manifest
 
 SAMPLES = Path(__file__).parents[3] / "manifests" / "samples"
+PROGRAMS = Path(__file__).parents[3] / ".venv" / "bin"
 COMMANDS = (
     "validate", "render", "crd", "status", "explain", "bundle", "pin", "revoke", "doctor", "completion", "demo",
     "simulate",
@@ -182,18 +183,32 @@ def test_a_completion_script_is_made_for_each_shell(shell: str) -> None:
 def test_bash_completes_commands_and_values(tmp_path: Path) -> None:
     script = tmp_path / "complete.bash"
     script.write_text(run("completion", "bash").stdout)
-    program = Path(__file__).parents[3] / ".venv" / "bin"
 
     def completed(*words: str) -> set[str]:
         question = (
             f"source {script}; COMP_WORDS=({' '.join(words)} ''); COMP_CWORD={len(words)}; "
             '_robot_offload_completion robot-offload; printf "%s\\n" "${COMPREPLY[@]}"'
         )
-        environment = {**os.environ, "PATH": f"{program}:{os.environ['PATH']}"}
+        environment = {**os.environ, "PATH": f"{PROGRAMS}:{os.environ['PATH']}"}
         done = subprocess.run(
             ["bash", "-c", question], capture_output=True, text=True, timeout=120, check=True, env=environment
         )
         return set(done.stdout.split())
 
     assert set(COMMANDS) <= completed("robot-offload")
-    assert completed("robot-offload", "completion") == {"bash", "zsh", "fish"}
+    assert completed("robot-offload", "completion") == {"bash", "zsh", "fish", "kubectl"}
+
+
+def test_kubectl_gets_an_answer_for_its_plugin(tmp_path: Path) -> None:
+    script = tmp_path / "kubectl_complete-offload"
+    script.write_text(run("completion", "kubectl").stdout)
+    environment = {**os.environ, "PATH": f"{PROGRAMS}:{os.environ['PATH']}"}
+
+    def answered(*words: str) -> list[str]:
+        done = subprocess.run(
+            ["sh", str(script), *words], capture_output=True, text=True, timeout=120, check=True, env=environment
+        )
+        return done.stdout.split()
+
+    assert answered("pi") == ["pin", ":4"]
+    assert answered("pin", "walker", "") == ["robot", "cloud", "auto", ":4"]
