@@ -21,9 +21,9 @@ from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.control import observe as reading
 from robot_offload.control.carry_out import Done, applied, carry_out
 from robot_offload.control.clock import Clock
-from robot_offload.control.memory import Memory
+from robot_offload.control.memory import Memory, summary
 from robot_offload.errors import SpecError
-from robot_offload.kube.errors import KubeError
+from robot_offload.kube.errors import ForbiddenError, InvalidObjectError, KubeError, NotFoundError
 from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET, STATEFUL_SET
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.reconcile import agent, certificates, conditions, issuer, presence, status, transitions, workloads
@@ -77,7 +77,7 @@ class Controller:
             # An answer from the past must not undo what a newer one has led to.
             return Result(again_s=_STALE_S)
         memory.generation = generation
-        memory.status = raw.get("status") or {}
+        memory.status = summary(raw.get("status") or {})
         try:
             offload = parse_object(raw, "/".join(name), unknown="ignore", rules=CLUSTER_CHECKS)
         except SpecError as error:
@@ -96,11 +96,10 @@ class Controller:
         if memory is None or memory.sighting is None or memory.lease is None:
             return None
         memory.sighting = presence.look(memory.sighting, lease, self._clock.steady_s())
-        if presence.meaning(lease) != presence.meaning(memory.lease) or memory.sighting.first:
+        if presence.meaning(lease) != memory.lease or memory.sighting.first:
             return None
         if not (memory.status.get("robot") or {}).get("connected"):
             return None
-        memory.lease = lease
         return presence.duration_s(lease)
 
     async def _load(self, name: Name) -> Manifest | None:
@@ -147,8 +146,24 @@ class _Pass:
         self._seen = reading.Observed()
 
     async def run(self) -> Result:
-        warnings = check(self._offload.spec, CLUSTER_CHECKS)
-        verdicts = {"SpecValid": conditions.spec_valid((), warnings)}
+        """All steps; what the API server refuses to show or take for good is told in the status."""
+        verdicts = {"SpecValid": conditions.spec_valid((), check(self._offload.spec, CLUSTER_CHECKS))}
+        found, again_s = None, None
+        try:
+            found, again_s = await self._steps(verdicts)
+        except (ForbiddenError, InvalidObjectError, NotFoundError) as error:
+            self._done.errors.append(error)
+            verdicts["ResourcesApplied"] = applied(self._done)
+        generation = int(self._raw["metadata"].get("generation") or 0)
+        after = status.build(self._before, generation, verdicts, self._clock.wall(), self._offload, found)
+        writes = await write_status(self._api, self._raw, after, self._memory, self._clock)
+        self._memory.versions |= {
+            child["metadata"]["uid"]: child["metadata"]["resourceVersion"] for child in self._seen.live.values()
+        }
+        return Result(again_s, self._done.failed, self._done.writes + writes)
+
+    async def _steps(self, verdicts: dict[str, Verdict]) -> tuple[status.Found, float | None]:
+        """Observe, desired, apply; adds to `verdicts`. Also returns when time alone may change the outcome."""
         self._memory.config_maps = frozenset(name for name, _ in reading.config_maps(self._offload))
         self._seen = await reading.observe(self._api, self._namespace, self._offload)
         robot = self._robot()
@@ -160,19 +175,14 @@ class _Pass:
         verdicts["ResourcesApplied"] = applied(self._done)
         found = await self._find(robot, wanted)
         verdicts |= self._verdicts(found)
-        generation = facts.generation
-        after = status.build(self._before, generation, verdicts, self._clock.wall(), self._offload, found)
-        writes = await write_status(self._api, self._raw, after, self._memory, self._clock)
-        self._memory.versions |= {
-            child["metadata"]["uid"]: child["metadata"]["resourceVersion"] for child in self._seen.live.values()
-        }
         again = [after_s for after_s in (robot.recheck_s, wanted.recheck_s, certificates_s) if after_s is not None]
-        return Result(min(again, default=None), self._done.failed, self._done.writes + writes)
+        return found, min(again, default=None)
 
     def _robot(self) -> presence.Presence:
         """The robot's presence; its Lease counts only when it is ours."""
         now_s = self._clock.steady_s()
-        lease = self._memory.lease = self._ours(LEASE, child_name(self._name, ROBOT))
+        lease = self._ours(LEASE, child_name(self._name, ROBOT))
+        self._memory.lease = presence.meaning(lease) if lease is not None else None
         self._memory.sighting = presence.look(self._memory.sighting, lease, now_s)
         before = self._before.get("robot") or {}
         return presence.presence(lease, self._memory.sighting, before, now_s, self._clock.wall())
@@ -315,7 +325,7 @@ async def write_status(api: KubeApi, raw: Manifest, after: Mapping[str, Any], me
         }
     )
     memory.versions[metadata["uid"]] = answer["metadata"]["resourceVersion"]
-    memory.status = after
+    memory.status = summary(after)
     told = transitions.transitions(before, after)
     for event in told:
         try:

@@ -134,6 +134,7 @@ class Operator:
             if not told:
                 _log.warning("Waiting for the API server", problem=problem)
                 told = True
+            self._leadership.alive()
             await asyncio.sleep(1.0)
         await self._leadership.acquire()
 

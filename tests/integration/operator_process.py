@@ -9,9 +9,9 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from tests.integration.operator_cluster import eventually
 
@@ -50,23 +50,35 @@ def environment(kubeconfig: Path, name: str, more: Mapping[str, str] | None = No
 class Operator:
     """One operator process with its log."""
 
-    def __init__(self, log: Path, pid: int, process: subprocess.Popen[bytes] | None = None) -> None:
+    def __init__(self, log: Path, begin: Callable[[], Child]) -> None:
         self.log = log
-        self.pid = pid
-        self._process = process
+        self._begin = begin
+        self._child = begin()
 
     @classmethod
     def start(cls, kubeconfig: Path, log: Path, name: str = "operator-0", **more: str) -> Operator:
         """Start `python -m robot_offload.running`."""
-        with log.open("ab") as output:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "robot_offload.running"],
-                env=environment(kubeconfig, name, more),
-                cwd=ROOT,
-                stdout=output,
-                stderr=output,
-            )
-        return cls(log, process.pid, process)
+
+        def begin() -> Child:
+            with log.open("ab") as output:
+                return subprocess.Popen(
+                    [sys.executable, "-m", "robot_offload.running"],
+                    env=environment(kubeconfig, name, more),
+                    cwd=ROOT,
+                    stdout=output,
+                    stderr=output,
+                )
+
+        return cls(log, begin)
+
+    @property
+    def pid(self) -> int:
+        return self._child.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs."""
+        return self._child.poll()
 
     def kill(self) -> None:
         """SIGKILL: no chance to tidy up."""
@@ -76,10 +88,20 @@ class Operator:
         """SIGTERM; returns the exit code."""
         return self._end(signal.SIGTERM)
 
-    @property
-    def exit_code(self) -> int | None:
-        assert self._process is not None
-        return self._process.poll()
+    def restart(self) -> None:
+        """Stop it, start it again, and wait until it leads."""
+        leaderships = len(self.said("Became leader"))
+        self.stop()
+        self._child = self._begin()
+        eventually(lambda: len(self.said("Became leader")) > leaderships, "the new operator to lead")
+
+    def _end(self, number: signal.Signals) -> int:
+        if self._child.poll() is None:
+            os.kill(self._child.pid, number)
+        eventually(lambda: self._child.poll() is not None, f"the operator to end: {self.log}")
+        code = self._child.poll()
+        assert code is not None
+        return code
 
     def lines(self) -> list[dict[str, Any]]:
         """The log so far; what is not JSON (a warning of Python) stands under `text`."""
@@ -108,13 +130,29 @@ class Operator:
             with error:
                 return error.code, error.read().decode()
 
-    def _end(self, number: signal.Signals) -> int:
-        if self._process is None:
-            os.kill(self.pid, number)
-            return 0
-        if self._process.poll() is None:
-            self._process.send_signal(number)
-        return self._process.wait(60)
+
+class Child(Protocol):
+    """A process that can be asked whether it has ended."""
+
+    @property
+    def pid(self) -> int: ...
+
+    def poll(self) -> int | None: ...
+
+
+class _Forked:
+    """A child of the nursery: only its parent can ask for its exit code."""
+
+    def __init__(self, nursery: Nursery, pid: int) -> None:
+        self.pid = pid
+        self._nursery = nursery
+        self._code: int | None = None
+
+    def poll(self) -> int | None:
+        if self._code is None:
+            answer = self._nursery.ask({"poll": self.pid}).strip()
+            self._code = None if answer == "running" else int(answer)
+        return self._code
 
 
 class Nursery:
@@ -123,8 +161,7 @@ class Nursery:
     For tests that kill an operator dozens of times. What is forked runs `running.main` from its first line.
     """
 
-    def __init__(self, log: Path) -> None:
-        self.log = log
+    def __init__(self) -> None:
         self._process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("operator_nursery.py"))],
             cwd=ROOT,
@@ -133,14 +170,10 @@ class Nursery:
             text=True,
         )
 
-    def start(self, kubeconfig: Path, name: str = "operator-0", **more: str) -> int:
-        """Start an operator; returns its pid."""
-        order = {"log": str(self.log), "environment": environment(kubeconfig, name, more)}
-        return int(self._ask(order))
-
-    def wait(self, pid: int) -> None:
-        """Until that operator is dead and reaped."""
-        self._ask({"wait": pid})
+    def start(self, kubeconfig: Path, log: Path, name: str = "operator-0", **more: str) -> Operator:
+        """Start an operator."""
+        order = {"log": str(log), "environment": environment(kubeconfig, name, more)}
+        return Operator(log, lambda: _Forked(self, int(self.ask(order))))
 
     def close(self) -> None:
         assert self._process.stdin is not None
@@ -149,7 +182,8 @@ class Nursery:
         assert self._process.stdout is not None
         self._process.stdout.close()
 
-    def _ask(self, order: Mapping[str, Any]) -> str:
+    def ask(self, order: Mapping[str, Any]) -> str:
+        """Send an order; returns the answer."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(json.dumps(order) + "\n")

@@ -154,7 +154,7 @@ def test_every_request_of_every_kind_may_fail_once(
         return FAULTS[name]
 
     proxy.fault = fault
-    operator = start(REQUEST_TIMEOUT_SECONDS="2")
+    operator = start(REQUEST_TIMEOUT_SECONDS="1")
     for place in places.values():
         place.create(ROBOT_OFFLOAD, walker())
     for place in places.values():

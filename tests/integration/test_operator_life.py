@@ -74,17 +74,15 @@ def test_a_new_resource_gets_all_its_children_with_its_labels_and_its_owner_refe
 
 
 def test_what_settles_is_never_written_again_not_even_by_a_new_operator(
-    place: Place, operator: Operator, proxy: Proxy, tmp_path: Path
+    place: Place, operator: Operator, proxy: Proxy
 ) -> None:
     place.create(ROBOT_OFFLOAD, walker())
     place.applied()
     quiet(proxy, place)
     before = {key: child["metadata"]["resourceVersion"] for key, child in place.children().items()}
     version = place.roff()["metadata"]["resourceVersion"]
-    operator.stop()
     count = len(writes(proxy, place))
-    operator.__dict__.update(Operator.start(proxy.kubeconfig, tmp_path / "log").__dict__)
-    operator.wait_said("Became leader")
+    operator.restart()
     # A change of another object shows that the new operator has been through everything.
     place.create(ROBOT_OFFLOAD, walker("marker"))
     place.applied("marker")
@@ -268,7 +266,7 @@ def test_a_namespace_can_be_deleted_with_everything_in_it(control_plane: Control
     place.gone(NAMESPACE, place.namespace)
 
 
-def test_the_robots_lease_becomes_the_status_and_nodes_sleep_without_a_robot(place: Place) -> None:
+def test_the_robots_lease_becomes_the_status_and_nodes_sleep_without_a_robot(place: Place, proxy: Proxy) -> None:
     place.create(ROBOT_OFFLOAD, walker(scale={"idleTimeout": "30s"}))
     place.applied()
     assert place.condition("AgentConnected")["reason"] == "NeverConnected"
@@ -282,13 +280,25 @@ def test_the_robots_lease_becomes_the_status_and_nodes_sleep_without_a_robot(pla
     assert place.wait_condition("AgentConfigCurrent", "True")["reason"] == "Current"
     told = {event["reason"] for event in place.events()}
     assert {"Connected", "PlacementCloud"} <= told
+    quiet(proxy, place)
+    count = asked(proxy, place)
+    place.patch(LEASE, "walker-robot", {"spec": {"renewTime": "2026-11-21T23:00:10.000000Z"}})
+    quiet(proxy, place)
+    assert asked(proxy, place) == count, "renewing alone led to a pass"
     place.patch(LEASE, "walker-robot", {"spec": {"holderIdentity": None}})
     place.wait_condition("AgentConnected", "False", "Disconnected")
     assert place.roff()["status"]["placement"] == "Unknown"
-    # spec.replicas beats everything else
+    # The idle time counts from the status, so it survives operators; here it is long over.
+    place.patch(ROBOT_OFFLOAD, "walker", {"status": {"robot": {"since": "2026-01-01T00:00:00Z"}}}, "status")
+    eventually(lambda: replicas(place, "walker-talker") == 0, "the node to sleep")
+    assert replicas(place, "walker-agent") == 1
+    place.wait_condition("WorkloadsAvailable", "False")  # the agent has no pod on a server without nodes
+    renew(place, site="robot", reason="LinkBad")
+    eventually(lambda: replicas(place, "walker-talker") == 1, "the node to wake up with the robot")
+    # spec.replicas beats everything else, also a connected robot
     place.change({"replicas": 0})
-    eventually(lambda: place.there(DEPLOYMENT, "walker-talker")["spec"]["replicas"] == 0, "no pods")
-    assert place.there(DEPLOYMENT, "walker-agent")["spec"]["replicas"] == 1
+    eventually(lambda: replicas(place, "walker-talker") == 0, "no pods")
+    assert replicas(place, "walker-agent") == 1
     place.wait_condition("ResourcesApplied", "True")
     assert place.roff()["status"]["replicas"] == 0
 
@@ -329,6 +339,19 @@ def test_revoking_makes_a_new_client_authority_once_and_rolls_the_agent(place: P
     assert {name: place.there(SECRET, name)["data"] for name in names} == after
 
 
+def test_an_issuer_without_cert_manager_is_told_and_everything_else_is_made(place: Place) -> None:
+    transport = {"type": "Zenoh", "certificates": {"issuerRef": {"name": "fleet", "kind": "Issuer"}}}
+    place.create(ROBOT_OFFLOAD, walker(transport=transport))
+    condition = place.wait_condition("ResourcesApplied", "False", "NotFound")
+    assert "install cert-manager or remove spec.transport.certificates.issuerRef" in condition["message"]
+    assert place.condition("CertificatesReady")["reason"] == "WaitingForIssuer"
+    assert place.there(DEPLOYMENT, "walker-agent")
+    assert not [name for kind, name in place.children() if kind == "Secret"]
+    place.change({"transport": {"certificates": {"issuerRef": None}}})
+    place.wait_condition("CertificatesReady", "True", "Issued")
+    place.applied()
+
+
 def test_a_users_parameter_file_that_changes_rolls_the_node_that_reads_it(place: Place) -> None:
     spec = walker()["spec"]
     spec["nodes"][0]["run"]["parametersFrom"] = {"configMapKeyRef": {"name": "tuning", "key": "talker.yaml"}}
@@ -364,21 +387,27 @@ def writes(proxy: Proxy, place: Place) -> list[Asked]:
     return [asked for asked in proxy.writes() if f"/namespaces/{place.namespace}/" in asked.path]
 
 
+def asked(proxy: Proxy, place: Place) -> int:
+    """How many requests the operator has made about this namespace."""
+    return sum(f"/namespaces/{place.namespace}/" in one.path and not one.watch for one in list(proxy.asked))
+
+
 def quiet(proxy: Proxy, place: Place) -> None:
     """Wait until the operator has asked nothing about this namespace for a second."""
 
-    def count() -> int:
-        return sum(f"/namespaces/{place.namespace}/" in asked.path and not asked.watch for asked in list(proxy.asked))
-
-    last = [count(), 0]
+    last = [asked(proxy, place), 0]
 
     def look() -> bool:
-        now = count()
+        now = asked(proxy, place)
         last[1] = last[1] + 1 if now == last[0] else 0
         last[0] = now
         return last[1] >= 20
 
     eventually(look, "the operator to have nothing to do")
+
+
+def replicas(place: Place, deployment: str) -> int:
+    return int(place.there(DEPLOYMENT, deployment)["spec"]["replicas"])
 
 
 def renew(place: Place, site: str, reason: str) -> None:

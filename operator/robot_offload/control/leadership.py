@@ -61,12 +61,17 @@ class Leadership:
         self._seen = ""
         self._moved_s = self._clock.steady_s()
         self.looked_s = self._moved_s
-        """When the Lease was last read or written, on the steady clock: shows that the loop lives."""
+        """When the loop last turned, on the steady clock: shows that it lives."""
 
     @property
     def held(self) -> bool:
         """Whether this process may write now."""
         return self._clock.steady_s() < self._until_s
+
+    def alive(self) -> float:
+        """Notes that the loop lives; returns the steady clock."""
+        self.looked_s = self._clock.steady_s()
+        return self.looked_s
 
     async def acquire(self) -> None:
         """Waits until this process is the leader."""
@@ -125,9 +130,8 @@ class Leadership:
 
     async def _try(self) -> str:
         """One attempt to take or renew; returns who holds the Lease."""
-        began_s = self._clock.steady_s()
+        began_s = self.alive()
         lease = await self._api.get(LEASE, self._namespace, LEASE_NAME)
-        self.looked_s = self._clock.steady_s()
         try:
             if lease is None:
                 await self._api.create(self._lease({}, self._identity))

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from robot_offload.kube.port import Manifest
 from robot_offload.reconcile.drift import Settled
 from robot_offload.reconcile.ownership import Key
 from robot_offload.reconcile.presence import Sighting
@@ -22,9 +21,9 @@ class Memory:
         settled: what the API server made of manifests in its own way of writing.
         sighting: the robot's Lease.
         config_maps: names of the ConfigMaps of users that it reads.
-        lease: the robot's Lease, as it was last read.
+        lease: what the robot's Lease said when it was last read (`presence.meaning`); None: there was none.
         versions: resourceVersion by uid of all that the last pass read or wrote: events about those are no news.
-        status: the status as it was last seen or written, for the metrics.
+        status: what the metrics need of the status as it was last seen or written (`summary`).
     """
 
     uid: str
@@ -32,6 +31,17 @@ class Memory:
     settled: dict[Key, Settled] = field(default_factory=dict)
     sighting: Sighting | None = None
     config_maps: frozenset[str] = frozenset()
-    lease: Manifest | None = None
+    lease: tuple[Any, ...] | None = None
     versions: dict[str, str] = field(default_factory=dict)
     status: Mapping[str, Any] = field(default_factory=dict)
+
+
+def summary(status: Mapping[str, Any]) -> dict[str, Any]:
+    """The few words of a status that are kept: whole ones of hundreds of objects would be megabytes."""
+    return {
+        "placement": status.get("placement"),
+        "robot": {"connected": bool((status.get("robot") or {}).get("connected"))},
+        "conditions": tuple(
+            {"type": condition["type"], "status": condition["status"]} for condition in status.get("conditions") or ()
+        ),
+    }
