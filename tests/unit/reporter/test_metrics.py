@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from prometheus_client.parser import text_string_to_metric_families
 
 from robot_offload.reporter.metrics import Counts, exposition
@@ -57,3 +59,9 @@ def test_what_is_not_known_is_not_told() -> None:
 def test_names_of_nodes_cannot_break_the_page() -> None:
     found = samples(seen(100.0, nodes=[{"name": 'a"b\n', "state": "x\\y"}]))
     assert found['robot_offload_node_state,a"b\n,x\\y'] == 1.0
+
+
+def test_the_page_for_people_names_every_metric() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "reporter.md").read_text()
+    names = {name.partition(",")[0] for name in samples(seen(100.0))}
+    assert not [name for name in names if f"`{name}" not in page]
