@@ -38,8 +38,14 @@ async def serving(settings: Settings, registry: CollectorRegistry, signs: Signs)
             runners.append(runner)
             await runner.setup()
             await web.TCPSite(runner, None, port).start()
-            _log.info("Serving", what=name, path=path, port=runner.addresses[0][1])
+            _log.info("Serving", what=name, path=path, port=_port(runner))
         yield
     finally:
         for runner in runners:
             await runner.cleanup()
+
+
+def _port(runner: web.AppRunner) -> int:
+    """The port as IPv4 has it: a free one (0) is another one for each family."""
+    addresses = sorted(runner.addresses, key=len)
+    return int(addresses[0][1])
