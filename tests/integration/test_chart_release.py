@@ -32,6 +32,7 @@ def kubectl(bare_control_plane: ControlPlane) -> Iterator[Kubectl]:
     bare_control_plane.new_namespace(bound.namespace, pod_security="restricted")
     yield bound
     bound("delete", "customresourcedefinition", DEFINITION["metadata"]["name"], "--ignore-not-found", "--timeout=60s")
+    bound("delete", "clusterroles,clusterrolebindings", "-l", f"app.kubernetes.io/name={OPERATOR}")
     bound("delete", "namespace", bound.namespace, "--ignore-not-found", "--wait=false")
 
 
