@@ -11,7 +11,7 @@ from typing import Annotated, Final
 import typer
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.cli import machine
+from robot_offload.cli import graph, machine
 from robot_offload.cli.app import example_text
 from robot_offload.cli.checkup import Finding
 from robot_offload.cli.cluster import HURRY, Context, Kubeconfig, Namespace, Target
@@ -54,7 +54,11 @@ def doctor(
         target = Target(kubeconfig, context, namespace)
         findings, offload = asyncio.run(_ask(target, name))
     domain_id = offload.spec.robot.domain_id if offload is not None else None
-    findings += machine.judge(machine.look(domain_id), offload)
+    here = machine.look(domain_id)
+    findings += machine.judge(here, offload)
+    if offload is not None and "ROS_DISTRO" in here.environment:
+        topics = [output.topic for _, output in offload.spec.collected_outputs]
+        findings += graph.judge(graph.ask(topics)) if topics else []
     if as_json:
         typer.echo(json.dumps([dataclasses.asdict(finding) for finding in findings], indent=2))
     else:
