@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import json
 import secrets
+import signal
 import stat
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -102,6 +106,27 @@ def test_status_tells_what_the_operator_has_found(shared: Place, ask: Run) -> No
     assert table[0].split() == ["NAME", "PLACEMENT", "REASON", "ROBOT", "LATENCY", "NODES", "READY", "AGE"]
     assert table[1].split()[:3] == ["walker", "Unknown", "NotConnected"]
     assert f"robots.example.com:{found['endpoints'][0]['port']}" in ask("status", "walker").stdout
+
+
+def test_watching_prints_what_is_new_until_it_is_interrupted(place: Place, tmp_path: Path) -> None:
+    addressed(place)
+    log = tmp_path / "log"
+    command = [sys.executable, "-m", "robot_offload", "status", "walker", "--watch", "--json"]
+    options = ["--kubeconfig", str(place.plane.kubeconfig), "-n", place.namespace]
+    with log.open("w") as output:
+        process = subprocess.Popen([*command, *options], stdout=output, stderr=subprocess.STDOUT)
+    try:
+        eventually(log.read_text, "a first picture")
+        place.change({"switching": {"pin": "Robot"}})
+        eventually(lambda: '"pin": "Robot"' in log.read_text(), "the change", log.read_text)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 0
+    finally:
+        process.kill()
+        process.wait()
+    pictures = [json.loads(line)[0] for line in log.read_text().splitlines()]
+    assert (pictures[0]["pin"], pictures[-1]["pin"]) == ("Auto", "Robot")
+    assert all(before != after for before, after in itertools.pairwise(pictures))
 
 
 def test_explain_names_the_cause_and_the_next_step(shared: Place, ask: Run) -> None:
