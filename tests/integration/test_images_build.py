@@ -125,6 +125,8 @@ def machine() -> Iterator[Machine]:
     finally:
         machine.run("buildah", "rm", "--all", check=False)
         machine.run("buildah", "rmi", "--force", *TAGS, check=False)
+        # What the builds left behind; the images of the base and the steps that lead to them stay.
+        machine.run("buildah", "rmi", "--prune", check=False)
 
 
 @pytest.fixture(scope="module")
@@ -221,7 +223,7 @@ def test_a_changed_line_is_built_from_the_caches(machine: Machine, image: str, r
 def test_a_wrong_name_is_told_with_the_right_ones(machine: Machine, image: str, repository: Path) -> None:
     wrong = node_options(repository, "--package", "tolker")
     output = machine.run(*machine.command("localhost/talker:wrong", *wrong), check=False)
-    assert "The source has no package tolker. It has:\ntalker\n" in output
+    assert "The source has these packages:\ntalker\n" in output
     assert "buildah could not build localhost/talker:wrong" in output
 
 
@@ -229,7 +231,9 @@ def test_the_same_source_gives_the_same_image(machine: Machine, repository: Path
     machine.environment["SOURCE_DATE_EPOCH"] = "1700000000"
     try:
         for tag in TAGS[2:]:
-            machine.build(tag, *node_options(repository, "--builder-argument=--no-cache"))
+            # With a health check the format would be docker's, where buildah writes a random host name.
+            plain = ("--health-check", "None", "--builder-argument=--no-cache")
+            machine.build(tag, *node_options(repository, *plain))
     finally:
         del machine.environment["SOURCE_DATE_EPOCH"]
     first, second = (layers_of(machine, tag) for tag in TAGS[2:])
