@@ -12,7 +12,7 @@ from typing import Final
 PODS: Final = "kubectl get pods -n {namespace} -l app.kubernetes.io/instance={name}"
 AGENT_LOG: Final = "kubectl logs -n {namespace} deployment/{name}-agent -c agent"
 BUNDLE: Final = "kubectl offload bundle {name} -n {namespace} -o DIR, then copy the folder to the robot"
-OPERATOR_LOG: Final = "kubectl logs -A --selector app.kubernetes.io/name=robot-offload-operator"
+OPERATOR_LOG: Final = "kubectl logs -n robot-offload-system deployment/robot-offload-operator"
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +128,14 @@ CLUSTER: Final[dict[str, Advice]] = {
         "The cluster has not given the Services an address yet.",
         "kubectl get services -n {namespace} -l app.kubernetes.io/instance={name}; without a load balancer write "
         "spec.transport.expose.type: NodePort, or give an address in expose.address or expose.host.",
+    ),
+    "NameTaken": Advice(
+        "An object with the name of one of ours exists and belongs to somebody else; it is left alone.",
+        "The message names it: delete or rename it, or give the RobotOffload another name.",
+    ),
+    "WaitingForDeletion": Advice(
+        "An object of ours is being deleted; it is made again when it is gone.",
+        "Wait; if it stays, kubectl get it with -o yaml and look at its finalizers.",
     ),
     "Conflict": Advice(
         "Somebody else owns an object, or a field of one, that we need.",

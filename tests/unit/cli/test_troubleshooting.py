@@ -15,7 +15,7 @@ from robot_offload.kube.errors import KubeError
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "how-to" / "troubleshooting.md").read_text()
-DECISIONS = {"yes", "no", "unknown", "Verdict", "Placement"}
+DECISIONS = {"yes", "no", "unknown", "Obstacle", "Verdict", "Placement"}
 """What a reason is handed to; in `Verdict` and `Placement` it is the second argument."""
 
 
@@ -46,7 +46,9 @@ def reasons() -> list[str]:
 
 
 def test_the_reasons_are_found() -> None:
-    assert {"Valid", "NeverConnected", "ImagePullFailing", "Issued", "Forbidden", "RobotGone"} <= set(reasons())
+    assert {"Valid", "NameTaken", "NeverConnected", "ImagePullFailing", "Issued", "Forbidden", "RobotGone"} <= set(
+        reasons()
+    )
 
 
 @pytest.mark.parametrize("reason", reasons())
