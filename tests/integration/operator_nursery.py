@@ -16,10 +16,10 @@ def main() -> None:
     alive: set[int] = set()
     for line in sys.stdin:
         order = json.loads(line)
-        if "wait" in order:
-            os.waitpid(order["wait"], 0)
-            alive.discard(order["wait"])
-            print("dead", flush=True)
+        if "poll" in order:
+            pid, status = os.waitpid(order["poll"], os.WNOHANG)
+            alive.discard(pid)
+            print(os.waitstatus_to_exitcode(status) if pid else "running", flush=True)
             continue
         pid = os.fork()
         if pid == 0:

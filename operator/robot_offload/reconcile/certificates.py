@@ -127,12 +127,16 @@ def issue(
         _secret(offload, facts, "robot", robot, server.pem.certificate, {}),
     )
     renewals = [life.renewal(pair.certificate) for pair in (server, client, cloud, robot)]
-    message = (
-        f"The cloud's certificate ends on {_date(cloud)}, the robot's on {_date(robot)}; write the robot's files again "
-        "(`kubectl offload bundle`) before its own ends"
-    )
     recheck_s = max(60.0, (min(renewals) - now).total_seconds())
-    return Issued(secrets, tuple(made), yes("Issued", message), recheck_s)
+    return Issued(secrets, tuple(made), _issued(cloud, robot), recheck_s)
+
+
+def _issued(cloud: _Pair, robot: _Pair) -> Verdict:
+    return yes(
+        "Issued",
+        f"The cloud's certificate ends on {_date(cloud)}, the robot's on {_date(robot)}; write the robot's files again "
+        "(`kubectl offload bundle`) before its own ends",
+    )
 
 
 def host_names(offload: RobotOffload, namespace: str) -> tuple[str, ...]:
