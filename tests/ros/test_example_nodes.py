@@ -24,7 +24,7 @@ from std_srvs.srv import SetBool
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 WHEELCHAIR_DOMAIN = 31
 TALKER_DOMAIN = 32
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 pytestmark = [
     pytest.mark.ros,
