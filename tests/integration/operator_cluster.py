@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from typing import Any, TypeVar
 
-from robot_offload.kube.kinds import CHILD_KINDS, ROBOT_OFFLOAD, Kind
+from robot_offload.kube.kinds import CHILD_KINDS, DEPLOYMENT, LEASE, ROBOT_OFFLOAD, Kind
 from tests.cluster.control_plane import ControlPlane
 
 Manifest = dict[str, Any]
@@ -57,6 +57,10 @@ def eventually(look: Callable[[], Found], what: str, instead: Callable[[], objec
         time.sleep(0.05)
 
 
+def kind_named(name: str) -> Kind:
+    return next(kind for kind in CHILD_KINDS if kind.kind == name)
+
+
 class Place:
     """One namespace of a control plane, seen as the administrator."""
 
@@ -100,6 +104,36 @@ class Place:
 
     def change(self, spec: Mapping[str, Any], name: str = "walker") -> Manifest:
         return self.patch(ROBOT_OFFLOAD, name, {"spec": spec})
+
+    def replace_spec(self, spec: Manifest, name: str = "walker") -> None:
+        """The whole specification, as `kubectl replace` does it; defaults fill what is left out."""
+
+        def replaced() -> bool:
+            try:
+                self._send("PUT", ROBOT_OFFLOAD.path(self.namespace, name), {**self.roff(name), "spec": spec})
+            except urllib.error.HTTPError as error:
+                with error:
+                    if error.code != 409:  # the status was written meanwhile
+                        raise AssertionError(error.read().decode()) from error
+                return False
+            return True
+
+        eventually(replaced, "the new specification to be taken")
+
+    def replicas(self, deployment: str) -> int:
+        return int(self.there(DEPLOYMENT, deployment)["spec"]["replicas"])
+
+    def renew(self, site: str, reason: str, name: str = "walker") -> None:
+        """Write the robot's Lease as the reporter does."""
+        generation = self.roff(name)["metadata"]["generation"]
+        settings = {"robot_generation": generation, "accepted": True, "reason": "", "message": ""}
+        state = {
+            "version": 1, "agent_generation": generation, "connected": True, "site": site, "epoch": 3,
+            "reason": reason, "message": "as a test says", "ready": True, "settings": settings,
+        }  # fmt: skip
+        spec = {"holderIdentity": name, "leaseDurationSeconds": 30, "renewTime": "2026-11-21T23:00:00.000000Z"}
+        annotations = {"robotoffload.dev/state": json.dumps(state)}
+        self.patch(LEASE, f"{name}-robot", {"metadata": {"annotations": annotations}, "spec": spec})
 
     def condition(self, type_: str, name: str = "walker") -> Manifest:
         """A condition of the present generation; empty while there is none."""

@@ -172,6 +172,7 @@ class Nursery:
 
     def start(self, kubeconfig: Path, log: Path, name: str = "operator-0", **more: str) -> Operator:
         """Start an operator."""
+        log.touch()  # whoever reads the log may be faster than the fork
         order = {"log": str(log), "environment": environment(kubeconfig, name, more)}
         return Operator(log, lambda: _Forked(self, int(self.ask(order))))
 

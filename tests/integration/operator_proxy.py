@@ -18,6 +18,7 @@ import aiohttp
 from aiohttp import web
 
 from tests.cluster.control_plane import ControlPlane
+from tests.integration.operator_cluster import eventually
 
 WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 LEADER = "/leases/robot-offload-operator"
@@ -90,6 +91,25 @@ class Proxy:
 
     def writes(self) -> list[Asked]:
         return [asked for asked in list(self.asked) if asked.write]
+
+    def writes_in(self, namespace: str) -> list[Asked]:
+        return [asked for asked in self.writes() if f"/namespaces/{namespace}/" in asked.path]
+
+    def count_in(self, namespace: str) -> int:
+        """How many requests the operator has made about a namespace, watches apart."""
+        return sum(f"/namespaces/{namespace}/" in asked.path and not asked.watch for asked in list(self.asked))
+
+    def quiet(self, namespace: str) -> None:
+        """Wait until the operator has asked nothing about a namespace for a second."""
+        last = [self.count_in(namespace), 0]
+
+        def look() -> bool:
+            now = self.count_in(namespace)
+            last[1] = last[1] + 1 if now == last[0] else 0
+            last[0] = now
+            return last[1] >= 20
+
+        eventually(look, "the operator to have nothing to do")
 
     def cut_watches(self) -> int:
         """End all open watches in the middle; returns how many there were."""

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import urllib.error
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
 
 from robot_offload.kube.kinds import (
-    CHILD_KINDS,
     CONFIG_MAP,
     DEPLOYMENT,
     LEASE,
@@ -23,9 +19,9 @@ from robot_offload.kube.kinds import (
     Kind,
 )
 from tests.cluster.control_plane import ControlPlane
-from tests.integration.operator_cluster import Place, eventually, walker
+from tests.integration.operator_cluster import Place, eventually, kind_named, walker
 from tests.integration.operator_process import Operator
-from tests.integration.operator_proxy import Asked, Proxy
+from tests.integration.operator_proxy import Proxy
 
 pytestmark = pytest.mark.api
 SAMPLES = Path(__file__).resolve().parents[2] / "manifests" / "samples"
@@ -78,16 +74,16 @@ def test_what_settles_is_never_written_again_not_even_by_a_new_operator(
 ) -> None:
     place.create(ROBOT_OFFLOAD, walker())
     place.applied()
-    quiet(proxy, place)
+    proxy.quiet(place.namespace)
     before = {key: child["metadata"]["resourceVersion"] for key, child in place.children().items()}
     version = place.roff()["metadata"]["resourceVersion"]
-    count = len(writes(proxy, place))
+    count = len(proxy.writes_in(place.namespace))
     operator.restart()
     # A change of another object shows that the new operator has been through everything.
     place.create(ROBOT_OFFLOAD, walker("marker"))
     place.applied("marker")
-    quiet(proxy, place)
-    mine = [asked for asked in writes(proxy, place)[count:] if "walker" in asked.path]
+    proxy.quiet(place.namespace)
+    mine = [asked for asked in proxy.writes_in(place.namespace)[count:] if "walker" in asked.path]
     assert mine == []
     assert place.roff()["metadata"]["resourceVersion"] == version
     assert {key: child["metadata"]["resourceVersion"] for key, child in place.children().items()} == before
@@ -102,37 +98,21 @@ def test_every_field_of_the_samples_can_be_set_and_unset_again(place: Place, pro
     assert len(names) >= 10
     for sample in names:
         (manifest,) = yaml.safe_load_all((SAMPLES / f"{sample}.yaml").read_text())
-        replace_spec(place, manifest["spec"])
+        place.replace_spec(manifest["spec"])
         place.applied()
         assert place.condition("SpecValid")["status"] == "True", sample
-    replace_spec(place, walker()["spec"])
+    place.replace_spec(walker()["spec"])
     place.applied()
     eventually(lambda: place.shape().keys() == before.keys(), "no leftover children", lambda: place.shape().keys())
     assert place.shape() == before
-    quiet(proxy, place)
-
-
-def replace_spec(place: Place, spec: dict[str, Any]) -> None:
-    """The whole specification, as `kubectl replace` does it; defaults fill what is left out."""
-    path = ROBOT_OFFLOAD.path(place.namespace, "walker")
-    for _ in range(20):
-        roff = place.roff()
-        try:
-            place.plane.request("PUT", path, {**roff, "spec": spec})
-        except urllib.error.HTTPError as error:
-            with error:
-                if error.code != 409:
-                    raise AssertionError(error.read().decode()) from error
-        else:
-            return
-    raise AssertionError("the status was written each time")
+    proxy.quiet(place.namespace)
 
 
 def test_a_changed_child_is_put_right_and_what_others_add_is_left_alone(place: Place) -> None:
     place.create(ROBOT_OFFLOAD, walker())
     place.applied()
     for (kind, name), child in place.children().items():
-        of = _kind(kind)
+        of = kind_named(kind)
         labels = {"app.kubernetes.io/component": "edited", "somebody": "else"}
         place.patch(of, name, {"metadata": {"labels": labels, "annotations": {"note": "kept"}}})
         want = child["metadata"]["labels"]["app.kubernetes.io/component"]
@@ -175,7 +155,7 @@ def test_every_child_that_somebody_deletes_is_made_again(place: Place) -> None:
     place.applied()
     before = place.children()
     for kind, name in before:
-        place.delete(_kind(kind), name)
+        place.delete(kind_named(kind), name)
 
     def back() -> bool:
         now = place.children()
@@ -218,7 +198,7 @@ def test_two_resources_whose_children_would_share_a_name_do_not_fight(place: Pla
 def test_an_invalid_resource_says_every_problem_keeps_its_children_and_recovers(place: Place, proxy: Proxy) -> None:
     place.create(ROBOT_OFFLOAD, walker())
     place.applied()
-    quiet(proxy, place)
+    proxy.quiet(place.namespace)
     before = place.children()
     node = walker()["spec"]["nodes"][0]
     twice = [node, {**node, "name": "second"}]
@@ -227,7 +207,7 @@ def test_an_invalid_resource_says_every_problem_keeps_its_children_and_recovers(
     assert "DuplicateOutput" in condition["reason"] or "second" in condition["message"]
     assert len(condition["message"].splitlines()) >= 3  # two problems and what happens to the children
     assert place.wait_condition("Ready", "False")["reason"] == condition["reason"]
-    quiet(proxy, place)
+    proxy.quiet(place.namespace)
     count = len(proxy.asked)
     assert {key: child["metadata"]["resourceVersion"] for key, child in place.children().items()} == {
         key: child["metadata"]["resourceVersion"] for key, child in before.items()
@@ -270,7 +250,7 @@ def test_the_robots_lease_becomes_the_status_and_nodes_sleep_without_a_robot(pla
     place.create(ROBOT_OFFLOAD, walker(scale={"idleTimeout": "30s"}))
     place.applied()
     assert place.condition("AgentConnected")["reason"] == "NeverConnected"
-    renew(place, site="cloud", reason="LinkGood")
+    place.renew(site="cloud", reason="LinkGood")
     place.wait_condition("AgentConnected", "True", "Connected")
     roff = eventually(
         lambda: roff if (roff := place.roff())["status"]["placement"] == "Cloud" else None, "the placement"
@@ -280,25 +260,25 @@ def test_the_robots_lease_becomes_the_status_and_nodes_sleep_without_a_robot(pla
     assert place.wait_condition("AgentConfigCurrent", "True")["reason"] == "Current"
     told = {event["reason"] for event in place.events()}
     assert {"Connected", "PlacementCloud"} <= told
-    quiet(proxy, place)
-    count = asked(proxy, place)
+    proxy.quiet(place.namespace)
+    count = proxy.count_in(place.namespace)
     place.patch(LEASE, "walker-robot", {"spec": {"renewTime": "2026-11-21T23:00:10.000000Z"}})
-    quiet(proxy, place)
-    assert asked(proxy, place) == count, "renewing alone led to a pass"
+    proxy.quiet(place.namespace)
+    assert proxy.count_in(place.namespace) == count, "renewing alone led to a pass"
     place.patch(LEASE, "walker-robot", {"spec": {"holderIdentity": None}})
     place.wait_condition("AgentConnected", "False", "Disconnected")
     assert place.roff()["status"]["placement"] == "Unknown"
     # The idle time counts from the status, so it survives operators; here it is long over.
     place.patch(ROBOT_OFFLOAD, "walker", {"status": {"robot": {"since": "2026-01-01T00:00:00Z"}}}, "status")
-    eventually(lambda: replicas(place, "walker-talker") == 0, "the node to sleep")
-    assert replicas(place, "walker-agent") == 1
+    eventually(lambda: place.replicas("walker-talker") == 0, "the node to sleep")
+    assert place.replicas("walker-agent") == 1
     place.wait_condition("WorkloadsAvailable", "False")  # the agent has no pod on a server without nodes
-    renew(place, site="robot", reason="LinkBad")
-    eventually(lambda: replicas(place, "walker-talker") == 1, "the node to wake up with the robot")
+    place.renew(site="robot", reason="LinkBad")
+    eventually(lambda: place.replicas("walker-talker") == 1, "the node to wake up with the robot")
     # spec.replicas beats everything else, also a connected robot
     place.change({"replicas": 0})
-    eventually(lambda: replicas(place, "walker-talker") == 0, "no pods")
-    assert replicas(place, "walker-agent") == 1
+    eventually(lambda: place.replicas("walker-talker") == 0, "no pods")
+    assert place.replicas("walker-agent") == 1
     place.wait_condition("ResourcesApplied", "True")
     assert place.roff()["status"]["replicas"] == 0
 
@@ -381,56 +361,3 @@ def test_metrics_and_health_tell_what_the_operator_sees(place: Place, operator: 
     assert float(values['robot_offload_reconciles_total{result="ok"}']) >= 1
     assert float(values['robot_offload_condition{status="True",type="ResourcesApplied"}']) >= 1
     assert operator.ask("health", "/healthz")[0] == 200
-
-
-def writes(proxy: Proxy, place: Place) -> list[Asked]:
-    return [asked for asked in proxy.writes() if f"/namespaces/{place.namespace}/" in asked.path]
-
-
-def asked(proxy: Proxy, place: Place) -> int:
-    """How many requests the operator has made about this namespace."""
-    return sum(f"/namespaces/{place.namespace}/" in one.path and not one.watch for one in list(proxy.asked))
-
-
-def quiet(proxy: Proxy, place: Place) -> None:
-    """Wait until the operator has asked nothing about this namespace for a second."""
-
-    last = [asked(proxy, place), 0]
-
-    def look() -> bool:
-        now = asked(proxy, place)
-        last[1] = last[1] + 1 if now == last[0] else 0
-        last[0] = now
-        return last[1] >= 20
-
-    eventually(look, "the operator to have nothing to do")
-
-
-def replicas(place: Place, deployment: str) -> int:
-    return int(place.there(DEPLOYMENT, deployment)["spec"]["replicas"])
-
-
-def renew(place: Place, site: str, reason: str) -> None:
-    """Write the robot's Lease as the reporter does."""
-    generation = place.roff()["metadata"]["generation"]
-    state = {
-        "version": 1, "agent_generation": generation, "connected": True, "site": site, "epoch": 3, "reason": reason,
-        "message": "as a test says", "ready": True,
-        "settings": {"robot_generation": generation, "accepted": True, "reason": "", "message": ""},
-    }  # fmt: skip
-    place.patch(
-        LEASE,
-        "walker-robot",
-        {
-            "metadata": {"annotations": {"robotoffload.dev/state": json.dumps(state)}},
-            "spec": {
-                "holderIdentity": "walker",
-                "leaseDurationSeconds": 30,
-                "renewTime": "2026-11-21T23:00:00.000000Z",
-            },
-        },
-    )
-
-
-def _kind(name: str) -> Kind:
-    return next(kind for kind in CHILD_KINDS if kind.kind == name)
