@@ -371,16 +371,14 @@ def _hand(run: Chunk, fault: Fault) -> Undo:
     site, pick = _of((Site.ROBOT, Site.CLOUD), fault.pick)
     control = run.robot.control
     until_s = run.robot.host.now_s() + fault.duration_s
-    base = run.scenario.settings
-    tuned, _ = _of((_shortest_lease(base), replace(base, mode=Mode.OBSERVE)), pick * 97 % 1)
-    events: tuple[words.Event, ...] = (
+    events: tuple[words.Event | None, ...] = (
         words.SwitchByHand(site), words.SetPin(words.Wish(site, until_s)), words.SetPin(None),
-        words.SetSettings(tuned, run.scenario.inputs),
-        words.CloudLeaving(control.robot.link.peer, until_s),
+        words.CloudLeaving(control.robot.link.peer, until_s), None,
     )  # fmt: skip
-    event, _ = _of(events, pick)
-    if isinstance(event, words.SetSettings):
-        return _tuned(run, event.settings)
+    event, pick = _of(events, pick)
+    if event is None:
+        base = run.scenario.settings
+        return _tuned(run, _shortest_lease(base) if pick < 0.5 else replace(base, mode=Mode.OBSERVE))
     control.deliver(control.step, event)
     return _nothing
 
@@ -393,12 +391,12 @@ def _lease(run: Chunk, _: Fault) -> Undo:
 def _tuned(run: Chunk, settings: Settings) -> Undo:
     """Changes settings for a while; never to longer limits than the scenario's, for which the observer looks."""
     control = run.robot.control
+    control.asked = settings
 
-    def tell(settings: Settings) -> None:
-        control.deliver(control.step, words.SetSettings(settings, run.scenario.inputs))
+    def undo() -> None:
+        control.asked = run.scenario.settings
 
-    tell(settings)
-    return lambda: tell(run.scenario.settings)
+    return undo
 
 
 def _shortest_lease(settings: Settings) -> Settings:
