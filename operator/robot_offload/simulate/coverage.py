@@ -31,8 +31,8 @@ EVENTS = {
     "robot": (
         "beat: good", "beat: not good", "beat: bare", "beat: other cloud", "sent: granted", "sent: plain", "gate: same",
         "gate: ahead", "gate: fell back", "gate: not ours", "data: fresh", "data: not fresh", "nodes: ready",
-        "nodes: not ready", "by hand: robot", "by hand: cloud", "pin: robot", "pin: cloud", "pin: none", "settings",
-        "cloud leaving", "tick", "tick: after a stall",
+        "nodes: not ready", "by hand: robot", "by hand: cloud", "pin: robot", "pin: cloud", "pin: none", "tick",
+        "tick: after a stall",
     ),
     "cloud": (
         "beat: other robot", "beat: nothing new", "beat: newer epoch, granted", "beat: newer epoch", "beat: no grant",
@@ -201,7 +201,7 @@ def _robot_event(robot: words.Robot, event: words.Event, now_s: float) -> tuple[
     if isinstance(event, words.SwitchByHand):
         return "by hand: robot" if event.site is Site.ROBOT else "by hand: cloud", ""
     if not isinstance(event, words.SetPin):
-        return "settings" if isinstance(event, words.SetSettings) else "cloud leaving", ""
+        raise TypeError(f"the simulation does not bring about {type(event).__name__}")
     return "pin: none" if event.pin is None else f"pin: {event.pin.site.value}", ""
 
 

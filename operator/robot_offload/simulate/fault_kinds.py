@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 from robot_offload.simulate.link_model import REPLAY_SPREAD_S, Session, Wire
@@ -11,7 +11,6 @@ from robot_offload.simulate.nodes import Node
 from robot_offload.simulate.strangers import OtherRobot, babble, other_cloud
 from robot_offload.simulate.world import Process
 from robot_offload_core import placement as words
-from robot_offload_core.settings import Mode, Settings
 from robot_offload_core.switcher import PREPARE_EXTRA_S
 from robot_offload_core.token import Site
 
@@ -367,40 +366,15 @@ def _babble(run: Chunk, fault: Fault) -> Undo:
 
 
 def _hand(run: Chunk, fault: Fault) -> Undo:
-    """Somebody switches, pins, or changes settings at the worst moment, or the cloud's pods say that they are going."""
+    """Somebody switches or pins at the worst moment."""
     site, pick = _of((Site.ROBOT, Site.CLOUD), fault.pick)
-    control = run.robot.control
     until_s = run.robot.host.now_s() + fault.duration_s
-    events: tuple[words.Event | None, ...] = (
+    events: tuple[words.Event, ...] = (
         words.SwitchByHand(site), words.SetPin(words.Wish(site, until_s)), words.SetPin(None),
-        words.CloudLeaving(control.robot.link.peer, until_s), None,
     )  # fmt: skip
-    event, pick = _of(events, pick)
-    if event is None:
-        base = run.scenario.settings
-        return _tuned(run, _shortest_lease(base) if pick < 0.5 else replace(base, mode=Mode.OBSERVE))
-    control.deliver(control.step, event)
+    event, _ = _of(events, pick)
+    run.robot.control.deliver(run.robot.control.step, event)
     return _nothing
-
-
-def _lease(run: Chunk, _: Fault) -> Undo:
-    """A shorter lease, while grants of the longer one are out."""
-    return _tuned(run, _shortest_lease(run.scenario.settings))
-
-
-def _tuned(run: Chunk, settings: Settings) -> Undo:
-    """Changes settings for a while; never to longer limits than the scenario's, for which the observer looks."""
-    control = run.robot.control
-    control.asked = settings
-
-    def undo() -> None:
-        control.asked = run.scenario.settings
-
-    return undo
-
-
-def _shortest_lease(settings: Settings) -> Settings:
-    return replace(settings, lease_s=settings.echo_limit_s + 2 * settings.beat_period_s)
 
 
 KINDS: dict[str, Kind] = {
@@ -440,6 +414,5 @@ KINDS: dict[str, Kind] = {
     "other cloud": Kind(0.8, (0.2, 3.0), _other_cloud),
     "bare": Kind(0.7, (0.05, 1.5), _bare),
     "hand": Kind(2.0, (0.02, 0.5), _hand),
-    "lease": Kind(0.5, (0.2, 1.0), _lease),
     "babble": Kind(0.5, (0.1, 1.0), _babble),
 }

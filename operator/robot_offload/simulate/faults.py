@@ -36,7 +36,7 @@ AMBUSHED: dict[str, tuple[tuple[str, ...], ...]] = {
     ),
     "robot Cloud": (
         ("brink",), ("stall control",), ("amnesia",), ("late nodes", "cut"), ("stop control", "kill collector"),
-        ("outlived gate",), ("lease", "cut"),
+        ("outlived gate",),
     ),
     "cloud Alone": (("stall cloud",),),
     "cloud Waking": (("change of mind",), ("stall cloud",), ("other robot",), ("blink",), ("stall control",)),

@@ -20,7 +20,7 @@ from robot_offload_core.guardian import Guardian
 from robot_offload_core.lease import Cloud
 from robot_offload_core.placement import CloudBeat, Robot
 from robot_offload_core.pulse import Pulse
-from robot_offload_core.settings import OutputSpec, Settings
+from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site
 
 Patch = tuple[Any, str, Callable[..., Any]]
@@ -128,10 +128,6 @@ def _open_gate(data: CloudData) -> bool:
     return data.token is not None
 
 
-def _at_once(_: Settings, asked: Settings) -> Settings:
-    return asked
-
-
 # -- deciding ---------------------------------------------------------------------------------------------------------
 
 _tell, _take_over, _core_rule, _robot_hear = (
@@ -207,10 +203,6 @@ MUTANTS: dict[str, Mutant] = {
     "goes-back": Mutant("the collector goes back to an older epoch", ("1a",), ((collector, "set_gate", _backwards),)),
     "lease-from-arrival": Mutant(
         "the lease is counted from the arrival of the grant", ("2", "7"), ((lease, "_hear", _from_arrival),)
-    ),
-    "lease-at-once": Mutant(
-        "a shorter lease holds at once, although grants of the longer one are out", ("7",),
-        ((switcher, "meanwhile", _at_once),),
     ),
     "pulse-vouches": Mutant(
         "grants go on although control is silent", ("vouching",), ((pulse, "compose", _vouching),)

@@ -65,7 +65,6 @@ class RobotControl(Process):
         self.robot = words.Robot("0" * 32, 0, run.scenario.settings)
         self.guardian = guardians.start((), 0.0)
         self.ready = False
-        self.asked = self.told = run.scenario.settings
 
     @property
     def incarnation(self) -> str:
@@ -80,16 +79,12 @@ class RobotControl(Process):
         self.robot = words.Robot(incarnation, started_us, scenario.settings, scenario.inputs)
         self.guardian = guardians.start(scenario.robot_nodes, scenario.settings.activation_deadline_s, has_driver=True)
         self.ready = False
-        self.told = scenario.settings
         self.run.observer.robot_started(incarnation)
         self.every(scenario.tick_s, self._tick, first_s=0.0)
         self.every(EFFECT_S, self._effect)
 
     def _tick(self) -> None:
         self.guard(guardians.Tick())
-        if self.asked is not self.told:  # what was asked for is kept outside the process and outlives it
-            self.told = self.asked
-            self.step(words.SetSettings(self.told, self.run.scenario.inputs))
         self.step(words.Tick())
         self.run.observer.control_ticked()
 
