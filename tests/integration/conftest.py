@@ -21,6 +21,14 @@ PROGRAMS: pytest.StashKey[programs.Programs | NoGoError] = pytest.StashKey()
 NewNamespace = Callable[..., str]
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Time for busy machines: a generous limit, and a second go, which the summary lists (`RERUN`)."""
+    for item in items:
+        if item.get_closest_marker("api"):
+            item.add_marker(pytest.mark.timeout(900))
+            item.add_marker(pytest.mark.flaky(reruns=1))
+
+
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Build what the tests need before any test's time limit runs."""
     wanted = any(item.get_closest_marker("api") for item in session.items)
