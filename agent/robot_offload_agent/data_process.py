@@ -131,7 +131,11 @@ class DataProcess:
         except envelope.EnvelopeError:
             self.counters["garbage"] += 1
             return
-        self.carried_in(kind, name, opened, header, payload)
+        try:
+            self.carried_in(kind, name, opened, header, payload)
+        except Exception:
+            if context.is_up():
+                raise  # else this process is ending, and its publishers ended before the link
 
     def pass_notes(self, received: probe.Probe) -> None:
         """Notes of the other side's control to ours: at changes, and once a second because ours may be new."""

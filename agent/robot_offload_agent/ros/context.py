@@ -45,6 +45,11 @@ def run_until_ended(run: Callable[[Configuration], None], configuration: Configu
             raise
 
 
+def is_up() -> bool:
+    """Whether ROS of this process has not been shut down yet."""
+    return bool(rclpy.ok())
+
+
 def make_node(configuration: Configuration, name: str) -> Node:
     """A plain node of an agent process, without the services that only cost memory."""
     return Node(
