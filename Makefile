@@ -3,6 +3,8 @@ SHELL := /bin/bash
 PYTHON := .venv/bin/python
 ARGS ?=
 .DEFAULT_GOAL := help
+# Many processes of the demo and the tests start the same modules: without cached bytecode each compiles them anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 ##@ Start
 .PHONY: help demo simulate
@@ -16,12 +18,30 @@ simulate: venv ## The protocol in virtual time; ARGS="--hours 1 --seed 7"
 	$(PYTHON) -m robot_offload.simulate $(ARGS)
 
 ##@ Check
-.PHONY: test test-fast lint types verify fmt
-test: venv ## All tests: unit, contract, simulation, real ROS processes
-	$(PYTHON) -m pytest $(ARGS)
+.PHONY: test test-fast test-pure test-nodes test-ros test-simulation e2e e2e-full lint types verify fmt
+test: test-pure test-nodes test-ros test-simulation ## All tests: unit, golden, contract, real API server, real ROS processes, simulation
+
+test-pure: venv ## Unit, golden, contract and integration tests, two at a time
+	-@$(PYTHON) -m tests.cluster build > /dev/null  # shows its progress here; without Go those tests are skipped
+	$(PYTHON) -m pytest -n 2 --dist loadfile -m "not cluster" tests/unit tests/golden tests/contract tests/integration $(ARGS)
+
+test-nodes: venv ## The test cluster with nodes; one at a time, because they share the machine's settings (root)
+	$(PYTHON) -m pytest -m cluster tests/integration $(ARGS)
+
+test-ros: venv ## Real ROS processes; one at a time, because they watch the clock
+	$(PYTHON) -m pytest tests/ros $(ARGS)
+
+test-simulation: venv ## The protocol in virtual time, and its mutants
+	$(PYTHON) -m pytest -n 2 --dist loadfile tests/simulation $(ARGS)
 
 test-fast: venv ## Only what takes seconds
 	$(PYTHON) -m pytest tests/unit tests/contract $(ARGS)
+
+e2e: venv ## The core of the end-to-end suite on a real cluster (root; ARGS="-k drive")
+	$(PYTHON) -m pytest tests/e2e -m core $(ARGS)
+
+e2e-full: venv ## The whole end-to-end suite: every transport, fault, upgrade (root)
+	$(PYTHON) -m pytest tests/e2e $(ARGS)
 
 lint: venv ## Style and import directions
 	.venv/bin/ruff check .
@@ -39,7 +59,13 @@ fmt: venv ## Rewrite in the project's format
 	.venv/bin/ruff format .
 
 ##@ Measure
-.PHONY: bench-switch bench-operator
+.PHONY: bench bench-switch bench-operator bench-e2e
+bench: venv ## A short form of every measurement; refreshes docs/benchmarks.md (< 10 minutes, idle machine); ARGS="--resume"
+	$(PYTHON) -m robot_offload.bench all --quick --docs docs $(ARGS)
+
+bench-e2e: venv ## The figures of the end-to-end suite: a real cluster, a robot outside it (root)
+	$(PYTHON) -m tests.e2e.bench $(ARGS)
+
 bench-switch: venv ## The switching figures of docs/benchmarks.md; ARGS="--quick"
 	$(PYTHON) -m robot_offload.bench switch $(ARGS)
 
@@ -61,6 +87,7 @@ install-manifest: venv ## Write manifests/install.yaml from the chart (with the 
 
 cluster-binaries: venv ## Build the test cluster's programs (once, some ten minutes; the tests do it by themselves)
 	$(PYTHON) -m tests.cluster build
+	$(PYTHON) -m tests.cluster build --nodes
 
 venv: ## Make or refresh .venv (the other targets do it by themselves)
 	@python3 scripts/bootstrap.py

@@ -59,7 +59,9 @@ def fingerprint():
 def install(uv):
     """Installs the pins and the packages into VENV."""
     env = dict(os.environ, VIRTUAL_ENV=str(VENV))
-    subprocess.run([*uv, "pip", "sync", "--require-hashes", str(REQUIREMENTS)], check=True, env=env, cwd=ROOT)
+    subprocess.run(
+        [*uv, "pip", "sync", "--compile-bytecode", "--require-hashes", str(REQUIREMENTS)], check=True, env=env, cwd=ROOT
+    )
     editable = [word for package in PACKAGES for word in ("-e", package)]
     command = [*uv, "pip", "install", "--no-deps", "--no-build-isolation", *editable]
     subprocess.run(command, check=True, env=env, cwd=ROOT)

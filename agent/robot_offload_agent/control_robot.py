@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from robot_offload_agent.bus import Arrived, Bus, CollectorStatus, DataStatus, Notes, Orders, Speak
@@ -13,6 +14,7 @@ from robot_offload_agent.control_process import ControlProcess, start
 from robot_offload_agent.liaison import LEAVING_S
 from robot_offload_agent.overrides import Override
 from robot_offload_agent.parameters import Configuration
+from robot_offload_agent.recorder import Recorder
 from robot_offload_agent.robot_settings import RobotSettings
 from robot_offload_agent.ros.services import SwitchServices
 from robot_offload_core import guardian, health, link, placement, switcher
@@ -61,6 +63,8 @@ class RobotControl(ControlProcess):
         self.left = ("", "")  # (cloud, its last words before its end), as far as obeyed
         self.services = SwitchServices(self.report.guardian, self.report.switcher_names(), self.post_switch)
         self.report.declare_override(self.override, lambda: self.post(self.set_override))
+        record = configuration.values.get("record_file")  # of the command line, no parameter
+        self.recorder = Recorder(Path(record), self.settings.beat_period_s) if record else None
         self.publish_placement(self.robot.decided.reason, self.robot.decided.message)
 
     # -- events in ----------------------------------------------------------------------------------------------------
@@ -76,6 +80,8 @@ class RobotControl(ControlProcess):
     def take_beat(self, beat: Beat, arrived: Arrived) -> None:
         """A beat of the cloud."""
         self.step(placement.CloudBeat(beat, arrived.arrived_s, arrived.wall_us), now_s())
+        if self.recorder is not None:
+            self.recorder.take(self.robot.link)
 
     def take_message(self, message: Any) -> None:
         """Reports of pulse, collector and data."""
@@ -139,6 +145,8 @@ class RobotControl(ControlProcess):
     def tick(self, now: float) -> None:
         """Time has passed."""
         self.step(placement.Tick(), now)
+        if self.recorder is not None:
+            self.recorder.flush(now)
         if self.sustained(now) != self.told_sustained:
             self.told_sustained = 1 - self.told_sustained
             self.report.publish_network_status(self.told_sustained)

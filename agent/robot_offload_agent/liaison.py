@@ -14,8 +14,11 @@ from robot_offload_agent.notes import CloudNotes, RobotNotes
 from robot_offload_agent.tuning import Offer
 from robot_offload_core.link import Health
 
-LEAVING_S = 60.0
-"""So long the robot does not choose a cloud whose pods are going; a new agent ends it by being another one."""
+LEAVING_S = 25.0
+"""So long the robot does not choose a cloud whose pods are going: they are killed 20 s after the wish to stop them.
+
+What comes after that is not ready until its nodes are. A new agent ends it by being another one.
+"""
 VERSION = 1
 
 

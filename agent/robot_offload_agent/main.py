@@ -7,6 +7,7 @@ import gc
 import logging
 import os
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -18,6 +19,7 @@ EPILOG = """\
 examples:
   robot-offload-agent robot --params robot.yaml     on the robot, with the file of the bundle
   robot-offload-agent robot --params robot.yaml --check   only says whether the file is good
+  robot-offload-agent robot --params robot.yaml --record link.csv   for robot-offload simulate --trace link.csv
 
 exit codes: 0 ended by a signal, 2 bad configuration, 3 this identity runs here already, 4 the ROS graph forbids it
 """
@@ -31,6 +33,7 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     result.add_argument("side", choices=[s.value for s in Site], help="which side this is")
     result.add_argument("--params", type=Path, required=True, metavar="FILE", help="ROS 2 parameter file")
+    result.add_argument("--record", type=Path, metavar="FILE", help="record the link (robot only), CSV t_s,rtt_ms")
     result.add_argument("--check", action="store_true", help="check the file and stop")
     result.add_argument("--log-level", default="info", choices=("debug", "info", "warning", "error"))
     return result
@@ -50,12 +53,23 @@ def main(arguments: list[str] | None = None) -> int:
         configuration = load(options.params)
         if configuration["side"] != options.side:
             raise ConfigurationError(f"parameter side: the file is for the {configuration['side']}")
+        if options.record is not None:
+            configuration = recording(configuration, options.record)
         check_link(configuration)
         return 0 if options.check else supervise(configuration)
     except AgentError as error:
         for line in str(error).splitlines():
             sys.stderr.write(f"robot-offload-agent: {line}\n")
         return error.exit_code
+
+
+def recording(configuration: Configuration, file: Path) -> Configuration:
+    """The configuration with a file to record the link to; raises ConfigurationError when that cannot be."""
+    if configuration.side is not Site.ROBOT:
+        raise ConfigurationError("--record: only the robot's agent records the link; leave it out in the cloud")
+    if not file.absolute().parent.is_dir():
+        raise ConfigurationError(f"--record: the folder {file.absolute().parent} does not exist; make it first")
+    return replace(configuration, values={**configuration.values, "record_file": str(file.absolute())})
 
 
 def supervise(configuration: Configuration) -> int:

@@ -96,10 +96,12 @@ def fitness(link: Link, settings: Settings, now_s: float) -> Fitness:
     """The thesis's rule on the loop latency: t_l + t_c_cloud <= t_c_robot + tolerance."""
     latency_s = links.latency_s(link, now_s, settings.beat_period_s)
     limit_s = settings.allowed_loop_s
+    silent_s = float("inf") if link.heard_s is None else now_s - link.heard_s
     if latency_s > limit_s:
         shown = "unknown" if latency_s == float("inf") else f"{latency_s * 1e3:.0f} ms"
-        return Fitness(False, "LatencyTooHigh", f"Loop latency {shown} is over the limit of {limit_s * 1e3:.0f} ms")
-    return Fitness(True, "LinkGood", f"Loop latency {latency_s * 1e3:.0f} ms")
+        message = f"Loop latency {shown} is over the limit of {limit_s * 1e3:.0f} ms"
+        return Fitness(False, "LatencyTooHigh", message, latency_s, silent_s)
+    return Fitness(True, "LinkGood", f"Loop latency {latency_s * 1e3:.0f} ms", latency_s, silent_s)
 
 
 def clock_fault(link: Link, settings: Settings) -> Verdict | None:

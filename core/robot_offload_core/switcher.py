@@ -146,7 +146,8 @@ def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
     live = link.heard_s is not None and now_s - link.heard_s <= robot.settings.loss_timeout_s
     if stranger and live:
         return robot  # a second cloud agent, or late words of an old one: the one we hear goes on
-    robot = replace(robot, link=links.hear(link, beat, robot.incarnation, event.arrived_s, event.wall_us))
+    heard = links.hear(link, beat, robot.incarnation, event.arrived_s, event.wall_us)
+    robot = replace(robot, link=heard, policy=policies.echoed(robot.policy, link, heard, robot.settings))
     if not isinstance(beat.body, CloudReport):
         return robot  # a bare beat feeds statistics only
     control_age_s = None if beat.control_age_us < 0 else beat.control_age_us / 1e6
@@ -324,10 +325,7 @@ def _enter(robot: Robot, charge: Charge, now_s: float, commands: list[Command]) 
 
 
 def _call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: list[Command]) -> Robot:
-    """A preparation failed: the old side was never released and goes on; the next attempt waits longer.
-
-    One that a person or the clocks ended has not failed.
-    """
+    """A preparation failed (unless a person or the clocks ended it): the old side goes on, the next attempt waits."""
     failed = why.reason not in URGENT
     wait_s = min(RETRY_MAX_S, RETRY_FIRST_S * 2**robot.failures) if failed else 0.0
     epoch = robot.epoch

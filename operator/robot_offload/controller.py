@@ -26,9 +26,19 @@ from robot_offload.errors import SpecError
 from robot_offload.kube.errors import ForbiddenError, InvalidObjectError, KubeError, NotFoundError
 from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET, STATEFUL_SET
 from robot_offload.kube.port import KubeApi, Manifest
-from robot_offload.reconcile import agent, certificates, conditions, issuer, presence, status, transitions, workloads
+from robot_offload.reconcile import (
+    agent,
+    builds,
+    certificates,
+    conditions,
+    issuer,
+    presence,
+    status,
+    transitions,
+    workloads,
+)
 from robot_offload.reconcile.decision import Verdict, yes
-from robot_offload.reconcile.ownership import being_deleted, belongs
+from robot_offload.reconcile.ownership import Key, being_deleted, belongs
 from robot_offload.reconcile.plan import plan
 from robot_offload.render import labels
 from robot_offload.render.child_names import ROBOT, child_name, discovery_child
@@ -170,12 +180,14 @@ class _Pass:
         wanted = presence.wanted(self._offload.spec, robot, self._clock.wall())
         facts = self._facts(robot, wanted)
         verdicts["CertificatesReady"], certificates_s = await self._certify(facts)
-        facts = replace(facts, certificate_hash=self._certificate_hash())
-        await self._apply(children(self._offload, facts))
+        built = await self._build(facts)
+        facts = replace(facts, certificate_hash=self._certificate_hash(), built=built.references)
+        await self._apply((*built.manifests, *children(self._offload, facts)), built.kept)
         verdicts["ResourcesApplied"] = applied(self._done)
-        found = await self._find(robot, wanted)
-        verdicts |= self._verdicts(found)
-        again = [after_s for after_s in (robot.recheck_s, wanted.recheck_s, certificates_s) if after_s is not None]
+        found = await self._find(robot, wanted, built)
+        verdicts |= {"ImageBuilt": built.verdict, **self._verdicts(found)}
+        times = (robot.recheck_s, wanted.recheck_s, certificates_s, built.recheck_s)
+        again = [after_s for after_s in times if after_s is not None]
         return found, min(again, default=None)
 
     def _robot(self) -> presence.Presence:
@@ -222,15 +234,26 @@ class _Pass:
             return refused, None
         return issued.verdict, issued.recheck_s
 
-    async def _apply(self, wanted: Iterable[Manifest]) -> None:
-        """Applies the children in their order and prunes what is no longer one."""
+    async def _build(self, facts: Facts) -> builds.Builds:
+        """Decides about the images that are built here; what there is of them is only read when there are any."""
+        if not self._offload.spec.built_nodes:
+            return builds.Builds()
+        pods = await reading.build_pods(self._api, self._namespace, self._offload)
+        missing = await reading.missing_secrets(self._api, self._namespace, builds.secrets_of(self._offload))
+        seen = builds.Seen(self._seen.live, pods, missing, self._clock.wall())
+        rebuild = (self._raw["metadata"].get("annotations") or {}).get(builds.REBUILD, "")
+        return builds.decide(self._offload, facts, seen, rebuild)
+
+    async def _apply(self, wanted: Iterable[Manifest], unchanged: Iterable[Key]) -> None:
+        """Applies the children in their order and prunes what is no longer one, but for those that stay unchanged."""
         manifests = list(wanted)
-        kept = set()
+        kept = set(unchanged)
         if transport.needs_certificates(self._offload.spec):
-            kept = self._secret_keys()
+            kept |= self._secret_keys()
             if self._offload.spec.transport.certificates.issuer_ref is not None:
                 # With an issuer, the authorities are not ours and the leaves are cert-manager's.
-                kept = {(SECRET, certificates.secret_name(self._name, role)) for role in ("cloud", "robot")}
+                kept -= self._secret_keys()
+                kept |= {(SECRET, certificates.secret_name(self._name, role)) for role in ("cloud", "robot")}
                 manifests = [*issuer.certificates(self._offload, self._facts_of_owner()), *manifests]
         await reading.look_up(self._api, self._namespace, self._seen, manifests)
         steps = plan(manifests, self._seen.live, self._uid, self._memory.settled, kept)
@@ -238,7 +261,7 @@ class _Pass:
         if self._done.writes:
             _log.info("Applied", **self._told, writes=self._done.writes, errors=len(self._done.errors))
 
-    async def _find(self, robot: presence.Presence, wanted: presence.Wanted) -> status.Found:
+    async def _find(self, robot: presence.Presence, wanted: presence.Wanted, built: builds.Builds) -> status.Found:
         lease = self._ours(LEASE, child_name(self._name, ROBOT))
         state, problem = agent.state_of(lease)
         services = [service for service in self._seen.services if belongs(service, self._uid)]
@@ -253,6 +276,7 @@ class _Pass:
             wanted=wanted,
             live={key: child for key, child in self._seen.live.items() if belongs(child, self._uid)},
             pods=pods,
+            commits={node: image.commit for node, image in built.images.items()},
         )
 
     def _verdicts(self, found: status.Found) -> dict[str, Verdict]:

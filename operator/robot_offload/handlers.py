@@ -20,6 +20,8 @@ from robot_offload.render import labels
 
 OWN: Final = "robotoffload.dev"
 OURS: Final = f"{labels.MANAGED_BY}={labels.MANAGER}"
+# For kopf's peering, which is off. Without one kopf asks for the name of the user, and the user id of a pod has none.
+_IDENTITY: Final[Any] = "robot-offload"
 _CHILDREN: Final = tuple(kind for kind in CHILD_KINDS if kind not in (CONFIG_MAP, LEASE))
 
 
@@ -119,6 +121,7 @@ def operator(
         registry=table(triggers),
         settings=settings(inactivity_s),
         standalone=True,
+        identity=_IDENTITY,
         ready_flag=ready,
         stop_flag=stop,
         **places,

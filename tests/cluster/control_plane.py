@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import yaml
 from cryptography.hazmat.primitives import serialization
@@ -55,7 +55,14 @@ class ControlPlane:
         token: Bearer token of a cluster administrator.
         kubeconfig: File for that administrator.
         ca_file: Certificate that clients verify the API server with.
+        host: Address on which the API server listens.
+        within: Command that runs another one where the servers belong; empty for right here.
+        favoured: The servers go before what else runs on a busy machine.
     """
+
+    host = "127.0.0.1"
+    within: tuple[str, ...] = ()
+    favoured = False
 
     def __init__(self, directory: Path, programs: Programs) -> None:
         self.directory = directory
@@ -69,16 +76,19 @@ class ControlPlane:
     @classmethod
     def of_directory(cls, directory: Path, programs: Programs) -> ControlPlane:
         """The control plane that another process started there."""
-        plane = cls(directory, programs)
-        try:
-            config = json.loads(plane.kubeconfig.read_text())
-        except FileNotFoundError:
-            raise ClusterError(f"No test cluster in {directory}; next: python -m tests.cluster up") from None
-        plane.url = config["clusters"][0]["cluster"]["server"]
-        plane.token = config["users"][0]["user"]["token"]
-        return plane
+        return cls(directory, programs).attached()
 
-    def start(self, definitions: Sequence[Path] = (), *, die_with_us: bool = True) -> ControlPlane:
+    def attached(self) -> Self:
+        """This one, with what is needed to talk to it, which the process that started it has written down."""
+        try:
+            config = json.loads(self.kubeconfig.read_text())
+        except FileNotFoundError:
+            raise ClusterError(f"No test cluster in {self.directory}; next: python -m tests.cluster up") from None
+        self.url = config["clusters"][0]["cluster"]["server"]
+        self.token = config["users"][0]["user"]["token"]
+        return self
+
+    def start(self, definitions: Sequence[Path] = (), *, die_with_us: bool = True) -> Self:
         """Start everything and return when a Deployment would be served.
 
         Args:
@@ -98,7 +108,7 @@ class ControlPlane:
         return self
 
     @contextmanager
-    def running(self, definitions: Sequence[Path] = ()) -> Iterator[ControlPlane]:
+    def running(self, definitions: Sequence[Path] = ()) -> Iterator[Self]:
         """Start, and stop at the end of the block."""
         self.start(definitions)
         try:
@@ -166,9 +176,14 @@ class ControlPlane:
             data=None if body is None else json.dumps(body).encode(),
             headers={"Authorization": f"Bearer {self.token}", "Content-Type": content_type},
         )
-        trust = ssl.create_default_context(cafile=str(self.ca_file))
-        with urllib.request.urlopen(request, timeout=30, context=trust) as answer:
+        with self.opener().open(request, timeout=30) as answer:
             return str(answer.read().decode())
+
+    def opener(self) -> urllib.request.OpenerDirector:
+        """Opens requests to this API server and to nobody in between."""
+        trust = ssl.create_default_context(cafile=str(self.ca_file))
+        direct = urllib.request.ProxyHandler({})
+        return urllib.request.build_opener(direct, urllib.request.HTTPSHandler(context=trust))
 
     def _exists(self, path: str) -> bool:
         return bool(self.get(path))
@@ -179,11 +194,11 @@ class ControlPlane:
             shutil.rmtree(self.directory, ignore_errors=True)
             self.directory.mkdir(parents=True, mode=0o700)
             self._write_secrets()
-            etcd, api = processes.free_ports(2)
-            self.url = f"https://127.0.0.1:{api}"
+            etcd, api = self._ports()
+            self.url = f"https://{self.host}:{api}"
             # Both at once: the API server tries again until etcd answers.
-            self._spawn("etcd", self._etcd_arguments(etcd), die_with_us=die_with_us)
-            self._spawn("kube-apiserver", self._api_arguments(api, etcd), die_with_us=die_with_us)
+            self._spawn("etcd", self._etcd_settings(etcd), die_with_us=die_with_us)
+            self._spawn("kube-apiserver", self._api_settings(api, etcd), die_with_us=die_with_us)
             try:
                 self._wait("the API server to be ready", lambda: self.get("/readyz") == "ok")
                 break
@@ -204,37 +219,41 @@ class ControlPlane:
         )
         (self.directory / "service-accounts.key").write_bytes(key)
 
-    def _etcd_arguments(self, port: int) -> list[str]:
-        url = f"http://127.0.0.1:{port}"
-        return [
-            f"--data-dir={self.directory}/etcd",
-            f"--listen-client-urls={url}",
-            f"--advertise-client-urls={url}",
-            "--listen-peer-urls=http://127.0.0.1:0",
-            "--unsafe-no-fsync",  # nothing here must survive a power cut
-            "--log-level=warn",
-        ]
+    def _ports(self) -> list[int]:
+        """Where etcd and the API server listen."""
+        return processes.free_ports(2)
 
-    def _api_arguments(self, port: int, etcd_port: int) -> list[str]:
+    def _etcd_settings(self, port: int) -> dict[str, str]:
+        url = f"http://127.0.0.1:{port}"
+        return {
+            "data-dir": f"{self.directory}/etcd",
+            "listen-client-urls": url,
+            "advertise-client-urls": url,
+            "listen-peer-urls": "http://127.0.0.1:0",
+            "unsafe-no-fsync": "true",  # nothing here must survive a power cut
+            "log-level": "warn",
+        }
+
+    def _api_settings(self, port: int, etcd_port: int) -> dict[str, str]:
         key = f"{self.directory}/service-accounts.key"
-        return [
-            "--bind-address=127.0.0.1",
-            "--advertise-address=127.0.0.1",
-            f"--secure-port={port}",
-            f"--cert-dir={self.directory}/certs",
-            f"--etcd-servers=http://127.0.0.1:{etcd_port}",
-            "--endpoint-reconciler-type=none",
-            "--service-cluster-ip-range=10.96.0.0/16",
-            "--authorization-mode=RBAC",
-            f"--token-auth-file={self.directory}/tokens.csv",
-            "--service-account-issuer=https://kubernetes.default.svc.cluster.local",
-            f"--service-account-key-file={key}",
-            f"--service-account-signing-key-file={key}",
-            f"--audit-policy-file={self.directory}/audit-policy.json",
-            f"--audit-log-path={self.directory}/audit.jsonl",
-            "--allow-privileged=true",
-            "--profiling=false",
-        ]
+        return {
+            "bind-address": self.host,
+            "advertise-address": self.host,
+            "secure-port": str(port),
+            "cert-dir": f"{self.directory}/certs",
+            "etcd-servers": f"http://127.0.0.1:{etcd_port}",
+            "endpoint-reconciler-type": "none",
+            "service-cluster-ip-range": "10.96.0.0/16",
+            "authorization-mode": "RBAC",
+            "token-auth-file": f"{self.directory}/tokens.csv",
+            "service-account-issuer": "https://kubernetes.default.svc.cluster.local",
+            "service-account-key-file": key,
+            "service-account-signing-key-file": key,
+            "audit-policy-file": f"{self.directory}/audit-policy.json",
+            "audit-log-path": f"{self.directory}/audit.jsonl",
+            "allow-privileged": "true",
+            "profiling": "false",
+        }
 
     def _define(self, definitions: Sequence[Path]) -> None:
         for path in definitions:
@@ -242,17 +261,19 @@ class ControlPlane:
             self.wait_served(yaml.safe_load(path.read_text()))
 
     def _start_controllers(self, *, die_with_us: bool) -> None:
-        arguments = [
-            f"--kubeconfig={self.kubeconfig}",
-            f"--controllers={','.join(CONTROLLERS)}",
-            f"--service-account-private-key-file={self.directory}/service-accounts.key",
-            f"--root-ca-file={self.ca_file}",
-            "--leader-elect=false",
-            "--secure-port=0",
-        ]
-        self._spawn("kube-controller-manager", arguments, die_with_us=die_with_us)
+        self._spawn("kube-controller-manager", self._controller_settings(), die_with_us=die_with_us)
         account = "/api/v1/namespaces/default/serviceaccounts/default"
         self._wait("the controllers to work", partial(self._exists, account))
+
+    def _controller_settings(self) -> dict[str, str]:
+        return {
+            "kubeconfig": str(self.kubeconfig),
+            "controllers": ",".join(CONTROLLERS),
+            "service-account-private-key-file": f"{self.directory}/service-accounts.key",
+            "root-ca-file": str(self.ca_file),
+            "leader-elect": "false",
+            "secure-port": "0",
+        }
 
     def _write_kubeconfig(self, path: Path, token: str, namespace: str) -> None:
         authority = base64.b64encode(self.ca_file.read_bytes()).decode()
@@ -268,9 +289,10 @@ class ControlPlane:
         path.write_text(json.dumps(config, indent=1))
         path.chmod(0o600)
 
-    def _spawn(self, name: str, arguments: list[str], *, die_with_us: bool) -> None:
-        command = [str(self.programs.path(name)), *arguments]
-        self._servers[name] = processes.spawn(command, self.directory / f"{name}.log", die_with_us=die_with_us)
+    def _spawn(self, name: str, settings: Mapping[str, str], *, die_with_us: bool) -> None:
+        command = [*self.within, str(self.programs.path(name)), *(f"--{key}={word}" for key, word in settings.items())]
+        log = self.directory / f"{name}.log"
+        self._servers[name] = processes.spawn(command, log, die_with_us=die_with_us, favoured=self.favoured)
 
     def _kill(self) -> None:
         processes.kill(self.directory)

@@ -18,6 +18,11 @@ from pathlib import Path
 from tests.cluster.errors import ClusterError, NoGoError
 
 MODULE = Path(__file__).with_name("binaries")
+POD_MODULE = Path(__file__).with_name("pods")
+"""One of its own: CoreDNS wants other versions of what Kubernetes is made of."""
+REGISTRY_MODULE = Path(__file__).with_name("registry")
+"""For those who want a registry beside their cluster; nobody else builds it."""
+
 CONTROL_PLANE: Mapping[str, str] = {
     "etcd": "go.etcd.io/etcd/server/v3",
     "kube-apiserver": "k8s.io/kubernetes/cmd/kube-apiserver",
@@ -25,11 +30,22 @@ CONTROL_PLANE: Mapping[str, str] = {
     "kubectl": "k8s.io/kubernetes/cmd/kubectl",
     "helm": "helm.sh/helm/v3/cmd/helm",
 }
-"""Name of the program -> Go package. A cluster with nodes needs more programs of the same module."""
+"""Name of the program -> Go package. Enough for the tests that need no node."""
+
+NODES: Mapping[str, str] = {
+    name: f"k8s.io/kubernetes/cmd/{name}" for name in ("kube-scheduler", "kubelet", "kube-proxy")
+}
+"""What a cluster with nodes needs beside them."""
+
+PODS: Mapping[str, str] = {name: f"./{name}" for name in ("coredns", "pause", "tester")}
+"""What runs in pods: of the module in pods/."""
+
+REGISTRY: Mapping[str, str] = {"registry": "./registry"}
+"""A container registry: of the module in registry/."""
 
 REPORT_EVERY = 20.0  # seconds between two lines about a build in progress
 
-Say = Callable[[str], None]
+Say = Callable[[str], object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,18 +65,19 @@ def cache() -> Path:
     return Path(base) / "robot-offload" / "cluster"
 
 
-def ensure(say: Say, wanted: Mapping[str, str] = CONTROL_PLANE) -> Programs:
+def ensure(say: Say, wanted: Mapping[str, str] = CONTROL_PLANE, module: Path = MODULE) -> Programs:
     """Return the programs, building those that are missing.
 
     Args:
         say: Receives one line of progress at a time.
         wanted: Program names and their Go packages.
+        module: Directory of the Go module that pins them.
 
     Raises:
         NoGoError: Something must be built and Go is not installed.
         ClusterError: The build failed.
     """
-    found = _find(wanted)
+    found = _find(wanted, module)
     if found is not None:
         return found
     if shutil.which("go") is None:
@@ -68,24 +85,36 @@ def ensure(say: Say, wanted: Mapping[str, str] = CONTROL_PLANE) -> Programs:
             "The test cluster must be built once and Go is not installed. "
             "Install Go 1.24 or newer (https://go.dev/dl), then: python -m tests.cluster build"
         )
-    home = cache() / _key(_go_version())
+    home = cache() / _key(_go_version(), module)
     with _only_one_builds(say):
         home.mkdir(parents=True, exist_ok=True)
         missing = {name: package for name, package in wanted.items() if not (home / name).exists()}
         if missing:
-            _build(missing, home, say)
+            _build(missing, module, home, say)
     return Programs(home)
 
 
-def _find(wanted: Mapping[str, str]) -> Programs | None:
+def everything(say: Say) -> tuple[Programs, Programs]:
+    """The programs of a cluster with nodes, and those that run in its pods."""
+    return ensure(say, {**CONTROL_PLANE, **NODES}), ensure(say, PODS, POD_MODULE)
+
+
+def built() -> bool:
+    """Whether a cluster with nodes needs nothing to be built."""
+    return bool(_find({**CONTROL_PLANE, **NODES}, MODULE) and _find(PODS, POD_MODULE))
+
+
+def _find(wanted: Mapping[str, str], module: Path) -> Programs | None:
     """The newest complete set for these pins: of the installed Go version, or of any when Go is not installed."""
     version = _go_version() if shutil.which("go") else "*"
-    complete = [home for home in cache().glob(_key(version)) if all((home / name).exists() for name in wanted)]
+    complete = [home for home in cache().glob(_key(version, module)) if all((home / name).exists() for name in wanted)]
     return Programs(max(complete, key=lambda home: home.stat().st_mtime)) if complete else None
 
 
-def _key(go_version: str) -> str:
-    pins = hashlib.sha256((MODULE / "go.mod").read_bytes() + (MODULE / "go.sum").read_bytes())
+def _key(go_version: str, module: Path = MODULE) -> str:
+    pins = hashlib.sha256((module / "go.mod").read_bytes() + (module / "go.sum").read_bytes())
+    for source in sorted(module.rglob("*.go")):
+        pins.update(source.read_bytes())
     return f"{pins.hexdigest()[:16]}-{go_version}"
 
 
@@ -111,26 +140,26 @@ def _only_one_builds(say: Say) -> Iterator[None]:
         yield
 
 
-def _build(missing: Mapping[str, str], home: Path, say: Say) -> None:
+def _build(missing: Mapping[str, str], module: Path, home: Path, say: Say) -> None:
     say(f"test cluster: building {', '.join(missing)} from Go modules; once, some ten minutes on two cores")
     begun = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="partial-", dir=cache()) as scratch:
-        _run_go(missing, Path(scratch), say)
+        _run_go(missing, module, Path(scratch), say)
         for name, package in missing.items():
             # An os.replace on one file system is atomic: a program that is there is whole.
             (Path(scratch) / _output_name(package)).replace(home / name)
     say(f"test cluster: built in {_minutes(time.monotonic() - begun)}, kept in {home}")
 
 
-def _run_go(missing: Mapping[str, str], target: Path, say: Say) -> None:
+def _run_go(missing: Mapping[str, str], module: Path, target: Path, say: Say) -> None:
     """Compile and link; `go build -v` prints one line for each package that it compiles."""
     command = ["nice", "-n", "5", "go", "build", "-v", "-p", str(os.cpu_count() or 1)]
-    command += ["-ldflags", _link_flags(), "-o", f"{target}/", *missing.values()]
+    command += ["-ldflags", _link_flags() if module == MODULE else "-s -w", "-o", f"{target}/", *missing.values()]
     flags = "-mod=readonly -trimpath -buildvcs=false"
     environment = {**os.environ, "CGO_ENABLED": "0", "GOFLAGS": flags, "GOWORK": "off"}
     begun = said = time.monotonic()
     compiled, words = 0, ""
-    with subprocess.Popen(command, cwd=MODULE, env=environment, stderr=subprocess.PIPE, text=True) as build:
+    with subprocess.Popen(command, cwd=module, env=environment, stderr=subprocess.PIPE, text=True) as build:
         assert build.stderr is not None
         for line in build.stderr:
             if re.fullmatch(r"[\w./-]+\n", line):
@@ -141,7 +170,7 @@ def _run_go(missing: Mapping[str, str], target: Path, say: Say) -> None:
                 said = time.monotonic()
                 say(f"test cluster: {compiled} packages compiled after {_minutes(said - begun)}")
     if build.returncode:
-        raise ClusterError(f"The build failed (Go modules of {MODULE}):\n{words[-3000:]}")
+        raise ClusterError(f"The build failed (Go modules of {module}):\n{words[-3000:]}")
 
 
 def _link_flags() -> str:

@@ -46,6 +46,15 @@ _PEERS = {"type": "StaticPeers", "staticPeers": {"robot": ["10.0.0.1"]}}
 _SPEC: dict[str, Any] = sample()["spec"]
 _CONTROLLER, _OUTPUT = "spec.nodes.1", "spec.nodes.1.outputs.0"
 
+BUILD = {
+    "git": {"url": "https://git.example/robot.git", "ref": "v1", "paths": ["src/planner"]},
+    "package": "planner",
+    "executable": "planner_server",
+}
+"""The least that a build block says."""
+_BUILT = {key: value for key, value in _SPEC["nodes"][2].items() if key != "image"} | {"build": BUILD}
+_REGISTRY = {"registry": {"repository": "registry.example/robots"}}
+
 BROKEN: tuple[Example, ...] = (
     *_of(
         _TRANSPORT,
@@ -105,6 +114,20 @@ BROKEN: tuple[Example, ...] = (
     ),
     *_of("spec.nodes[]", "NotManaged", (f"{_CONTROLLER}.lifecycle", False)),
     *_of("spec.nodes[]", "NoImage", (f"{_CONTROLLER}.image", ...), ("spec.nodes.2.image", None)),
+    *_of("spec.nodes[]", "TwoImages", (f"{_CONTROLLER}.build", BUILD)),
+    *_of(
+        "spec.nodes[].build",
+        "OneProgram",
+        ("spec.nodes.2", {**_BUILT, "build": {**BUILD, "launch": "all.launch.py"}}),
+        ("spec.nodes.2", {**_BUILT, "build": {**BUILD, "executable": None}}),
+    ),
+    *_of(
+        "spec.nodes[].build",
+        "NoSecret",
+        ("spec.nodes.2", {**_BUILT, "build": {**BUILD, "git": {"url": "git@git.example:robot.git"}}}),
+        ("spec.nodes.2", {**_BUILT, "build": {**BUILD, "git": {"url": "ssh://git@git.example/robot.git"}}}),
+    ),
+    *_of("spec", "NoRegistry", ("spec.nodes.2", _BUILT)),
     *_of("spec.nodes[]", "NoProgram", ("spec.nodes.2.run", ...), ("spec.nodes.2.run", None)),
     *_of("spec.nodes[]", "RemapsOutput", (f"{_CONTROLLER}.run.remap", {"/cmd_vel": "/other"})),
     *_of(
@@ -161,6 +184,18 @@ KEPT: tuple[tuple[str, Any], ...] = (
     (_TRANSPORT, {"type": "DDSRouter", "ddsRouter": {"domainID": None}, "expose": {}, "certificates": {}}),
     (_TRANSPORT, {"type": "DiscoveryServer", "discoveryServer": {}, "expose": {"type": "ClusterIP"}}),
     (_TRANSPORT, _PEERS),
+    ("spec", {**_SPEC, "cloud": _REGISTRY, "nodes": [_BUILT]}),
+    ("spec", {**_SPEC, "nodes": [{"name": "a", "placement": "Robot", "build": BUILD}]}),
+    (
+        "spec",
+        {
+            **_SPEC,
+            "cloud": _REGISTRY,
+            "nodes": [
+                _BUILT | {"build": {**BUILD, "git": {"url": "git@git.example:a.git"}, "gitSecret": {"name": "key"}}}
+            ],
+        },
+    ),
     (_EXPOSE, {"address": "192.0.2.1", "loadBalancerClass": "example.com/internal", "nodePorts": {"pulse": 30001}}),
     (_EXPOSE, {"type": "ClusterIP", "address": None, "loadBalancerClass": None, "nodePorts": None}),
     ("spec.transport.certificates", {"duration": "24h", "renewBefore": "23h"}),

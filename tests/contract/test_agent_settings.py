@@ -10,12 +10,13 @@ import pytest
 import yaml
 
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.render import handover
 from robot_offload.render.agent_config import RUN_TIME, RUN_TIME_INPUT, SHARED
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.certificates import build_certificates
 from robot_offload.render.facts import Facts
+from robot_offload_agent import liaison, tuning
 from robot_offload_agent import parameters as agent
-from robot_offload_agent import tuning
 from robot_offload_agent.link.zenoh_config import ZenohSettings
 from robot_offload_agent.main import main
 from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload, rendered
@@ -130,3 +131,7 @@ NEEDS_BUNDLE: dict[str, Any] = {
 @pytest.mark.parametrize("path", NEEDS_BUNDLE)
 def test_what_only_a_new_bundle_brings_is_told(path: str) -> None:
     assert judged(offload(), offload({path: NEEDS_BUNDLE[path]})).reason == "NeedsBundle"
+
+
+def test_a_robot_stays_away_from_pods_that_stop_until_they_are_killed_and_little_longer() -> None:
+    assert handover.GRACE_S < liaison.LEAVING_S <= handover.GRACE_S + 10.0

@@ -25,7 +25,7 @@ from robot_offload.errors import SpecError
 from robot_offload.generate.files import CHART_CRD_FILE, CRD_FILE, generated_files
 from robot_offload.generate.main import OutOfDateError, main, run
 from robot_offload.strict_yaml import freeze, parse, thaw
-from tests.contract.rule_examples import BROKEN, KEPT, Example, example_values
+from tests.contract.rule_examples import BROKEN, BUILD, KEPT, Example, example_values
 from tests.contract.structural import KNOWN_KEYS, defaulted, problems
 from tests.unit.specs import MINIMAL, changed, sample
 
@@ -160,7 +160,7 @@ def test_the_api_server_fills_in_what_the_models_would() -> None:
             value = models
             for name in path.split("."):
                 value = None if value is None else value[name]
-            assert value == part["default"] or "issuerRef" in path, path
+            assert value == part["default"] or "issuerRef" in path or "cloud.registry" in path, path
 
 
 def test_the_api_server_fills_in_nothing_that_changes_the_meaning() -> None:
@@ -261,6 +261,80 @@ def places(value: Any, path: str = "") -> list[str]:
 PLACES = [path for path in places(sample()) if path.startswith("spec.") and not ONLY_THE_OPERATOR.search(path)]
 # What only a rule of a field or between fields refuses, the validator here does not know: it has no CEL.
 STRUCTURAL = {"WrongType", "NotSupported", "UnknownField", "Required", "TooMany", "TooLong", "OutOfRange", "Invalid"}
+
+
+def with_build() -> dict[str, Any]:
+    """The sample with a node that is built from everything that a build block can say."""
+    values = example_values("spec.cloud.registry", REGISTRY)
+    node = values["spec"]["nodes"][2]
+    del node["image"]
+    node["build"] = {**BUILD, **EVERYTHING, "git": {**BUILD["git"], "paths": ["src/a", "b c"]}}
+    return copy.deepcopy(values)
+
+
+REGISTRY = {
+    "repository": "registry.example:5000/robots",
+    "pushSecret": {"name": "push"},
+    "pullSecret": {"name": "pull"},
+    "insecure": True,
+}
+EVERYTHING: dict[str, Any] = {
+    "distro": "jazzy",
+    "base": "registry.example/ros:1",
+    "runtimeBase": f"registry.example/ros@sha256:{'a' * 64}",
+    "packages": ["plugins"],
+    "cmakeArguments": ["-DA=1"],
+    "skipKeys": ["a"],
+    "aptPackages": ["gdb=1.2"],
+    "pipPackages": ["numpy[a]==2.1.0"],
+    "gitSecret": {"name": "git"},
+    "resources": {"limits": {"memory": "1Gi"}},
+}
+BUILD_PLACES = [
+    path
+    for path in places(with_build())
+    if path.startswith(("spec.nodes.2.build", "spec.cloud.registry")) and not ONLY_THE_OPERATOR.search(path)
+]
+BUILD_WORDS = [
+    "a..b",
+    "a/",
+    "a.lock",
+    "-x",
+    "https://a.example/b",
+    "git@a.example:b",
+    "a b",
+    "a\n",
+    "$(x)",
+    "a:1",
+    "../a",
+]
+
+
+def put(values: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """`values` with one field changed."""
+    *parents, last = path.split(".")
+    target: Any = values
+    for part in parents:
+        target = target[int(part)] if part.isdigit() else target[part]
+    target[int(last) if last.isdigit() else last] = value
+    return values
+
+
+def test_a_build_block_that_says_everything_is_taken() -> None:
+    assert not refused(with_build())
+    assert not list(problems(with_build()["spec"], SPEC))
+
+
+@settings(max_examples=500, deadline=None)
+@given(st.sampled_from(BUILD_PLACES), ANYTHING | st.sampled_from(BUILD_WORDS))
+def test_build_blocks_are_refused_by_the_crd_and_by_the_models_alike(path: str, value: Any) -> None:
+    values = put(with_build(), path, copy.deepcopy(value))
+    by_models = set(refused(values).values()) & STRUCTURAL
+    if list(problems(defaulted(values, SCHEMA)["spec"], SPEC)):
+        assert by_models
+    # The ending .lock is a CEL rule of the field, judged on the real server.
+    elif by_models and value != "a.lock":
+        assert list(problems(values["spec"], SPEC)), by_models
 
 
 @settings(max_examples=500, deadline=None)

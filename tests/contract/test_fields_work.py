@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import datetime
 import json
 from typing import Any
 
@@ -13,11 +14,13 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.model import Model
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.reconcile import issuer
+from robot_offload.reconcile.builds import Seen, decide
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.children import children
 from tests.contract.test_crd import FIELDS
 from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, resource
 
+BEGINNING = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 CONFIGS = {key: f"controller: {{ros__parameters: {{from: {key}}}}}" for key in ("a/b.yaml", "a/c.yaml", "c/b.yaml")}
 SECRETS = BundleSecrets(ca=b"ca", certificate=b"certificate", private_key=b"key")
 TOLERATION = {"key": "a", "operator": "Equal", "value": "b", "effect": "NoExecute", "tolerationSeconds": 3}
@@ -27,6 +30,22 @@ SCAN, OUTPUT, RUN = "topics.toCloud.0", "nodes.1.outputs.0", "nodes.1.run"
 BY_PACKAGE = {"package": "p", "executable": "e"}
 REFERENCE = {"configMapKeyRef": {"name": "a", "key": "b.yaml"}}
 ISSUED = {"transport.certificates": {"issuerRef": {"name": "a", "kind": "Issuer"}}}
+
+BUILD = "nodes.2.build"
+REGISTRY = "cloud.registry"
+BLOCK: dict[str, Any] = {"git": {"url": "https://a.example/a"}, "package": "a", "executable": "a"}
+
+
+def built(**besides: Any) -> dict[str, Any]:
+    """What a specification has that builds the image of a node."""
+    node = {"name": "planner", "placement": "Cloud", "run": BY_PACKAGE, "build": BLOCK | besides}
+    return {REGISTRY: {"repository": "r.example/a"}, "nodes.2": node}
+
+
+def build(field: str, first: Any, second: Any, **besides: Any) -> tuple[dict[str, Any], str, Any, Any]:
+    """An entry for a field of a build block."""
+    return built(**besides), f"{BUILD}.{field}", first, second
+
 
 # Field -> (what the specification has besides, the changed place, a first and a second value).
 CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
@@ -142,6 +161,27 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     ),
     "nodes[].run.remap": ({}, f"{RUN}.remap", {}, {"a": "b"}),
     "nodes[].image": ({}, "nodes.1.image", "a:1", "a:2"),
+    "nodes[].build.base": build("base", None, "a:1"),
+    "nodes[].build.runtimeBase": build("runtimeBase", None, "a:1"),
+    "nodes[].build.package": build("package", "a", "b"),
+    "nodes[].build.executable": build("executable", "a", "b"),
+    "nodes[].build.launch": build("launch", "a.py", "b.py", executable=None),
+    "nodes[].build.packages": build("packages", [], ["b"]),
+    "nodes[].build.cmakeArguments": build("cmakeArguments", [], ["-DA=1"]),
+    "nodes[].build.skipKeys": build("skipKeys", [], ["a"]),
+    "nodes[].build.aptPackages": build("aptPackages", [], ["libyaml-cpp-dev"]),
+    "nodes[].build.pipPackages": build("pipPackages", [], ["numpy"]),
+    "nodes[].build.distro": build("distro", None, "kilted"),
+    "nodes[].build.git.url": build("git.url", "https://a.example/a", "https://a.example/b"),
+    "nodes[].build.git.ref": build("git.ref", "HEAD", "v1"),
+    "nodes[].build.git.paths": build("git.paths", [], ["src"]),
+    "nodes[].build.gitSecret.name": build("gitSecret", {"name": "a"}, {"name": "b"}),
+    "nodes[].build.resources.limits": build("resources", {}, {"limits": {"cpu": 1}}),
+    "nodes[].build.resources.requests": build("resources", {}, {"requests": {"cpu": 1}}),
+    "cloud.registry.repository": (built(), f"{REGISTRY}.repository", "a.example/a", "a.example/b"),
+    "cloud.registry.pushSecret.name": (built(), f"{REGISTRY}.pushSecret", {"name": "a"}, {"name": "b"}),
+    "cloud.registry.pullSecret.name": (built(), f"{REGISTRY}.pullSecret", {"name": "a"}, {"name": "b"}),
+    "cloud.registry.insecure": (built(), f"{REGISTRY}.insecure", False, True),
     "nodes[].imagePullPolicy": ({}, "nodes.1.imagePullPolicy", None, "Always"),
     "nodes[].env": ({}, ENV, [], [{"name": "A"}]),
     "nodes[].env[].name": ({}, ENV, [{"name": "A"}], [{"name": "B"}]),
@@ -188,7 +228,8 @@ def outcome(besides: dict[str, Any], path: str, value: Any) -> str:
     known = facts(endpoints=EVERY_ENDPOINT, user_configs=CONFIGS)
     files = bundle(offload, known, SECRETS if transport.needs_certificates(offload.spec) else None)
     asked = certificate(offload)
-    return json.dumps([children(offload, known), {name: text.decode() for name, text in files.items()}, asked])
+    images = decide(offload, known, Seen({}, (), frozenset(), BEGINNING), "").manifests
+    return json.dumps([children(offload, known), images, {name: text.decode() for name, text in files.items()}, asked])
 
 
 def certificate(offload: RobotOffload) -> Any:

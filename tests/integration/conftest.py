@@ -35,9 +35,13 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     if not wanted or session.config.option.collectonly:
         return
     terminal = session.config.pluginmanager.getplugin("terminalreporter")
-    assert terminal is not None
+
+    def say(line: str) -> None:
+        if terminal is not None:  # one of several processes (-n 2) has none: `make test-pure` has built before
+            terminal.write_line(line, flush=True)
+
     try:
-        session.config.stash[PROGRAMS] = programs.ensure(lambda line: terminal.write_line(line, flush=True))
+        session.config.stash[PROGRAMS] = programs.ensure(say)
     except NoGoError as error:
         session.config.stash[PROGRAMS] = error
 

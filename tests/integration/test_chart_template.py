@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
+from robot_offload.render.facts import BUILDER
 from tests.cluster.commands import Helm, Kubectl
 from tests.cluster.control_plane import ControlPlane
 from tests.cluster.definitions import definitions
@@ -128,6 +129,13 @@ def test_a_registry_serves_all_images_and_a_reference_only_its_own(helm: Helm) -
     told = environment(objects)
     assert container(objects)["image"] == told["OPERATOR_IMAGE"] == "mirror.example:5000/ros/operator:1.2.3"
     assert told["AGENT_IMAGE"] == DIGEST
+
+
+def test_the_builder_is_the_one_that_the_operator_knows_and_may_be_another(helm: Helm) -> None:
+    assert environment(rendered(helm))["BUILDER_IMAGE"] == BUILDER
+    assert (
+        environment(rendered(helm, {"images.builder": "mirror.example/b:1"}))["BUILDER_IMAGE"] == "mirror.example/b:1"
+    )
 
 
 def test_the_operator_learns_which_namespace_to_serve(helm: Helm) -> None:

@@ -17,6 +17,9 @@ What the operator does, as rules of a Role. The tests compare them with robot_of
 - apiGroups: [apps]
   resources: [deployments, statefulsets]
   verbs: {{ toJson $keep }}
+- apiGroups: [batch]
+  resources: [jobs]
+  verbs: {{ toJson $keep }}
 - apiGroups: [networking.k8s.io]
   resources: [networkpolicies]
   verbs: {{ toJson $keep }}

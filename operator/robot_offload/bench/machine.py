@@ -25,6 +25,15 @@ def describe() -> dict[str, Any]:
     }
 
 
+def words(known: Mapping[str, Any]) -> str:
+    """What `describe` gave, in one line."""
+    versions = ", ".join(f"{name} {version}" for name, version in known["versions"].items())
+    return (
+        f"{known['cores']} cores ({known['processor']}), {known['memory_gb']} GB, {known['system']}, "
+        f"Python {known['python']}, {versions}"
+    )
+
+
 def load() -> float:
     """Processes that ran or waited to run, averaged over the last minute."""
     return os.getloadavg()[0]

@@ -1,76 +1,118 @@
-"""`python -m robot_offload.bench switch`: measures the switching figures and writes them down.
+"""The commands of the bench: `robot-offload bench ...`, or `python -m robot_offload.bench ...`.
 
-Nothing here asserts a time: the command ends with 0 when it could measure, whatever came out. The table says what was
+Nothing here asserts a time: a command ends with 0 when it could measure, whatever came out. The tables say what was
 demanded and whether it was kept.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from robot_offload.bench import machine
-from robot_offload.bench.groups import alarms, commanded, cuts, latency, resources
+from robot_offload.bench.groups import detect as detection
+from robot_offload.bench.groups import experiment
 from robot_offload.bench.plan import FULL, QUICK, Amounts, Order
-from robot_offload.bench.results import PRIORITIES, Outcome, Priority
-from robot_offload.bench.store import Kept, Store
-from robot_offload.bench.table import PRIORITY_WORDS, table
+from robot_offload.bench.results import PRIORITIES, Priority
+from robot_offload.bench.session import SWITCH, WIDTH, Group, Session
+from robot_offload.bench.store import Store
 from robot_offload.errors import InputError, RobotOffloadError
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
+HELP: Final = (
+    "Measure Robot Offload on this machine, beside what one would use instead. Everything is real but the link between "
+    "the two sides."
+)
+EXAMPLES: Final = (
+    "robot-offload bench all --quick",
+    "robot-offload bench latency --full --out out/latency",
+    "robot-offload bench switch --only cuts --cuts 20",
+    "robot-offload bench all --quick --docs docs --resume",
+)
 
 
-class Group(StrEnum):
-    """The groups of figures, each measured in a world of its own."""
-
-    COMMANDED = "commanded"
-    CUTS = "cuts"
-    ALARMS = "alarms"
-    LATENCY = "latency"
-    RESOURCES = "resources"
+def _case(known: Sequence[str]) -> Any:
+    """An option that picks some cases of a command."""
+    return typer.Option(metavar="CASE", help=f"Only this one of {', '.join(known)}; more than once.")
 
 
-@dataclass(frozen=True)
-class Work:
-    """How a group is run, and how many steps of the progress bar that is."""
-
-    run: Callable[[Order], Outcome]
-    steps: Callable[[Amounts], float]
-
-
-WORK: Final = {
-    Group.COMMANDED: Work(commanded.run, commanded.steps),
-    Group.CUTS: Work(cuts.run, cuts.steps),
-    Group.ALARMS: Work(alarms.run, alarms.steps),
-    Group.LATENCY: Work(latency.run, latency.steps),
-    Group.RESOURCES: Work(resources.run, resources.steps),
-}
-WIDTH: Final = 150
-Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder of results.json, raw samples (CSV) and all logs.")]
+app = typer.Typer(
+    help=HELP,
+    epilog="\n".join(["\b", "Examples:", *(f"  {example}" for example in EXAMPLES)]),
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+Full = Annotated[bool, typer.Option("--full/--quick", help="The long form (hours for some), or a look in minutes.")]
+Realtime = Annotated[bool, typer.Option("--realtime/--normal", help="Priority of agents and nodes.")]
+Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder of results.json, samples (CSV), pictures and logs.")]
 Docs = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Also write benchmarks.md and images/ into this folder.")
+    Path | None, typer.Option(metavar="DIR", help="Also refresh benchmarks.md and images/ in this folder.")
 ]
+Resume = Annotated[bool, typer.Option("--resume", help="Leave out what this folder holds of today, measured alike.")]
+Seed = Annotated[int, typer.Option(help="Of the links' chances and of the moments.")]
+Domains = Annotated[str, typer.Option(metavar="ROBOT/CLOUD", help="ROS domains. Default: free ones.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print results.json on standard output at the end.")]
+OUT: Final = Path("out/bench")
 
 
 @app.callback()
 def bench() -> None:
-    """Measurements of Robot Offload on this machine. Everything is real but the link between the two sides."""
+    """A folder can be measured into again and again: each group replaces its own figures only.
+
+    Ends with 0 when everything could be measured, whatever came out; 1 when something did not run; 2 for wrong input.
+    """
+
+
+@app.command()
+def latency(
+    *,
+    full: Full = False,
+    realtime: Realtime = True,
+    messages: Annotated[int | None, typer.Option(min=10, help="Another number from each publisher.")] = None,
+    case: Annotated[list[str] | None, _case(experiment.CASES)] = None,
+    out: Out = OUT,
+    docs: Docs = None,
+    resume: Resume = False,
+    seed: Seed = 1,
+    domains: Domains = "",
+    as_json: AsJson = False,
+) -> None:
+    """Latency of ten topics at 10 Hz: one host, bridge, two hosts, robot to cloud; processor time beside it."""
+    amounts = _amounts(full)
+    order = _order(replace(amounts, messages=messages or amounts.messages), out, seed, domains)
+    order = _only(order, case, experiment.CASES)
+    _run([Group.EXPERIMENT], _one(realtime), order, docs, resume, as_json)
+
+
+@app.command()
+def lifecycle(
+    *,
+    full: Full = False,
+    realtime: Realtime = True,
+    rounds: Annotated[int | None, typer.Option(min=1, help="Another number of rounds in each case.")] = None,
+    out: Out = OUT,
+    docs: Docs = None,
+    resume: Resume = False,
+    seed: Seed = 1,
+    domains: Domains = "",
+    as_json: AsJson = False,
+) -> None:
+    """Activation and deactivation as a manager sees them: alone, among others, heavy, ten at once, over the link."""
+    amounts = _amounts(full)
+    order = _order(replace(amounts, rounds=rounds or amounts.rounds), out, seed, domains)
+    _run([Group.LIFECYCLE], _one(realtime), order, docs, resume, as_json)
 
 
 @app.command()
 def switch(
     *,
-    full: Annotated[
-        bool, typer.Option("--full/--quick", help="The numbers of the table (hours), or a look in 8 minutes.")
-    ] = False,
+    full: Full = False,
     realtime: Annotated[
         bool | None, typer.Option("--realtime/--normal", help="One priority only. Default: both, one after the other.")
     ] = None,
@@ -78,86 +120,134 @@ def switch(
     switches: Annotated[int | None, typer.Option(min=1, help="Another number of commanded switches.")] = None,
     cuts: Annotated[int | None, typer.Option(min=1, help="Another number of 2 s cuts of both directions.")] = None,
     minutes: Annotated[float | None, typer.Option(min=0.1, help="Another length of each watch for alarms.")] = None,
-    out: Out = Path("out/bench"),
+    out: Out = OUT,
     docs: Docs = None,
-    seed: Annotated[int, typer.Option(help="Of the links' chances and of the moments.")] = 1,
-    domains: Annotated[str, typer.Option(metavar="ROBOT/CLOUD", help="ROS domains. Default: free ones.")] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Print results.json on standard output at the end.")] = False,
+    resume: Resume = False,
+    seed: Seed = 1,
+    domains: Domains = "",
+    as_json: AsJson = False,
 ) -> None:
-    """Measure commanded switches, sudden cuts, false alarms, latency and cost; print them against their limits.
-
-    Ends with 0 when everything could be measured, whatever came out; 1 when something did not run; 2 for wrong input.
-    """
-    planned = FULL if full else QUICK
+    """Commanded switches, sudden cuts, false alarms, latency by size and cost, against their limits."""
+    amounts = _amounts(full)
     amounts = replace(
-        planned, switches=switches or planned.switches, cuts=cuts or planned.cuts, minutes=minutes or planned.minutes
+        amounts, switches=switches or amounts.switches, cuts=cuts or amounts.cuts, minutes=minutes or amounts.minutes
     )
-    wanted: Sequence[Priority] = PRIORITIES if realtime is None else ("realtime" if realtime else "normal",)
-    console = _console(stderr=as_json)
-    store = Store(out)
-    failed = False
-    try:
-        store.document()  # a folder of something else is refused before hours are spent
-        parsed = _domains(domains)
-        for priority in wanted:
-            for group in only or list(Group):
-                order = Order(amounts, priority, out, seed, parsed, lambda _: None)
-                failed |= not _measure(console, store, group, order)
-    except RobotOffloadError as error:
-        raise _stop(error) from error
-    _show(console, store, docs)
-    if as_json:
-        typer.echo(json.dumps(store.document(), indent=2))
-    if failed:
-        raise typer.Exit(1)
+    priorities = PRIORITIES if realtime is None else _one(realtime)
+    _run(only or SWITCH, priorities, _order(amounts, out, seed, domains), docs, resume, as_json)
 
 
 @app.command()
-def page(out: Out = Path("out/bench"), docs: Annotated[Path, typer.Option(metavar="DIR")] = Path("docs")) -> None:
+def detect(
+    *,
+    full: Full = False,
+    realtime: Realtime = True,
+    cuts: Annotated[int | None, typer.Option(min=1, help="Another number of cuts in each case.")] = None,
+    quiet: Annotated[float | None, typer.Option(min=1, metavar="SECONDS", help="Without a cut, before them.")] = None,
+    case: Annotated[list[str] | None, _case(detection.CASES)] = None,
+    out: Out = OUT,
+    docs: Docs = None,
+    resume: Resume = False,
+    seed: Seed = 1,
+    domains: Domains = "",
+    as_json: AsJson = False,
+) -> None:
+    """How soon a lost link is noticed, by standby, heartbeat and link; false alarms; DDS liveliness and bond beside."""
+    amounts = _amounts(full)
+    amounts = replace(amounts, detections=cuts or amounts.detections, quiet_s=quiet or amounts.quiet_s)
+    order = _only(_order(amounts, out, seed, domains), case, detection.CASES)
+    _run([Group.DETECT], _one(realtime), order, docs, resume, as_json)
+
+
+@app.command()
+def collector(
+    *,
+    full: Full = False,
+    realtime: Realtime = True,
+    seconds: Annotated[float | None, typer.Option(min=0.5, help="Another length of each stage.")] = None,
+    out: Out = OUT,
+    docs: Docs = None,
+    resume: Resume = False,
+    seed: Seed = 1,
+    domains: Domains = "",
+    as_json: AsJson = False,
+) -> None:
+    """What the collector in front of the consumers adds, and how much passes it, by size and rate."""
+    amounts = _amounts(full)
+    order = _order(replace(amounts, stage_s=seconds or amounts.stage_s), out, seed, domains)
+    _run([Group.COLLECTOR], _one(realtime), order, docs, resume, as_json)
+
+
+@app.command("all")
+def everything(
+    *,
+    full: Full = False,
+    realtime: Realtime = True,
+    only: Annotated[list[Group] | None, typer.Option(help="One group of figures only; more than once.")] = None,
+    out: Out = OUT,
+    docs: Docs = None,
+    resume: Resume = False,
+    seed: Seed = 1,
+    domains: Domains = "",
+    as_json: AsJson = False,
+) -> None:
+    """Everything; with --quick in less than ten minutes on an idle machine."""
+    order = _order(_amounts(full), out, seed, domains)
+    _run(only or list(Group), _one(realtime), order, docs, resume, as_json)
+
+
+@app.command()
+def page(out: Out = OUT, docs: Annotated[Path, typer.Option(metavar="DIR")] = Path("docs")) -> None:
     """Write the page and its pictures anew from results that were measured before."""
     try:
-        _show(_console(), Store(out), docs)
+        Session(_console(), Store(out), docs).show()
     except RobotOffloadError as error:
         raise _stop(error) from error
 
 
-def _measure(console: Console, store: Store, group: Group, order: Order) -> bool:
-    """Runs one group and keeps what came out; returns whether it could be measured."""
-    load = machine.load()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    work = WORK[group]
+def _only(order: Order, cases: Sequence[str] | None, known: Sequence[str]) -> Order:
+    unknown = [case for case in cases or () if case not in known]
+    if unknown:
+        raise _stop(InputError(f"--case: there is no {unknown[0]!r}; known are {', '.join(known)}"))
+    return replace(order, cases=tuple(cases or ()))
+
+
+def _amounts(full: bool) -> Amounts:
+    return FULL if full else QUICK
+
+
+def _one(realtime: bool) -> tuple[Priority, ...]:
+    return ("realtime",) if realtime else ("normal",)
+
+
+def _order(amounts: Amounts, out: Path, seed: int, domains: str) -> Order:
     try:
-        # Refreshed by hand: a thread of its own would endanger the starting of processes.
-        with Progress(*columns, console=console, auto_refresh=False) as progress:
-            name = f"{group.value}, {PRIORITY_WORDS[order.priority]}"
-            task = progress.add_task(name, total=work.steps(order.amounts))
-            progress.refresh()
+        return Order(amounts, "realtime", out, seed, _domains(domains), lambda _: None)
+    except InputError as error:
+        raise _stop(error) from error
 
-            def advance(steps: float) -> None:
-                progress.advance(task, steps)
-                progress.refresh()
 
-            outcome = work.run(replace(order, advance=advance))
+def _run(
+    groups: Sequence[Group],
+    priorities: Sequence[Priority],
+    order: Order,
+    docs: Path | None,
+    resume: bool,
+    as_json: bool,
+) -> None:
+    session = Session(_console(stderr=as_json), Store(order.out), docs)
+    try:
+        try:
+            failed = session.run(groups, priorities, order, resume=resume)
+        finally:
+            session.show()  # also when it was interrupted: what was measured is worth seeing
     except RobotOffloadError as error:
-        for line in error.lines:
-            console.print(line, style="red", highlight=False, markup=False, soft_wrap=True)
-        return False
-    store.put(Kept(outcome, machine.today(), machine.describe(), (load, machine.load()), order.amounts))
-    return True
-
-
-def _show(console: Console, store: Store, docs: Path | None) -> None:
-    """The tables, and the page if one is wanted."""
-    kept = store.all()
-    outcomes = [one.outcome for one in kept]
-    for priority in PRIORITIES:
-        if any(outcome.priority == priority for outcome in outcomes):
-            console.print(table(outcomes, priority))
-    console.print(f"Results and raw samples: {store.folder}", highlight=False)
-    if docs is not None:
-        from robot_offload.bench import page as pages  # noqa: PLC0415 - matplotlib takes a second to import
-
-        console.print(f"Page: {pages.write(kept, docs)}", highlight=False)
+        raise _stop(error) from error
+    if as_json:
+        typer.echo(json.dumps(session.store.document(), indent=2))
+    for line in failed:
+        typer.echo(f"Not measured: {line}", err=True)
+    if failed:
+        raise typer.Exit(1)
 
 
 def _console(*, stderr: bool = False) -> Console:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from types import MappingProxyType
 from typing import Any, Final
 
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from robot_offload.bench.analysis import commanded, cuts, latency
+from robot_offload.bench.analysis import latency
 from robot_offload.bench.results import Figure, Outcome, Priority, Sample, at_or_none
 from robot_offload.bench.table import PRIORITY_WORDS
 from robot_offload.local.report_figures import png
 
 SIZE_IN: Final = (9.0, 3.4)
+COLOUR_MAP: Final = colormaps["tab20"]
 COLOURS: Final[dict[Priority, str]] = {"realtime": "#0072B2", "normal": "#D55E00"}
 PIECES: Final = {
     "detection_ms": ("detection", "#0072B2"),
@@ -42,19 +46,118 @@ class Picture:
     caption: str
 
 
-def draw(outcomes: Sequence[Outcome]) -> dict[str, Picture]:
-    """Every picture for which there are samples, by name."""
-    drawings: dict[str, tuple[str, Callable[[Sequence[Outcome]], Canvas]]] = {
-        commanded.GROUP: ("Command gaps at commanded switches", commanded_gaps),
-        cuts.GROUP: (CUTS_CAPTION, cut_gaps),
-        latency.GROUP: ("One-way latency by payload, median and 99th percentile", latencies),
-    }
+def draw(outcomes: Sequence[Outcome], notes: Mapping[str, str] = MappingProxyType({})) -> dict[str, Picture]:
+    """Every picture for which there are samples, by name.
+
+    Args:
+        outcomes: with their samples.
+        notes: group -> what is written on its pictures, such as the machine.
+    """
     found = {}
-    for group, (caption, drawing) in drawings.items():
+    for name, drawing in _drawings().items():
+        group = name.removeprefix("bench-").removesuffix(SPREAD)
         there = [outcome for outcome in outcomes if outcome.group == group and outcome.samples]
         if there:
-            found[f"bench-{group}"] = Picture(png(drawing(there)), caption)
+            canvas = drawing(there)
+            canvas.suptitle(notes.get(group, ""), fontsize=6, color="#666666")
+            found[name] = Picture(png(canvas), CAPTIONS[name])
     return found
+
+
+def _drawings() -> dict[str, Callable[[Sequence[Outcome]], Canvas]]:
+    own: dict[str, Callable[[Sequence[Outcome]], Canvas]] = {
+        "bench-commanded": commanded_gaps,
+        "bench-cuts": cut_gaps,
+        "bench-latency": latencies,
+    }
+    for group in SPREADS:
+        own[f"bench-{group}{SPREAD}"] = partial(spread, group)
+    return {name: own[name] for name in CAPTIONS}
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What is shown as distributions.
+
+    Attributes:
+        caption: of the picture; the axis is in milliseconds.
+        value: name of the values in the samples.
+        series: names of the fields that tell the curves apart.
+    """
+
+    caption: str
+    value: str
+    series: tuple[str, ...]
+
+
+SPREAD: Final = "-spread"
+SPREADS: Final = {
+    "experiment": Spread("Latency of ten topics at 10 Hz", "ms", ("series",)),
+    "lifecycle": Spread("Activation and deactivation as the manager sees it", "ms", ("series",)),
+    "commanded": Spread("Command gaps at commanded switches, by the new side", "gap_ms", ("to",)),
+    "cuts": Spread("Command gaps at sudden cuts, by direction", "gap_ms", ("direction",)),
+    "latency": Spread("One-way latency by way and payload", "latency_ms", ("way", "payload_bytes")),
+    "detect": Spread("From the cut until it is noticed", "noticed_ms", ("series",)),
+    "collector": Spread("Through the collector, and direct", "ms", ("series",)),
+}
+CAPTIONS: Final = {
+    "bench-experiment-spread": SPREADS["experiment"].caption,
+    "bench-lifecycle-spread": SPREADS["lifecycle"].caption,
+    "bench-commanded": "Command gaps at commanded switches",
+    "bench-commanded-spread": SPREADS["commanded"].caption,
+    "bench-cuts": CUTS_CAPTION,
+    "bench-cuts-spread": SPREADS["cuts"].caption,
+    "bench-latency": "One-way latency by payload, median and 99th percentile",
+    "bench-latency-spread": SPREADS["latency"].caption,
+    "bench-detect-spread": SPREADS["detect"].caption,
+    "bench-collector-spread": SPREADS["collector"].caption,
+}
+"""By name of the picture."""
+LINE_IN: Final = 0.24
+LEAST_IN: Final = 3.0
+WIDE_FACTOR: Final = 30.0
+"""Values that differ by more are drawn on a logarithmic axis."""
+
+
+def spread(group: str, outcomes: Sequence[Outcome]) -> Canvas:
+    """The share of samples with at most a value on the left, boxes from quartile to quartile on the right."""
+    of = SPREADS[group]
+    found: dict[str, list[float]] = {}
+    for outcome in outcomes:
+        words = f" ({PRIORITY_WORDS[outcome.priority]})" if len(outcomes) > 1 else ""
+        for sample in outcome.samples:
+            if _is_number(sample[of.value]):
+                name = ", ".join(_word(sample[field]) for field in of.series)
+                found.setdefault(name + words, []).append(float(sample[of.value]))
+    height = max(LEAST_IN, LINE_IN * len(found) + 1.0)
+    canvas = Canvas(figsize=(SIZE_IN[0] * 1.3, height), layout="constrained")
+    if not found:
+        return canvas
+    curves, boxes = canvas.subplots(1, 2, width_ratios=(1.3, 1))
+    colours = [COLOUR_MAP(number % COLOUR_MAP.N) for number in range(len(found))]
+    for (name, values), colour in zip(found.items(), colours, strict=True):
+        values.sort()
+        shares = [index / len(values) * 100 for index in range(len(values) + 1)]
+        curves.step([values[0], *values], shares, where="post", color=colour, label=name, linewidth=1.1)
+    drawn = boxes.boxplot(list(found.values()), orientation="horizontal", patch_artist=True, sym=".", widths=0.6)
+    for patch, colour in zip(drawn["boxes"], colours, strict=True):
+        patch.set_facecolor(colour)
+    for line in drawn["medians"]:
+        line.set_color("black")
+    boxes.set_yticks(range(1, len(found) + 1), [f"{name}, n={len(values)}" for name, values in found.items()], size=7)
+    boxes.invert_yaxis()
+    everything = [value for values in found.values() for value in values]
+    for axes in (curves, boxes):
+        axes.set_xlabel("ms")
+        if min(everything) > 0 and max(everything) > WIDE_FACTOR * min(everything):
+            axes.set_xscale("log")
+    curves.set_ylabel("samples (%)")
+    curves.set_ylim(0, 102)
+    return canvas
+
+
+def _word(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def commanded_gaps(outcomes: Sequence[Outcome]) -> Canvas:

@@ -47,6 +47,7 @@ class Case:
         sensors: what the cloud needs. sensor_rate_hz: their rate.
         switching: further settings of `spec.switching`.
         output: further settings of the output.
+        standby: of the robot's replica.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Case:
     sensor_rate_hz: float = 20.0
     switching: tuple[tuple[str, str], ...] = ()
     output: tuple[tuple[str, Any], ...] = ()
+    standby: str = "Warm"
 
     @property
     def robot_period_ms(self) -> float:
@@ -112,6 +114,7 @@ def _replica(case: Case) -> dict[str, Any]:
         "name": NODE,
         "placement": "Duplicated",
         "core": True,
+        "standby": {"robot": case.standby},
         "run": {
             "command": ["python3", "-m", "robot_offload.bench.parts.replica"],
             "parameters": {"rate_hz": case.robot_rate_hz, "payload_bytes": list(case.command_bytes)},

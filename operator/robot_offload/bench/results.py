@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 from robot_offload.local.streams import quantile
 
-SCHEMA: Final = "robotoffload.dev/bench-switch/v1"
+SCHEMA: Final = "robotoffload.dev/bench/v1"
 Priority = Literal["realtime", "normal"]
 PRIORITIES: Final[tuple[Priority, Priority]] = ("realtime", "normal")
 Sample = Mapping[str, Any]
@@ -29,6 +29,8 @@ class Figure:
         must, aim: limits in `unit`; None when none is demanded.
         at_least: the limits are lower ones.
         note: what a reader must know besides.
+        baseline: what the value is compared with, measured in the same run, in `unit`; None without one.
+        against: the baseline in words.
     """
 
     name: str
@@ -42,6 +44,15 @@ class Figure:
     aim: float | None = None
     at_least: bool = False
     note: str = ""
+    baseline: float | None = None
+    against: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """The value in multiples of the baseline; None without one."""
+        if self.value is None or not self.baseline:
+            return None
+        return self.value / self.baseline
 
     def met(self, limit: float | None) -> bool | None:
         """Whether the value keeps a limit; None when there is no value or no limit."""
@@ -104,7 +115,12 @@ def to_json(outcome: Outcome) -> dict[str, Any]:
     """Figures with their verdicts, and parts; samples go to a CSV file of their own."""
     return {
         "figures": [
-            {**_rounded(figure), "must_met": figure.met(figure.must), "aim_met": figure.met(figure.aim)}
+            {
+                **_rounded(figure),
+                "ratio": None if figure.ratio is None else round(figure.ratio, 4),
+                "must_met": figure.met(figure.must),
+                "aim_met": figure.met(figure.aim),
+            }
             for figure in outcome.figures
         ],
         "parts": [_rounded(one) for one in outcome.parts],

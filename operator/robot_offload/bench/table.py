@@ -10,6 +10,19 @@ from rich.table import Table
 from robot_offload.bench.results import Figure, Outcome, Priority
 
 PRIORITY_WORDS: Final[dict[Priority, str]] = {"realtime": "real-time priority", "normal": "normal priority"}
+TITLES: Final = {
+    "experiment": "Ten topics at 10 Hz",
+    "lifecycle": "Activation and deactivation",
+    "commanded": "Commanded switches",
+    "cuts": "Sudden cuts",
+    "alarms": "False alarms",
+    "latency": "Added latency by size",
+    "resources": "Cost on the robot",
+    "detect": "Noticing a lost link",
+    "collector": "The collector",
+}
+"""Groups of figures, for people."""
+_NUMBERS: Final = ("n", "measured", "must", "aim", "ratio")
 _STYLES: Final = {"missed": "red", "must": "yellow", "aim": "green"}
 
 
@@ -44,16 +57,27 @@ def verdict(figure: Figure) -> str:
 
 def table(outcomes: Sequence[Outcome], priority: Priority) -> Table:
     """All figures of one priority."""
-    shown = Table(title=f"Switching figures, {PRIORITY_WORDS[priority]}", title_justify="left")
-    for heading in ("figure", "link (tolerance)", "n", "measured", "must", "aim", "kept"):
-        shown.add_column(heading, justify="right" if heading in ("n", "measured", "must", "aim") else "left")
+    shown = Table(title=f"Figures, {PRIORITY_WORDS[priority]}", title_justify="left")
+    for heading in ("figure", "conditions", "n", "measured", "must", "aim", "kept", "beside it, same run", "ratio"):
+        shown.add_column(heading, justify="right" if heading in _NUMBERS else "left")
     for figure in figures(outcomes, priority):
         kept = verdict(figure)
         shown.add_row(
             figure.title, link(figure), str(figure.count), number(figure.value, figure.unit),
             limit(figure, figure.must), limit(figure, figure.aim), f"[{_STYLES[kept]}]{kept}[/]" if kept else "",
+            beside(figure), ratio(figure),
         )  # fmt: skip
     return shown
+
+
+def beside(figure: Figure) -> str:
+    """The baseline of the same run; empty without one."""
+    return "" if figure.baseline is None else f"{figure.against}: {number(figure.baseline, figure.unit)}"
+
+
+def ratio(figure: Figure) -> str:
+    """The value in multiples of the baseline; empty without one."""
+    return "" if figure.ratio is None else f"{figure.ratio:.2f}"
 
 
 def link(figure: Figure) -> str:

@@ -7,23 +7,22 @@ recorder. What is added are observers, and the control of the link by hand.
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import secrets
-import select
 import shutil
-import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Literal, Self
 
+from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.bench import observed
 from robot_offload.bench.observed import Answered, Observation, Placed
+from robot_offload.bench.pipes import Pipes
 from robot_offload.bench.resource import MESSAGE_TYPE, NODE, Case, offload
 from robot_offload.local import recording
 from robot_offload.local.certificates import client_paths
@@ -48,7 +47,7 @@ from robot_offload.render.names import Side
 
 Direction = Literal["up", "down", "both"]
 
-START_PATIENCE_S: Final = 40.0
+START_PATIENCE_S: Final = 100.0
 SETTLE_S: Final = 2.0
 GRACE_S: Final = 5.0
 LOOK_S: Final = 0.02
@@ -71,8 +70,9 @@ class Setting:
         domains: ROS domains of robot and cloud; None picks free ones.
         seed: of the link's chances.
         lease: with the observer of the lease.
-        latency: with a recorder in the cloud, a direct publisher beside the carried one, and datagrams of our own
-            through the wire.
+        hops: with datagrams of our own through the wire.
+        latency: with these, a recorder in the cloud, and a direct publisher beside the carried one.
+        offload: the resource, where it is not the case's own.
     """
 
     folder: Path
@@ -80,7 +80,9 @@ class Setting:
     domains: tuple[int, int] | None = None
     seed: int = 1
     lease: bool = False
+    hops: bool = False
     latency: bool = False
+    offload: RobotOffload | None = None
 
 
 @dataclass(frozen=True)
@@ -111,8 +113,7 @@ class World:
         self.placed: Placed | None = None
         self.answer: Answered | None = None
         self._stack = ExitStack()
-        self._pipes: dict[str, subprocess.Popen[bytes]] = {}
-        self._unread: dict[str, bytes] = {}
+        self._pipes = Pipes()
         self._commands_heard = 0
 
     def __enter__(self) -> Self:
@@ -178,9 +179,9 @@ class World:
 
     def finish(self) -> Evidence:
         """Ends the recording, then everything else; returns what was written."""
-        for name in self._pipes:
-            if name in (RECORDER, INPUT_RECORDER):
-                self._tell(name, {"end": steady_s()})
+        for name in (RECORDER, INPUT_RECORDER):
+            if name in self._pipes:
+                self._pipes.tell(name, {"end": steady_s()})
                 self.processes.finish(name, GRACE_S)
         self.processes.stop()
         out = self.system.out
@@ -213,14 +214,14 @@ class World:
             lease = self.system.out / "lease.jsonl"
             self.until(lambda: lease.exists() and lease.stat().st_size > 0, "the observer of the lease hears the cloud")
         start = {"start": dataclasses.asdict(run_info(self.system, self.wire.start_schedule()))}
-        for name in self._pipes:
-            if name in (RECORDER, INPUT_RECORDER):
-                self._tell(name, start)
+        for name in (RECORDER, INPUT_RECORDER):
+            if name in self._pipes:
+                self._pipes.tell(name, start)
 
     def _system(self, temporary: Path) -> System:
         dialled, served = free_ports()
         return System(
-            offload=offload(self.case),
+            offload=self.setting.offload or offload(self.case),
             source=self.setting.folder.resolve(),
             mode=Mode.OFFLOAD,
             run=secrets.token_hex(8),
@@ -237,7 +238,7 @@ class World:
     def _wire_config(self) -> WireConfig:
         config = wire_config(self.system)
         forwards = config.forwards
-        if self.setting.latency:
+        if self._hops:
             dial, serve = self.relay
             forwards = (*forwards, Forward(RELAY, "udp", f"{HOST}:{dial}", f"{HOST}:{serve}"))
         return dataclasses.replace(config, forwards=forwards, realtime=True)
@@ -248,9 +249,7 @@ class World:
             program = dataclasses.replace(program, command=command)
         child = self.processes.start(program)
         if program.piped:
-            assert child.stdout is not None
-            os.set_blocking(child.stdout.fileno(), False)
-            self._pipes[program.name] = child
+            self._pipes.add(program.name, child)
         if program.name == "robot-agent":
             self._robot_agent = child.pid
         priority = self._priority(program)
@@ -272,8 +271,14 @@ class World:
         if self.setting.lease:
             found.append(self._lease_observer())
         if self.setting.latency:
-            found += [self._input_recorder(), self._direct(), self._hop()]
+            found += [self._input_recorder(), self._direct()]
+        if self._hops:
+            found.append(self._hop())
         return found
+
+    @property
+    def _hops(self) -> bool:
+        return self.setting.hops or self.setting.latency
 
     def _program(self, name: str, module: str, side: Side, *arguments: object, piped: bool = False) -> Program:
         command = (sys.executable, "-m", f"robot_offload.bench.parts.{module}", *map(str, arguments))
@@ -323,28 +328,14 @@ class World:
     def _accepted(self, site: str) -> bool:
         """Asks once and waits for the answer."""
         self.answer = None
-        self._tell("robot-witness", {"ask": site})
+        self._pipes.tell("robot-witness", {"ask": site})
         self.until(lambda: self.answer is not None, "the robot's agent answers a switch by hand")
         assert self.answer is not None
         return self.answer.accepted
 
-    def _tell(self, name: str, command: Mapping[str, object]) -> None:
-        pipe = self._pipes[name].stdin
-        assert pipe is not None
-        with suppress(BrokenPipeError):  # it has ended, which is noticed elsewhere
-            pipe.write(json.dumps(command).encode() + b"\n")
-            pipe.flush()
-
     def _look(self, seconds: float) -> None:
-        pipes = {child.stdout.fileno(): name for name, child in self._pipes.items() if child.stdout is not None}
-        for descriptor in select.select(list(pipes), [], [], seconds)[0]:
-            name = pipes[descriptor]
-            data = os.read(descriptor, 1 << 16)
-            if not data:
-                select.select([], [], [], seconds)  # it has ended, which is noticed elsewhere
-            *lines, self._unread[name] = (self._unread.get(name, b"") + data).split(b"\n")
-            for line in lines:
-                self._take(name, line.decode(errors="replace"))
+        for name, line in self._pipes.look(seconds):
+            self._take(name, line)
 
     def _take(self, name: str, line: str) -> None:
         if name == RECORDER:

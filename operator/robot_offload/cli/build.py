@@ -12,13 +12,13 @@ from typing import Annotated, Any, Final
 
 import typer
 
+from robot_offload.api.v1alpha1.build_values import commit
 from robot_offload.cli.app import example_text
-from robot_offload.cli.dockerfile import Agent, Options, SpecFile, by_option, checked_text, with_flags
+from robot_offload.cli.dockerfile import Agent, Options, ResourceFile, SpecFile, by_option, checked_text, with_flags
 from robot_offload.errors import InputError
 from robot_offload.images import builders
 from robot_offload.images.builders import TOOLS, Request
 from robot_offload.images.spec import BuildSpec, OverlaySpec
-from robot_offload.images.values import commit
 
 EXAMPLES: Final = (
     "robot-offload build --tag registry.example/controller:1 --git https://git.example/robot.git --pin --push \\",
@@ -59,6 +59,7 @@ def build_command(
     builder_argument: Annotated[
         list[str] | None, typer.Option(metavar="TEXT", help="Further argument of the builder; may be repeated.")
     ] = None,
+    file: ResourceFile = None,
     agent: Agent = False,
     spec: SpecFile = None,
     **given: Any,
@@ -68,7 +69,7 @@ def build_command(
     Takes all options of `robot-offload dockerfile`. With SOURCE_DATE_EPOCH set, all times in the image are that one.
     Ends with 0, with 1 when the builder failed, and with 2 when an option cannot be used.
     """
-    options = Options(agent, spec, by_option(given))
+    options = Options(agent, spec, by_option(given), file)
     wanted = _pinned(options.spec()) if pin else options.spec()
     text = checked_text(options, wanted)
     with ExitStack() as stack:
@@ -78,7 +79,7 @@ def build_command(
             platforms=tuple(platform or ()),
             push=push,
             health_check=isinstance(wanted, BuildSpec) and wanted.health_check != "None",
-            source_date_epoch=_epoch(),
+            source_date_epoch=builders.source_date_epoch(os.environ),
             extra=(
                 *(word for value in secret or () for word in ("--secret", value)),
                 *(("--ssh", "default") if ssh else ()),
@@ -130,12 +131,3 @@ def _context(spec: BuildSpec | OverlaySpec, folder: Path | None, stack: ExitStac
     if folder is not None:
         raise InputError("--context: goes with --workspace and --repos only")
     return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="robot-offload-build-")))
-
-
-def _epoch() -> int | None:
-    text = os.environ.get("SOURCE_DATE_EPOCH", "")
-    if not text:
-        return None
-    if not (text.isascii() and text.isdigit()):
-        raise InputError(f"SOURCE_DATE_EPOCH: {text[:40]!r} is not a number of seconds since 1970")
-    return int(text)

@@ -20,7 +20,8 @@ from robot_offload.images.dockerfiles import check, dockerfile
 from robot_offload.images.features import Flag
 from robot_offload.images.flags import ALL_FLAGS, node_spec, option_findings, overlay_spec
 from robot_offload.images.spec import BuildSpec, OverlaySpec
-from robot_offload.loading import read_text
+from robot_offload.loading import load, read_text
+from robot_offload.reconcile.build_specs import from_git
 from robot_offload.strict_yaml import YamlError
 from robot_offload.strict_yaml import parse as parse_yaml
 
@@ -29,6 +30,7 @@ EXAMPLES: Final = (
     "    --package controller --executable controller_server --distro jazzy > Dockerfile",
     "robot-offload dockerfile --workspace src --package bringup --launch robot.launch.py --rmw rmw_cyclonedds_cpp",
     "robot-offload dockerfile --spec build.yaml --output Dockerfile",
+    "robot-offload dockerfile wheelchair.yaml --node controller",
     "robot-offload dockerfile --agent --from registry.example/robot/interfaces:7 --setup ws/install/setup.bash",
     "robot-offload dockerfile --agent --interfaces nav2_msgs",
 )
@@ -41,6 +43,13 @@ SpecFile = Annotated[
 ]
 
 
+ResourceFile = Annotated[
+    Path | None,
+    typer.Argument(metavar="[FILE]", help="YAML file with a RobotOffload: builds what its node's `build:` block says."),
+]
+_NODE: Final = "--node"
+
+
 @dataclass(frozen=True)
 class Options:
     """Everything that says what the image is.
@@ -49,11 +58,13 @@ class Options:
         agent: whether it is an image with the agent.
         file: with the fields of a `build:` block.
         given: the features' options.
+        resource: file with a RobotOffload, one of whose nodes is meant.
     """
 
     agent: bool
     file: Path | None
     given: Mapping[str, Any]
+    resource: Path | None = None
 
     def spec(self) -> BuildSpec | OverlaySpec:
         """The specification.
@@ -61,6 +72,12 @@ class Options:
         Raises:
             InputError: something in it cannot be used.
         """
+        if self.resource is not None:
+            if self.agent or self.file:
+                raise InputError(f"{self.resource}: a file with a RobotOffload goes with neither --agent nor --spec")
+            # Here the option names a node of the resource, which its image need not know.
+            options = {**self.given, _NODE: None}
+            return node_spec(options, _block_of_node(self.resource, self.given.get(_NODE)), str(self.resource))
         if self.agent:
             if self.file:
                 raise InputError("--spec: does not go with --agent")
@@ -75,6 +92,7 @@ def add_to(app: typer.Typer) -> None:
 
 def dockerfile_command(
     *,
+    file: ResourceFile = None,
     agent: Agent = False,
     spec: SpecFile = None,
     output: Annotated[
@@ -84,11 +102,12 @@ def dockerfile_command(
 ) -> None:
     """Print a Dockerfile for a ROS 2 node: small, cached, not root, the same for the same options.
 
-    The source is a git repository (--git), folders of a workspace (--workspace) or a .repos file (--repos). Build it
+    The source is a git repository (--git), folders of a workspace (--workspace) or a .repos file (--repos); or FILE
+    says it all: the `build:` block of the node --node, which a cluster builds from a checked-out copy. Build it
     with `robot-offload build` and the same options, or with docker, podman or buildah yourself. Ends with 2 when an
     option cannot be used.
     """
-    text = checked_text(Options(agent, spec, by_option(given)))
+    text = checked_text(Options(agent, spec, by_option(given), file))
     if output is None:
         typer.echo(text, nl=False)
         return
@@ -147,6 +166,20 @@ def _parameter(flag: Flag) -> inspect.Parameter:
         default=False if flag.kind == "switch" else None,
         annotation=Annotated[_KINDS[flag.kind], option],
     )
+
+
+def _block_of_node(file: Path, name: str | None) -> dict[str, Any]:
+    """The `build:` block of a node, with what follows from the rest of its RobotOffload."""
+    spec = load(file).spec
+    built = {node.name: node for node in spec.nodes if node.build is not None}
+    if not built:
+        raise InputError(f"{file}: no node has a build block; add one, or use options")
+    if name is None and len(built) > 1:
+        raise InputError(f"{file}: --node: which one? It has {', '.join(built)}")
+    node = built.get(name or next(iter(built)))
+    if node is None or node.build is None:
+        raise InputError(f"{file}: --node: no node {name!r} with a build block; it has {', '.join(built)}")
+    return from_git(spec, node, node.build).model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
 def _block(file: Path | None) -> Mapping[str, Any]:

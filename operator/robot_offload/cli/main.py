@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from robot_offload.cli import (
+    bench,
     build,
     bundle,
     completion,
@@ -46,6 +47,7 @@ pin.add_to(app)
 revoke.add_to(app)
 doctor.add_to(app)
 simulate.add_to(app)
+bench.add_to(app)
 dockerfile.add_to(app)
 build.add_to(app)
 completion.add_to(app)

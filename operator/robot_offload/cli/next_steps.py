@@ -36,11 +36,12 @@ GOOD: Final[dict[str, Advice]] = {
     ),
     "Applied": Advice("Every object in the cluster is as it should be."),
     "Available": Advice("All pods that are wanted are ready."),
-    "NotNeeded": Advice("This transport does without."),
+    "NotNeeded": Advice("This RobotOffload does without."),
     "Degraded": Advice(
         "At least one discovery server is ready, so nodes find each other; another one is missing.", PODS
     ),
     "ScaledDown": Advice("The workload has no pods, on purpose."),
+    "Built": Advice("The images of all nodes with a build block are in the registry."),
     "Connected": Advice("The robot's agent is connected."),
     "Current": Advice("The robot runs the settings of the present generation."),
     "Issued": Advice("Certificates of cloud and robot are there and valid."),
@@ -83,6 +84,23 @@ WORKLOADS: Final[dict[str, Advice]] = {
     "Missing": Advice("Something that should exist does not yet.", "Wait some seconds; then: " + OPERATOR_LOG),
 }
 """Reasons of WorkloadsAvailable and DiscoveryReady."""
+
+BUILDS: Final[dict[str, Advice]] = {
+    "Building": Advice(
+        "An image is being built; its node runs the image that it had, or waits for its first one.",
+        "Wait; kubectl get jobs -n {namespace} -l app.kubernetes.io/instance={name} shows the Job.",
+    ),
+    "BuildFailed": Advice(
+        "An image could not be built; its node keeps the image that it had. It is tried again after an hour.",
+        "Read the lines in the message; correct the source or spec.nodes[].build. To try again at once: kubectl delete "
+        "job -n {namespace} -l app.kubernetes.io/instance={name}",
+    ),
+    "SecretMissing": Advice(
+        "A Secret that a build needs is not there.",
+        "Create what the message names in namespace {namespace}, e.g. with kubectl create secret docker-registry.",
+    ),
+}
+"""Reasons of ImageBuilt."""
 
 ROBOT: Final[dict[str, Advice]] = {
     "NeverConnected": Advice("No robot has ever connected.", BUNDLE),
@@ -166,7 +184,7 @@ OWN: Final[dict[str, Advice]] = {
 }
 """Reasons that the command line itself finds."""
 
-NEXT_STEPS: Final[dict[str, Advice]] = GOOD | WORKLOADS | ROBOT | CERTIFICATES | CLUSTER | OWN
+NEXT_STEPS: Final[dict[str, Advice]] = GOOD | WORKLOADS | BUILDS | ROBOT | CERTIFICATES | CLUSTER | OWN
 
 INVALID: Final = Advice(
     "The specification cannot be carried out; what was made before stays as it is.",

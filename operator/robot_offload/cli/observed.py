@@ -49,6 +49,8 @@ class NodeSeen:
     replicas: int
     ready: bool
     message: str
+    image: str = ""
+    commit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +159,8 @@ def _nodes(nodes: Sequence[Mapping[str, Any]]) -> Iterator[NodeSeen]:
             replicas=int(node.get("replicas") or 0),
             ready=bool(node.get("ready")),
             message=str(node.get("message") or ""),
+            image=str(node.get("image") or ""),
+            commit=str(node.get("commit") or ""),
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -16,6 +17,7 @@ from robot_offload.cli.images import default_images
 from robot_offload.cli.sources import sources
 from robot_offload.errors import InputError
 from robot_offload.loading import load
+from robot_offload.reconcile.builds import Seen, decide
 from robot_offload.render.agent_config import AgentSite, agent_config
 from robot_offload.render.children import children
 from robot_offload.render.facts import Facts, Manifest
@@ -85,7 +87,10 @@ def file_command(
         nodes_wanted=not asleep,
         robot_connected=robot_connected,
     )
-    manifests = [_without_owner(manifest) for manifest in children(offload, facts)]
+    # As at the very beginning: the Secrets that builds need are there, and no image is.
+    nothing = Seen({}, (), frozenset(), datetime.datetime.fromtimestamp(0, datetime.UTC))
+    builds = decide(offload, facts, nothing, "").manifests
+    manifests = [_without_owner(manifest) for manifest in (*builds, *children(offload, facts))]
     typer.echo(HEADER.format(name=offload.metadata.name), nl=False)
     typer.echo(yaml.safe_dump_all(manifests, sort_keys=False, width=120, explicit_start=True), nl=False)
 

@@ -147,12 +147,17 @@ def settings(offload: Observed, state: AgentState | None) -> str:
 
 def _nodes(offload: Observed, live: Live) -> Table:
     states = dict(live.state.nodes) if live.state is not None else {}
-    shown = _list("NODE", "POD", "LIFECYCLE", "MESSAGE")
+    built = any(node.commit for node in offload.nodes)
+    shown = _list("NODE", "POD", "LIFECYCLE", *(["COMMIT"] if built else []), "MESSAGE")
     for node in offload.nodes:
         ready = "ready" if node.ready else ("not ready" if node.replicas else "none")
         style = "green" if node.ready else ("red" if node.replicas else "")
         shown.add_row(
-            *_texts(node.name), Text(ready, style=style), *_texts(states.get(node.name, UNKNOWN), node.message)
+            *_texts(node.name),
+            Text(ready, style=style),
+            *_texts(states.get(node.name, UNKNOWN)),
+            *(_texts(node.commit[:12] or UNKNOWN) if built else []),
+            *_texts(node.message),
         )
     return shown
 
@@ -208,7 +213,16 @@ def plain(offload: Observed, live: Live) -> dict[str, Any]:
         "generation": offload.generation,
         "observedGeneration": offload.observed_generation,
         "nodesReady": offload.nodes_ready,
-        "nodes": [{"name": node.name, "ready": node.ready, "message": node.message} for node in offload.nodes],
+        "nodes": [
+            {
+                "name": node.name,
+                "ready": node.ready,
+                "message": node.message,
+                "image": node.image,
+                "commit": node.commit,
+            }
+            for node in offload.nodes
+        ],
         "endpoints": [
             {"purpose": each.purpose, "protocol": each.protocol, "host": each.host, "port": each.port}
             for each in offload.endpoints

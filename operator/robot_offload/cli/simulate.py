@@ -4,35 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-import json
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from types import ModuleType
+from typing import Annotated, Any, Final
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from robot_offload.api.v1alpha1.quantities import parse_duration
 from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
-from robot_offload.replay import show, study, tune
-from robot_offload.replay.costs import Weights
-from robot_offload.replay.named import POLICIES, NamedPolicy, find
-from robot_offload.replay.study import Case
-from robot_offload.traces import load_trace
+from robot_offload.replay.named import POLICIES
 from robot_offload_core.settings import Settings
 
+PLOTS: Final = ("numpy", "matplotlib")
 EXAMPLES = (
     "robot-offload simulate --trace examples/traces/corridor-wifi.txt --tolerance 20ms",
     "robot-offload simulate --trace link.csv@100ms --compare --out out/simulate",
-    "robot-offload simulate --trace link.csv --policy mypolicy:make --json | jq '.recordings[0].policies[0].cost'",
-    "robot-offload simulate --trace wifi.txt@20ms --trace phone.txt@100ms --trace site.txt@50ms --tune",
+    "robot-offload simulate --trace link.csv --policy mypolicy:make --json | jq .ratio_best_fixed",
+    "robot-offload simulate --trace wifi.txt@20ms --trace phone.txt@100ms --tune --report-on site.txt@50ms",
 )
-Step = Callable[[int], None]
-PLAIN_COLUMNS = 120
 
 
 def add_to(app: typer.Typer) -> None:
@@ -60,7 +51,14 @@ PolicyName = Annotated[
 Tolerance = Annotated[str, _option("tolerance", "TIME", "How much slower the loop through the cloud may be.")]
 RobotPeriod = Annotated[str, _option("robot-period", "TIME", "Time between two outputs of the robot's replica.")]
 CloudPeriod = Annotated[str, _option("cloud-period", "TIME", "The same for the cloud's replica.")]
-LossTimeout = Annotated[str, _option("loss-timeout", "TIME", "Silence that means a lost link (ours, thesis, dwell).")]
+LossTimeout = Annotated[
+    str | None,
+    _option(
+        "loss-timeout",
+        "TIME",
+        "Silence after which nobody stays in the cloud. By default 90ms, or three medians of a slower recording.",
+    ),
+]
 WeightsText = Annotated[
     str,
     _option(
@@ -72,7 +70,15 @@ WeightsText = Annotated[
 Compare = Annotated[bool, typer.Option("--compare", help="Replay all policies and print a table.")]
 Tune = Annotated[
     bool,
-    typer.Option("--tune", help="Search figures of our rule; each trace in turn is left out and reported on."),
+    typer.Option(
+        "--tune",
+        help="Search figures of our rule on the traces, and report on those of --report-on; without them each trace in "
+        "turn is left out and reported on.",
+    ),
+]
+ReportOn = Annotated[
+    list[str] | None,
+    _option("report-on", "FILE[@TOLERANCE]", "With --tune: recordings to report on, none of those searched."),
 ]
 Out = Annotated[Path | None, _option("out", "DIR", "Folder for results.json and placement.png.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the results as JSON on standard output.")]
@@ -85,10 +91,11 @@ def simulate(
     tolerance: Tolerance = "30ms",
     robot_period: RobotPeriod = "50ms",
     cloud_period: CloudPeriod = "20ms",
-    loss_timeout: LossTimeout = "90ms",
+    loss_timeout: LossTimeout = None,
     weights: WeightsText = "10/1/0.5",
     compare: Compare = False,
     tune_figures: Tune = False,
+    report_on: ReportOn = None,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -96,132 +103,85 @@ def simulate(
 
     The link is good enough at a moment if a heartbeat sent then is back within robotPeriod + tolerance - cloudPeriod.
     A policy is exposed while it acts in the cloud and the link is not good enough, and wastes time while it acts on the
-    robot and the link is. The optimum is the least cost of all, found with the whole recording known; ratio is
-    J / optimum. Ends with 0, or with 2 when the input is wrong.
+    robot and the link is; J counts both, and the switches. Everybody starts on the robot and leaves the cloud when
+    nothing has come for the loss timeout. The optimum is the least J of all, found with the whole recording known;
+    ratio is J / optimum. The best fixed rule is the best of a grid of rent-or-buy rules, chosen in hindsight. Ends with
+    0, or with 2 when the input is wrong.
     """
-    times_ms = {
-        "--tolerance": tolerance,
-        "--robot-period": robot_period,
-        "--cloud-period": cloud_period,
-        "--loss-timeout": loss_timeout,
-    }
-    if tune_figures:
-        _check_tuning(trace or [], compare)
-    cases = _cases(trace or [], {option: _ms(option, text) for option, text in times_ms.items()}, _weights(weights))
-    if out is not None:
-        _writing(out, lambda: out.mkdir(parents=True, exist_ok=True))  # before minutes of work, not after
-    console = _console(as_json)
-    results = _tuned(cases, console) if tune_figures else _replayed(cases, _chosen(policy, compare), console, out)
-    if out is not None:
-        _writing(out, lambda: (out / "results.json").write_text(json.dumps(results, indent=2) + "\n"))
-        console.print(f"Written: {out}", soft_wrap=True)
-    if as_json:
-        typer.echo(json.dumps(results, indent=2))
+    if not trace:
+        raise InputError("--trace: name a recording, for example --trace examples/traces/corridor-wifi.txt")
+    if report_on and not tune_figures:
+        raise InputError("--report-on: only with --tune; without it every --trace is reported on")
+    times = _Times(tolerance, robot_period, cloud_period, loss_timeout)
+    work = _work()
+    request = work.Request(
+        recordings=tuple(_recording(work, "--trace", text, times) for text in trace),
+        report_on=tuple(_recording(work, "--report-on", text, times) for text in report_on or []),
+        policy=policy,
+        compare=compare,
+        tune=tune_figures,
+        weights=_weights(weights),
+        out=out,
+        as_json=as_json,
+    )
+    answer = work.run(request)
+    if answer is not None:
+        typer.echo(answer)
 
 
-# -- doing ------------------------------------------------------------------------------------------------------------
-
-
-def _replayed(
-    cases: Sequence[Case], policies: Sequence[NamedPolicy], console: Console, out: Path | None
-) -> dict[str, Any]:
-    total = sum(len(subject.beats.sent_us) for subject in cases) * len(policies)
-    with _bar("replaying", total) as step:
-        done = [(subject, [study.outcome(each, subject, step) for each in policies]) for subject in cases]
-    for subject, outcomes in done:
-        console.print(show.heading(subject), soft_wrap=True)
-        console.print(show.table(subject, outcomes))
-        if len(outcomes) == 1:
-            for line in show.strips(subject, outcomes[0]):
-                console.print(line, soft_wrap=True)
-    if out is not None:
-        # Imported only here: drawing takes longer to load than all other commands together.
-        picture = importlib.import_module("robot_offload.replay.picture")
-        _writing(out, lambda: (out / "placement.png").write_bytes(picture.draw(done)))
-    return {"recordings": [study.plain(subject, outcomes) for subject, outcomes in done]}
-
-
-def _tuned(cases: Sequence[Case], console: Console) -> dict[str, Any]:
-    with _bar("searching", tune.steps(cases)) as step:
-        reports = tune.leave_one_out(cases, study.outcome, step)
-    console.print(show.tuning(reports))
-    return {"tuning": [dataclasses.asdict(report) for report in reports]}
-
-
-@contextmanager
-def _bar(words: str, total: int) -> Iterator[Step]:
-    """A progress bar on standard error, when that is a terminal."""
-    columns = TextColumn(words), BarColumn(), TimeRemainingColumn()
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
-        task = progress.add_task(words, total=total)
-        yield lambda steps: progress.advance(task, steps)
-
-
-def _console(as_json: bool) -> Console:
-    """For people. The JSON stands alone on standard output; without a terminal a table needs no folding."""
-    console = Console(stderr=as_json, highlight=False)
-    if not console.is_terminal:
-        console.width = max(console.width, PLAIN_COLUMNS)
-    return console
-
-
-def _writing(out: Path, write: Callable[[], object]) -> None:
+def _work() -> ModuleType:
+    """What needs numpy and matplotlib, which are an extra of this package, loaded only when it is wanted."""
     try:
-        write()
-    except OSError as error:
-        raise InputError(f"--out: cannot write to {out}: {error.strerror}") from error
+        return importlib.import_module("robot_offload.replay.command")
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] not in PLOTS:
+            raise
+        raise InputError(
+            "simulate: needs numpy and matplotlib; install them: pip install 'robot-offload[plots]'"
+        ) from error
 
 
 # -- reading options --------------------------------------------------------------------------------------------------
 
 
-def _chosen(name: str, compare: bool) -> list[NamedPolicy]:
-    chosen = find(name)
-    if not compare:
-        return [chosen]
-    return list({each.name: each for each in [*POLICIES.values(), chosen]}.values())
+@dataclass(frozen=True)
+class _Times:
+    """Durations as they were written."""
+
+    tolerance: str
+    robot_period: str
+    cloud_period: str
+    loss_timeout: str | None
 
 
-def _check_tuning(traces: Sequence[str], compare: bool) -> None:
-    if compare:
-        raise InputError("--tune, --compare: one of them at a time; --tune tells the best other rule by itself")
-    files = {_file_and_tolerance(text, 0)[0].resolve() for text in traces}
-    if len(files) < max(2, len(traces)):
-        raise InputError("--tune: needs two different traces or more, because it never reports on what it searched")
+def _recording(work: ModuleType, option: str, text: str, times: _Times) -> Any:
+    file, tolerance_ms = _file_and_tolerance(option, text, _ms("--tolerance", times.tolerance))
+    return work.Recording(file, _settings(tolerance_ms, times), adapt=times.loss_timeout is None)
 
 
-def _cases(traces: Sequence[str], times_ms: dict[str, int], weights: Weights) -> list[Case]:
-    if not traces:
-        raise InputError("--trace: name a recording, for example --trace examples/traces/corridor-wifi.txt")
-    cases = []
-    for text in traces:
-        file, tolerance_ms = _file_and_tolerance(text, times_ms["--tolerance"])
-        settings = _settings({**times_ms, "--tolerance": tolerance_ms})
-        cases.append(study.case(load_trace(file), settings, weights))
-    return cases
-
-
-def _file_and_tolerance(text: str, default_ms: int) -> tuple[Path, int]:
+def _file_and_tolerance(option: str, text: str, default_ms: int) -> tuple[Path, int]:
     name, at, tolerance = text.rpartition("@")
     if not at or Path(text).exists():  # a file may have an @ in its name
         return Path(text), default_ms
-    return Path(name), _ms(f"--trace {text}", tolerance)
+    return Path(name), _ms(f"{option} {text}", tolerance)
 
 
-def _settings(times_ms: dict[str, int]) -> Settings:
+def _settings(tolerance_ms: int, times: _Times) -> Settings:
+    robot_period_ms, cloud_period_ms = (
+        _ms("--robot-period", times.robot_period),
+        _ms("--cloud-period", times.cloud_period),
+    )
     settings = Settings(
-        loss_timeout_s=times_ms["--loss-timeout"] / 1e3,
-        robot_period_s=times_ms["--robot-period"] / 1e3,
-        cloud_period_s=times_ms["--cloud-period"] / 1e3,
-        tolerance_s=times_ms["--tolerance"] / 1e3,
+        robot_period_s=robot_period_ms / 1e3, cloud_period_s=cloud_period_ms / 1e3, tolerance_s=tolerance_ms / 1e3
     )
     if settings.allowed_loop_s <= 0:
         raise InputError("--tolerance: robot period + tolerance - cloud period must be more than 0ms")
-    least_ms = round(2 * settings.beat_period_s * 1e3)
-    if times_ms["--loss-timeout"] <= least_ms:
+    if times.loss_timeout is None:
+        return settings
+    loss_timeout_ms, least_ms = _ms("--loss-timeout", times.loss_timeout), round(2 * settings.beat_period_s * 1e3)
+    if loss_timeout_ms <= least_ms:
         raise InputError(f"--loss-timeout: must be more than two heartbeats ({least_ms}ms), one lost beat is normal")
-    return settings
+    return dataclasses.replace(settings, loss_timeout_s=loss_timeout_ms / 1e3)
 
 
 def _ms(option: str, text: str) -> int:
@@ -231,11 +191,11 @@ def _ms(option: str, text: str) -> int:
         raise InputError(f"{option}: {error}") from None
 
 
-def _weights(text: str) -> Weights:
+def _weights(text: str) -> tuple[float, float, float]:
     try:
         exposed, wasted, switch = (float(part) for part in text.split("/"))
     except ValueError:
         raise InputError(f"--weights: {text!r}: write three numbers, for example 10/1/0.5") from None
     if not all(0 < price < 1e9 for price in (exposed, wasted, switch)):
         raise InputError(f"--weights: {text!r}: every price must be more than 0")
-    return Weights(exposed, wasted, switch)
+    return exposed, wasted, switch

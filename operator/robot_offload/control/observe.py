@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.kube.errors import ForbiddenError, NotFoundError
-from robot_offload.kube.kinds import CERTIFICATE, CHILD_KINDS, CONFIG_MAP, NODE, POD, SERVICE, Kind
+from robot_offload.kube.kinds import CERTIFICATE, CHILD_KINDS, CONFIG_MAP, NODE, POD, SECRET, SERVICE, Kind
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.reconcile.issuer import WRITTEN_BY
 from robot_offload.reconcile.ownership import Key, key_of
@@ -69,6 +69,18 @@ async def look_up(api: KubeApi, namespace: str, seen: Observed, wanted: Iterable
 async def pods(api: KubeApi, namespace: str, offload: RobotOffload) -> tuple[Manifest, ...]:
     """The pods of the children: only worth reading when a workload is not as it should be."""
     return tuple(await api.list(POD, namespace, labels.instance_labels(offload)))
+
+
+async def build_pods(api: KubeApi, namespace: str, offload: RobotOffload) -> tuple[Manifest, ...]:
+    """The pods of build Jobs: only worth reading while a build is not written down yet."""
+    return tuple(await api.list(POD, namespace, labels.selector(offload, "build")))
+
+
+async def missing_secrets(api: KubeApi, namespace: str, names: Iterable[str]) -> frozenset[str]:
+    """Which of these Secrets are not there."""
+    wanted = sorted(names)
+    found = await asyncio.gather(*(api.get(SECRET, namespace, name) for name in wanted))
+    return frozenset(name for name, secret in zip(wanted, found, strict=True) if secret is None)
 
 
 def config_maps(offload: RobotOffload) -> frozenset[tuple[str, str]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from robot_offload.errors import InputError
-from robot_offload.render.facts import Images
+from robot_offload.render.facts import BUILDER, Images
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +75,7 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
             operator=text("OPERATOR_IMAGE"),
             discovery=text("DISCOVERY_IMAGE"),
             router=text("ROUTER_IMAGE"),
+            builder=environment.get("BUILDER_IMAGE") or BUILDER,
         ),
         pod_namespace=text("POD_NAMESPACE"),
         pod_name=text("POD_NAME"),

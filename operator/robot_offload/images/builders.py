@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
+from robot_offload.api.v1alpha1.build_values import IMAGE_NAME, shown
 from robot_offload.errors import InputError, RobotOffloadError
-from robot_offload.images.values import IMAGE_NAME, shown
 
 Tool: TypeAlias = Literal["docker", "podman", "buildah"]
 Command: TypeAlias = tuple[str, ...]
@@ -41,6 +41,8 @@ class Request:
         push: whether it goes to its registry.
         health_check: whether it has one; only images in docker's format carry it.
         dockerfile: a file, or `-` for standard input.
+        ignore_file: what of the context does not count; None: `.dockerignore` there. docker finds one beside the
+            Dockerfile by itself.
         build_arguments: values of ARG instructions.
         source_date_epoch: seconds since 1970 that replace all times in the image; None: the real ones.
         extra: further arguments of the builder, as they are (secrets, caches, volumes).
@@ -52,6 +54,7 @@ class Request:
     push: bool = False
     health_check: bool = False
     dockerfile: str = "-"
+    ignore_file: Path | None = None
     build_arguments: Mapping[str, str] = field(default_factory=dict)
     source_date_epoch: int | None = None
     extra: tuple[str, ...] = ()
@@ -92,6 +95,8 @@ def _options(tool: Tool, request: Request) -> Command:
     options: list[str] = []
     if request.platforms:
         options += ["--platform", ",".join(request.platforms)]
+    if request.ignore_file and tool != "docker":
+        options += ["--ignorefile", str(request.ignore_file)]
     if request.health_check and tool != "docker":
         options += ["--format", "docker"]
     for name, value in request.build_arguments.items():
@@ -100,6 +105,20 @@ def _options(tool: Tool, request: Request) -> Command:
         epoch = str(request.source_date_epoch)
         options += ["--build-arg", f"SOURCE_DATE_EPOCH={epoch}"] if tool == "docker" else ["--timestamp", epoch]
     return tuple(options)
+
+
+def source_date_epoch(environment: Mapping[str, str]) -> int | None:
+    """What an environment says about the times in an image, see `Request`.
+
+    Raises:
+        InputError: it is no number.
+    """
+    text = environment.get("SOURCE_DATE_EPOCH", "")
+    if not text:
+        return None
+    if not (text.isascii() and text.isdigit()):
+        raise InputError(f"SOURCE_DATE_EPOCH: {text[:40]!r} is not a number of seconds since 1970")
+    return int(text)
 
 
 def choose(wanted: Tool | None = None) -> Tool:
@@ -135,13 +154,16 @@ def _missing(tool: Tool) -> str | None:
     return None if asked.returncode == 0 else "its daemon does not answer; start it, or use podman or buildah"
 
 
-def run(tool: Tool, request: Request, dockerfile: str | None = None) -> None:
+def run(
+    tool: Tool, request: Request, dockerfile: str | None = None, environment: Mapping[str, str] | None = None
+) -> None:
     """Builds, and pushes where asked; the builder's own progress goes to the terminal.
 
     Args:
         tool: the builder.
         request: what it builds.
         dockerfile: the text, where `request.dockerfile` is `-`.
+        environment: of the builder; None: this process's own.
 
     Raises:
         BuildError: the builder failed.
@@ -149,7 +171,7 @@ def run(tool: Tool, request: Request, dockerfile: str | None = None) -> None:
     """
     for index, command in enumerate(commands(tool, request)):
         text = dockerfile if index == 0 else None
-        done = subprocess.run(command, input=text, text=True, check=False)
+        done = subprocess.run(command, input=text, text=True, check=False, env=environment)
         if done.returncode != 0:
             what = "build" if index == 0 else "push"
             raise BuildError(

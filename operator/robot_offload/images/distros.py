@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-DistroName: TypeAlias = Literal["foxy", "humble", "jazzy", "kilted", "rolling"]
+from robot_offload.api.v1alpha1.build_values import DistroName
+
 StopSignal: TypeAlias = Literal["SIGINT", "SIGTERM"]
 
 _RMW: Final = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp", "rmw_cyclonedds_cpp", "rmw_connextdds")

@@ -5,6 +5,7 @@ The Dockerfiles are in `images/`; README.md there says what each image holds.
 
 from __future__ import annotations
 
+import os
 import shlex
 import subprocess
 from collections.abc import Sequence
@@ -17,7 +18,16 @@ import typer
 
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload.images import wheels_base
-from robot_offload.images.builders import TOOLS, BuildError, Request, Tool, choose, commands, run
+from robot_offload.images.builders import (
+    TOOLS,
+    BuildError,
+    Request,
+    Tool,
+    choose,
+    commands,
+    run,
+    source_date_epoch,
+)
 
 ROOT: Final = Path(__file__).parents[3]
 """The root of the repository: the build context of our images."""
@@ -55,6 +65,7 @@ class Settings:
         revision: the commit.
         platforms: see `builders.Request`.
         push: see `builders.Request`.
+        source_date_epoch: see `builders.Request`.
         extra: further arguments of the builder.
     """
 
@@ -63,6 +74,7 @@ class Settings:
     revision: str
     platforms: tuple[str, ...] = ()
     push: bool = False
+    source_date_epoch: int | None = None
     extra: tuple[str, ...] = ()
 
 
@@ -75,7 +87,9 @@ def request(image: OwnImage, settings: Settings, base: str | None = None) -> Req
         platforms=settings.platforms,
         push=settings.push,
         dockerfile=str(ROOT / "images" / image.name / "Dockerfile"),
+        ignore_file=ROOT / "images" / image.name / "Dockerfile.dockerignore",
         build_arguments=({"BASE": base} if base else {}) | arguments,
+        source_date_epoch=settings.source_date_epoch,
         extra=settings.extra,
     )
 
@@ -107,9 +121,18 @@ def build(
         raise InputError(f"--builder: {builder!r} is not known; write docker, podman or buildah")
     tool = known if dry_run and known else choose(known)
     extra = tuple(builder_argument or ())
-    settings = Settings(registry, version("robot-offload"), _revision(), tuple(platform or ()), push, extra)
+    extra = (*wheels_base.lent(tool), *extra) if wheels else extra
+    settings = Settings(
+        registry=registry,
+        version=version("robot-offload"),
+        revision=_revision(),
+        platforms=tuple(platform or ()),
+        push=push,
+        source_date_epoch=source_date_epoch(os.environ),
+        extra=extra,
+    )
     if wheels and not dry_run:
-        wheels_base.build(tool, ROOT, extra)
+        wheels_base.build(tool, ROOT, extra, {image.wheels_stage for image in chosen if image.wheels_stage})
     failed = []
     for image in chosen:
         stand_in = wheels_base.tag(image.wheels_stage) if wheels and image.wheels_stage else None

@@ -7,44 +7,30 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
-from robot_offload.api.v1alpha1.model import Model
-from robot_offload.api.v1alpha1.names import ExecutableName, PackageName, RmwName
-from robot_offload.api.v1alpha1.parsing import findings_of
-from robot_offload.errors import SpecError
-from robot_offload.images.distros import DISTROS, Distro, DistroName
-from robot_offload.images.values import (
+from robot_offload.api.v1alpha1.build import BuildFields, GitRepository
+from robot_offload.api.v1alpha1.build_values import (
     Address,
-    AptPackage,
     BaseImage,
-    CmakeArgument,
+    DistroName,
     FullNodeName,
-    GitRef,
-    GitUrl,
     LabelName,
-    LaunchFile,
-    PipPackage,
     RelativePath,
-    RosdepKey,
     Text,
     VariableName,
 )
+from robot_offload.api.v1alpha1.model import Model
+from robot_offload.api.v1alpha1.names import PackageName, RmwName
+from robot_offload.api.v1alpha1.parsing import findings_of
+from robot_offload.errors import SpecError
+from robot_offload.images.distros import DISTROS, Distro
 from robot_offload.strict_yaml import freeze
 
 SomeModel = TypeVar("SomeModel", bound=Model)
 
 
-class GitSource(Model):
+class GitSource(GitRepository):
     """Source code in a git repository; only the named folders of one commit are fetched."""
 
-    url: GitUrl = Field(description="The repository, e.g. https://git.example/robot.git. Without a password.")
-    ref: GitRef = Field(
-        default="HEAD",
-        description="A branch, a tag or, best, a commit (40 digits): only a commit gives the same image twice. "
-        "Default HEAD, the newest commit of the default branch.",
-    )
-    paths: tuple[RelativePath, ...] = Field(
-        default=(), description="The folders that are needed, e.g. [src/controller]. Default: the whole repository."
-    )
     credentials: Literal["None", "SSH", "Token"] = Field(
         default="None",
         description="How a private repository is read: SSH (the ssh agent of the build and its secret "
@@ -93,45 +79,14 @@ class Variable(Model):
     value: Text = Field(default="", description="Its value, as it is: nothing in it is expanded. Default: empty.")
 
 
-class BuildSpec(Model):
+class BuildSpec(BuildFields):
     """How the image of one ROS 2 node is built from source."""
 
     distro: DistroName = Field(default="jazzy", description="The ROS 2 distribution. Default jazzy.")
-    base: BaseImage | None = Field(
-        default=None,
-        description="The image to build in, with colcon and rosdep; pin it with @sha256:. Default ros:<distro>.",
-    )
-    runtime_base: BaseImage | None = Field(
-        default=None,
-        description="The image that the node runs in. Default: base where given, else ros:<distro>-ros-core.",
-    )
     git: GitSource | None = Field(default=None, description="Source code in a git repository.")
     workspace: WorkspaceSource | None = Field(default=None, description="Source code in the build context.")
     repos: ReposSource | None = Field(default=None, description="Source code named by a .repos file.")
-    package: PackageName = Field(description="The package of the node; it and what it needs of the source is built.")
-    executable: ExecutableName | None = Field(
-        default=None, description="What the image runs, as `ros2 run PACKAGE EXECUTABLE`."
-    )
-    launch: LaunchFile | None = Field(
-        default=None, description="What the image runs, as `ros2 launch PACKAGE FILE`. Instead of executable."
-    )
     arguments: tuple[Text, ...] = Field(default=(), description="Arguments of the program. Default: none.")
-    packages: tuple[PackageName, ...] = Field(
-        default=(), description="Further packages of the source to build, e.g. plugins. Default: none."
-    )
-    cmake_arguments: tuple[CmakeArgument, ...] = Field(
-        default=("-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF"),
-        description="Arguments of CMake. Default: a release build without tests.",
-    )
-    skip_keys: tuple[RosdepKey, ...] = Field(
-        default=(), description="rosdep keys that are left out, because nobody needs them here. Default: none."
-    )
-    apt_packages: tuple[AptPackage, ...] = Field(
-        default=(), description="Debian packages for build and run that rosdep misses. Default: none."
-    )
-    pip_packages: tuple[PipPackage, ...] = Field(
-        default=(), description="Python packages for build and run that rosdep misses. Default: none."
-    )
     rmw: RmwName = Field(default="rmw_fastrtps_cpp", description="The ROS middleware. Default rmw_fastrtps_cpp.")
     environment: RosEnvironment = Field(default_factory=RosEnvironment, description="The ROS network's defaults.")
     env: tuple[Variable, ...] = Field(default=(), description="Further variables; no secrets. Default: none.")

@@ -6,6 +6,7 @@ root and debootstrap. The two archives are kept, because making them takes minut
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -13,7 +14,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
@@ -31,6 +32,7 @@ PACKAGES: Final = (
     "ca-certificates", "libssl3", "libffi8", "libsqlite3-0", "libbz2-1.0", "liblzma5", "zlib1g", "libreadline8",
     "libuuid1", "libncursesw6",
 )  # fmt: skip
+BUNDLE: Final = "/etc/ssl/certs/ca-certificates.crt"
 TIMEOUT_S: Final = 1800.0
 PYTHON: Final = "python3.12"
 _NOT_OF_SYSTEM: Final = re.compile(
@@ -44,16 +46,28 @@ _NOT_OF_PYTHON: Final = re.compile(
 
 def tag(stage: Stage) -> str:
     """The name of a stage's image; it belongs to this machine."""
-    return f"localhost/robot-offload/wheels-{stage}:jazzy"
+    return f"{_name(stage)}:jazzy"
 
 
-def build(tool: Tool, root: Path, extra: tuple[str, ...] = ()) -> None:
-    """Builds all stages; what has not changed comes from the builder's cache.
+def _name(stage: Stage) -> str:
+    return f"localhost/robot-offload/wheels-{stage}"
+
+
+def build(
+    tool: Tool,
+    root: Path,
+    extra: tuple[str, ...] = (),
+    stages: Iterable[Stage] = STAGES,
+    environment: Mapping[str, str] | None = None,
+) -> None:
+    """Builds stages; what has not changed comes from the builder's cache.
 
     Args:
         tool: the builder.
         root: of the repository.
         extra: further arguments of the builder.
+        stages: those that are needed.
+        environment: of the builder; None: this process's own.
 
     Raises:
         InputError: this machine lacks what it needs.
@@ -63,13 +77,48 @@ def build(tool: Tool, root: Path, extra: tuple[str, ...] = ()) -> None:
     with tempfile.TemporaryDirectory(prefix="robot-offload-wheels-") as folder:
         context = Path(folder)
         shutil.copytree(root / "images" / "wheels-base", context, dirs_exist_ok=True)
-        for archive in kept:
-            shutil.copy2(archive, context)
         text = (root / "requirements" / "all.txt").read_text(encoding="utf-8")
         (context / "constraints.txt").write_text(constraints(text), encoding="utf-8")
+        names = {stage: f"{_name(stage)}:{fingerprint(context, kept)}" for stage in STAGES if stage in set(stages)}
+        missing = [stage for stage, name in names.items() if not _is_there(tool, name, environment)]
+        for archive in kept if missing else ():
+            shutil.copy2(archive, context)
         request = Request(tag="", context=context, dockerfile=str(context / "Dockerfile"), extra=extra)
-        for stage in STAGES:
-            run(tool, replace(request, tag=tag(stage), extra=("--target", stage, *extra)))
+        for stage in missing:
+            wanted = replace(request, tag=names[stage], extra=("--target", stage, *extra))
+            run(tool, wanted, environment=environment)
+    for stage, name in names.items():
+        subprocess.run((tool, "tag", name, tag(stage)), check=True, timeout=60.0, env=environment)
+
+
+def fingerprint(context: Path, kept: Iterable[Path]) -> str:
+    """Changes when a file of the context does, or when an archive is made anew."""
+    digest = hashlib.sha256()
+    for path in sorted(path for path in context.rglob("*") if path.is_file()):
+        digest.update(str(path.relative_to(context)).encode() + b"\0" + path.read_bytes())
+    for path in kept:
+        state = path.stat()
+        digest.update(f"{path.name} {state.st_size} {state.st_mtime_ns}".encode())
+    return digest.hexdigest()[:16]
+
+
+def _is_there(tool: Tool, image: str, environment: Mapping[str, str] | None) -> bool:
+    """Whether an image is there already: having the builder look at the archives again takes longer."""
+    command = (tool, "images", "--quiet", image)
+    asked = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60.0, env=environment)
+    return asked.returncode == 0 and bool(asked.stdout.strip())
+
+
+def lent(tool: Tool) -> tuple[str, ...]:
+    """Builder arguments that lend a build what this machine trusts, and ask for no user namespace.
+
+    A proxy that intercepts has certificates of its own, which the machine knows and the base does not. docker can
+    lend no file: it takes the proxy from its own settings.
+    """
+    if tool == "docker":
+        return ()
+    certificates = ("--volume", f"{BUNDLE}:{BUNDLE}:ro") if Path(BUNDLE).exists() else ()
+    return ("--isolation", "chroot", *certificates)
 
 
 def constraints(requirements: str) -> str:
@@ -128,6 +177,9 @@ def of_system(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
 def _write_python(path: Path) -> None:
     if sys.version_info[:2] != (3, 12):
         raise InputError("the ROS wheels are for CPython 3.12; run this with python3.12")
+    if sys.base_prefix == "/usr":
+        # Its library is spread over the system and made for another release of it.
+        raise InputError("the system's own Python cannot be taken along; use one of pyenv or `uv python install 3.12`")
     pack(Path(sys.base_prefix), path, of_python)
 
 

@@ -54,6 +54,7 @@ ROLE_BINDING: Final = Kind("rbac.authorization.k8s.io/v1", "RoleBinding", "roleb
 NETWORK_POLICY: Final = Kind("networking.k8s.io/v1", "NetworkPolicy", "networkpolicies")
 LEASE: Final = Kind("coordination.k8s.io/v1", "Lease", "leases")
 CERTIFICATE: Final = Kind("cert-manager.io/v1", "Certificate", "certificates")
+JOB: Final = Kind("batch/v1", "Job", "jobs")
 POD: Final = Kind("v1", "Pod", "pods")
 NODE: Final = Kind("v1", "Node", "nodes", namespaced=False)
 EVENT: Final = Kind("v1", "Event", "events")
@@ -71,6 +72,7 @@ CHILD_KINDS: Final = (
     LEASE,
     SERVICE,
     NETWORK_POLICY,
+    JOB,
     STATEFUL_SET,
     DEPLOYMENT,
 )

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, TextIO, TypeAlias, Union, get_args, get_origin, get_type_hints
 
+from robot_offload.api.v1alpha1 import RobotOffloadSpec
 from robot_offload.errors import RecordingError
 
 Site: TypeAlias = Literal["robot", "cloud"]
@@ -48,6 +49,22 @@ class RunInfo:
     threshold_ms: float
     corridor_length_m: float = 0.0
     corridor_width_m: float = 0.0
+
+
+def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunInfo:
+    """The setting of a run of this specification; the others as in `RunInfo`."""
+    switching = spec.switching
+    return RunInfo(
+        mode=mode,
+        seed=seed,
+        start_s=start_s,
+        max_command_age_ms=float(switching.max_command_age_ms),
+        loss_timeout_ms=float(switching.loss_timeout_ms),
+        activation_deadline_ms=float(switching.activation_deadline_ms),
+        robot_period_ms=float(switching.latency.robot_period_ms),
+        cloud_period_ms=float(switching.latency.cloud_period_ms),
+        threshold_ms=float(switching.latency.allowed_loop_ms),
+    )
 
 
 @dataclass(frozen=True)

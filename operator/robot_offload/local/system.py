@@ -28,7 +28,7 @@ from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload.local.certificates import CertificatePaths, make_certificates
 from robot_offload.local.dds_wire_config import DdsWireConfig, carried
 from robot_offload.local.processes import Program
-from robot_offload.local.recording import RunInfo
+from robot_offload.local.recording import RunInfo, of_run
 from robot_offload.local.wire_config import Forward, LinkOptions, WireConfig
 from robot_offload.local.wire_process import REALTIME_PRIORITY
 from robot_offload.render import names
@@ -203,18 +203,7 @@ class NotRunnableError(InputError):
 
 def run_info(system: System, start_s: float) -> RunInfo:
     """What the recorder is told at the start of a run; `start_s` is the moment that the report calls 0."""
-    switching = system.spec.switching
-    return RunInfo(
-        mode=system.mode.value,
-        seed=system.seed,
-        start_s=start_s,
-        max_command_age_ms=float(switching.max_command_age_ms),
-        loss_timeout_ms=float(switching.loss_timeout_ms),
-        activation_deadline_ms=float(switching.activation_deadline_ms),
-        robot_period_ms=float(switching.latency.robot_period_ms),
-        cloud_period_ms=float(switching.latency.cloud_period_ms),
-        threshold_ms=float(switching.latency.allowed_loop_ms),
-    )
+    return of_run(system.spec, system.mode.value, system.seed, start_s)
 
 
 # -- programs ---------------------------------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 from robot_offload.errors import RobotOffloadError
 from robot_offload.local.wire_config import Address, Forward, LinkOptions, WireConfig
@@ -42,6 +42,9 @@ STOP_GRACE_S = 2.0
 
 class Wire:
     """The wire's process as a context manager. Leaving it stops the process, kills it if need be."""
+
+    MODULE: ClassVar[str] = "robot_offload.local.wire"
+    """The program that is started."""
 
     def __init__(self, config: WireConfig, folder: Path | None = None) -> None:
         """Prepares; starts nothing.
@@ -88,7 +91,7 @@ class Wire:
             with (folder / "stderr").open("wb") as stderr:
                 options = ["--config", str(path), "--parent", str(os.getpid())]
                 self._process = subprocess.Popen(
-                    [sys.executable, "-m", "robot_offload.local.wire", *options],
+                    [sys.executable, "-m", self.MODULE, *options],
                     stdin=subprocess.DEVNULL,
                     stderr=stderr,
                     start_new_session=True,  # Ctrl-C is for our caller, who ends us when it is time

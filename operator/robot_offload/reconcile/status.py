@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.kube.kinds import DEPLOYMENT
 from robot_offload.kube.port import Manifest
-from robot_offload.reconcile import conditions
+from robot_offload.reconcile import builds, conditions
 from robot_offload.reconcile.agent import Placement
 from robot_offload.reconcile.decision import Verdict
 from robot_offload.reconcile.ownership import Key
@@ -32,6 +32,7 @@ class Found:
         endpoints: where the robot reaches the cloud.
         wanted: which pods of nodes are wanted.
         live: the children as they are now.
+        commits: what the images of nodes were built from, by node.
         pods: their pods, as far as they were looked at.
     """
 
@@ -42,6 +43,7 @@ class Found:
     wanted: Wanted
     live: Mapping[Key, Manifest]
     pods: tuple[Manifest, ...] = ()
+    commits: Mapping[str, str] = field(default_factory=dict)
 
 
 def build(
@@ -118,8 +120,12 @@ def _nodes(offload: RobotOffload, found: Found) -> Iterable[dict[str, Any]]:
         deployment = found.live.get((DEPLOYMENT, name))
         entry: dict[str, Any] = {"name": node.name, "workload": name, "replicas": 0, "ready": False}
         if deployment is None:
-            entry["message"] = "its Deployment is missing"
+            built = node.build is not None
+            entry["message"] = "its image is not built yet; see ImageBuilt" if built else "its Deployment is missing"
         else:
+            entry["image"] = builds.image_of(deployment)
+            if commit := found.commits.get(node.name):
+                entry["commit"] = commit
             verdict = workload(deployment, pods_of(deployment, found.pods))
             entry["replicas"] = int((deployment.get("spec") or {}).get("replicas", 1))
             entry["ready"] = verdict.holds and entry["replicas"] > 0

@@ -6,7 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-_TOLD: Final = ("SpecValid", "ResourcesApplied", "AgentConnected", "AgentConfigCurrent", "CertificatesReady", "Ready")
+_TOLD: Final = (
+    *("SpecValid", "ResourcesApplied", "ImageBuilt", "AgentConnected", "AgentConfigCurrent", "CertificatesReady"),
+    "Ready",
+)
 """DiscoveryReady and WorkloadsAvailable are told by Ready: pods come and go for many reasons."""
 _MAX_MESSAGE: Final = 1024
 

@@ -24,7 +24,7 @@ def workload(manifest: Manifest, pods: Iterable[Manifest] = ()) -> Verdict:
     if observed and ready >= wanted and updated >= wanted:
         return yes("Available", f"{name} is ready")
     return (
-        _pod_trouble(name, pods)
+        pod_trouble(name, pods)
         or _quota_trouble(name, status)
         or no("PodsNotReady", f"{name}: {ready} of {wanted} pods are ready; look at its pods")
     )
@@ -46,7 +46,8 @@ def together(verdicts: Iterable[Verdict], fine: Verdict) -> Verdict:
     return no(bad[0].reason, "; ".join(verdict.message for verdict in bad)) if bad else fine
 
 
-def _pod_trouble(name: str, pods: Iterable[Manifest]) -> Verdict | None:
+def pod_trouble(name: str, pods: Iterable[Manifest]) -> Verdict | None:
+    """What keeps pods from running, for the workload of that name; None: nothing that they tell."""
     for pod in pods:
         status = pod.get("status") or {}
         for condition in status.get("conditions") or ():

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render import child_names, handover, pod
+from robot_offload.render import child_names, dds_profile, handover, pod
 from robot_offload.render.agent_config import (
     AgentSite,
     agent_parameters,
@@ -65,6 +65,7 @@ def agent_deployment(offload: RobotOffload, facts: Facts) -> Manifest:
         {"name": "runtime", "emptyDir": {"medium": "Memory", "sizeLimit": "16Mi"}},
         {"name": "state", "emptyDir": {}},
         _token_volume(),
+        *dds_profile.volumes(offload),
     ]
     if transport.of(offload.spec).traits.agent_needs_certificates:
         volumes.append(pod.certificates_volume(child_name(offload.metadata.name, child_names.CLOUD)))
@@ -117,6 +118,7 @@ def _agent(offload: RobotOffload, facts: Facts) -> Manifest:
         pod.mount("settings", SETTINGS_DIR),
         pod.mount("runtime", RUNTIME_DIR, read_only=False),
         pod.mount("state", STATE_DIR, read_only=False),
+        *dds_profile.mounts(offload),
     ]
     if chosen.traits.agent_needs_certificates:
         mounts.append(pod.mount("certificates", pod.CERTIFICATES_DIR))
@@ -133,6 +135,7 @@ def _agent(offload: RobotOffload, facts: Facts) -> Manifest:
         environment={
             **pod.ros_environment(offload),
             **chosen.node_environment(offload, facts),
+            **dds_profile.environment(offload),
             # It must see the whole graph, not only what it talks to itself.
             **({"ROS_SUPER_CLIENT": "TRUE"} if transport.discovery_servers(offload.spec) else {}),
             handover.URL_VARIABLE: handover.url("127.0.0.1"),

@@ -18,6 +18,7 @@ _FITS: Final = re.compile(r"[a-z]([-a-z0-9]*[a-z0-9])?")
 
 AGENT: Final = "agent"
 SETTINGS: Final = "settings"
+DDS: Final = "dds"
 ROUTER: Final = "router"
 NODES: Final = "nodes"
 DISCOVERY: Final = "discovery"
@@ -27,7 +28,10 @@ ROBOT: Final = "robot"
 CLOUD: Final = "cloud"
 SERVER_CA: Final = "server-ca"
 CLIENT_CA: Final = "client-ca"
-_OWN_WORDS: Final = frozenset((AGENT, SETTINGS, ROUTER, NODES, DISCOVERY, UDP, TCP, ROBOT, CLOUD))
+BUILD: Final = "build"
+IMAGES: Final = "images"
+_OWN_WORDS: Final = frozenset((BUILD, IMAGES, AGENT, SETTINGS, DDS, ROUTER, NODES, DISCOVERY, UDP, TCP, ROBOT, CLOUD))
+_OWN_BEGINNINGS: Final = (f"{DISCOVERY}_", f"{BUILD}_")
 _PLAIN_NODE: Final = re.compile(r"[a-z0-9]+(_+[a-z0-9]+)*")
 
 
@@ -56,7 +60,7 @@ def node_child(offload: str, node: str) -> str:
     of a RobotOffload ever meet in one Deployment.
     """
     plain = node.lower().strip("_").replace("_", "-")
-    if _PLAIN_NODE.fullmatch(node) and node not in _OWN_WORDS and not node.startswith(f"{DISCOVERY}_"):
+    if _PLAIN_NODE.fullmatch(node) and node not in _OWN_WORDS and not node.startswith(_OWN_BEGINNINGS):
         return child_name(offload, plain)
     return child_name(offload, plain or "node", _digest(node))
 

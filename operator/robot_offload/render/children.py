@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.render import dds_profile
 from robot_offload.render.agent_workload import agent_deployment, agent_objects
 from robot_offload.render.facts import Facts, Manifest
 from robot_offload.render.network_policies import network_policies
@@ -27,6 +28,7 @@ def children(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
         *chosen.services(offload, facts),
         *agent_objects(offload, facts),
         *parameter_copies(offload, facts),
+        *dds_profile.config_maps(offload, facts),
         *chosen.workloads(offload, facts),
         agent_deployment(offload, facts),
         *node_deployments(offload, facts),

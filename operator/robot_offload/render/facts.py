@@ -4,29 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 Manifest: TypeAlias = dict[str, Any]
 """A Kubernetes object as it is written in YAML."""
+
+BUILDER: Final = "quay.io/buildah/stable:v1.42.2"
+"""buildah as its makers publish it, with a user of its own (uid 1000) that may use further user ids."""
 
 Purpose: TypeAlias = Literal["pulse", "data", "pulse-fallback", "data-fallback", "discovery", "router"]
 
 
 @dataclass(frozen=True, slots=True)
 class Images:
-    """The container images of our own programs.
+    """The container images of our own programs, and of the one that builds images.
 
     Attributes:
         agent: the cloud agent; usually one that is built on the user's own interfaces.
         operator: the operator, which holds the reporter as well.
         discovery: Fast DDS with its discovery server.
         router: the DDS Router.
+        builder: buildah, for nodes that are built in the cluster.
     """
 
     agent: str
     operator: str
     discovery: str
     router: str
+    builder: str = BUILDER
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +76,7 @@ class Facts:
         certificate_hash: of what is in the Secret of the cloud's certificate; a renewed one rolls what reads it.
         user_config_hashes: of the ConfigMaps of `parametersFrom`, by `name/key`; empty text: it is missing.
         user_configs: what is in them, by `name/key`; replicas get a copy in which they find their own names.
+        built: the images of nodes that are built in the cluster, by node; one that is not there yet is missing.
     """
 
     namespace: str
@@ -83,6 +89,7 @@ class Facts:
     certificate_hash: str = ""
     user_config_hashes: Mapping[str, str] = field(default_factory=dict)
     user_configs: Mapping[str, str] = field(default_factory=dict)
+    built: Mapping[str, str] = field(default_factory=dict)
 
     def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:
         """The known addresses of these purposes, in the order of `purposes`."""

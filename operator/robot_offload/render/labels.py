@@ -6,7 +6,7 @@ from typing import Final, Literal, TypeAlias
 
 from robot_offload.api.v1alpha1 import RobotOffload
 
-Component: TypeAlias = Literal["agent", "node", "discovery", "router", "settings", "certificates", "network"]
+Component: TypeAlias = Literal["agent", "node", "discovery", "router", "settings", "certificates", "network", "build"]
 
 NAME: Final = "app.kubernetes.io/name"
 INSTANCE: Final = "app.kubernetes.io/instance"

@@ -6,6 +6,7 @@ from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.render import child_names, handover
 from robot_offload.render import policy_rules as rules
+from robot_offload.render.build_job import build_ports
 from robot_offload.render.child_names import child_name
 from robot_offload.render.facts import Facts, Manifest
 from robot_offload.render.labels import instance_labels, selector
@@ -17,6 +18,8 @@ def network_policies(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...
     found = [_agent(offload, facts), _nodes(offload, facts)]
     if transport.discovery_servers(offload.spec):
         found.append(_discovery(offload, facts))
+    if offload.spec.built_nodes:
+        found.append(_builds(offload, facts))
     return (*found, *transport.of(offload.spec).policies(offload, facts))
 
 
@@ -67,6 +70,19 @@ def _discovery(offload: RobotOffload, facts: Facts) -> Manifest:
         "discovery",
         ingress=[asking, *incoming],
         egress=[rules.names(), *outgoing],
+    )
+
+
+def _builds(offload: RobotOffload, facts: Facts) -> Manifest:
+    # Sources, packages and base images come from hosts that no label tells; the ports are known.
+    ports = [rules.port("TCP", number) for number in build_ports(offload.spec)]
+    return rules.policy(
+        offload,
+        facts,
+        _name(offload, child_names.BUILD),
+        "build",
+        ingress=[],
+        egress=[rules.names(), rules.anybody(*ports)],
     )
 
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import Node, RobotOffload, RobotOffloadSpec
-from robot_offload.render import handover, labels, pod
+from robot_offload.render import dds_profile, handover, labels, pod
 from robot_offload.render.child_names import AGENT, child_name, node_child
 from robot_offload.render.facts import Facts, Manifest
 from robot_offload.render.hashes import config_hash
@@ -21,8 +21,14 @@ MISSING_IMAGE: Final = "image-not-given"
 
 
 def node_deployments(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
-    """The Deployments of all nodes with a replica in the cloud, in bring-up order."""
-    return tuple(_deployment(offload, facts, node) for node in offload.spec.cloud_nodes)
+    """The Deployments of all nodes with a replica in the cloud, in bring-up order; none without an image."""
+    images = ((node, _image(facts, node)) for node in offload.spec.cloud_nodes)
+    return tuple(_deployment(offload, facts, node, image) for node, image in images if image is not None)
+
+
+def _image(facts: Facts, node: Node) -> str | None:
+    """The image of a node; None: it is not built yet."""
+    return facts.built.get(node.name) if node.build is not None else node.image or MISSING_IMAGE
 
 
 def replicas(spec: RobotOffloadSpec, node: Node, facts: Facts) -> int:
@@ -35,7 +41,7 @@ def replicas(spec: RobotOffloadSpec, node: Node, facts: Facts) -> int:
     return 1
 
 
-def _deployment(offload: RobotOffload, facts: Facts, node: Node) -> Manifest:
+def _deployment(offload: RobotOffload, facts: Facts, node: Node, image: str) -> Manifest:
     name = node_child(offload.metadata.name, node.name)
     own_label = {labels.NODE: name}
     volumes, mounts, params_file = _parameter_file(offload, facts, node)
@@ -44,10 +50,10 @@ def _deployment(offload: RobotOffload, facts: Facts, node: Node) -> Manifest:
         extra["imagePullPolicy"] = node.image_pull_policy
     container = pod.container(
         CONTAINER,
-        node.image or MISSING_IMAGE,
+        image,
         command(offload.spec, node, "cloud", params_file=params_file) if node.run else (),
         environment=_environment(offload, facts, node),
-        mounts=mounts,
+        mounts=[*mounts, *dds_profile.mounts(offload)],
         resources={
             key: dict(values)
             for key, values in (("limits", node.resources.limits), ("requests", node.resources.requests))
@@ -64,7 +70,7 @@ def _deployment(offload: RobotOffload, facts: Facts, node: Node) -> Manifest:
         [container],
         read=config_hash(_read_at_start(node, facts)),
         grace_s=handover.GRACE_S,
-        volumes=volumes,
+        volumes=[*volumes, *dds_profile.volumes(offload)],
         extra_labels=own_label,
         extra=placed,
     )
@@ -80,7 +86,11 @@ def _deployment(offload: RobotOffload, facts: Facts, node: Node) -> Manifest:
 
 
 def _environment(offload: RobotOffload, facts: Facts, node: Node) -> dict[str, str]:
-    own = {**pod.ros_environment(offload), **transport.of(offload.spec).node_environment(offload, facts)}
+    own = {
+        **pod.ros_environment(offload),
+        **transport.of(offload.spec).node_environment(offload, facts),
+        **dds_profile.environment(offload),
+    }
     if node.duplicated:
         own[handover.URL_VARIABLE] = handover.url(child_name(offload.metadata.name, AGENT))
     # What decides where the node belongs is ours; everything else, such as HOME, a user may set.

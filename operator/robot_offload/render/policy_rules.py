@@ -27,12 +27,12 @@ def policy(
     egress: Sequence[Manifest],
 ) -> Manifest:
     """The policy of the pods of one component: both ways closed but for these rules."""
-    spec = {
+    spec: Manifest = {
         "podSelector": {"matchLabels": selector(offload, component)},
         "policyTypes": ["Ingress", "Egress"],
-        "ingress": list(ingress),
-        "egress": list(egress),
     }
+    # The API server drops empty lists, and would seem to have been changed for ever.
+    spec |= {way: list(given) for way, given in (("ingress", ingress), ("egress", egress)) if given}
     return child(offload, facts, "networking.k8s.io/v1", "NetworkPolicy", name, "network", {"spec": spec})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -71,18 +72,31 @@ def score(changes: Sequence[Change], beats: Heartbeats, limit_us: int, weights: 
     return Score(exposed_s, wasted_s, len(changes), 100 * cloud_us / beats.duration_us, cost)
 
 
-def optimum(beats: Heartbeats, limit_us: int, weights: Weights) -> tuple[Change, ...]:
+def optimum(
+    beats: Heartbeats, limit_us: int, weights: Weights, forbidden: NDArray[np.bool_] | None = None
+) -> tuple[Change, ...]:
     """The cheapest placement of all, found with the whole recording known.
 
     Dynamic programming over the stretches in which the link stays good or stays bad: within one the cost of either side
     grows evenly, so the best moment for a change is always an edge. No policy without foresight can reach it: a bad
     stretch shows only when its first echo is overdue, and a short one is over by then.
+
+    Args:
+        beats: of the recording.
+        limit_us: the longest loop latency that is good enough.
+        weights: the prices.
+        forbidden: periods in which a hard limit keeps everybody on the robot; None for no limit.
     """
-    parts = stretches(beats.good(limit_us), beats.period_us)
+    good_enough = beats.good(limit_us)
+    barred = np.zeros(len(good_enough), dtype=bool) if forbidden is None else forbidden
+    kinds = good_enough + 2 * barred.astype(np.int8)
+    parts = [(at_us, bool(kind & 1), bool(kind & 2), s) for at_us, kind, s in stretches(kinds, beats.period_us)]
     least = {Site.ROBOT: 0.0, Site.CLOUD: weights.switch}
     origins: list[dict[Site, Site]] = []
-    for _, good, length_s in parts:
+    for _, good, barred_here, length_s in parts:
         least[Site.CLOUD] += 0.0 if good else weights.exposed_per_s * length_s
+        if barred_here:
+            least[Site.CLOUD] = math.inf
         least[Site.ROBOT] += weights.wasted_per_s * length_s if good else 0.0
         # Where the cheapest way to each side at the end of this stretch was within it.
         moving = {site: least[site.other] + weights.switch for site in Site}
@@ -93,7 +107,7 @@ def optimum(beats: Heartbeats, limit_us: int, weights: Weights) -> tuple[Change,
     for origin in reversed(origins):
         site = origin[site]
         sites.append(site)
-    starts_us = [start_us for start_us, _, _ in parts]
+    starts_us = [part[0] for part in parts]
     return tuple(_as_changes(starts_us, sites[::-1]))
 
 
@@ -104,11 +118,11 @@ def _as_changes(starts_us: Sequence[int], sites: Sequence[Site]) -> Iterator[Cha
             yield Change(start_us, site, "Foresight", "Known to be cheapest with the whole recording known")
 
 
-def stretches(good: NDArray[np.bool_], period_us: int) -> list[tuple[int, bool, float]]:
-    """(start in microseconds, good, length in seconds) of each stretch of equal quality."""
-    edges = np.flatnonzero(np.diff(good)) + 1
-    bounds = [0, *edges.tolist(), len(good)]
-    return [(a * period_us, bool(good[a]), (b - a) * period_us / 1e6) for a, b in itertools.pairwise(bounds)]
+def stretches(kinds: NDArray[np.bool_] | NDArray[np.int8], period_us: int) -> list[tuple[int, int, float]]:
+    """(start in microseconds, kind, length in seconds) of each stretch of periods of equal kind, for example good."""
+    edges = np.flatnonzero(np.diff(kinds)) + 1
+    bounds = [0, *edges.tolist(), len(kinds)]
+    return [(a * period_us, int(kinds[a]), (b - a) * period_us / 1e6) for a, b in itertools.pairwise(bounds)]
 
 
 def _cloud_stays(changes: Sequence[Change], end_us: int) -> Iterator[tuple[int, int]]:

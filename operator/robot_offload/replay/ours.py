@@ -11,7 +11,8 @@ from robot_offload_core.beats import Beat, CloudReport, Echo
 from robot_offload_core.collector import GateReport
 from robot_offload_core.health import Frame, Situation, cloud_fault, fitness
 from robot_offload_core.link import Link
-from robot_offload_core.policy import Fitness, Policy, Rule, Verdict
+from robot_offload_core.outlook import Figures, Outlook
+from robot_offload_core.policy import Fitness, Policy, Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 
@@ -79,14 +80,18 @@ class Mind:
 
     Args:
         settings: of the agent.
-        rule: figures of the policy; None: the product's.
+        figures: of the outlook; None: the product's.
     """
 
-    def __init__(self, settings: Settings, rule: Rule | None = None) -> None:
+    def __init__(self, settings: Settings, figures: Figures | None = None) -> None:
         self._settings = settings
-        self.policy = Policy() if rule is None else Policy(rule=rule)
+        self.policy = Policy() if figures is None else Policy(outlook=Outlook(figures=figures))
         self._site = Site.ROBOT
         self._entered_s = 0.0
+
+    def heard(self, sent_s: float, arrived_s: float) -> None:
+        """An echo came back: it tells what the link was like when its beat was sent."""
+        self.policy = policies.heard(self.policy, sent_s, arrived_s - sent_s, self._settings)
 
     def place(self, sight: Sight) -> Verdict:
         """The decision at that moment, as `switcher.step` comes to it when changing over takes no time."""
@@ -117,13 +122,14 @@ class Mind:
 class Ours:
     """The agent as a policy: changes over at once when `policy.decide` says so and no hard limit is broken."""
 
-    def __init__(self, settings: Settings, rule: Rule | None = None) -> None:
+    def __init__(self, settings: Settings) -> None:
         self._eyes = Eyes(settings)
-        self._mind = Mind(settings, rule)
+        self._mind = Mind(settings)
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
         """Takes in an echo."""
         self._eyes.heard(sent_s, arrived_s)
+        self._mind.heard(sent_s, arrived_s)
 
     def place(self, now_s: float) -> Verdict:
         """What the agent would decide."""

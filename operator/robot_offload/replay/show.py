@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Sequence
 
 import numpy as np
@@ -29,23 +30,48 @@ def heading(subject: Case) -> str:
 
 
 def table(subject: Case, outcomes: Sequence[Outcome]) -> Table:
-    """One row for each policy, the optimum last."""
-    found = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    found.add_column("policy")
-    for name in ("cost J", "ratio", "exposed s", "wasted s", "switches", "cloud %"):
-        found.add_column(name, justify="right")
+    """One row for each policy, the best fixed rule and the optimum last."""
+    found = _table("policy", "cost J", "of optimum", "of best fixed", "exposed s", "wasted s", "switches", "cloud %")
     for each in [*outcomes, subject.best]:
-        figures, ratio = each.score, subject.ratio(each.score.cost)
+        figures = each.score
+        if each is subject.best:
+            fixed = subject.best_fixed.cost
+            found.add_row("best fixed", f"{fixed:.1f}", _times(subject.ratio(fixed)), "1.00")
         found.add_row(
             each.policy,
             f"{figures.cost:.1f}",
-            "-" if ratio is None else f"{ratio:.2f}",
+            _times(subject.ratio(figures.cost)),
+            _times(subject.ratio_best_fixed(figures.cost)),
             f"{figures.exposed_s:.2f}",
             f"{figures.wasted_s:.2f}",
             f"{figures.switches}",
             f"{figures.cloud_pct:.1f}",
         )
     return found
+
+
+def summary(done: Sequence[tuple[Case, Sequence[Outcome]]]) -> Table:
+    """J of each policy as a multiple of the best fixed rule: mean and worst over all recordings."""
+    found = _table("policy", "mean of best fixed", "worst", "on")
+    for index, first in enumerate(done[0][1]):
+        ratios = [(subject.ratio_best_fixed(each[index].score.cost), subject.beats.name) for subject, each in done]
+        known = [(ratio, name) for ratio, name in ratios if ratio is not None]
+        worst, where = max(known, default=(None, "-"))
+        mean = statistics.mean(ratio for ratio, _ in known) if known else None
+        found.add_row(first.policy, _times(mean), _times(worst), where)
+    return found
+
+
+def _table(first: str, *figures: str) -> Table:
+    found = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    found.add_column(first)
+    for name in figures:
+        found.add_column(name, justify="right")
+    return found
+
+
+def _times(ratio: float | None) -> str:
+    return "-" if ratio is None else f"{ratio:.2f}"
 
 
 def strips(subject: Case, chosen: Outcome) -> list[str]:
@@ -83,20 +109,22 @@ def _shaded(shares: Sequence[float]) -> str:
 
 def tuning(reports: Sequence[Report]) -> Table:
     """One row for each recording that was left out, with the figures that were best on the others."""
-    found = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    found.add_column("left out")
-    for name in ("hold-down s", "patience s", "proof s", "J with these", "J at present", "best other rule", "optimum"):
-        found.add_column(name, justify="right")
+    found = _table(
+        "left out", "hold-down s", "handicap", "margin", "half-life s", "J with these", "J at present",
+        "best other rule", "best fixed", "optimum",
+    )  # fmt: skip
     for report in reports:
         figures = report.figures
         found.add_row(
             report.trace,
             f"{figures.hold_down_initial_s:g}",
-            f"{figures.patience_s:g} to {figures.patience_max_s:g}",
-            f"{figures.proof_max_s:g}",
+            f"{figures.handicap:g}",
+            f"{figures.margin:g}",
+            f"{figures.half_life_s:g}",
             f"{report.tuned:.1f}",
             f"{report.present:.1f}",
             f"{report.rival_cost:.1f} ({report.rival})",
+            f"{report.best_fixed:.1f}",
             f"{report.optimum:.1f}",
         )
     return found

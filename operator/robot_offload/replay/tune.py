@@ -14,33 +14,32 @@ from robot_offload.replay.named import CONSTANT, OURS, POLICIES, NamedPolicy
 from robot_offload.replay.ours import Eyes, Mind, Sight
 from robot_offload.replay.play import moments
 from robot_offload.replay.study import Case, Outcome
-from robot_offload_core.policy import Fitness, Rule, Verdict
+from robot_offload_core import outlook
+from robot_offload_core.outlook import USUAL
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 
-GOOD: Final = Fitness(True, "LinkGood", "")
-SLOW: Final = Fitness(False, "LatencyTooHigh", "")
 RIVALS: Final = tuple(name for name in POLICIES if name not in (OURS.name, *CONSTANT))
 
 
 @dataclass(frozen=True)
 class Figures:
-    """What is searched: the first hold-down is set in the resource, the rest stands in the core's `Rule`.
+    """What is searched: the first hold-down is set in the resource, the rest stands in the core's outlook.
 
     Attributes:
         hold_down_initial_s: `switching.holdDown.initial`, the wait after the first flap.
-        patience_s, patience_max_s, proof_max_s: see `robot_offload_core.policy.Rule`.
+        handicap, margin, half_life_s: see `robot_offload_core.outlook.Figures`.
     """
 
     hold_down_initial_s: float = Settings.hold_down_initial_s
-    patience_s: float = Rule.patience_s
-    patience_max_s: float = Rule.patience_max_s
-    proof_max_s: float = Rule.proof_max_s
+    handicap: float = USUAL.handicap
+    margin: float = USUAL.margin
+    half_life_s: float = USUAL.half_life_s
 
 
 DEFAULT: Final = Figures()
 GRID: Final[tuple[Figures, ...]] = tuple(
-    itertools.starmap(Figures, itertools.product((0.25, 0.5, 1.0, 2.0), (0.1, 0.2), (0.5, 1.0), (1.0, 2.0, 4.0)))
+    itertools.starmap(Figures, itertools.product((0.5, 1.0), (1.0, 3.0, 10.0), (0.5, 1.0), (300.0, 1000.0)))
 )
 """Every combination that is tried; the present figures are among them."""
 
@@ -54,6 +53,7 @@ class Report:
         figures: the best ones on the others.
         tuned, present: cost on this recording with these figures, and with the present ones.
         rival, rival_cost: the best other rule here.
+        best_fixed: cost of the best fixed rule, in hindsight.
         optimum: the least cost that was possible.
     """
 
@@ -64,6 +64,7 @@ class Report:
     present: float
     rival: str
     rival_cost: float
+    best_fixed: float
     optimum: float
 
 
@@ -73,25 +74,21 @@ class Sights:
     def __init__(self, subject: Case) -> None:
         eyes, sent_us = Eyes(subject.settings), subject.beats.sent_us.tolist()
         self._case = subject
-        self._sights: list[tuple[int, Sight]] = []
-        faults: dict[str, Verdict] = {}
+        self._sights: list[tuple[int, list[float], Sight]] = []
         for at_us, echoes in moments(subject.beats):
-            for index in echoes:
-                eyes.heard(sent_us[index] / 1e6, at_us / 1e6)
-            seen = eyes.look(at_us / 1e6)
-            fault = seen.fault and faults.setdefault(seen.fault.reason, seen.fault)  # one object for a million moments
-            kept = Sight(seen.now_s, GOOD if seen.fitness.ok else SLOW, fault, seen.good_s)
-            self._sights.append((at_us, kept))
+            sent_s = [sent_us[index] / 1e6 for index in echoes]
+            for each_s in sent_s:
+                eyes.heard(each_s, at_us / 1e6)
+            self._sights.append((at_us, sent_s, eyes.look(at_us / 1e6)))
 
     def cost(self, figures: Figures) -> float:
         """What our rule with these figures comes to."""
         settings = dataclasses.replace(self._case.settings, hold_down_initial_s=figures.hold_down_initial_s)
-        rule = Rule(
-            patience_s=figures.patience_s, patience_max_s=figures.patience_max_s, proof_max_s=figures.proof_max_s
-        )  # fmt: skip
-        mind, site = Mind(settings, rule), Site.ROBOT
-        changes: list[Change] = []
-        for at_us, sight in self._sights:
+        mind = Mind(settings, outlook.Figures(figures.handicap, figures.margin, figures.half_life_s))
+        site, changes = Site.ROBOT, []
+        for at_us, sent_s, sight in self._sights:
+            for each_s in sent_s:
+                mind.heard(each_s, at_us / 1e6)
             wanted = mind.place(sight).site
             if wanted is not site:
                 site = wanted
@@ -99,47 +96,52 @@ class Sights:
         return self._case.price(tuple(changes)).cost
 
 
-def leave_one_out(
+def search(
     cases: Sequence[Case],
+    held_out: Sequence[Case],
     outcome: Callable[[NamedPolicy, Case], Outcome],
     done: Callable[[int], None],
     grid: Sequence[Figures] = GRID,
 ) -> list[Report]:
-    """Each recording in turn is left out: the figures with the least mean ratio on the others are tried on it.
+    """The figures with the least mean ratio on some recordings are tried on others.
 
     Args:
-        cases: at least two.
+        cases: to search on.
+        held_out: to report on; without them each of `cases` in turn is left out of the search and reported on.
         outcome: replays a recording for a policy.
-        done: told how many steps of `steps(cases)` more are done.
+        done: told how many steps of `steps(cases, held_out)` more are done.
         grid: what is tried.
     """
+    everything = [*cases, *held_out]
     costs: list[dict[Figures, float]] = []
-    for subject in cases:
+    for subject in everything:
         sights = Sights(subject)
         done(1)
         costs.append({})
         for figures in dict.fromkeys([DEFAULT, *grid]):
             costs[-1][figures] = sights.cost(figures)
             done(1)
+    reported = range(len(cases), len(everything)) if held_out else range(len(cases))
     reports = []
-    for index, subject in enumerate(cases):
+    for index in reported:
+        subject = everything[index]
         others = [other for other in range(len(cases)) if other != index]
-        best = min(grid, key=lambda figures: _mean_ratio(cases, costs, others, figures))
+        best = min(grid, key=lambda figures: _mean_ratio(everything, costs, others, figures))
         rivals = {name: outcome(POLICIES[name], subject).score.cost for name in RIVALS}
         done(1)
         rival = min(rivals, key=lambda name: rivals[name])
-        names = tuple(cases[other].beats.name for other in others)
+        names = tuple(everything[other].beats.name for other in others)
         cost = costs[index]
         reports.append(
             Report(subject.beats.name, names, best, cost[best], cost[DEFAULT], rival, rivals[rival],
-                   subject.best.score.cost)
+                   subject.best_fixed.cost, subject.best.score.cost)
         )  # fmt: skip
     return reports
 
 
-def steps(cases: Sequence[Case], grid: Sequence[Figures] = GRID) -> int:
-    """How many steps `leave_one_out` tells."""
-    return len(cases) * (len(dict.fromkeys([DEFAULT, *grid])) + 2)
+def steps(cases: Sequence[Case], held_out: Sequence[Case] = (), grid: Sequence[Figures] = GRID) -> int:
+    """How many steps `search` tells."""
+    return (len(cases) + len(held_out)) * (len(dict.fromkeys([DEFAULT, *grid])) + 1) + len(held_out or cases)
 
 
 def _mean_ratio(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from robot_offload.simulate.nodes import Message
 from robot_offload_core import placement as words
+from robot_offload_core import policy as policies
 from robot_offload_core.beats import Beat, CloudReport, Permission
 from robot_offload_core.collector import Gate
 from robot_offload_core.envelope import Envelope
@@ -325,7 +326,8 @@ class Observer:
         """Invariant 5: with nothing wrong for 8 s exactly one side acts, and the cloud is used again.
 
         Every rated output flows, the driver is released, nothing leaves the cloud while the robot has been in charge
-        for a lease and two beats. When the policy wants the cloud, no retry and no hold-down has been pending for 4 s,
+        for a lease and two beats. When the policy wants the cloud, no retry and no hold-down has been pending for 4 s
+        and what the link has taught does not speak against it (the tests of the core say for how long that may be),
         it is in the cloud (liveness, beyond the letter of the protocol).
         """
         now, settings = self.world.now, self.settings
@@ -344,6 +346,7 @@ class Observer:
         by_hand = robot.manual is not None and robot.manual.holds(host_now_s)
         pinned = robot.pin is not None and robot.pin.holds(host_now_s)
         held = by_hand or pinned or host_now_s < max(robot.retry_s, robot.policy.hold_until_s)
+        held = held or policies.waits(robot.policy)
         if held or not wants or words.IN_CHARGE[robot.phase] is Site.CLOUD:
             self.held_until_s = now
         elif now - max(self.held_until_s, now - self.run.faults.quiet_s() + SETTLED_S) > RETURN_S:

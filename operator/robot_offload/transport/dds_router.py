@@ -66,7 +66,7 @@ def workloads(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
     announced = facts.endpoints_for("router")
     if not announced:
         return servers
-    data = {CONFIG_KEY: _text(cloud_config(offload, facts, announced[0])), _DH_KEY: _DH_PARAMETERS}
+    data = {CONFIG_KEY: _text(cloud_config(offload, announced[0])), _DH_KEY: _DH_PARAMETERS}
     return (
         *servers,
         config_map(offload, facts, _name(offload), "router", data),
@@ -74,9 +74,9 @@ def workloads(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
     )
 
 
-def cloud_config(offload: RobotOffload, facts: Facts, announced: Endpoint) -> dict[str, Any]:
+def cloud_config(offload: RobotOffload, announced: Endpoint) -> dict[str, Any]:
     """The configuration of the router in the cloud."""
-    servers = [router.address(host, discovery.PORT.number, "udp") for host in discovery.hosts(offload, facts)]
+    servers = [router.address(host, discovery.PORT.number, "udp") for host in discovery.names(offload)]
     cluster = {
         "name": router.CLUSTER,
         "kind": "local-discovery-server",
@@ -124,7 +124,7 @@ def policies(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
 
 def node_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
     """The discovery servers."""
-    return discovery.environment(offload, facts)
+    return discovery.environment(offload)
 
 
 def robot_environment(offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
@@ -173,7 +173,16 @@ def _deployment(offload: RobotOffload, facts: Facts, read: str) -> Manifest:
         pod.config_map_volume("configuration", _name(offload), [CONFIG_KEY, _DH_KEY]),
         pod.certificates_volume(child_name(offload.metadata.name, CLOUD)),
     ]
-    template = pod.pod_template(offload, "router", [container], read=read, grace_s=5, volumes=volumes)
+    template = pod.pod_template(
+        offload,
+        "router",
+        [container],
+        read=read,
+        grace_s=5,
+        volumes=volumes,
+        # The agent's image, because the router's has no Python.
+        extra={"initContainers": [pod.wait_for_names(container, facts.images.agent, discovery.names(offload))]},
+    )
     return pod.deployment(offload, facts, _name(offload), "router", template)
 
 

@@ -23,19 +23,18 @@ SERVER_LABEL: Final = "robotoffload.dev/discovery-server"
 
 
 def names(offload: RobotOffload) -> tuple[str, ...]:
-    """The names of the servers' objects, by their ids."""
+    """The names of the servers' objects, by their ids; those of the Services are their hosts in the namespace."""
     servers = range(offload.spec.cloud.discovery_servers)
     return tuple(discovery_child(offload.metadata.name, server) for server in servers)
 
 
-def hosts(offload: RobotOffload, facts: Facts) -> tuple[str, ...]:
-    """The servers' DNS names in the cluster, by their ids."""
-    return tuple(f"{name}.{facts.namespace}.svc" for name in names(offload))
+def environment(offload: RobotOffload) -> dict[str, str]:
+    """Environment of a participant that finds others through the servers.
 
-
-def environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
-    """Environment of a participant that finds others through the servers."""
-    return {"ROS_DISCOVERY_SERVER": ";".join(f"{host}:{PORT.number}" for host in hosts(offload, facts))}
+    Their names without the namespace, which is the participant's own: Fast DDS reads names of at most 63 characters,
+    as long as a Service's may be, and forgets the whole list when one is longer.
+    """
+    return {"ROS_DISCOVERY_SERVER": ";".join(f"{name}:{PORT.number}" for name in names(offload))}
 
 
 def server_selector(server: int) -> dict[str, str]:

@@ -37,12 +37,14 @@ class Traits:
         agent_needs_certificates: whether the cloud's agent proves who it is.
         by_discovery_servers: whether nodes in the cluster find each other through discovery servers.
         robot_speaks_dds: whether nodes on both sides talk directly, so that the robot's own addresses must pass.
+        dds_profile: an XML profile of Fast DDS for every participant in the cloud; empty: none.
     """
 
     agent_ports: tuple[ContainerPort, ...] = ()
     agent_needs_certificates: bool = False
     by_discovery_servers: bool = True
     robot_speaks_dds: bool = False
+    dds_profile: str = ""
 
 
 class TransportModule(Protocol):

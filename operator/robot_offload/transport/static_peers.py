@@ -16,7 +16,30 @@ from robot_offload.render.site import AgentSite
 from robot_offload.transport.discovery_server import agent_link as _topics_only
 from robot_offload.transport.port import Traits
 
-traits: Final = Traits(by_discovery_servers=False, robot_speaks_dds=True)
+_PROFILE: Final = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <profiles>
+    <transport_descriptors>
+      <transport_descriptor>
+        <transport_id>udp</transport_id>
+        <type>UDPv4</type>
+        <maxInitialPeersRange>32</maxInitialPeersRange>
+      </transport_descriptor>
+    </transport_descriptors>
+    <participant profile_name="robot_offload" is_default_profile="true">
+      <rtps>
+        <userTransports><transport_id>udp</transport_id></userTransports>
+        <useBuiltinTransports>false</useBuiltinTransports>
+      </rtps>
+    </participant>
+  </profiles>
+</dds>
+"""
+"""A listed address has no port, and Fast DDS asks the first four participants there. A robot has more of them: the
+agent alone is four. UDP alone, as in all pods."""
+
+traits: Final = Traits(by_discovery_servers=False, robot_speaks_dds=True, dds_profile=_PROFILE)
 
 
 def purposes(offload: RobotOffload) -> tuple[Purpose, ...]:

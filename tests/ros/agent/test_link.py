@@ -17,7 +17,7 @@ def test_the_robot_takes_over_when_the_link_is_cut_and_gives_back_when_it_heals(
     world.goes_to("robot")
     assert longest_gap_s(world.arrivals, at_s) < GAP_LIMIT_S
     lost = next(p for p in world.placed if p.t_s > at_s and p.site == "robot")
-    assert lost.reason in ("HeartbeatLost", "EchoStale", "CloudNotActing", "LatencyTooHigh")
+    assert lost.reason in ("HeartbeatLost", "EchoStale", "CloudNotActing", "LatencyTooHigh", "LinkUnsteady")
     world.cut(None)
     world.goes_to("cloud")
 
@@ -39,7 +39,7 @@ def test_a_slow_link_is_left_by_command_without_a_hole_and_taken_again_when_it_i
     world.wire.set(delay_ms=60)  # the loop of 120 ms is over the limit of 60 ms, yet no beat is lost
     world.goes_to("robot")
     assert longest_gap_s(world.arrivals, at_s) < GAP_LIMIT_S
-    assert world.reason == "LatencyTooHigh"
+    assert world.reason in ("LatencyTooHigh", "LinkUnsteady")  # the second when the first slow beat is overdue
     assert holes(world.arrivals[since:]) == 0
     world.wire.set(delay_ms=0)
     world.goes_to("cloud")

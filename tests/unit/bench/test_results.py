@@ -44,6 +44,14 @@ def test_limits_say_their_direction():
     assert table.limit(figure(1.0), None) == ""
 
 
+def test_a_figure_is_told_in_multiples_of_what_was_measured_beside_it():
+    one = figure(50.0, baseline=20.0, against="direct DDS")
+    assert one.ratio == pytest.approx(2.5)
+    assert (table.ratio(one), table.beside(one)) == ("2.50", "direct DDS: 20.0 ms")
+    assert (table.ratio(figure(50.0)), table.beside(figure(50.0))) == ("", "")
+    assert figure(50.0, baseline=0.0).ratio is None
+
+
 def test_a_part_leaves_out_what_was_not_seen():
     part = results.part("x", "ms", [1.0, None, 3.0])
     assert part is not None

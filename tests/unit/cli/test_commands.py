@@ -20,7 +20,7 @@ SAMPLES = Path(__file__).parents[3] / "manifests" / "samples"
 PROGRAMS = Path(__file__).parents[3] / ".venv" / "bin"
 COMMANDS = (
     "validate", "render", "crd", "status", "explain", "bundle", "pin", "revoke", "doctor", "completion", "demo",
-    "simulate",
+    "simulate", "bench", "dockerfile", "build",
 )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from robot_offload.control.settings import from_environment
 from robot_offload.errors import InputError
+from robot_offload.render.facts import BUILDER
 
 NEEDED = {
     "AGENT_IMAGE": "a:1",
@@ -20,6 +21,11 @@ NEEDED = {
 def test_what_is_needed_is_enough() -> None:
     settings = from_environment(NEEDED)
     assert (settings.watch_namespace, settings.metrics_port, settings.images.router) == ("", 8080, "r:1")
+
+
+def test_who_builds_images_is_known_and_may_be_another() -> None:
+    assert from_environment(NEEDED).images.builder == BUILDER
+    assert from_environment({**NEEDED, "BUILDER_IMAGE": "mirror.example/b:1"}).images.builder == "mirror.example/b:1"
 
 
 def test_every_problem_is_told() -> None:

@@ -10,7 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from robot_offload.errors import InputError
 from robot_offload.images import ours, wheels_base
+from robot_offload.images.builders import commands
+from robot_offload.images.inside import pins
 from robot_offload.images.ours import OURS, ROOT, Settings, request
 from robot_offload.render.facts import default_images
 from tests.golden.dockerfiles.test_dockerfiles import IGNORED
@@ -80,9 +83,56 @@ def test_the_start_scripts_are_correct(script: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_the_agent_image_has_the_zenoh_that_we_test_with() -> None:
-    (pinned,) = re.findall(r"^eclipse-zenoh==(\S+)", (ROOT / "requirements/all.txt").read_text(), re.MULTILINE)
-    assert f"eclipse-zenoh=={pinned}" in text_of("agent")
+PINS = """\
+aiohttp==3.14 ; sys_platform != 'win32' \\
+    --hash=sha256:00 \\
+    --hash=sha256:01
+    # via
+    #   robot-offload-workspace (pyproject.toml:operator)
+    #   kopf
+kopf==1.45 \\
+    --hash=sha256:02
+    # via robot-offload-workspace (pyproject.toml:operator)
+numpy==2 \\
+    --hash=sha256:03
+    # via matplotlib
+yarl==1.25 \\
+    --hash=sha256:04
+    # via aiohttp
+"""
+
+
+def test_an_image_gets_the_pins_of_what_it_names_and_of_what_that_needs() -> None:
+    picked = pins.chosen(PINS, ["kopf"])
+    assert re.findall(r"^\S+==", picked, re.MULTILINE) == ["aiohttp==", "kopf==", "yarl=="]
+    assert "--hash=sha256:00" in picked
+    assert pins.dependencies('[project]\ndependencies = ["robot-offload-core", "Kopf>=1", "x[y]; z"]') == ("kopf", "x")
+
+
+def test_what_is_not_pinned_is_told() -> None:
+    command = (sys.executable, pins.__file__, str(ROOT / "requirements/all.txt"), "no-such-package")
+    done = subprocess.run(command, text=True, capture_output=True, check=False, timeout=60)
+    assert (done.returncode, "does not pin 'no-such-package'" in done.stderr) == (1, True)
+
+
+@pytest.mark.parametrize("name", ["agent", "operator"])
+def test_packages_are_the_tested_ones_with_their_hashes(name: str) -> None:
+    installs = [
+        command for command in parsed.shell_commands(text_of(name)) if "pip" in command and "install" in command
+    ]
+    for command in installs:
+        for install in re.findall(r"python3 -m pip [^;]*install [^;]*", command):
+            assert "--require-hashes" in install or "--no-index" in install, install
+
+
+@pytest.mark.parametrize("name", ["agent", "operator"])
+def test_a_changed_line_of_ours_makes_only_the_last_layer_anew(name: str) -> None:
+    text = text_of(name)
+    assert text.index("FROM dependencies AS code") < text.index("COPY core ")
+    final = parsed.instructions(text.rsplit("\nFROM ", 1)[1])
+    layers = [value for kind, value in final if kind in ("RUN", "COPY", "ADD")]
+    assert "--from=code" in layers[-1]
+    assert not any("--from=code" in layer for layer in layers[:-1])
 
 
 def test_the_router_is_not_the_version_that_hears_no_jazzy() -> None:
@@ -140,3 +190,49 @@ def test_the_archives_hold_the_interpreter_and_no_caches(tmp_path: Path) -> None
     assert files == [("usr/local/bin/python3.12", 0), ("usr/local/lib/python3.12/os.py", 0)]
     assert wheels_base.of_system(tarfile.TarInfo("var/log/dpkg.log")) is None
     assert wheels_base.of_system(tarfile.TarInfo("etc/passwd")) is not None
+
+
+def test_the_base_is_made_anew_when_what_it_is_made_of_changes(tmp_path: Path) -> None:
+    context, archive = tmp_path / "context", tmp_path / "system.tar"
+    context.mkdir()
+    (context / "Dockerfile").write_text("FROM scratch\n")
+    archive.write_text("system")
+    first = wheels_base.fingerprint(context, [archive])
+    assert wheels_base.fingerprint(context, [archive]) == first
+    (context / "Dockerfile").write_text("FROM scratch\nUSER 1\n")
+    second = wheels_base.fingerprint(context, [archive])
+    archive.write_text("another system")
+    assert len({first, second, wheels_base.fingerprint(context, [archive])}) == 3
+
+
+def test_a_build_on_the_wheels_asks_for_no_user_namespace_and_borrows_certificates() -> None:
+    for tool in ("buildah", "podman"):
+        lent = wheels_base.lent(tool)
+        assert lent[:2] == ("--isolation", "chroot")
+        assert all(path.endswith(":ro") for path in lent[3:])
+    assert wheels_base.lent("docker") == (), "docker knows neither option"
+
+
+def test_the_systems_own_python_cannot_be_taken_along(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(sys, "base_prefix", "/usr")
+    (tmp_path / "bookworm").mkdir()
+    (tmp_path / "bookworm/system.tar").touch()
+    with pytest.raises(InputError, match="uv python install"):
+        wheels_base.archives(tmp_path)
+
+
+def test_what_of_the_repository_counts_is_told_to_every_builder() -> None:
+    wanted = request(OURS[0], SETTINGS)
+    ignored = "--ignorefile", str(ROOT / "images/agent/Dockerfile.dockerignore")
+    for tool in ("buildah", "podman"):
+        (command,) = commands(tool, wanted)
+        assert command[command.index("--ignorefile") :][:2] == ignored
+    (command,) = commands("docker", wanted)
+    assert "--ignorefile" not in command, "docker finds it beside the Dockerfile"
+
+
+def test_our_images_take_their_times_from_the_same_variable_as_those_of_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    assert "--timestamp 1700000000" in run("agent", "--builder", "buildah", "--dry-run").stdout
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
+    assert run("agent", "--builder", "buildah", "--dry-run").returncode == 2

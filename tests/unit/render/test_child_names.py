@@ -46,7 +46,9 @@ def test_nodes_that_would_meet_once_dashes_replace_underscores_do_not(one: str, 
     assert node_child("r", one) != node_child("r", other)
 
 
-@pytest.mark.parametrize("word", ["agent", "router", "settings", "discovery_0", "udp"])
+@pytest.mark.parametrize(
+    "word", ["agent", "router", "settings", "discovery_0", "udp", "images", "build", "build_controller"]
+)
 def test_a_node_that_is_called_like_a_child_of_ours_gets_another_name(word: str) -> None:
     assert node_child("r", word) != child_name("r", word.replace("_", "-"))
 

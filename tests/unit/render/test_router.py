@@ -85,7 +85,7 @@ def test_the_cloud_joins_its_discovery_servers_and_the_robot_its_own_domain() ->
     [cluster] = [one for one in config()["participants"] if one["kind"] != "wan"]
     assert (cluster["kind"], cluster["domain"]) == ("local-discovery-server", 43)
     assert [one["domain"] for one in cluster["connection-addresses"]] == [
-        f"wheelchair-7-discovery-{server}.robots.svc" for server in (0, 1)
+        f"wheelchair-7-discovery-{server}" for server in (0, 1)
     ]
     [local] = [one for one in on_the_robot()["participants"] if one["kind"] != "wan"]
     assert (local["kind"], local["domain"]) == ("local", 42)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import itertools
 import re
+import subprocess
+import sys
 from typing import Any
 
 import pytest
 
+from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.render.facts import Manifest
 from robot_offload.render.labels import INSTANCE, MANAGED_BY
-from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, environment, facts, offload, pods, rendered
+from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, environment, facts, offload, pods, rendered, resource
 
 CONTROLLER = "Deployment/wheelchair-7-controller"
 PLANNER = "Deployment/wheelchair-7-planner"
@@ -90,9 +93,48 @@ def test_a_node_finds_the_others_through_the_discovery_servers() -> None:
     assert values["ROS_DOMAIN_ID"] == "43"
     assert values["RMW_IMPLEMENTATION"] == "rmw_fastrtps_cpp"
     assert values["FASTDDS_BUILTIN_TRANSPORTS"] == "UDPv4"
-    servers = [f"wheelchair-7-discovery-{server}.robots.svc:11811" for server in (0, 1)]
+    servers = [f"wheelchair-7-discovery-{server}:11811" for server in (0, 1)]
     assert values["ROS_DISCOVERY_SERVER"] == ";".join(servers)
     assert "ROS_SUPER_CLIENT" not in values
+
+
+@pytest.mark.parametrize("transport", [name for name in TRANSPORTS if name != "StaticPeers"])
+def test_fast_dds_can_read_the_servers_of_the_longest_names(transport: str) -> None:
+    values = resource(transport=TRANSPORTS[transport])
+    values["metadata"]["name"] = "r" * 63
+    there = facts(namespace="n" * 63, endpoints=EVERY_ENDPOINT)
+    for manifest in rendered(parse_object(values, "test.yaml"), there).values():
+        if manifest["kind"] != "Deployment":
+            continue
+        for server in environment(container({"": manifest}, "")).get("ROS_DISCOVERY_SERVER", "").split(";"):
+            assert len(server.rpartition(":")[0]) <= 63
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_a_pod_whose_dds_asks_for_names_starts_when_they_resolve(transport: str) -> None:
+    manifests = rendered(offload(transport=TRANSPORTS[transport]), facts(endpoints=EVERY_ENDPOINT))
+    services = [key.partition("/")[2] for key in manifests if re.fullmatch(r"Service/wheelchair-7-discovery-\d", key)]
+    for key, manifest in manifests.items():
+        if manifest["kind"] != "Deployment":
+            continue
+        waits = manifest["spec"]["template"]["spec"].get("initContainers", [])
+        assert [one["args"] for one in waits] == ([] if transport == "StaticPeers" else [services]), key
+        for one in waits:
+            assert one.get("resources") == container(manifests, key).get("resources"), "a quota must not refuse it"
+            assert "env" not in one
+
+
+def test_a_name_that_is_not_known_yet_is_waited_for() -> None:
+    [wait] = rendered()[AGENT]["spec"]["template"]["spec"]["initContainers"]
+    _, option, script = wait["command"]
+    known = subprocess.run([sys.executable, option, script, "localhost"], timeout=60, check=False)
+    assert known.returncode == 0
+    asking = [sys.executable, option, script, "never.invalid"]
+    with subprocess.Popen(asking, stdout=subprocess.PIPE, text=True) as waiting:
+        assert waiting.stdout is not None
+        assert "waiting for the name never.invalid" in waiting.stdout.readline()
+        assert waiting.poll() is None
+        waiting.kill()
 
 
 def test_only_the_agent_sees_the_whole_graph() -> None:
@@ -227,3 +269,21 @@ def test_an_address_is_probed_where_the_discovery_server_listens() -> None:
     port = re.fullmatch(r":([0-9A-F]{4}) ", probe[2])
     assert port is not None
     assert int(port[1], 16) == 11811
+
+
+def test_every_participant_of_static_peers_asks_more_than_the_first_four_at_an_address() -> None:
+    manifests = rendered(offload(transport=TRANSPORTS["StaticPeers"]))
+    text = manifests["ConfigMap/wheelchair-7-dds"]["data"]["fastdds.xml"]
+    assert "<maxInitialPeersRange>32</maxInitialPeersRange>" in text
+    for key in (AGENT, CONTROLLER, PLANNER):
+        found = container(manifests, key)
+        mounted = {mount["name"]: mount["mountPath"] for mount in found["volumeMounts"]}
+        for variable in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
+            assert environment(found)[variable] == f"{mounted['dds']}/fastdds.xml"
+        volumes = {each["name"]: each for each in manifests[key]["spec"]["template"]["spec"]["volumes"]}
+        assert volumes["dds"]["configMap"]["name"] == "wheelchair-7-dds"
+
+
+@pytest.mark.parametrize("transport", sorted(TRANSPORTS.keys() - {"StaticPeers"}))
+def test_other_transports_have_no_profile_of_their_own(transport: str) -> None:
+    assert not any("FASTDDS_DEFAULT_PROFILES_FILE" in str(one) for one in all_pods(transport).values())

@@ -49,19 +49,27 @@ def test_one_policy_is_told_as_a_table_and_as_strips() -> None:
     assert (done.returncode, done.stderr) == (0, "")
     first, *rest = done.stdout.splitlines()
     assert first.startswith("corridor-wifi.txt: 60 s, good enough up to 50 ms (tolerance 20 ms), 97")
-    assert [line.split()[0] for line in rest if line.split()[:1] in (["ours"], ["optimum"])] == ["ours", "optimum"]
+    rows = [line.split()[0] for line in rest if line.split()[:1] in (["ours"], ["best"], ["optimum"])]
+    assert rows == ["ours", "best", "optimum"]
     assert sum(line.startswith("in cloud") for line in rest) == 2
 
 
 def test_the_json_holds_every_figure_and_every_change() -> None:
     done = run("--trace", f"{YARD}@100ms", "--policy", "thesis", "--json")
     assert done.returncode == 0
-    (recording,) = json.loads(done.stdout)["recordings"]
+    results = json.loads(done.stdout)
+    (recording,) = results["recordings"]
     assert (recording["trace"], recording["duration_s"], recording["limit_ms"]) == ("yard-4g.csv", 180.0, 130.0)
     thesis, optimum = recording["policies"]
-    assert set(thesis) == {
-        "policy", "exposed_s", "wasted_s", "switches", "cloud_pct", "cost", "optimum", "ratio", "changes"
+    figures = {
+        "exposed_s", "wasted_s", "switches", "cloud_pct", "cost", "J", "optimum", "ratio", "best_fixed",
+        "ratio_best_fixed",
     }  # fmt: skip
+    assert set(thesis) == {"policy", "unclamped", "changes"} | figures
+    assert set(thesis["unclamped"]) == figures
+    assert {name: results[name] for name in figures} == {name: thesis[name] for name in figures}
+    assert thesis["ratio_best_fixed"] == pytest.approx(thesis["cost"] / thesis["best_fixed"], abs=0.001)
+    assert thesis["unclamped"]["optimum"] <= optimum["cost"]
     assert thesis["cost"] == pytest.approx(
         10 * thesis["exposed_s"] + thesis["wasted_s"] + 0.5 * thesis["switches"], abs=0.01
     )
@@ -86,7 +94,7 @@ def test_prices_can_be_set() -> None:
     done = run("--trace", CORRIDOR, "--policy", "cloud", "--weights", "0.001/1/0.25", "--json")
     (recording,) = json.loads(done.stdout)["recordings"]
     assert recording["weights"] == {"exposed_per_s": 0.001, "wasted_per_s": 1.0, "switch": 0.25}
-    assert recording["policies"][0]["cost"] == pytest.approx(0.25, abs=0.01)
+    assert recording["policies"][0]["unclamped"]["cost"] == pytest.approx(0.25, abs=0.01)
 
 
 def test_figures_are_searched_and_told_for_the_recording_left_out() -> None:
@@ -97,6 +105,35 @@ def test_figures_are_searched_and_told_for_the_recording_left_out() -> None:
     assert [(report["trace"], report["trained_on"]) for report in reports] == [
         ("corridor-wifi.txt", ["yard-4g.csv"]), ("yard-4g.csv", ["corridor-wifi.txt"])
     ]  # fmt: skip
+
+
+def test_figures_that_were_searched_are_reported_on_other_recordings_only() -> None:
+    done = run("--trace", f"{CORRIDOR}@20ms", "--tune", "--report-on", f"{YARD}@100ms", "--json")
+    assert done.returncode == 0
+    (report,) = json.loads(done.stdout)["tuning"]
+    assert (report["trace"], report["trained_on"]) == ("yard-4g.csv", ["corridor-wifi.txt"])
+
+
+def test_a_copy_under_another_name_is_the_same_recording(tmp_path: Path) -> None:
+    copy = tmp_path / "other.txt"
+    copy.write_bytes(CORRIDOR.read_bytes())
+    done = run("--trace", CORRIDOR, "--tune", "--report-on", copy)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"--report-on {copy}: that is the recording {CORRIDOR}, which is searched")
+
+
+@pytest.mark.parametrize("missing", ["numpy", "matplotlib"])
+def test_without_the_extra_for_plots_the_command_says_what_to_install(missing: str) -> None:
+    code = (
+        f"import sys; sys.modules[{missing!r}] = None\n"
+        "from robot_offload.cli.main import app; app(prog_name='robot-offload')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "simulate", "--trace", CORRIDOR],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "pip install 'robot-offload[plots]'" in done.stderr
 
 
 def test_a_file_may_have_an_at_sign_in_its_name(tmp_path: Path) -> None:
@@ -115,7 +152,7 @@ def test_an_own_policy_is_found_in_the_current_folder(tmp_path: Path, monkeypatc
         "def make(settings): return Always()\n"
     )
     done = run("--trace", CORRIDOR, "--policy", "policy_of_my_own:make", "--json", folder=tmp_path)
-    assert json.loads(done.stdout)["recordings"][0]["policies"][0]["cloud_pct"] == 100
+    assert json.loads(done.stdout)["recordings"][0]["policies"][0]["unclamped"]["cloud_pct"] == 100
 
 
 @pytest.mark.parametrize(
@@ -133,6 +170,11 @@ def test_an_own_policy_is_found_in_the_current_folder(tmp_path: Path, monkeypatc
         (["--trace", CORRIDOR, "--policy", "nobody"], "--policy: there is no policy 'nobody'; write one of ours,"),
         (["--trace", CORRIDOR, "--tune"], "--tune: needs two different traces or more"),
         (["--trace", CORRIDOR, "--trace", f"{CORRIDOR}@50ms", "--tune"], "--tune: needs two different traces or more"),
+        (
+            ["--trace", CORRIDOR, "--trace", YARD, "--tune", "--report-on", f"{YARD}@50ms"],
+            f"--report-on {YARD}: that",
+        ),
+        (["--trace", CORRIDOR, "--report-on", YARD], "--report-on: only with --tune"),
         (["--trace", CORRIDOR, "--trace", YARD, "--tune", "--compare"], "--tune, --compare: one of them at a time"),
         (["--trace", CORRIDOR, "--out", CORRIDOR], f"--out: cannot write to {CORRIDOR}: File exists"),
     ],

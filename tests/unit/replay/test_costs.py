@@ -16,7 +16,7 @@ PRICES = Weights(exposed_per_s=10, wasted_per_s=1, switch=0.5)
 
 
 def test_exposed_and_wasted_time_and_switches_have_their_prices() -> None:
-    subject = made_case(link((1.0, 10), (1.0, None), (1.0, 10)))
+    subject = made_case(link((1.0, 10), (1.0, None), (1.0, 10))).unclamped
     changes = (Change(500_000, Site.CLOUD), Change(1_250_000, Site.ROBOT), Change(2_900_000, Site.CLOUD))
     found = subject.price(changes)
     assert found.exposed_s == pytest.approx(0.25)
@@ -37,7 +37,7 @@ def test_acting_on_the_robot_always_wastes_the_good_time() -> None:
 
 
 def test_the_optimum_leaves_just_before_a_long_bad_stretch_and_returns_just_after() -> None:
-    subject = made_case(link((3.0, 10), (1.0, None), (3.0, 10)))
+    subject = made_case(link((3.0, 10), (1.0, None), (3.0, 10))).unclamped
     assert [(c.at_us, c.site) for c in subject.best.changes] == [
         (0, Site.CLOUD), (3_000_000, Site.ROBOT), (4_000_000, Site.CLOUD)
     ]  # fmt: skip

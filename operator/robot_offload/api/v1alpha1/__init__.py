@@ -4,7 +4,9 @@ Pure: nothing here reads a file, a clock or the environment. Text and objects be
 `parsing`, rules between fields are in `checks`, what the operator reports is in `status`.
 """
 
-from robot_offload.api.v1alpha1.nodes import EnvironmentVariable, Node, Output, ParametersFrom, Resources, Run, Standby
+from robot_offload.api.v1alpha1.build import BuildFields, GitRepository, NodeBuild, Registry, SecretReference
+from robot_offload.api.v1alpha1.nodes import EnvironmentVariable, Node, Output, ParametersFrom, Run, Standby
+from robot_offload.api.v1alpha1.resources import Resources
 from robot_offload.api.v1alpha1.robotoffload import (
     API_VERSION,
     FAST_DDS,
@@ -34,25 +36,30 @@ __all__ = [
     "API_VERSION",
     "FAST_DDS",
     "KIND",
+    "BuildFields",
     "Certificates",
     "CloudSide",
     "DDSRouterTransport",
     "DiscoveryServerTransport",
     "EnvironmentVariable",
     "Expose",
+    "GitRepository",
     "HoldDown",
     "IssuerReference",
     "Latency",
     "Node",
+    "NodeBuild",
     "NodePorts",
     "Output",
     "ParametersFrom",
     "QualityOfService",
+    "Registry",
     "Resources",
     "RobotOffload",
     "RobotOffloadSpec",
     "Run",
     "Scale",
+    "SecretReference",
     "Standby",
     "StaticPeersTransport",
     "Switching",

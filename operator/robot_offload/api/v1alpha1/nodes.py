@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
+from robot_offload.api.v1alpha1.build import NodeBuild
 from robot_offload.api.v1alpha1.model import NO_SERVER_DEFAULT, Model, map_list
 from robot_offload.api.v1alpha1.names import (
     ConfigKey,
@@ -22,7 +23,8 @@ from robot_offload.api.v1alpha1.names import (
     TopicName,
     VariableName,
 )
-from robot_offload.api.v1alpha1.quantities import Duration, Quantity, RateHz, Within
+from robot_offload.api.v1alpha1.quantities import Duration, RateHz, Within
+from robot_offload.api.v1alpha1.resources import Resources
 from robot_offload.api.v1alpha1.topics import QualityOfService
 
 DEADLINE_PERIODS: Final = 3
@@ -229,21 +231,6 @@ class Standby(Model):
     )
 
 
-class Resources(Model):
-    """Computing resources of a container."""
-
-    limits: dict[LabelKey, Quantity] = Field(
-        default_factory=dict,
-        max_length=16,
-        description="The most that it may use, e.g. {memory: 1Gi, nvidia.com/gpu: 1}. Default: none.",
-    )
-    requests: dict[LabelKey, Quantity] = Field(
-        default_factory=dict,
-        max_length=16,
-        description="What is set aside for it, e.g. {cpu: 500m, memory: 512Mi}. Default: the limits.",
-    )
-
-
 RESERVED_VARIABLES: Final = (
     "ROS_DOMAIN_ID",
     "RMW_IMPLEMENTATION",
@@ -291,7 +278,12 @@ class Node(Model):
     image: ImageName | None = Field(
         default=None,
         description="The container image of its replica in the cloud, e.g. registry.example/nav2:1. A cluster needs "
-        "it for nodes that run in the cloud.",
+        "it, or build, for nodes that run in the cloud.",
+    )
+    build: NodeBuild | None = Field(
+        default=None,
+        description="What that image is built from in the cluster, instead of image; it is pushed to "
+        "spec.cloud.registry. Default: nothing is built.",
     )
     image_pull_policy: Literal["Always", "IfNotPresent", "Never"] | None = Field(
         default=None,

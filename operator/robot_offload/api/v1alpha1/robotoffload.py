@@ -6,6 +6,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from robot_offload.api.v1alpha1.build import Registry
 from robot_offload.api.v1alpha1.model import Model, map_list
 from robot_offload.api.v1alpha1.names import (
     LabelKey,
@@ -105,6 +106,11 @@ class CloudSide(Model):
         description="Secrets with which the pods' images are fetched, at most 16. Default: none.",
         json_schema_extra=map_list("name"),
     )
+    registry: Registry | None = Field(
+        default=None,
+        description="Where images that are built in the cluster are pushed to. Nodes with a build block need it. "
+        "Default: none.",
+    )
     node_selector: dict[LabelKey, LabelValue] = Field(
         default_factory=dict,
         max_length=32,
@@ -180,6 +186,11 @@ class RobotOffloadSpec(Model):
     def cloud_nodes(self) -> tuple[Node, ...]:
         """The nodes with a replica in the cloud, in bring-up order."""
         return tuple(node for node in self.nodes if node.in_cloud)
+
+    @property
+    def built_nodes(self) -> tuple[Node, ...]:
+        """The nodes whose image in the cloud is built in the cluster, in bring-up order."""
+        return tuple(node for node in self.cloud_nodes if node.build is not None)
 
     @property
     def collected_outputs(self) -> tuple[tuple[Node, Output], ...]:

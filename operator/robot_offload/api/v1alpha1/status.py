@@ -11,6 +11,7 @@ from robot_offload.api.v1alpha1.model import Model, map_list
 CONDITION_TYPES: Final = (
     "SpecValid",
     "ResourcesApplied",
+    "ImageBuilt",
     "DiscoveryReady",
     "WorkloadsAvailable",
     "AgentConnected",
@@ -29,8 +30,8 @@ class Condition(Model):
     """One thing that is true, false or unknown about the object, and why."""
 
     type: Annotated[str, Field(max_length=316)] = Field(
-        description="SpecValid, ResourcesApplied, DiscoveryReady, WorkloadsAvailable, AgentConnected, "
-        "AgentConfigCurrent, CertificatesReady, or their sum Ready."
+        description="SpecValid, ResourcesApplied, ImageBuilt, DiscoveryReady, WorkloadsAvailable, "
+        "AgentConnected, AgentConfigCurrent, CertificatesReady, or their sum Ready."
     )
     status: Literal["True", "False", "Unknown"] = Field(description="True, False or Unknown.")
     reason: Annotated[str, Field(min_length=1, max_length=1024)] = Field(
@@ -75,6 +76,12 @@ class NodeStatus(Model):
     replicas: int = Field(default=0, ge=0, description="How many pods are wanted: 0 or 1.")
     ready: bool = Field(default=False, description="Whether its pod is ready.")
     message: Sentence = Field(default="", description="What is wrong with it, when something is.")
+    image: Annotated[str, Field(max_length=1024)] = Field(
+        default="", description="The image that its Deployment runs; one that was built in the cluster by its digest."
+    )
+    commit: Word = Field(
+        default="", description="The commit that the image was built from, when it was built in the cluster."
+    )
 
 
 class RobotOffloadStatus(Model):
@@ -86,8 +93,8 @@ class RobotOffloadStatus(Model):
     conditions: tuple[Condition, ...] = Field(
         default=(),
         max_length=16,
-        description="What is true about the object: SpecValid, ResourcesApplied, DiscoveryReady, "
-        "WorkloadsAvailable, AgentConnected, AgentConfigCurrent, CertificatesReady and Ready.",
+        description="What is true about the object: SpecValid, ResourcesApplied, ImageBuilt, "
+        "DiscoveryReady, WorkloadsAvailable, AgentConnected, AgentConfigCurrent, CertificatesReady and Ready.",
         json_schema_extra=map_list("type"),
     )
     placement: Literal["Robot", "Cloud", "Unknown"] = Field(

@@ -1,8 +1,8 @@
 """What the product adds to a message's way, beside direct DDS on one machine in the same run.
 
-A sample is the time from the stamp (just before a node publishes) to the consumer's callback, less the median of what
-the emulated link itself took for as many datagrams as a message of that size needs: so the link's jitter counts as
-ours. Commands come from the cloud, through link and collector; inputs go to the cloud, through the link.
+A sample is the time from the stamp (just before a node publishes) until the consumer's middleware has it, less the
+median of what the emulated link itself took for as many datagrams as a message of that size needs: so the link's jitter
+counts as ours. Commands come from the cloud, through link and collector; inputs go to the cloud, through the link.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from robot_offload.bench.analysis.travel import travel_ms
 from robot_offload.bench.observed import Hop, size_of
 from robot_offload.bench.resource import Case
 from robot_offload.bench.results import Figure, Outcome, Part, Priority, Sample, at_or_none, part, parts
 from robot_offload.local.recording import Arrival
-from robot_offload.local.streams import age_ms
 
 GROUP: Final = "latency"
 LIMITS: Final = {"p50": (0.5, 4.0, 2.5), "p99": (0.99, 12.0, 6.0)}
@@ -45,7 +45,7 @@ def by_size(arrivals: Iterable[Arrival], sizes: Sequence[int]) -> dict[int, tupl
     """One-way latencies in milliseconds by payload size."""
     found: dict[int, list[float]] = {size: [] for size in sizes}
     for arrival in arrivals:
-        found[size_of(arrival.sequence, sizes)].append(age_ms(arrival))
+        found[size_of(arrival.sequence, sizes)].append(travel_ms(arrival))
     return {size: tuple(values) for size, values in found.items()}
 
 

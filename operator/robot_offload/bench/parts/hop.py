@@ -7,6 +7,7 @@ when the last of them has arrived.
 from __future__ import annotations
 
 import argparse
+import os
 import select
 import signal
 import socket
@@ -30,6 +31,18 @@ HOST: Final = "127.0.0.1"
 def datagrams(size: int) -> int:
     """How many datagrams carry a message with this payload."""
     return -(-(size + OVERHEAD_BYTES) // DATAGRAM_BYTES)
+
+
+def datagram_socket(namespace: str) -> socket.socket:
+    """A socket that stays in the network namespace in which it is made; empty for this process's own."""
+    if not namespace:
+        return socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with Path("/proc/self/ns/net").open(encoding="ascii") as home, Path(namespace).open(encoding="ascii") as other:
+        os.setns(other.fileno(), os.CLONE_NEWNET)
+        try:
+            return socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        finally:
+            os.setns(home.fileno(), os.CLONE_NEWNET)
 
 
 def measure(robot: socket.socket, cloud: socket.socket, number: int, size: int) -> float | None:
@@ -76,18 +89,21 @@ def main() -> None:
     parser.add_argument("file", type=Path, help="what to write")
     parser.add_argument("--dial", type=int, required=True, help="port of the wire on the robot's end")
     parser.add_argument("--serve", type=int, required=True, help="port on the cloud's end")
+    parser.add_argument("--host", default=HOST, help="address of both ends, or of the cloud's where they are two hosts")
+    parser.add_argument("--robot-net", default="", help="file of the robot's network namespace; empty: ours")
+    parser.add_argument("--cloud-net", default="", help="file of the cloud's network namespace; empty: ours")
     parser.add_argument("--period", type=float, required=True, help="seconds between two measurements")
     parser.add_argument("sizes", type=int, nargs="+", help="payloads in bytes")
     options = parser.parse_args()
     for stop in (signal.SIGINT, signal.SIGTERM):
         signal.signal(stop, lambda *_: sys.exit(0))
     with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as cloud,
+        datagram_socket(options.robot_net) as robot,
+        datagram_socket(options.cloud_net) as cloud,
         options.file.open("w", encoding="utf-8", buffering=1) as file,
     ):
-        cloud.bind((HOST, options.serve))
-        robot.connect((HOST, options.dial))
+        cloud.bind((options.host, options.serve))
+        robot.connect((options.host, options.dial))
         number = 0
         while True:
             size = options.sizes[number % len(options.sizes)]

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import array
 import itertools
+import os
+import select
 import signal
+import sys
+import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from types import FrameType
 from typing import Any, Final
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CompressedImage
 
@@ -61,3 +66,32 @@ def spin(node: Any, attend: Callable[[], None] | None = None, every_s: float = S
             attend()
     node.destroy_node()
     rclpy.shutdown()
+
+
+def serve(nodes: Sequence[Any]) -> None:
+    """Spins nodes until standard input ends, then ends ROS."""
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    while not _ended():
+        executor.spin_once(timeout_sec=SPIN_S)
+    for node in nodes:
+        node.destroy_node()
+    rclpy.shutdown()
+
+
+def _ended() -> bool:
+    """Whether standard input has ended; what is written to it is not for us."""
+    return bool(select.select([sys.stdin], [], [], 0)[0]) and not os.read(sys.stdin.fileno(), 4096)
+
+
+def spin_in_background(node: Any) -> None:
+    """Spins a node on a thread of its own, which ends with the process or with ROS."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def run() -> None:
+        with suppress(ExternalShutdownException):
+            executor.spin()
+
+    threading.Thread(target=run, name="ros", daemon=True).start()

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from robot_offload.api.v1alpha1.build_values import commit
 from robot_offload.findings import Finding
 from robot_offload.images.features.feature import Feature, Flag, Stage
 from robot_offload.images.spec import BuildSpec
-from robot_offload.images.values import commit
 
 
 class Git(Feature[BuildSpec]):
@@ -51,7 +51,7 @@ class Git(Feature[BuildSpec]):
                 "warning",
             )
         https = spec.git.url.startswith("https://")
-        over_ssh = spec.git.url.startswith("ssh://") or "://" not in spec.git.url
+        over_ssh = spec.git.over_ssh
         if spec.git.credentials == "Token" and not https:
             yield Finding("git.credentials", "WrongCredentials", "Token is for addresses with https://; write SSH")
         if over_ssh and spec.git.credentials != "SSH":

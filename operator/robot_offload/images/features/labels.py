@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from robot_offload.api.v1alpha1.build_values import commit
 from robot_offload.findings import Finding
 from robot_offload.images.features.feature import Feature, Flag
 from robot_offload.images.spec import BuildSpec, OverlaySpec
-from robot_offload.images.values import commit
 
 OWN_PREFIX: Final = "dev.robotoffload."
 LABEL_FLAG: Final = Flag("--label", "labels", "Further label of the image; may be repeated.", "texts", "NAME=VALUE")

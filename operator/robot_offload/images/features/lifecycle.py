@@ -17,7 +17,12 @@ class Lifecycle(Feature[BuildSpec]):
     name = "lifecycle"
     stages = ("runtime",)
     flags = (
-        Flag("--node", "node", "Full name of the node, e.g. /talker; for --autostart and --health-check."),
+        Flag(
+            "--node",
+            "node",
+            "Full name of the node, e.g. /talker; for --autostart and --health-check. With FILE: which node of the "
+            "RobotOffload, e.g. controller.",
+        ),
         Flag(
             "--autostart",
             "autostart",

@@ -27,6 +27,8 @@ _EVERYWHERE: Final[tuple[Check, ...]] = (
     nodes.latched_topics_are_transient_local,
     nodes.nodes_are_complete,
     cloud.environment_is_free,
+    cloud.images_come_from_one_place,
+    cloud.git_secrets_fit,
     nodes.runs_name_one_program,
     nodes.doubles_survive_kubernetes,
     nodes.core_nodes_can_stop_the_robot,

@@ -47,16 +47,50 @@ def cloud_nodes_have_images(severity: Severity) -> Check:
 
     def check_images(spec: RobotOffloadSpec) -> Iterator[Finding]:
         for i, node in enumerate(spec.nodes):
-            if node.in_cloud and node.image is None:
+            if node.in_cloud and node.image is None and node.build is None:
                 yield Finding(
                     f"spec.nodes[{i}].image",
                     "NoImage",
                     f"node {node.name!r} has placement {node.placement}, so a cluster needs the image of its replica "
-                    "in the cloud; add image",
+                    "in the cloud; add image or build",
                     severity,
                 )
 
     return check_images
+
+
+def images_come_from_one_place(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """An image is named or built, and what is built has a program and a place to go to."""
+    for i, node in enumerate(spec.nodes):
+        if node.build is None:
+            continue
+        path = f"spec.nodes[{i}]"
+        if node.image is not None:
+            yield Finding(
+                f"{path}.image", "TwoImages", f"node {node.name!r} has both image and build; keep one of both"
+            )
+        if (node.build.executable is None) == (node.build.launch is None):
+            found = "both" if node.build.launch else "none"
+            yield Finding(f"{path}.build.executable", "OneProgram", f"needs either executable or launch, found {found}")
+    if spec.built_nodes and spec.cloud.registry is None:
+        yield Finding(
+            "spec.cloud.registry",
+            "NoRegistry",
+            f"the image of node {spec.built_nodes[0].name!r} is built, but it is not said where it is pushed to; add "
+            "registry with repository",
+        )
+
+
+def git_secrets_fit(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """An address that is read through ssh cannot be read by nobody."""
+    for i, node in enumerate(spec.nodes):
+        if node.build is not None and node.build.git.over_ssh and node.build.git_secret is None:
+            yield Finding(
+                f"spec.nodes[{i}].build.gitSecret",
+                "NoSecret",
+                "this address is read through ssh, which needs a key; name a Secret of type kubernetes.io/ssh-auth, or "
+                "write an address with https://",
+            )
 
 
 def cloud_nodes_say_how_they_start(spec: RobotOffloadSpec) -> Iterator[Finding]:

@@ -1,7 +1,7 @@
 """The values that a user may put into an image: each one is held against a pattern before it reaches any text.
 
 What ends in a shell command or in a file name takes few characters. What is free text (values of variables, arguments,
-labels) takes every character that can be seen; the filters of `quoting` make it inert.
+labels) takes every character that can be seen; the filters of `images.quoting` make it inert.
 """
 
 from __future__ import annotations
@@ -9,18 +9,21 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable
-from typing import Annotated, Final
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 
+DistroName: TypeAlias = Literal["foxy", "humble", "jazzy", "kilted", "rolling"]
 MAX_TEXT: Final = 4096
+MAX_LISTED: Final = 64
+"""Entries of a list at most, as an API server wants to know."""
 
-_GIT_URL = (
-    r"^(https://|file:///|ssh://([a-z0-9_][a-z0-9_-]*@)?|[a-z0-9_][a-z0-9_-]*@(?=[A-Za-z0-9.-]+:[^/]))"
-    r"[A-Za-z0-9._~/:+-]+$"
-)
-_GIT_REF = r"^[A-Za-z0-9_][A-Za-z0-9._/+-]*$"
-_PATH = r"^[A-Za-z0-9_.][A-Za-z0-9_. +-]*(/[A-Za-z0-9_.][A-Za-z0-9_. +-]*)*$"
+_URL = r"[A-Za-z0-9._~/:+-]+"
+_USER = r"[a-z0-9_][a-z0-9_-]*@"
+_GIT_URL = rf"^((https://|file:///|ssh://({_USER})?){_URL}|{_USER}[A-Za-z0-9.-]+:[A-Za-z0-9._~:+-]({_URL})?)$"
+_GIT_REF = r"^[A-Za-z0-9_]([./]?[A-Za-z0-9_+-])*$"
+_FOLDER = r"\.*[A-Za-z0-9_]([A-Za-z0-9_. +-]*[A-Za-z0-9_.+-])?"
+_PATH = rf"^(\.|{_FOLDER}(/{_FOLDER})*)$"
 _APT = r"^[a-z0-9][a-z0-9.+-]*[a-z0-9+.](=[A-Za-z0-9.+:~-]+\*?)?$"
 _PIP = (
     r"^[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(\[[A-Za-z0-9._-]+(,[A-Za-z0-9._-]+)*\])?"
@@ -30,6 +33,9 @@ IMAGE_NAME = (
     r"^[A-Za-z0-9][A-Za-z0-9.-]*(:[0-9]+)?(/[a-z0-9]+([._-]+[a-z0-9]+)*)*"
     r"(:[A-Za-z0-9_][A-Za-z0-9._-]{0,127})?(@sha256:[0-9a-f]{64})?$"
 )
+_HOST = r"[a-z0-9]([a-z0-9-]*[a-z0-9])?"
+# A first word without a dot and without a port would be taken for a folder of Docker Hub.
+_REPOSITORY = rf"^({_HOST}(\.{_HOST})+(:[0-9]{{1,5}})?|{_HOST}:[0-9]{{1,5}})(/[a-z0-9]+([._-]+[a-z0-9]+)*)*$"
 _VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
 _LABEL = r"^[a-z0-9]+([._-][a-z0-9]+)*$"
 _HOST_PORT = r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?(:[0-9]{1,5})?$"
@@ -69,17 +75,13 @@ def _check_git_url(text: str) -> str:
 
 
 def _check_git_ref(text: str) -> str:
-    wrong = ".." in text or "//" in text or text.endswith(("/", ".", ".lock"))
-    if wrong or not re.fullmatch(_GIT_REF, text) or len(text) > 255:
-        raise ValueError(f"{shown(text)} is not a branch, a tag or a commit")
-    return text
+    if text.endswith(".lock"):
+        raise ValueError(f"{shown(text)} ends with .lock, as no branch and no tag may; name another one")
+    return _matching(_GIT_REF, "write a branch, a tag or a commit")(text)
 
 
 def _check_path(text: str) -> str:
-    if text == ".":
-        return text
-    wrong = any(part in (".", "..") or part != part.strip() for part in text.split("/"))
-    if wrong or not re.fullmatch(_PATH, text) or len(text) > 1024:
+    if len(text) > 1024 or not re.fullmatch(_PATH, text):
         raise ValueError(
             f"{shown(text)} is not a path inside the workspace; write folder/folder without '..', a slash first or "
             "last, and special characters"
@@ -105,13 +107,29 @@ def _check_host_port(text: str) -> str:
     return text
 
 
-def _schema(pattern: str, max_length: int = 255) -> WithJsonSchema:
-    return WithJsonSchema({"type": "string", "minLength": 1, "maxLength": max_length, "pattern": pattern})
+def _schema(pattern: str, max_length: int = 255, rule: tuple[str, str] | None = None) -> WithJsonSchema:
+    """What the API server holds a value against: a pattern, a length, and (CEL rule, message) for the rest."""
+    schema: dict[str, Any] = {"type": "string", "minLength": 1, "maxLength": max_length, "pattern": pattern}
+    if rule:
+        schema["x-kubernetes-validations"] = [{"rule": rule[0], "message": rule[1]}]
+    return WithJsonSchema(schema)
 
 
-GitUrl = Annotated[str, AfterValidator(_check_git_url), Field(max_length=1024)]
-GitRef = Annotated[str, AfterValidator(_check_git_ref), Field(max_length=255)]
-RelativePath = Annotated[str, AfterValidator(_check_path), Field(max_length=1024)]
+GitUrl = Annotated[str, AfterValidator(_check_git_url), _schema(_GIT_URL, 1024)]
+GitRef = Annotated[
+    str,
+    AfterValidator(_check_git_ref),
+    _schema(
+        _GIT_REF,
+        rule=("!self.endsWith('.lock')", "ends with .lock, as no branch and no tag may; name another one"),
+    ),
+]
+RelativePath = Annotated[str, AfterValidator(_check_path), _schema(_PATH, 1024)]
+Repository = Annotated[
+    str,
+    AfterValidator(_matching(_REPOSITORY, "write host/path or host:port/path, in lower case and without a tag", 200)),
+    _schema(_REPOSITORY, 200),
+]
 Text = Annotated[str, AfterValidator(_check_text), Field(max_length=MAX_TEXT)]
 Address = Annotated[str, AfterValidator(_check_host_port), Field(max_length=255)]
 AptPackage = Annotated[

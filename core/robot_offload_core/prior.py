@@ -1,0 +1,49 @@
+"""What other links taught about the rules of the outlook: where each one starts before this link has told anything.
+
+The figure of a rule is its cost on links of other kinds, as a multiple of the best fixed rule there: the mean of the
+logarithm over 96 made-up links of 20 minutes, 12 seeds of each of the families mobile, roaming, periodic, fibre,
+evening, diurnal, two-states and lossy (`robot_offload.replay.families`; `python -m robot_offload.replay.learn` prints
+this table). No link of another family and no recording of a real link had a part in it.
+
+The signal of a rule says bad when the newest latency is over `share` of the limit, or when a second beat is overdue.
+`out` and `back` are the regrets, in prices of a switch, at which it leaves the cloud and returns.
+"""
+
+from __future__ import annotations
+
+# share, out, back: mean log of cost / best fixed rule
+PRIOR: tuple[tuple[float, float, float, float], ...] = (
+    (1, 0.2, 0.04, 0.905),
+    (1, 0.2, 0.2, 0.433),
+    (1, 0.2, 0.5, 0.342),
+    (1, 0.2, 1, 0.343),
+    (1, 0.2, 2, 0.397),
+    (1, 0.2, 4, 0.539),
+    (1, 0.2, 8, 0.774),
+    (1, 0.8, 0.04, 0.752),
+    (1, 0.8, 0.2, 0.287),
+    (1, 0.8, 0.5, 0.209),
+    (1, 0.8, 1, 0.216),
+    (1, 0.8, 2, 0.276),
+    (1, 0.8, 4, 0.421),
+    (1, 0.8, 8, 0.671),
+    (1, 6, 0.04, 0.641),
+    (1, 6, 0.2, 0.208),
+    (1, 6, 0.5, 0.156),
+    (1, 6, 1, 0.170),
+    (1, 6, 2, 0.227),
+    (1, 6, 4, 0.363),
+    (1, 6, 8, 0.600),
+    (0.7, 3, 0.5, 0.176),
+    (0.7, 3, 1, 0.190),
+    (0.7, 3, 2, 0.248),
+    (0.7, 3, 4, 0.393),
+    (0.7, 3, 8, 0.636),
+    (0.7, 3, 16, 0.937),
+    (0.7, 20, 0.5, 0.149),
+    (0.7, 20, 1, 0.168),
+    (0.7, 20, 2, 0.227),
+    (0.7, 20, 4, 0.372),
+    (0.7, 20, 8, 0.612),
+    (0.7, 20, 16, 0.912),
+)

@@ -1,0 +1,57 @@
+"""The pipes of the observers that a measurement follows: JSON commands to them, lines of text from them."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import subprocess
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+
+_BLOCK_BYTES = 1 << 16
+
+
+class Pipes:
+    """Standard input and output of children, by name. One thread; reading never waits longer than it is told."""
+
+    def __init__(self) -> None:
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._unread: dict[str, bytes] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._children
+
+    def add(self, name: str, child: subprocess.Popen[bytes]) -> None:
+        """Follows a child whose standard input and output are pipes."""
+        assert child.stdout is not None
+        os.set_blocking(child.stdout.fileno(), False)
+        self._children[name] = child
+
+    def close(self, name: str) -> None:
+        """Ends a child's standard input, and follows it no more."""
+        child = self._children.pop(name)
+        self._unread.pop(name, None)
+        if child.stdin is not None:
+            with suppress(OSError):
+                child.stdin.close()
+
+    def tell(self, name: str, command: Mapping[str, object]) -> None:
+        """Writes one command. A child that has ended takes none, which is noticed elsewhere."""
+        pipe = self._children[name].stdin
+        assert pipe is not None
+        with suppress(BrokenPipeError):
+            pipe.write(json.dumps(command).encode() + b"\n")
+            pipe.flush()
+
+    def look(self, seconds: float) -> Iterator[tuple[str, str]]:
+        """(name, line) of what has come; waits for as long when nothing has."""
+        found = {child.stdout.fileno(): name for name, child in self._children.items() if child.stdout is not None}
+        for descriptor in select.select(list(found), [], [], seconds)[0]:
+            name = found[descriptor]
+            data = os.read(descriptor, _BLOCK_BYTES)
+            if not data:
+                select.select([], [], [], seconds)  # it has ended, which is noticed elsewhere
+            *lines, self._unread[name] = (self._unread.get(name, b"") + data).split(b"\n")
+            for line in lines:
+                yield name, line.decode(errors="replace")

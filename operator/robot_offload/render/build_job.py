@@ -1,0 +1,217 @@
+"""The Job that builds the image of a node: fetch the source, build, push; each with no more rights than it needs.
+
+decisions/0007 says why it is buildah, and why the build's container cannot keep to the restricted level.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from robot_offload.api.v1alpha1 import NodeBuild, Registry, RobotOffload, RobotOffloadSpec
+from robot_offload.render import build_scripts as scripts
+from robot_offload.render import pod
+from robot_offload.render.facts import Facts, Manifest
+from robot_offload.render.objects import child
+
+FETCH: Final = "fetch"
+BUILD: Final = "build"
+PUSH: Final = "push"
+DEADLINE_S: Final = 7200
+"""Seconds that one build may take."""
+KEPT_S: Final = 3600
+"""Seconds that a Job stays when it has ended: for reading its log, and, when it failed, until it is tried again."""
+BUILDER_USER: Final = 1000
+"""The user of the builder's image that may use further user ids."""
+_FETCH_USER: Final = 65534
+"""nobody: a user that every base image knows by name, as ssh wants it."""
+_WEB_PORTS: Final = (80, 443)
+_SSH_PORT: Final = 22
+
+
+@dataclass(frozen=True, slots=True)
+class BuildPlan:
+    """One image that is to be built.
+
+    Attributes:
+        nodes: whose image it is.
+        build: its `build` block.
+        registry: where it goes.
+        key: short name for everything that it is made from, but for the commit.
+        name: of the Job, and of the ConfigMap beside it.
+        image: what the source is built in.
+        dockerfile: for the folder with the source.
+        placed: labels of the cluster's nodes that it must be built on: an image is for one architecture.
+    """
+
+    nodes: tuple[str, ...]
+    build: NodeBuild
+    registry: Registry
+    key: str
+    name: str
+    image: str
+    dockerfile: str
+    placed: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def repository(self) -> str:
+        """Where the image is pushed to, without tag."""
+        return f"{self.registry.repository}/{self.build.package}"
+
+
+def build_files(offload: RobotOffload, facts: Facts, plan: BuildPlan) -> Manifest:
+    """The ConfigMap with what the build reads. It never changes: another build has another name."""
+    host = plan.registry.repository.partition("/")[0]
+    # A JSON text is a TOML text as well.
+    registries = ['unqualified-search-registries = ["docker.io"]', 'short-name-mode = "permissive"']
+    if plan.registry.insecure:
+        registries += ["[[registry]]", f"location = {json.dumps(host)}", "insecure = true"]
+    body = {
+        "immutable": True,
+        "data": {scripts.DOCKERFILE: plan.dockerfile, scripts.REGISTRIES: "\n".join(registries) + "\n"},
+    }
+    return child(offload, facts, "v1", "ConfigMap", plan.name, "build", body)
+
+
+def build_job(offload: RobotOffload, facts: Facts, plan: BuildPlan) -> Manifest:
+    """The Job. A pod that fails is final, unless it was evicted: the same source would fail again."""
+    spec = {
+        "backoffLimit": 0,
+        "activeDeadlineSeconds": DEADLINE_S,
+        "ttlSecondsAfterFinished": KEPT_S,
+        "podFailurePolicy": {
+            "rules": [{"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget", "status": "True"}]}]
+        },
+        "template": _template(offload, facts, plan),
+    }
+    return child(offload, facts, "batch/v1", "Job", plan.name, "build", {"spec": spec})
+
+
+def build_ports(spec: RobotOffloadSpec) -> tuple[int, ...]:
+    """The TCP ports on which builds reach sources, packages, base images and the registry."""
+    ports = set(_WEB_PORTS)
+    registries = [spec.cloud.registry.repository] if spec.cloud.registry else []
+    for node in spec.built_nodes:
+        if node.build is not None:
+            ports |= _git_port(node.build)
+            registries += [image for image in (node.build.base, node.build.runtime_base) if image and "/" in image]
+    for registry in registries:
+        port = registry.partition("/")[0].partition(":")[2]
+        ports |= {int(port)} if port else set()
+    return tuple(sorted(ports))
+
+
+def _git_port(build: NodeBuild) -> set[int]:
+    found = re.match(r"(?:https|ssh)://(?:[^/@]*@)?[^/:]+:([0-9]+)(?:/|$)", build.git.url)
+    if found:
+        return {int(found[1])}
+    return {_SSH_PORT} if build.git.over_ssh else set()
+
+
+def _template(offload: RobotOffload, facts: Facts, plan: BuildPlan) -> Manifest:
+    return pod.pod_template(
+        offload,
+        "build",
+        [_push(facts, plan)],
+        read=plan.key,
+        grace_s=5,
+        volumes=_volumes(plan),
+        extra={
+            "initContainers": [_fetch(plan), _build(facts, plan)],
+            "restartPolicy": "Never",
+            "nodeSelector": dict(plan.placed),
+            "securityContext": {"runAsNonRoot": True, "fsGroup": BUILDER_USER},
+        },
+    )
+
+
+def _volumes(plan: BuildPlan) -> list[Manifest]:
+    found: list[Manifest] = [
+        {"name": "scratch", "emptyDir": {}},
+        pod.config_map_volume("files", plan.name, [scripts.DOCKERFILE, scripts.REGISTRIES]),
+    ]
+    if plan.build.git_secret is not None:
+        found.append({"name": "git", "secret": {"secretName": plan.build.git_secret.name, "defaultMode": 0o440}})
+    for name, secret in (("push-secret", plan.registry.push_secret), ("pull-secret", plan.registry.pull_secret)):
+        if secret is not None:
+            item = {"key": ".dockerconfigjson", "path": scripts.AUTH_FILE}
+            found.append({"name": name, "secret": {"secretName": secret.name, "defaultMode": 0o440, "items": [item]}})
+    return found
+
+
+def _fetch(plan: BuildPlan) -> Manifest:
+    """Fetches one commit with the git of the image that is built in. Keeps to the restricted level."""
+    mounts = [pod.mount("scratch", scripts.SCRATCH, read_only=False)]
+    if plan.build.git_secret is not None:
+        mounts.append(pod.mount("git", scripts.GIT_SECRET_DIR))
+    environment = {
+        "GIT_URL": plan.build.git.url,
+        "GIT_REF": plan.build.git.ref,
+        "GIT_PATHS": "\n".join(plan.build.git.paths),
+    }
+    security = {
+        "runAsUser": _FETCH_USER,
+        "runAsGroup": _FETCH_USER,
+        "allowPrivilegeEscalation": False,
+        "capabilities": {"drop": ["ALL"]},
+        "readOnlyRootFilesystem": True,
+        "seccompProfile": {"type": "RuntimeDefault"},
+    }
+    return _container(FETCH, plan.image, scripts.FETCH, plan, environment, mounts, security)
+
+
+def _build(facts: Facts, plan: BuildPlan) -> Manifest:
+    return _buildah(BUILD, facts, plan, scripts.BUILD, "pull-secret" if plan.registry.pull_secret else None)
+
+
+def _push(facts: Facts, plan: BuildPlan) -> Manifest:
+    return _buildah(PUSH, facts, plan, scripts.PUSH, "push-secret" if plan.registry.push_secret else None)
+
+
+def _buildah(name: str, facts: Facts, plan: BuildPlan, script: str, secret: str | None) -> Manifest:
+    mounts = [pod.mount("scratch", scripts.SCRATCH, read_only=False), pod.mount("files", scripts.FILES_DIR)]
+    if secret is not None:
+        mounts.append(pod.mount(secret, scripts.REGISTRY_SECRET_DIR))
+    environment = {"REPOSITORY": plan.repository, "KEY": plan.key}
+    return _container(name, facts.images.builder, script, plan, environment, mounts, _BUILDAH_SECURITY)
+
+
+# A user namespace is made by newuidmap and newgidmap, which have file capabilities: no_new_privs and an empty bounding
+# set would take them away; and the default seccomp and AppArmor profiles forbid unshare and mount to who is not root.
+_BUILDAH_SECURITY: Final[Mapping[str, Any]] = {
+    "runAsUser": BUILDER_USER,
+    "runAsGroup": BUILDER_USER,
+    "allowPrivilegeEscalation": True,
+    "capabilities": {"drop": ["ALL"], "add": ["SETUID", "SETGID"]},
+    "readOnlyRootFilesystem": True,
+    "seccompProfile": {"type": "Unconfined"},
+    "appArmorProfile": {"type": "Unconfined"},
+}
+
+
+def _container(
+    name: str,
+    image: str,
+    script: str,
+    plan: BuildPlan,
+    environment: Mapping[str, str],
+    mounts: Sequence[Manifest],
+    security: Mapping[str, Any],
+) -> Manifest:
+    limits, requests = plan.build.resources.limits, plan.build.resources.requests
+    return pod.container(
+        name,
+        image,
+        [script],
+        environment=environment,
+        mounts=mounts,
+        resources={key: dict(them) for key, them in (("limits", limits), ("requests", requests)) if them},
+        extra={
+            "command": ["/bin/sh", "-c"],
+            "terminationMessagePolicy": "FallbackToLogsOnError",
+            "securityContext": dict(security),
+        },
+    )

@@ -1,0 +1,98 @@
+"""What the containers of a build Job run. Fixed texts: all that differs comes in variables and files.
+
+fetch has the source's credentials, build runs what others wrote and has none, push has the registry's.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+SCRATCH: Final = "/scratch"
+"""A folder that the three containers share: source, layers, commit, digest."""
+FILES_DIR: Final = "/etc/robot-offload/build"
+"""Where the Dockerfile and the settings of registries are."""
+GIT_SECRET_DIR: Final = "/run/secrets/git"  # noqa: S105 - a folder
+REGISTRY_SECRET_DIR: Final = "/run/secrets/registry"  # noqa: S105 - a folder
+DOCKERFILE: Final = "Dockerfile"
+REGISTRIES: Final = "registries.conf"
+AUTH_FILE: Final = "config.json"
+
+_TRY: Final = """
+attempt() {
+  count=1
+  until "$@"; do
+    [ "$count" -lt 3 ] || return 1
+    count=$((count + 1))
+    sleep 5
+  done
+}
+"""
+FETCH: Final = f"""set -eu
+{_TRY}
+fail() {{ echo "fatal: $1" >&2; exit 1; }}
+command -v git > /dev/null || fail "the image that is built in has no git; name one that has in build.base"
+export HOME={SCRATCH}/fetch GIT_TERMINAL_PROMPT=0
+rm -rf {SCRATCH}/context "$HOME"
+mkdir -p {SCRATCH}/context/src "$HOME"
+if [ -f {GIT_SECRET_DIR}/ssh-privatekey ]; then
+  command -v ssh > /dev/null || fail "the image that is built in has no ssh; name one in build.base, or use https"
+  [ -f {GIT_SECRET_DIR}/known_hosts ] || fail "the git secret has no entry known_hosts; write the host's keys into it"
+  export GIT_SSH_COMMAND='ssh -o BatchMode=yes -o StrictHostKeyChecking=yes -o IdentitiesOnly=yes \\
+    -o UserKnownHostsFile={GIT_SECRET_DIR}/known_hosts -i {GIT_SECRET_DIR}/ssh-privatekey'
+elif [ -f {GIT_SECRET_DIR}/password ]; then
+  git config --global credential.helper '!f() {{ test "$1" != get || {{ \\
+    printf "username=%s\\n" "$(cat {GIT_SECRET_DIR}/username)"; \\
+    printf "password=%s\\n" "$(cat {GIT_SECRET_DIR}/password)"; }}; }}; f'
+fi
+cd {SCRATCH}/context/src
+git init --quiet .
+git remote add origin "$GIT_URL"
+if [ -n "$GIT_PATHS" ]; then
+  git sparse-checkout init --cone
+  printf '%s\\n' "$GIT_PATHS" | git sparse-checkout set --stdin
+fi
+attempt git fetch --quiet --depth 1 --filter=blob:none origin "$GIT_REF"
+git checkout --quiet --detach FETCH_HEAD
+git rev-parse HEAD > {SCRATCH}/commit
+git log -1 --format=%ct > {SCRATCH}/time
+rm -rf .git
+echo "Fetched commit $(cat {SCRATCH}/commit)"
+"""
+_BUILDAH: Final = f"""
+export CONTAINERS_REGISTRIES_CONF={FILES_DIR}/{REGISTRIES} BUILDAH_ISOLATION=chroot
+[ ! -f {REGISTRY_SECRET_DIR}/{AUTH_FILE} ] || export REGISTRY_AUTH_FILE={REGISTRY_SECRET_DIR}/{AUTH_FILE}
+commit="$(cat {SCRATCH}/commit)"
+image="$REPOSITORY:$KEY-$(printf '%.12s' "$commit")"
+run() {{ buildah --root {SCRATCH}/layers --runroot {SCRATCH}/run "$@"; }}
+"""
+BUILD: Final = f"""set -eu
+export HOME={SCRATCH}/build TMPDIR={SCRATCH}/temporary
+mkdir -p "$HOME" "$TMPDIR"
+{_BUILDAH}
+export STORAGE_DRIVER=overlay
+if ! run info > /dev/null 2>&1; then
+  echo "No overlay file system for builds here: whole copies of each layer instead, slower and larger"
+  rm -rf {SCRATCH}/layers {SCRATCH}/run
+  export STORAGE_DRIVER=vfs
+fi
+echo "$STORAGE_DRIVER" > {SCRATCH}/driver
+if run pull --quiet "$image" > /dev/null 2>&1; then
+  echo "$image is in the registry already"
+else
+  run build --layers=false --timestamp "$(cat {SCRATCH}/time)" \\
+    --label "org.opencontainers.image.revision=$commit" \\
+    --tag "$image" --file {FILES_DIR}/{DOCKERFILE} {SCRATCH}/context
+fi
+"""
+# A home of its own: no settings that a build step could have left count for who has the credentials.
+PUSH: Final = f"""set -eu
+{_TRY}
+export HOME=/tmp/push TMPDIR=/tmp/push
+rm -rf "$HOME"
+mkdir -p "$HOME"
+{_BUILDAH}
+STORAGE_DRIVER="$(cat {SCRATCH}/driver)"
+export STORAGE_DRIVER
+attempt run push --quiet --digestfile /tmp/push/digest "$image"
+printf '{{"commit":"%s","digest":"%s"}}' "$commit" "$(cat /tmp/push/digest)" > /dev/termination-log
+"""

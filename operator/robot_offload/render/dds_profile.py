@@ -1,0 +1,46 @@
+"""A transport's profile of Fast DDS: settings that no environment variable has, as a file in every pod with ROS."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robot_offload import transport
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.render import pod
+from robot_offload.render.child_names import DDS, child_name
+from robot_offload.render.facts import Facts, Manifest
+from robot_offload.render.objects import config_map
+
+DIRECTORY: Final = "/etc/robot-offload/dds"
+KEY: Final = "fastdds.xml"
+_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Fast DDS 2 knows the first name only, Fast DDS 3 the second one."""
+
+
+def config_maps(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+    """The ConfigMap with the profile; none where the transport has no profile."""
+    text = _text(offload)
+    return (config_map(offload, facts, _name(offload), "settings", {KEY: text}),) if text else ()
+
+
+def volumes(offload: RobotOffload) -> list[Manifest]:
+    """The volume of a pod with ROS."""
+    return [pod.config_map_volume("dds", _name(offload), [KEY])] if _text(offload) else []
+
+
+def mounts(offload: RobotOffload) -> list[Manifest]:
+    """Where a container with ROS sees it."""
+    return [pod.mount("dds", DIRECTORY)] if _text(offload) else []
+
+
+def environment(offload: RobotOffload) -> dict[str, str]:
+    """By which Fast DDS finds it."""
+    return dict.fromkeys(_VARIABLES, f"{DIRECTORY}/{KEY}") if _text(offload) else {}
+
+
+def _text(offload: RobotOffload) -> str:
+    return transport.of(offload.spec).traits.dds_profile
+
+
+def _name(offload: RobotOffload) -> str:
+    return child_name(offload.metadata.name, DDS)

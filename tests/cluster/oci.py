@@ -1,0 +1,86 @@
+"""OCI archives of one program on nothing: what `ctr image import` reads, written by hand."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import io
+import json
+import tarfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+_IMAGE = "application/vnd.oci.image"
+
+
+def write(archive: Path, name: str, program: Path, arguments: Sequence[str] = ()) -> None:
+    """Write an image that holds a static program and starts it.
+
+    Args:
+        archive: The tar file to write; it appears whole or not at all.
+        name: Of the image, with its tag.
+        program: Put at the root of the image under its own name.
+        arguments: Of the program, unless a pod gives others.
+    """
+    layer = _layer(program)
+    packed = gzip.compress(layer, 1, mtime=0)
+    config = {
+        "architecture": "amd64",
+        "os": "linux",
+        "config": {"Entrypoint": [f"/{program.name}"], "Cmd": list(arguments), "User": "65532:65532"},
+        "rootfs": {"type": "layers", "diff_ids": [_digest(layer)]},
+    }
+    manifest = {
+        "schemaVersion": 2,
+        "mediaType": f"{_IMAGE}.manifest.v1+json",
+        "config": {"mediaType": f"{_IMAGE}.config.v1+json", **_described(_json(config))},
+        "layers": [{"mediaType": f"{_IMAGE}.layer.v1.tar+gzip", **_described(packed)}],
+    }
+    notes = {"io.containerd.image.name": name, "org.opencontainers.image.ref.name": name.rsplit(":", 1)[1]}
+    entry = {"mediaType": f"{_IMAGE}.manifest.v1+json", **_described(_json(manifest)), "annotations": notes}
+    files = {"oci-layout": _json({"imageLayoutVersion": "1.0.0"})}
+    files["index.json"] = _json({"schemaVersion": 2, "manifests": [entry]})
+    for blob in (packed, _json(config), _json(manifest)):
+        files[f"blobs/sha256/{hashlib.sha256(blob).hexdigest()}"] = blob
+    scratch = archive.with_suffix(".partial")
+    with tarfile.open(scratch, "w") as tar:
+        for path, content in files.items():
+            tar.addfile(_entry(path, len(content), 0o644), io.BytesIO(content))
+    scratch.replace(archive)
+
+
+def names(archive: Path) -> list[str]:
+    """The names of the images in an archive."""
+    with tarfile.open(archive) as tar:
+        index = tar.extractfile("index.json")
+        assert index is not None
+        notes = [each.get("annotations", {}) for each in json.load(index)["manifests"]]
+    found = (each.get("io.containerd.image.name") or each.get("org.opencontainers.image.ref.name") for each in notes)
+    return [str(name) for name in found if name]
+
+
+def _layer(program: Path) -> bytes:
+    content = program.read_bytes()
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w") as tar:
+        tar.addfile(_entry(program.name, len(content), 0o755), io.BytesIO(content))
+    return packed.getvalue()
+
+
+def _entry(name: str, size: int, mode: int) -> tarfile.TarInfo:
+    entry = tarfile.TarInfo(name)
+    entry.size, entry.mode = size, mode
+    return entry
+
+
+def _json(content: Any) -> bytes:
+    return json.dumps(content, sort_keys=True).encode()
+
+
+def _digest(blob: bytes) -> str:
+    return f"sha256:{hashlib.sha256(blob).hexdigest()}"
+
+
+def _described(blob: bytes) -> dict[str, Any]:
+    return {"digest": _digest(blob), "size": len(blob)}

@@ -1,0 +1,27 @@
+"""The images that every node has: the pause of each pod, CoreDNS, and the program of the cluster's own tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tests.cluster import oci
+from tests.cluster.programs import Programs
+
+PAUSE = "localhost/pause:3.10"
+OURS = "localhost/robot-offload/"
+"""How the names of images begin that are built here again and again, each time under another tag."""
+
+TESTER = f"{OURS}tester:1"
+IMAGES: Mapping[str, str] = {"pause": PAUSE, "coredns": "localhost/coredns:1", "tester": TESTER}
+
+
+def archives(programs: Programs) -> Sequence[Path]:
+    """Their OCI archives, made beside the programs when they are missing."""
+    found = []
+    for program, name in IMAGES.items():
+        archive = programs.directory / f"{program}.tar"
+        if not archive.exists():
+            oci.write(archive, name, programs.path(program))
+        found.append(archive)
+    return found

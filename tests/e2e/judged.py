@@ -1,0 +1,51 @@
+"""What a recording at the consumer must show, whatever happened to the link, with the figures of the story."""
+
+from __future__ import annotations
+
+from robot_offload.local.invariants import Violation, gap_limit_ms, violations
+from robot_offload.local.measures import Measures
+from robot_offload.local.streams import age_ms, quantile
+from tests.e2e.figures import figure
+
+
+def judged(measures: Measures, label: str = "") -> Measures:
+    """Prints the figures of a recording; returns it.
+
+    Args:
+        measures: of the recording.
+        label: before each name, where a story has several recordings.
+    """
+    before = f"{label}: " if label else ""
+    gaps = [gap.length_ms for stream in measures.streams.values() for gap in stream.gaps]
+    ages = [age_ms(each) for stream in measures.streams.values() for each in stream.arrivals if each.site == "cloud"]
+    figure(f"{before}messages from the cloud", measures.messages_passed["cloud"])
+    figure(f"{before}messages from the robot", measures.messages_passed["robot"])
+    figure(f"{before}switches", len(measures.switches))
+    for name in ("duplicates", "reordered", "stale"):
+        count = sum(len(getattr(stream, name)) for stream in measures.streams.values())
+        figure(f"{before}{name}", count)
+    figure(f"{before}lost in a stay", sum(stream.lost for stream in measures.streams.values()))
+    figure(f"{before}longest silence", max(gaps, default=None), "ms")
+    figure(f"{before}silence that is explained", gap_limit_ms(measures.recording), "ms")
+    figure(f"{before}age of a cloud message p50", quantile(ages, 0.5), "ms")
+    figure(f"{before}age of a cloud message p99", quantile(ages, 0.99), "ms")
+    share = measures.cloud_share_of_good_time
+    if share is not None:
+        figure(f"{before}cloud in charge of the good time", share * 100.0, "%")
+    return measures
+
+
+def assert_faultless(measures: Measures, *, but: frozenset[str] = frozenset()) -> None:
+    """No broken promise of the switching protocol.
+
+    Args:
+        measures: of the recording.
+        but: kinds of violations that the story brings about itself, see `invariants`.
+    """
+    found = [each for each in violations(measures) if each.kind not in but]
+    assert not found, told(found)
+
+
+def told(found: list[Violation]) -> str:
+    """Violations as sentences."""
+    return "\n".join(f"{each.kind} at {each.t_s:.3f} s: {each.text}" for each in found)

@@ -1,0 +1,267 @@
+"""A robot outside the cluster: its agent is started from the bundle alone, beside its own nodes and a recorder.
+
+The recorder is a consumer of the robot's outputs and no part of the agent: what it hears is what the actuators get.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from robot_offload.api.v1alpha1 import Node, RobotOffload
+from robot_offload.local import recording
+from robot_offload.local.measures import Measures, measure
+from robot_offload.local.system import NODE_PRIORITY, RECORDER_PRIORITY
+from robot_offload.local.wire_config import LinkOptions
+from robot_offload.local.wire_loop import steady_s
+from robot_offload.render import names
+from tests.cluster.robot_host import RobotHost
+from tests.e2e.consumer import Consumer
+from tests.e2e.weather import Weather
+
+EXAMPLES: Final = Path(__file__).parents[2] / "examples"
+APPS: Final = Path(__file__).parent / "apps"
+UNIT: Final = "robot-offload-agent.service"
+END_S: Final = 5.0
+_EXEC_START: Final = re.compile(r"^ExecStart=(.+)$", re.MULTILINE)
+
+
+class Robot:
+    """One robot: a host, a bundle, the robot's own nodes."""
+
+    def __init__(self, host: RobotHost, offload: RobotOffload, bundle: Path, folder: Path) -> None:
+        """Puts the bundle where its README says; starts nothing.
+
+        Args:
+            host: where everything runs.
+            offload: what the bundle was made for.
+            bundle: as `kubectl offload bundle` has written it.
+            folder: for logs and recordings.
+        """
+        self.host = host
+        self.offload = offload
+        self.folder = folder
+        self.consumer: Consumer | None = None
+        self.weather: Weather | None = None
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._begun_s: float | None = None
+        folder.mkdir(parents=True, exist_ok=True)
+        self.install(bundle)
+
+    @property
+    def name(self) -> str:
+        """Of the RobotOffload."""
+        return self.offload.metadata.name
+
+    @property
+    def place(self) -> Path:
+        """Where the bundle lies, on the robot."""
+        return Path("/etc/robot-offload") / self.name
+
+    # -- installing ---------------------------------------------------------------------------------------------------
+
+    def install(self, bundle: Path) -> None:
+        """What the bundle's README says: copy the folder, name the setup script of the own workspace."""
+        self.bundle = bundle
+        setup = self.folder / "setup.bash"
+        # This machine has no /opt/ros: ROS comes with the Python environment, which is this robot's workspace.
+        setup.write_text(f"export PATH={Path(sys.executable).parent}:$PATH\n", encoding="utf-8")
+        self._do(
+            "mkdir", "-p", str(self.place), f"/run/robot-offload/{self.name}", f"/var/lib/robot-offload/{self.name}"
+        )
+        self._do("cp", "-rT", str(bundle), str(self.place))
+        edit = f"s|^ROBOT_OFFLOAD_SETUP=.*|ROBOT_OFFLOAD_SETUP={setup}|"
+        self._do("sed", "-i", edit, str(self.place / "environment"))
+
+    def _do(self, *command: str) -> None:
+        child = self.host.start(command, dict(os.environ), self.folder / "install.log")
+        if child.wait(60):
+            raise AssertionError(f"{shlex.join(command)} failed: {(self.folder / 'install.log').read_text()[-500:]}")
+
+    # -- processes ----------------------------------------------------------------------------------------------------
+
+    def environment(self) -> dict[str, str]:
+        """What a shell on the robot has after reading the bundle's `environment`."""
+        text = (self.bundle / "environment").read_text(encoding="utf-8")
+        own = dict(line.split("=", 1) for line in text.splitlines() if "=" in line)
+        return {
+            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+            "LANG": "C.UTF-8",
+            "HOME": str(self.folder),
+            "ROS_LOG_DIR": str(self.folder / "ros"),
+            "PYTHONUNBUFFERED": "1",
+            "PYTHONDONTWRITEBYTECODE": "1",
+            **own,
+            "ROBOT_OFFLOAD_SETUP": str(self.folder / "setup.bash"),
+        }
+
+    def start_agent(self) -> float:
+        """Starts the agent as the bundle's unit does; returns the moment (steady clock, seconds)."""
+        text = (self.bundle / UNIT).read_text(encoding="utf-8")
+        found = _EXEC_START.search(text)
+        assert found is not None, f"{UNIT} has no ExecStart"
+        command = shlex.split(found[1].replace("$$", "$"))
+        began_s = steady_s()
+        self._start("agent", command, self.environment())
+        return began_s
+
+    def start_nodes(self) -> None:
+        """The robot's own nodes, each with the remappings that the bundle's README lists."""
+        for node in names.nodes_on(self.offload.spec, "robot"):
+            self.start_node(node)
+
+    def start_node(self, node: Node) -> None:
+        """One of the robot's own nodes."""
+        program, *arguments = names.command(self.offload.spec, node, "robot")
+        interpreter = sys.executable if program in ("python", "python3") else program
+        script, *rest = arguments
+        # A module of an installed package (`python3 -m ...`) needs no path.
+        command = [interpreter, script if script.startswith("-") else str(_script(script)), *rest]
+        self._start(node.name, command, self.environment(), priority=NODE_PRIORITY)
+
+    def _start(
+        self, name: str, command: list[str], environment: Mapping[str, str], *, priority: int = 0
+    ) -> subprocess.Popen[bytes]:
+        log = self.folder / f"{name}.log"
+        child = self.host.start(command, dict(environment), log, priority=priority)
+        self._children[name] = child
+        return child
+
+    def running(self, name: str) -> bool:
+        """Whether a process that was started here still runs."""
+        child = self._children.get(name)
+        return child is not None and child.poll() is None
+
+    def log(self, name: str) -> str:
+        """What a process has written."""
+        path = self.folder / f"{name}.log"
+        return path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+
+    def end(self, name: str, number: signal.Signals = signal.SIGTERM) -> None:
+        """Ends one process and all that it has started: asked first, then killed."""
+        child = self._children.pop(name, None)
+        if child is None:
+            return
+        _signal_group(child, number)
+        with suppress(subprocess.TimeoutExpired):
+            child.wait(END_S)
+        _signal_group(child, signal.SIGKILL)
+        child.wait()
+
+    def power_off(self) -> None:
+        """Everything on the robot dies at once; its disk stays."""
+        for name in list(self._children):
+            self.end(name, signal.SIGKILL)
+
+    # -- the recorder -------------------------------------------------------------------------------------------------
+
+    @property
+    def outputs(self) -> dict[str, str]:
+        """The collected outputs with their types."""
+        return {output.topic: output.type or "" for _, output in self.offload.spec.collected_outputs}
+
+    def listen(self, link: LinkOptions | None = None) -> Consumer:
+        """Starts the recorder; it hears from now on and writes from `begin` on.
+
+        Args:
+            link: what `begin` shall do with the wire; None: nothing.
+        """
+        file = self.folder / "recording.jsonl"
+        command = Consumer.command(file, self.outputs, link)
+        log = self.folder / "recorder.log"
+        child = self.host.start(command, self.environment(), log, piped=True, priority=RECORDER_PRIORITY)
+        threshold_ms = self.offload.spec.switching.latency.allowed_loop_ms
+        self.consumer = Consumer(child, file, tuple(self.outputs), threshold_ms)
+        self.weather = Weather(self.host.wire, link.schedule()) if link else None
+        return self.consumer
+
+    def begin(self) -> float:
+        """From now on it counts: the recording begins, and with it the schedule of the link. Returns the moment."""
+        assert self.consumer is not None, "listen() comes first"
+        start_s = self.weather.start() if self.weather else steady_s()
+        self.consumer.begin(recording.of_run(self.offload.spec, "offload", 0, start_s))
+        self._begun_s = start_s
+        return start_s
+
+    def finish(self) -> Measures:
+        """Ends the recording and measures it."""
+        assert self.consumer is not None
+        if self.weather:
+            self.weather.stop()
+        self.consumer.end(steady_s())
+        shutil.copy2(self.consumer.file, self.folder / "last-recording.jsonl")
+        measures = measure(recording.read(self.consumer.file))
+        self.consumer = None
+        return measures
+
+    # -- following it -------------------------------------------------------------------------------------------------
+
+    @property
+    def site(self) -> str:
+        """The side in charge, as announced on the robot; empty: nothing was announced yet."""
+        assert self.consumer is not None
+        placement = self.consumer.watch.placement
+        return placement.site if placement else ""
+
+    def heard(self, site: str) -> int:
+        """Messages of one side that the recorder has heard so far."""
+        assert self.consumer is not None
+        return self.consumer.heard.get(site, 0)
+
+    def until(self, condition: Callable[[], bool], what: str, patience_s: float = 60.0) -> None:
+        """Waits for something that the recorder hears; the agent's last words are told when it does not come."""
+        assert self.consumer is not None
+
+        def instead() -> str:
+            assert self.consumer is not None
+            watch = self.consumer.watch
+            last = "\n".join(self.log("agent").splitlines()[-8:])
+            return f"placement {watch.placement}, nodes {watch.nodes}, heard {watch.received}; the agent said:\n{last}"
+
+        self.consumer.until(condition, what, patience_s, instead)
+
+    def until_site(self, site: str, patience_s: float = 60.0) -> None:
+        """Waits until a side is in charge."""
+        self.until(lambda: self.site == site, f"the {site} in charge of {self.name}", patience_s)
+
+    def rest(self, seconds: float) -> None:
+        """Lets time pass; fails at once when the agent has ended."""
+        end_s = steady_s() + seconds
+        while (left_s := end_s - steady_s()) > 0:
+            assert self.running("agent"), f"the robot's agent has ended:\n{self.log('agent')[-2000:]}"
+            assert self.consumer is not None
+            self.consumer.rest(min(left_s, 0.5))
+
+    def stop(self) -> None:
+        """Ends everything on the robot; legal at any time."""
+        if self.weather:
+            self.weather.stop()
+        if self.consumer:
+            self.consumer.kill()
+            self.consumer = None
+        for name in list(self._children):
+            self.end(name)
+
+
+def _script(name: str) -> Path:
+    """A program of the examples or of the end-to-end suite."""
+    for folder in (*(each for each in EXAMPLES.iterdir() if each.is_dir()), APPS):
+        if (folder / name).exists():
+            return folder / name
+    raise AssertionError(f"no example is called {name}")
+
+
+def _signal_group(child: subprocess.Popen[bytes], number: signal.Signals) -> None:
+    try:
+        os.killpg(child.pid, number)
+    except (ProcessLookupError, PermissionError):
+        return

@@ -1,0 +1,40 @@
+"""Case 1: from `helm install` to a wheelchair that is driven from the cluster, with what a user types and no more."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from tests.e2e.figures import figure
+from tests.e2e.judged import assert_faultless, judged
+from tests.e2e.story import CONNECTED, READY, Story
+from tests.e2e.waiting import eventually
+
+DRIVE_S = 15.0
+
+
+@pytest.mark.core
+def test_a_robot_drives_in_the_cloud_a_minute_after_the_first_apply(story: Story) -> None:
+    applied_s = time.monotonic()
+    offload = story.apply(story.sample("wheelchair"))
+    story.wait_conditions("wheelchair", *READY)
+    figure("apply to all cloud pods ready", time.monotonic() - applied_s, "s")
+    conditions = story.conditions("wheelchair")
+    assert conditions["AgentConnected"]["reason"] == "NeverConnected"
+
+    robot = story.robot(offload)  # `kubectl offload bundle`, copied to where its README says; nothing else
+    robot.listen()
+    robot.begin()
+    robot.start_nodes()
+    started_s = robot.start_agent()
+    robot.until_site("cloud", patience_s=90)
+    robot.until(lambda: robot.heard("cloud") > 0, "a command from the cloud")
+    robot.rest(DRIVE_S)
+    story.wait_conditions("wheelchair", *CONNECTED)
+    eventually(lambda: story.placement("wheelchair") == "Cloud", "placement Cloud in the status")
+    measures = robot.finish()
+
+    first = next(each for each in measures.recording.outputs["/cmd_vel"] if each.site == "cloud")
+    figure("robot start to first cloud command", first.t_s - started_s, "s")
+    assert_faultless(judged(measures))

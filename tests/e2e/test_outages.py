@@ -1,0 +1,110 @@
+"""Case 3: a link that fails as links do, and what the actuators get meanwhile: everything once, in order, in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from robot_offload.local.measures import Measures
+from robot_offload.local.wire_config import LinkOptions
+from tests.e2e.figures import figure
+from tests.e2e.judged import assert_faultless, judged
+from tests.e2e.robot import Robot
+from tests.e2e.story import READY, Manifest, Story
+
+TRACE = Path(__file__).parents[2] / "examples" / "traces" / "corridor-wifi.txt"
+SHARE_OF_GOOD_TIME = 0.8
+"""The cloud is in charge for at least this part of the time in which the link sustains it."""
+SETTLE_S = 3.0
+
+
+def stay_where_you_are(manifest: Manifest) -> None:
+    """A corridor that the wheelchair does not reach the end of, because it stands: the commands are the subject."""
+    base = manifest["spec"]["nodes"][0]["run"]
+    base["parameters"] = {"corridor_length": 400.0}
+    base["doubles"] = ["corridor_length"]
+
+
+def for_a_slow_link(manifest: Manifest) -> None:
+    """Limits for a link of 80 ms there and back that loses messages, as in docs/benchmarks.md."""
+    stay_where_you_are(manifest)
+    spec = manifest["spec"]
+    spec["switching"] |= {"lease": "300ms", "maxCommandAge": "200ms"}
+    spec["switching"]["latency"]["tolerance"] = "100ms"
+    spec["nodes"][1]["outputs"][0]["deadline"] = "400ms"
+    for topic in spec["topics"]["toCloud"]:
+        if "maxAge" in topic:
+            topic["maxAge"] = "1s"
+
+
+def driving(story: Story, link: LinkOptions, change: Callable[[Manifest], None] = stay_where_you_are) -> Robot:
+    """A robot that the cloud drives over a link which is still as it usually is."""
+    offload = story.apply(story.sample("wheelchair", change))
+    story.wait_conditions("wheelchair", *READY)
+    robot = story.robot(offload)
+    robot.listen(link)
+    robot.start_nodes()
+    robot.start_agent()
+    robot.until_site("cloud", patience_s=90)
+    robot.rest(SETTLE_S)
+    return robot
+
+
+def played(robot: Robot, seconds: float) -> Measures:
+    """The link's schedule for so long."""
+    robot.begin()
+    robot.rest(seconds)
+    return judged(robot.finish())
+
+
+def assert_sustained(measures: Measures) -> None:
+    """Nothing wrong reached the consumers, no silence was too long, and the cloud was used while it could be."""
+    assert_faultless(measures)
+    assert measures.cloud_share_of_good_time is not None
+    assert measures.cloud_share_of_good_time >= SHARE_OF_GOOD_TIME
+
+
+@pytest.mark.core
+def test_two_outages_of_four_seconds(story: Story) -> None:
+    robot = driving(story, LinkOptions(outages=("4/20",)))
+    measures = played(robot, 42.0)
+    assert len(measures.outages) == 2
+    assert len(measures.switches) >= 4, "away from the cloud and back, twice"
+    assert_sustained(measures)
+
+
+def test_the_outages_of_the_thesis_for_three_minutes(story: Story) -> None:
+    robot = driving(story, LinkOptions(outages=("4/20",)))
+    measures = played(robot, 180.0)
+    assert len(measures.outages) == 9
+    assert_sustained(measures)
+
+
+@pytest.mark.parametrize("direction", ["to_cloud", "to_robot"])
+def test_one_direction_alone_is_cut_for_36_seconds(story: Story, direction: str) -> None:
+    robot = driving(story, LinkOptions())
+    robot.begin()
+    robot.rest(10.0)
+    robot.host.wire.set(cut="to_cloud" if direction == "to_cloud" else "to_robot")
+    robot.until_site("robot", patience_s=10)
+    robot.rest(36.0)
+    assert robot.site == "robot", "one direction is no link"
+    robot.host.wire.set(cut=None)
+    robot.until_site("cloud", patience_s=60)
+    robot.rest(10.0)
+    assert_faultless(judged(robot.finish()))
+
+
+def test_forty_milliseconds_each_way_with_three_percent_of_loss(story: Story) -> None:
+    # 19 of 20 within 10 ms of it.
+    robot = driving(story, LinkOptions(delay="40ms", jitter="5ms", loss="3%"), for_a_slow_link)
+    measures = played(robot, 60.0)
+    figure("false alarms", measures.false_alarms)
+    assert_sustained(measures)
+
+
+def test_a_recorded_link(story: Story) -> None:
+    robot = driving(story, LinkOptions(trace=str(TRACE)))
+    assert_sustained(played(robot, 60.0))

@@ -1,0 +1,23 @@
+"""What the operator makes to build the images of the sample that asks for it, as a person can read and compare it.
+
+A wanted change: `UPDATE_GOLDEN=1 pytest tests/golden/test_builds.py`, then look at the difference before committing.
+"""
+
+from __future__ import annotations
+
+import datetime
+
+import yaml
+
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.reconcile.builds import Seen, decide
+from tests.golden.test_children import FACTS, HERE, SAMPLES, Dumper, compare
+
+BEGINNING = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
+
+
+def test_the_build_of_the_sample_is_as_recorded() -> None:
+    offload = parse_object(SAMPLES["built"], "built")
+    made = decide(offload, FACTS, Seen({}, (), frozenset(), BEGINNING), "").manifests
+    text = yaml.dump_all(made, Dumper=Dumper, sort_keys=False, width=110)
+    compare(HERE.parent / "builds" / "built.yaml", text)

@@ -1,0 +1,274 @@
+"""What the test cluster decides without touching anything: policies as rules, load balancer addresses, recordings."""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cluster import load_balancer, policies, programs
+from tests.cluster.by_hand import link
+from tests.cluster.errors import ClusterError
+from tests.cluster.layout import NUMBERS, Layout
+from tests.cluster.preflight import preflight
+from tests.cluster.wire import read_trace
+from tests.cluster.wire_process import BUFFER_S, Direction, Recorded
+from tests.integration.cluster_objects import echo_service, policy
+
+LAYOUT = Layout(0)
+LINK: dict[str, Any] = {"delay_ms": 0.0, "jitter_ms": 0.0, "loss_pct": 0.0, "rate_kbit": 0.0, "cut": None}
+
+
+def pod(name: str, address: str, node: str = "node1", namespace: str = "ours", **labels: str) -> dict[str, Any]:
+    ports = [{"name": "web", "containerPort": 80}]
+    return {
+        "metadata": {"name": name, "namespace": namespace, "labels": labels},
+        "spec": {"nodeName": node, "containers": [{"ports": ports}]},
+        "status": {"phase": "Running", "podIP": address},
+    }
+
+
+PODS = [
+    pod("server", "10.0.0.1", app="server"),
+    pod("friend", "10.0.0.2", app="friend"),
+    pod("elsewhere", "10.0.1.3", node="node2", namespace="theirs", app="friend"),
+]
+NAMESPACES = [{"metadata": {"name": name, "labels": {"team": name}}} for name in ("ours", "theirs")]
+
+
+def rules(**spec: Any) -> list[str]:
+    """The lines of node1's rules with one policy for the server."""
+    one = policy("one", "server", **spec)
+    one["metadata"]["namespace"] = "ours"
+    return [line.strip() for line in policies.ruleset("node1", [one], PODS, NAMESPACES).splitlines()]
+
+
+def chain(lines: list[str], name: str) -> list[str]:
+    """The rules of one chain."""
+    begin = lines.index(f"chain {name} {{")
+    return lines[begin + 1 : lines.index("}", begin)]
+
+
+def test_without_a_policy_nothing_is_closed() -> None:
+    assert "drop" not in policies.ruleset("node1", [], PODS, NAMESPACES)
+
+
+def test_a_policy_without_rules_closes_the_pods_that_it_selects_and_no_others() -> None:
+    lines = rules()
+    assert chain(lines, "in_10_0_0_1") == ["drop"]
+    assert "ip daddr vmap { 10.0.0.1 : jump in_10_0_0_1 }" in lines
+    assert not any("saddr vmap" in line for line in lines)
+
+
+def test_a_policy_is_enforced_where_the_pod_is() -> None:
+    one = policy("one", "server")
+    one["metadata"]["namespace"] = "ours"
+    assert "drop" not in policies.ruleset("node2", [one], PODS, NAMESPACES)
+
+
+@pytest.mark.parametrize(
+    ("peer", "allowed"),
+    [
+        ({"podSelector": {}}, "ip saddr { 10.0.0.1, 10.0.0.2 } return"),
+        ({"podSelector": {"matchLabels": {"app": "friend"}}}, "ip saddr { 10.0.0.2 } return"),
+        ({"namespaceSelector": {"matchLabels": {"team": "theirs"}}}, "ip saddr { 10.0.1.3 } return"),
+        (
+            {"namespaceSelector": {}, "podSelector": {"matchLabels": {"app": "friend"}}},
+            "ip saddr { 10.0.0.2, 10.0.1.3 } return",
+        ),
+        ({"ipBlock": {"cidr": "10.0.0.0/8"}}, "ip saddr 10.0.0.0/8 return"),
+        (
+            {"ipBlock": {"cidr": "10.0.0.0/8", "except": ["10.1.0.0/16"]}},
+            "ip saddr 10.0.0.0/8 ip saddr != { 10.1.0.0/16 } return",
+        ),
+    ],
+)
+def test_a_peer_is_allowed_by_what_selects_it(peer: dict[str, Any], allowed: str) -> None:
+    assert chain(rules(ingress=[{"from": [peer]}]), "in_10_0_0_1") == [allowed, "drop"]
+
+
+def test_a_peer_that_nobody_is_allows_nothing() -> None:
+    nobody = {"podSelector": {"matchLabels": {"app": "nobody"}}}
+    assert chain(rules(ingress=[{"from": [nobody]}]), "in_10_0_0_1") == ["drop"]
+
+
+@pytest.mark.parametrize(
+    ("port", "allowed"),
+    [
+        ({"port": 80}, "tcp dport 80 return"),
+        ({"port": 7400, "endPort": 7649, "protocol": "UDP"}, "udp dport 7400-7649 return"),
+        ({"protocol": "UDP"}, "meta l4proto udp return"),
+        ({"port": "web"}, "tcp dport 80 return"),
+    ],
+)
+def test_a_port_is_allowed_by_number_range_or_name(port: dict[str, Any], allowed: str) -> None:
+    assert chain(rules(ingress=[{"ports": [port]}]), "in_10_0_0_1") == [allowed, "drop"]
+
+
+def test_egress_closes_the_other_way_only_if_it_is_named() -> None:
+    to_friends = {"to": [{"podSelector": {"matchLabels": {"app": "friend"}}}]}
+    lines = rules(policyTypes=["Egress"], egress=[to_friends])
+    assert chain(lines, "out_10_0_0_1") == ["ip daddr { 10.0.0.2 } return", "drop"]
+    assert not any("daddr vmap" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("operator", "values", "chosen"),
+    [
+        ("In", ["friend"], True),
+        ("In", ["server"], False),
+        ("NotIn", ["server"], True),
+        ("Exists", None, True),
+        ("DoesNotExist", None, False),
+    ],
+)
+def test_labels_are_selected_by_expression(operator: str, values: list[str] | None, chosen: bool) -> None:
+    expression = {"key": "app", "operator": operator, "values": values}
+    assert policies.selects({"matchExpressions": [expression]}, {"app": "friend"}) is chosen
+
+
+def service(name: str, address: str = "", **spec: str) -> dict[str, Any]:
+    made = echo_service(name, type="LoadBalancer", **spec)
+    made["metadata"] |= {"namespace": "ours", "creationTimestamp": name}
+    return {**made, "status": {"loadBalancer": {"ingress": [{"ip": address}]} if address else {}}}
+
+
+def node(name: str, address: str, ready: str = "True") -> dict[str, Any]:
+    conditions = [{"type": "Ready", "status": ready}]
+    return {
+        "metadata": {"name": name},
+        "status": {"conditions": conditions, "addresses": [{"type": "InternalIP", "address": address}]},
+    }
+
+
+def test_each_service_gets_an_address_that_no_other_has() -> None:
+    given = load_balancer.missing_addresses([service("a", "10.120.1.10"), service("b"), service("c")], LAYOUT)
+    assert [(each["metadata"]["name"], address) for each, address in given] == [
+        ("b", "10.120.1.11"),
+        ("c", "10.120.1.12"),
+    ]
+
+
+def test_a_service_gets_the_address_that_it_wishes() -> None:
+    given = load_balancer.missing_addresses([service("a", loadBalancerIP="10.120.1.99")], LAYOUT)
+    assert [address for _, address in given] == ["10.120.1.99"]
+
+
+def test_other_services_get_none() -> None:
+    assert load_balancer.missing_addresses([{**echo_service(), "status": {}}], LAYOUT) == []
+
+
+def test_an_address_leads_to_a_node_that_works_and_stays_there() -> None:
+    nodes = [node("node1", "one", ready="Unknown"), node("node2", "two"), node("node3", "three")]
+    services = [service("a", "10.120.1.10")]
+    assert load_balancer.routes(services, [], nodes, {}, LAYOUT) == {"10.120.1.10": "two"}
+    assert load_balancer.routes(services, [], nodes, {"10.120.1.10": "three"}, LAYOUT) == {"10.120.1.10": "three"}
+    assert load_balancer.routes(services, [], nodes, {"10.120.1.10": "one"}, LAYOUT) == {"10.120.1.10": "two"}
+
+
+def test_an_address_with_the_local_policy_leads_to_a_node_with_a_pod() -> None:
+    nodes = [node("node1", "one"), node("node2", "two")]
+    services = [service("a", "10.120.1.10", externalTrafficPolicy="Local")]
+    labels = {"kubernetes.io/service-name": "a"}
+    endpoints = [{"nodeName": "node2", "conditions": {"ready": True}}]
+    slices = [{"metadata": {"namespace": "ours", "labels": labels}, "endpoints": endpoints}]
+    assert load_balancer.routes(services, slices, nodes, {}, LAYOUT) == {"10.120.1.10": "two"}
+    assert load_balancer.routes(services, [], nodes, {}, LAYOUT) == {}
+
+
+def test_clusters_side_by_side_share_no_address() -> None:
+    assert len({Layout(number).everything for number in NUMBERS}) == len(NUMBERS)
+    with pytest.raises(ClusterError, match="0 to 9"):
+        Layout(10)
+
+
+def test_a_recording_is_read_in_both_forms() -> None:
+    assert read_trace(["# of a robot", "10", "30", ""]) == ([0.01, 0.04], [0.01, 0.03])
+    ends, round_trips = read_trace(["t_s,rtt_ms", "5.0,10", "5.1,", "5.2,30"])
+    assert ends == pytest.approx([0.1, 0.2, 0.23])
+    assert round_trips == [0.01, None, 0.03]
+    with pytest.raises(ClusterError, match="holds no sample"):
+        read_trace([])
+
+
+def test_a_recording_holds_what_is_sent_in_a_stall_until_its_end() -> None:
+    # 10 ms, a stall of 1 s, a loss of 10 ms, 20 ms
+    recorded = Recorded([0.01, 1.01, 1.02, 1.04], [0.01, 1.0, None, 0.02], stall=0.04, begun=100.0)
+    assert recorded.arrival(100.0) == pytest.approx(100.005)
+    assert recorded.arrival(100.5) == pytest.approx(101.01)
+    assert recorded.arrival(101.015) is None
+    assert recorded.arrival(101.03) == pytest.approx(101.04)
+    assert not recorded.over(101.03)
+    assert recorded.over(101.05)
+
+
+@pytest.fixture
+def direction() -> Direction:
+    ours, theirs = socket.socketpair()
+    theirs.close()
+    ours.close()
+    return Direction("to_cloud", ours)
+
+
+def test_a_frame_arrives_after_the_delay(direction: Direction) -> None:
+    assert direction.arrival(1.0, 100, {**LINK, "delay_ms": 20}, None) == pytest.approx(1.02)
+
+
+def test_no_frame_overtakes_an_earlier_one(direction: Direction) -> None:
+    direction.arrival(1.0, 100, {**LINK, "delay_ms": 20}, None)
+    assert direction.arrival(1.001, 100, LINK, None) == pytest.approx(1.02)
+
+
+@pytest.mark.parametrize(("cut", "passes"), [(None, True), ("both", False), ("to_cloud", False), ("to_robot", True)])
+def test_a_cut_holds_one_way_or_both(direction: Direction, cut: str | None, passes: bool) -> None:
+    assert (direction.arrival(1.0, 100, {**LINK, "cut": cut}, None) is not None) is passes
+
+
+def test_losses_come_as_often_as_told(direction: Direction) -> None:
+    lost = sum(direction.arrival(1.0, 100, {**LINK, "loss_pct": 30}, None) is None for _ in range(10_000))
+    assert 2700 < lost < 3300
+
+
+def test_a_limited_rate_lets_frames_wait_and_drops_what_would_wait_too_long(direction: Direction) -> None:
+    slow = {**LINK, "rate_kbit": 80}  # 10 bytes a millisecond
+    assert direction.arrival(1.0, 1000, slow, None) == pytest.approx(1.1)
+    assert direction.arrival(1.0, 1000, slow, None) == pytest.approx(1.2)
+    waiting = [direction.arrival(1.0, 1000, slow, None) for _ in range(10)]
+    passed = [each for each in waiting if each is not None]
+    assert max(passed) <= 1.0 + BUFFER_S + 0.1 + 1e-9
+    assert None in waiting
+
+
+def test_settings_of_a_wire_are_read_from_words() -> None:
+    assert link(["delay_ms=10", "loss_pct=0.5", "cut=both"]) == {"delay_ms": 10.0, "loss_pct": 0.5, "cut": "both"}
+    assert link(["cut="]) == {"cut": None}
+    for wrong in ("delay=10", "delay_ms=much", "cut=half"):
+        with pytest.raises(ClusterError, match="no setting of a wire"):
+            link([wrong])
+
+
+def test_who_is_not_root_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    assert "one must be root. Next: run it with sudo" in str(preflight())
+
+
+def test_missing_packages_are_named_with_the_command_that_installs_them(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    why = str(preflight())
+    assert "These packages are missing: conntrack, containerd," in why
+    assert "Next: apt-get install conntrack containerd" in why
+
+
+def test_a_changed_program_of_the_pods_is_built_anew(tmp_path: Path) -> None:
+    for name in ("go.mod", "go.sum", "main.go"):
+        (tmp_path / name).write_text(name)
+    before = programs._key("go1.26.0", tmp_path)
+    assert programs._key("go1.26.0", tmp_path) == before
+    (tmp_path / "main.go").write_text("changed")
+    assert programs._key("go1.26.0", tmp_path) != before
