@@ -11,17 +11,17 @@ from tests.cluster.layout import STATE
 _PROC = Path("/proc/sys")
 _KEPT = STATE / "sysctls.json"
 _CHANGED_BY_KUBELET = ("vm/overcommit_memory", "vm/panic_on_oom", "kernel/panic", "kernel/panic_on_oops")
-_RAISED: Mapping[str, int] = {"fs/inotify/max_user_instances": 8192, "fs/inotify/max_user_watches": 524288}
+RAISED: Mapping[str, int] = {"fs/inotify/max_user_instances": 8192, "fs/inotify/max_user_watches": 524288}
 
 
 def keep_and_raise() -> None:
     """Remember the settings unless a cluster already did, and raise what several kubelets run out of."""
     if not _KEPT.exists():
-        values = {name: (_PROC / name).read_text().strip() for name in (*_CHANGED_BY_KUBELET, *_RAISED)}
+        values = {name: (_PROC / name).read_text().strip() for name in (*_CHANGED_BY_KUBELET, *RAISED)}
         scratch = _KEPT.with_suffix(".partial")
         scratch.write_text(json.dumps(values))
         scratch.replace(_KEPT)
-    for name, least in _RAISED.items():
+    for name, least in RAISED.items():
         if int((_PROC / name).read_text()) < least:
             (_PROC / name).write_text(str(least))
 
