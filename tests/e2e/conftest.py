@@ -29,6 +29,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if HERE in item.path.parents:
             item.add_marker(pytest.mark.e2e)
             item.add_marker(pytest.mark.cluster)
+            item.add_marker(pytest.mark.flaky(reruns=1, rerun_except=["BrokenPromiseError"]))
             if item.get_closest_marker("timeout") is None:
                 item.add_marker(pytest.mark.timeout(LIMIT_S))
 
@@ -82,7 +83,11 @@ def cluster(bare_cluster: Cluster, chart: Chart) -> Cluster:
 def story(cluster: Cluster, images: Images, request: pytest.FixtureRequest) -> Iterator[Story]:
     """A namespace for one test; what was there is kept in out/e2e/TEST when it fails."""
     name = re.sub(r"[^a-z0-9]+", "-", request.node.name.lower().removeprefix("test_"))[:40].strip("-")
-    with Story(cluster, images, name, OUT / request.node.name) as story:
+    again = getattr(request.node, "execution_count", 1)
+    try_ = (
+        f"-try-{again}" if again > 1 else ""
+    )  # the first one's namespace is still on its way out, and its folder is kept
+    with Story(cluster, images, name + try_, OUT / f"{request.node.name}{try_}") as story:
         yield story
         report = request.node.stash.get(CALL, None)
         if report is not None and report.failed:
@@ -104,7 +109,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """What ran, what was skipped and why, and every figure."""
     rows = [
         (report.nodeid.rpartition("/")[2], word, _why(report), report.duration)
-        for word in ("passed", "failed", "error", "skipped")
+        for word in ("passed", "failed", "error", "skipped", "rerun")
         for report in terminalreporter.stats.get(word, [])
         if "tests/e2e/" in report.nodeid and (report.when == "call" or word != "passed")
     ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from robot_offload.local.invariants import Violation, gap_limit_ms, violations
 from robot_offload.local.measures import Measures
 from robot_offload.local.streams import age_ms, quantile
@@ -35,14 +37,28 @@ def judged(measures: Measures, label: str = "") -> Measures:
     return measures
 
 
+TIMING: Final = frozenset({"Gap", "Lost"})
+"""What a machine that stands still for a moment brings about without us: such a story has a second try."""
+
+
+class BrokenPromiseError(AssertionError):
+    """What no busy machine explains: a story that raises it is never run again."""
+
+
 def assert_faultless(measures: Measures, *, but: frozenset[str] = frozenset()) -> None:
     """No broken promise of the switching protocol.
 
     Args:
         measures: of the recording.
         but: kinds of violations that the story brings about itself, see `invariants`.
+
+    Raises:
+        BrokenPromiseError: something else than silence came through, or did not.
+        AssertionError: it was silent for too long.
     """
     found = [each for each in violations(measures) if each.kind not in but]
+    if not {each.kind for each in found} <= TIMING:
+        raise BrokenPromiseError(told(found))
     assert not found, told(found)
 
 
