@@ -7,8 +7,9 @@ ALONE = Case(BASELINE, "one node alone", "1-12 ms")
 TEN = Case("together", "ten at once")
 
 
-def rounds(case: Case, activate: list[list[float]], deactivate: list[list[float]], failed: int = 0) -> Rounds:
-    return Rounds.from_json(case, {"activate": activate, "deactivate": deactivate, "failed": failed})
+def rounds(case: Case, activate: list[list[float]], deactivate: list[list[float]], **lost: int) -> Rounds:
+    said = {"activate": activate, "deactivate": deactivate, "refused": 0, "unanswered": 0}
+    return Rounds.from_json(case, said | lost)
 
 
 def figures(*found: Rounds, refused: dict[str, str] | None = None):
@@ -35,9 +36,15 @@ def test_the_figures_of_the_thesis_stand_beside():
 
 
 def test_a_refused_transition_is_counted_against_a_limit_of_none():
-    failed = figures(rounds(ALONE, [[2.0]], [[1.0]], failed=1))["failed"]
-    assert (failed.value, failed.count) == (1, 2)
-    assert failed.met(failed.must) is False
+    refused = figures(rounds(ALONE, [[2.0]], [[1.0]], refused=1))["refused"]
+    assert (refused.value, refused.count) == (1, 2)
+    assert refused.met(refused.must) is False
+
+
+def test_a_transition_without_an_answer_is_counted_beside():
+    unanswered = figures(rounds(ALONE, [[]], [[1.0]], unanswered=1))["unanswered"]
+    assert (unanswered.value, unanswered.count) == (1, 2)
+    assert "agents ask again" in unanswered.note
 
 
 def test_a_case_that_this_machine_cannot_run_says_why():

@@ -34,17 +34,19 @@ class Rounds:
 
     Attributes:
         answers: by transition (`activate`, `deactivate`).
-        failed: transitions that were refused or not answered.
+        refused: transitions that a node did not make.
+        unanswered: transitions of which no answer came; each was asked for once.
     """
 
     case: Case
     answers: Mapping[str, Sequence[Sequence[float]]]
-    failed: int
+    refused: int
+    unanswered: int
 
     @classmethod
     def from_json(cls, case: Case, said: Mapping[str, Any]) -> Rounds:
         """From what the manager has said."""
-        return cls(case, {word: said[word] for word in TRANSITIONS}, said["failed"])
+        return cls(case, {word: said[word] for word in TRANSITIONS}, said["refused"], said["unanswered"])
 
     def each(self, transition: str) -> tuple[float, ...]:
         """Of single nodes."""
@@ -58,6 +60,9 @@ class Rounds:
     def several(self) -> bool:
         """Whether more than one node is asked at once."""
         return any(len(answers) > 1 for found in self.answers.values() for answers in found)
+
+
+_FIRST_ANSWER = "asked once each; DDS loses an answer that is given before the server has discovered its asker; the agents ask again"
 
 
 def outcome(priority: Priority, found: Sequence[Rounds], refused: Mapping[str, str]) -> Outcome:
@@ -88,9 +93,14 @@ def _figures(found: Sequence[Rounds]) -> Iterator[Figure]:
                 len(values), at_or_none(values, 0.5), "ms", note=_note(rounds, values), baseline=beside,
                 against="" if beside is None else "a node alone",
             )  # fmt: skip
-    failed = sum(rounds.failed for rounds in found)
     count = sum(len(rounds.each(transition)) for rounds in found for transition in TRANSITIONS)
-    yield Figure("failed", "Transitions refused or not answered", "all cases", None, count, failed, "messages", 0)
+    refused = sum(rounds.refused for rounds in found)
+    yield Figure("refused", "Transitions refused", "all cases", None, count, refused, "messages", 0)
+    unanswered = sum(rounds.unanswered for rounds in found)
+    yield Figure(
+        "unanswered", "Transitions without an answer", "all cases", None, count + unanswered, unanswered, "messages",
+        note=_FIRST_ANSWER,
+    )  # fmt: skip
 
 
 def _note(rounds: Rounds, values: Sequence[float]) -> str:

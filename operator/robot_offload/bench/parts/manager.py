@@ -1,7 +1,7 @@
 """A manager of lifecycle nodes, as a user would write one: activates and deactivates, and times every answer.
 
 Standard input takes `{"nodes": [...], "rounds": N, "rest_ms": [LOW, HIGH]}`; standard output answers with
-`{"activate": [[ms of each node], ...], "deactivate": [...], "failed": N}`, a list for each round. All nodes of a round
+`{"activate": [[ms of each node], ...], "deactivate": [...], "refused": N, "unanswered": N}`, a list for each round. All nodes of a round
 are asked at once. `{"find": [...]}` answers as soon as all these nodes can be asked.
 """
 
@@ -47,8 +47,8 @@ class Manager:
             if not client.wait_for_service(PATIENCE_S):
                 raise SystemExit(f"{name}: no lifecycle service was found within {PATIENCE_S:g} s")
 
-    def change(self, names: list[str], transition: int) -> tuple[list[float], int]:
-        """Asks all at once; returns the milliseconds until each answer, and how many refused or said nothing."""
+    def change(self, names: list[str], transition: int) -> tuple[list[float], int, int]:
+        """Asks all at once; returns the milliseconds until each answer, how many refused, and how many said nothing."""
         request = ChangeState.Request(transition=Transition(id=transition))
         took_ms: dict[str, float] = {}
         refused: set[str] = set()
@@ -64,18 +64,19 @@ class Manager:
             future.add_done_callback(lambda done, name=name: answered(name, done))
         while len(took_ms) < len(names) and steady_s() - start_s < PATIENCE_S:
             self._executor.spin_once(timeout_sec=0.1)
-        return list(took_ms.values()), len(refused) + len(names) - len(took_ms)
+        return list(took_ms.values()), len(refused), len(names) - len(took_ms)
 
     def rounds(self, order: dict[str, Any]) -> dict[str, Any]:
         """Activates and deactivates the nodes again and again."""
-        found: dict[str, Any] = {"activate": [], "deactivate": [], "failed": 0}
+        found: dict[str, Any] = {"activate": [], "deactivate": [], "refused": 0, "unanswered": 0}
         low_ms, high_ms = order["rest_ms"]
         for _ in range(order["rounds"]):
             for word, transition in TRANSITIONS.items():
                 time.sleep(random.uniform(low_ms, high_ms) / 1e3)
-                took_ms, failed = self.change(order["nodes"], transition)
+                took_ms, refused, unanswered = self.change(order["nodes"], transition)
                 found[word].append([round(value, 4) for value in took_ms])
-                found["failed"] += failed
+                found["refused"] += refused
+                found["unanswered"] += unanswered
         return found
 
 
