@@ -62,7 +62,7 @@ class Rounds:
         return any(len(answers) > 1 for found in self.answers.values() for answers in found)
 
 
-_FIRST_ANSWER = "asked once each; DDS loses an answer that is given before the server has discovered its asker; the agents ask again"
+_FIRST_ANSWER = "asked once each; DDS loses an answer to somebody not discovered yet; the agents ask again"
 
 
 def outcome(priority: Priority, found: Sequence[Rounds], refused: Mapping[str, str]) -> Outcome:

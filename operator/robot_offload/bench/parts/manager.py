@@ -1,8 +1,8 @@
 """A manager of lifecycle nodes, as a user would write one: activates and deactivates, and times every answer.
 
 Standard input takes `{"nodes": [...], "rounds": N, "rest_ms": [LOW, HIGH]}`; standard output answers with
-`{"activate": [[ms of each node], ...], "deactivate": [...], "refused": N, "unanswered": N}`, a list for each round. All nodes of a round
-are asked at once. `{"find": [...]}` answers as soon as all these nodes can be asked.
+`{"activate": [[ms of each node], ...], "deactivate": [...], "refused": N, "unanswered": N}`, a list for each round. All
+nodes of a round are asked at once. `{"find": [...]}` answers as soon as all these nodes can be asked.
 """
 
 from __future__ import annotations
