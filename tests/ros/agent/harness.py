@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -222,12 +222,14 @@ class World:
         found.update({"link.ca": str(paths.ca), "link.certificate": str(paths.certificate)})
         return {**found, "link.private_key": str(paths.private_key)}
 
-    def start_agent(self, side: str, name: str = "", **different: Any) -> subprocess.Popen[bytes]:
-        """Starts the agent of a side. `name` and `different` are for a second one beside it."""
+    def start_agent(
+        self, side: str, name: str = "", options: Sequence[str] = (), **different: Any
+    ) -> subprocess.Popen[bytes]:
+        """Starts the agent of a side with these options; `name` and `different` are for a second one beside it."""
         values = {**self.parameters(side), **{key.replace("__", "."): value for key, value in different.items()}}
         path = self.folder / f"{name or side}.yaml"
         path.write_text(yaml.safe_dump({"/**": {"ros__parameters": values}}))
-        command = [sys.executable, "-m", "robot_offload_agent.main", side, "--params", str(path)]
+        command = [sys.executable, "-m", "robot_offload_agent.main", side, "--params", str(path), *options]
         environment = self.plan.environment.get(side, {})
         process = self.processes.start(f"{name or side}-agent", command, self.namespace(side), environment)
         if not name:
