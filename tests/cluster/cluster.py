@@ -3,56 +3,39 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Any
 
 import yaml
 
-from tests.cluster import network, ownership, processes, programs, robot_host, system_images
-from tests.cluster.commands import Helm, Kubectl
+from tests.cluster import network, ownership, programs, robot_host, system_images
+from tests.cluster.any_cluster import AnyCluster
 from tests.cluster.errors import ClusterError
 from tests.cluster.layout import MOST_NODES, Layout
 from tests.cluster.node import Node
 from tests.cluster.node_files import NodeFiles
 from tests.cluster.nodes_plane import NodesPlane
-from tests.cluster.ownership import Leftovers
 from tests.cluster.preflight import preflight
-from tests.cluster.robot_host import NatRobot, Neighbour, RobotHost
 
-ROOT = Path(__file__).parents[2]
 _FACTS = "cluster.json"
 PATIENCE = 30.0  # seconds for what takes half of one
 NAMES = Path(__file__).with_name("coredns.yaml")
 
 
-class Cluster:
-    """A cluster that runs.
+class Cluster(AnyCluster):
+    """A cluster of our own: its nodes are namespaces of this machine.
 
     Attributes:
-        number: Which of those that can stand side by side.
-        layout: Its names and addresses.
-        plane: Its control plane.
         nodes: By name.
-        tester: Program to test a network with (tests/cluster/pods/tester); in pods it is the image `TESTER`.
     """
 
+    nodes: Mapping[str, Node]
+
     def __init__(self, layout: Layout, plane: NodesPlane, *, die_with_us: bool, lock: IO[str] | None = None) -> None:
-        self.number = layout.number
-        self.layout = layout
-        self.plane = plane
-        self.nodes: Mapping[str, Node] = {}
-        self._hosts: dict[str, RobotHost] = {}
-        self._attendant: subprocess.Popen[bytes] | None = None
-        self.tester = Path()
-        self._die_with_us = die_with_us
-        self._lock = lock
+        super().__init__(layout, plane, die_with_us=die_with_us, lock=lock)
+        self.nodes = {}
 
     @classmethod
     def up(
@@ -113,84 +96,6 @@ class Cluster:
             cluster._hosts[name] = robot_host.of(layout, name, die_with_us=False, gone=cluster._forget)
         return cluster
 
-    @property
-    def hosts(self) -> Mapping[str, RobotHost]:
-        """Its robots and neighbours by name."""
-        return self._hosts
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.down()
-
-    @property
-    def kubeconfig(self) -> Path:
-        """For an administrator; the cluster's address can be reached from this machine."""
-        return self.plane.kubeconfig
-
-    def kubectl(self, namespace: str = "default") -> Kubectl:
-        """Run kubectl as the administrator."""
-        return self.plane.kubectl(namespace)
-
-    def helm(self, namespace: str = "default") -> Helm:
-        """Run helm as the administrator."""
-        return self.plane.helm(namespace)
-
-    def down(self) -> Leftovers:
-        """End it and remove all of it; imported images stay for the next cluster of this number.
-
-        Returns:
-            What is left: nothing.
-        """
-        ownership.remove(self.layout)
-        self.plane.stop()
-        for node in self.nodes.values():
-            node.reap()
-        for host in self._hosts.values():
-            host.reap()
-        if self._attendant is not None:
-            self._attendant.wait()
-        if self._lock is not None:
-            self._lock.close()
-        return ownership.leftovers(self.layout)
-
-    def import_images(self, *archives: Path) -> None:
-        """Import OCI archives into every node, unless it has them from a cluster before."""
-        paths = [each.resolve() for each in archives]
-        # A thread per node: unpacking keeps one core busy. Nothing that is to stay is started in them.
-        with ThreadPoolExecutor() as pool:
-            list(pool.map(lambda node: node.import_images(paths), self.nodes.values()))
-
-    def robot(self, name: str, *, realtime: bool = True) -> RobotHost:
-        """A machine outside, behind a wire and NAT: it reaches load balancer addresses, nobody reaches it.
-
-        Args:
-            name: Up to 20 of a-z, 0-9 and -.
-            realtime: Its wire runs with real-time priority.
-        """
-        return self._add_host(NatRobot, name, realtime=realtime)
-
-    def neighbour(self, name: str, *, realtime: bool = True) -> RobotHost:
-        """A machine in the cluster's own network, behind a wire: it reaches pods and pods reach it.
-
-        Args:
-            name: Up to 20 of a-z, 0-9 and -.
-            realtime: Its wire runs with real-time priority.
-        """
-        return self._add_host(Neighbour, name, realtime=realtime)
-
-    @contextmanager
-    def without_api(self) -> Iterator[None]:
-        """The API server is down within the block; all that runs runs on."""
-        self.plane.stop_api()
-        try:
-            yield
-        finally:
-            self.plane.start_api()
-
     def enforce_policies(self, enforce: bool) -> None:
         """Enforce NetworkPolicies, as is done from the start, or let everything pass; returns when it is so."""
         if enforce:
@@ -233,25 +138,6 @@ class Cluster:
         servers, pki = self.plane.programs.directory, self.plane.certificates
         files = [NodeFiles(self.layout, each, servers, pki, fast_failure) for each in range(1, count + 1)]
         self.nodes = {each.name: Node(each, self.plane, images, die_with_us=self._die_with_us) for each in files}
-
-    def _attend(self) -> None:
-        program = [sys.executable, "-m", "tests.cluster.attendant", f"--marker={self.layout.marker}"]
-        # From anywhere, whatever the caller's working directory is.
-        command = ["env", f"PYTHONPATH={ROOT}", *program]
-        log = self.layout.home / "attendant.log"
-        self._attendant = processes.spawn(command, log, die_with_us=self._die_with_us, favoured=True)
-
-    def _add_host(self, kind: type[NatRobot | Neighbour], name: str, *, realtime: bool) -> RobotHost:
-        if name in self._hosts:
-            raise ClusterError(f"There is a machine {name} already")
-        taken = {host.index for host in self._hosts.values()}
-        index = next(each for each in range(1, 60) if each not in taken)
-        host = self._hosts[name] = kind(self.layout, name, index, die_with_us=self._die_with_us, gone=self._forget)
-        host.build(realtime=realtime)
-        return host
-
-    def _forget(self, name: str) -> None:
-        del self._hosts[name]
 
 
 def _name_server(layout: Layout) -> Sequence[Mapping[str, Any]]:

@@ -13,3 +13,7 @@ class NoGoError(ClusterError):
 
 class CommandError(ClusterError):
     """A kubectl or helm command ended otherwise than the test expects."""
+
+
+class NotHereError(ClusterError):
+    """This kind of cluster cannot do it, though another one can; the message says why."""

@@ -126,6 +126,11 @@ class Layout:
         """Addresses of the pods on one node."""
         return f"{self._address(16 + index, 0)}/24"
 
+    @property
+    def pod_routes(self) -> tuple[str, ...]:
+        """What the cluster's network knows from the start of the ways to pods."""
+        return tuple(f"route add {self.node_pods(each)} via {self.node(each)}" for each in range(1, MOST_NODES + 1))
+
     def neighbour(self, index: int) -> str:
         """Address of a machine in the cluster's network that is no node."""
         return self._address(0, 100 + index)

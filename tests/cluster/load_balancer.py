@@ -9,6 +9,8 @@ from tests.cluster.layout import Layout
 
 Object = Mapping[str, Any]
 FIRST, LAST = 10, 250
+_NOT_BY = "node.kubernetes.io/exclude-from-external-load-balancers"
+"""Label of nodes that take no traffic from outside, such as those of a control plane."""
 
 
 def ingress(service: Object) -> str | None:
@@ -59,7 +61,8 @@ def routes(
         present: The answer of the last time.
         layout: Of the cluster.
     """
-    alive = {str(node["metadata"]["name"]): _address(node) for node in nodes if is_ready(node)}
+    takers = (node for node in nodes if is_ready(node) and _NOT_BY not in node["metadata"].get("labels", {}))
+    alive = {str(node["metadata"]["name"]): _address(node) for node in takers}
     slices = list(slices)
     found = {}
     for service in services:

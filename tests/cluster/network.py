@@ -7,7 +7,7 @@ import json
 
 from tests.cluster import netns
 from tests.cluster.errors import ClusterError
-from tests.cluster.layout import MOST_NODES, Layout
+from tests.cluster.layout import Layout
 
 LAN, OUTSIDE = "lan", "outside"
 
@@ -18,11 +18,21 @@ def build(layout: Layout) -> None:
     Three namespaces: `net` holds the bridge of the cluster, the bridge on the robots' side and routes between the two;
     `wires` only holds the ends of wires and has no address; `plane` is for the control plane.
     """
-    _refuse_overlap(layout)
-    net, plane = layout.netns("net"), layout.netns("plane")
+    refuse_overlap(layout)
+    switchboard(layout)
+    netns.make(layout.netns("plane"))
+    netns.ip(
+        f"addr add {layout.host}/24 dev {layout.name}",
+        f"route add {layout.everything} via {layout.router} dev {layout.name}",
+    )
+    plug(layout, layout.netns("plane"), layout.api, "plane")
+
+
+def switchboard(layout: Layout) -> None:
+    """Make `net` and `wires`, and a cable from the bridge of the cluster to an interface of this machine."""
+    net = layout.netns("net")
     netns.make(net, forwards=True)
     netns.make(layout.netns("wires"))
-    netns.make(plane)
     netns.ip(
         # With addresses of their own: otherwise they take one of their ports', another one when that goes.
         f"link add {LAN} address 02:00:00:00:{layout.number:02x}:01 type bridge",
@@ -33,21 +43,21 @@ def build(layout: Layout) -> None:
         f"link set {OUTSIDE} up",
         # Nobody has these addresses yet: what goes there is refused, not sent in circles.
         f"route add unreachable {layout.everything}",
-        *(f"route add {layout.node_pods(each)} via {layout.node(each)}" for each in range(1, MOST_NODES + 1)),
+        *layout.pod_routes,
         netns=net,
     )
     # Frames between nodes only pass through here; filters are the nodes' business.
     netns.run("sysctl", "-q", "-w", "net.bridge.bridge-nf-call-iptables=0", netns=net)
     netns.ip(f"link add {layout.name} type veth peer name host netns {net}", f"link set {layout.name} up")
     netns.ip(f"link set host master {LAN} up", netns=net)
-    netns.ip(
-        f"addr add {layout.host}/24 dev {layout.name}",
-        f"route add {layout.everything} via {layout.router} dev {layout.name}",
-    )
-    plug(layout, plane, layout.api, "plane")
 
 
-def _refuse_overlap(layout: Layout) -> None:
+def refuse_overlap(layout: Layout) -> None:
+    """Refuse addresses that this machine knows already.
+
+    Raises:
+        ClusterError: It does.
+    """
     ours = ipaddress.ip_network(layout.everything)
     for route in json.loads(netns.run("ip", "-json", "-4", "route", "show")):
         if route["dst"] != "default" and ipaddress.ip_network(route["dst"]).overlaps(ours):

@@ -7,28 +7,42 @@ import hashlib
 import io
 import json
 import tarfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 _IMAGE = "application/vnd.oci.image"
+NOBODY = "65532:65532"
 
 
-def write(archive: Path, name: str, program: Path, arguments: Sequence[str] = ()) -> None:
+def write(
+    archive: Path,
+    name: str,
+    program: Path,
+    arguments: Sequence[str] = (),
+    *,
+    folder: str = "",
+    user: str = NOBODY,
+    more: Mapping[str, Path] = {},  # never changed
+) -> None:
     """Write an image that holds a static program and starts it.
 
     Args:
         archive: The tar file to write; it appears whole or not at all.
         name: Of the image, with its tag.
-        program: Put at the root of the image under its own name.
+        program: Put into the image under its own name.
         arguments: Of the program, unless a pod gives others.
+        folder: Of the program, such as `usr/bin`; the root of the image when left out.
+        user: Who runs it, unless a pod says otherwise.
+        more: Other files: place in the image, without a slash at the beginning, and where they are here.
     """
-    layer = _layer(program)
+    place = f"{folder}/{program.name}".lstrip("/")
+    layer = _layer({place: program, **more})
     packed = gzip.compress(layer, 1, mtime=0)
     config = {
         "architecture": "amd64",
         "os": "linux",
-        "config": {"Entrypoint": [f"/{program.name}"], "Cmd": list(arguments), "User": "65532:65532"},
+        "config": {"Entrypoint": [f"/{place}"], "Cmd": list(arguments), "User": user},
         "rootfs": {"type": "layers", "diff_ids": [_digest(layer)]},
     }
     manifest = {
@@ -60,11 +74,12 @@ def names(archive: Path) -> list[str]:
     return [str(name) for name in found if name]
 
 
-def _layer(program: Path) -> bytes:
-    content = program.read_bytes()
+def _layer(files: Mapping[str, Path]) -> bytes:
     packed = io.BytesIO()
     with tarfile.open(fileobj=packed, mode="w") as tar:
-        tar.addfile(_entry(program.name, len(content), 0o755), io.BytesIO(content))
+        for place, source in files.items():
+            content = source.read_bytes()
+            tar.addfile(_entry(place, len(content), 0o755), io.BytesIO(content))
     return packed.getvalue()
 
 

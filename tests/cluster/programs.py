@@ -43,6 +43,14 @@ PODS: Mapping[str, str] = {name: f"./{name}" for name in ("coredns", "pause", "t
 REGISTRY: Mapping[str, str] = {"registry": "./registry"}
 """A container registry: of the module in registry/."""
 
+KIND_MODULE = Path(__file__).with_name("kind")
+KIND: Mapping[str, str] = {"kind": "sigs.k8s.io/kind"}
+"""For clusters whose nodes are containers of Docker: of the module in kind/."""
+
+KUBEADM_MODULE = Path(__file__).with_name("kubeadm")
+KUBEADM: Mapping[str, str] = {"kubeadm": "k8s.io/kubernetes/cmd/kubeadm"}
+"""For the image of such a node where no registry can be reached: of the module in kubeadm/, else as in binaries/."""
+
 REPORT_EVERY = 20.0  # seconds between two lines about a build in progress
 
 Say = Callable[[str], object]
@@ -154,7 +162,13 @@ def _build(missing: Mapping[str, str], module: Path, home: Path, say: Say) -> No
 def _run_go(missing: Mapping[str, str], module: Path, target: Path, say: Say) -> None:
     """Compile and link; `go build -v` prints one line for each package that it compiles."""
     command = ["nice", "-n", "5", "go", "build", "-v", "-p", str(os.cpu_count() or 1)]
-    command += ["-ldflags", _link_flags() if module == MODULE else "-s -w", "-o", f"{target}/", *missing.values()]
+    command += [
+        "-ldflags",
+        _link_flags() if module in (MODULE, KUBEADM_MODULE) else "-s -w",
+        "-o",
+        f"{target}/",
+        *missing.values(),
+    ]
     flags = "-mod=readonly -trimpath -buildvcs=false"
     environment = {**os.environ, "CGO_ENABLED": "0", "GOFLAGS": flags, "GOWORK": "off"}
     begun = said = time.monotonic()

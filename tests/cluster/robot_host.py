@@ -339,9 +339,8 @@ class Neighbour(RobotHost):
     def _move(self, turn: int) -> None:
         self._turn = turn
         layout = self._layout
-        pods = [f"route add {layout.node_pods(each)} via {layout.node(each)}" for each in range(1, MOST_NODES + 1)]
         address = layout.neighbour(self.index + 60 * (turn % 2))
-        self._take_address(address, f"route add default via {layout.router}", *pods)
+        self._take_address(address, f"route add default via {layout.router}", *layout.pod_routes)
 
 
 def of(layout: Layout, name: str, **bonds: Unpack[Bonds]) -> RobotHost:

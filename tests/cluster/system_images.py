@@ -18,10 +18,12 @@ IMAGES: Mapping[str, str] = {"pause": PAUSE, "coredns": "localhost/coredns:1", "
 
 def archives(programs: Programs) -> Sequence[Path]:
     """Their OCI archives, made beside the programs when they are missing."""
-    found = []
-    for program, name in IMAGES.items():
-        archive = programs.directory / f"{program}.tar"
-        if not archive.exists():
-            oci.write(archive, name, programs.path(program))
-        found.append(archive)
+    return [archive(programs, program) for program in IMAGES]
+
+
+def archive(programs: Programs, program: str) -> Path:
+    """The OCI archive of one of them."""
+    found = programs.directory / f"{program}.tar"
+    if not found.exists():
+        oci.write(found, IMAGES[program], programs.path(program))
     return found
