@@ -99,12 +99,12 @@ class Node:
 
     def wait_ready(self) -> None:
         """Wait until it has reported since it was switched on or healed, and Kubernetes counts on it."""
-        self._wait(f"{self.name} to be ready", lambda: self._has_reported() and self.is_ready())
+        reported = self._plane.node_reported_after
+        self._wait(f"{self.name} to be ready", lambda: reported(self.name, self._since) and self.is_ready())
 
     def is_ready(self) -> bool:
         """Whether Kubernetes counts on it; it takes a while to notice that it should not."""
-        node = json.loads(self._plane.get(f"/api/v1/nodes/{self.name}"))
-        return any(each["type"] == "Ready" and each["status"] == "True" for each in node["status"]["conditions"])
+        return self._plane.node_is_ready(self.name)
 
     def has_power(self) -> bool:
         """Whether it is switched on."""
@@ -149,12 +149,6 @@ class Node:
         """What containerd, kubelet or kube-proxy said last."""
         path = self._files.home / "log" / f"{program}.log"
         return path.read_text(errors="replace")[-3000:] if path.exists() else ""
-
-    def _has_reported(self) -> bool:
-        lease = json.loads(
-            self._plane.get(f"/apis/coordination.k8s.io/v1/namespaces/kube-node-lease/leases/{self.name}")
-        )
-        return dt.datetime.fromisoformat(lease["spec"]["renewTime"]) > self._since
 
     def _plug_in(self) -> None:
         layout = self._files.layout

@@ -62,6 +62,16 @@ class NodesPlane(ControlPlane):
         self.authority.server(f"{name}-server", [address], [name])
         self.authority.client(f"{name}-client", f"system:node:{name}", ["system:nodes"])
 
+    def node_is_ready(self, name: str) -> bool:
+        """Whether Kubernetes counts on a node; it takes a while to notice that it should not."""
+        node = json.loads(self.get(f"/api/v1/nodes/{name}"))
+        return any(each["type"] == "Ready" and each["status"] == "True" for each in node["status"]["conditions"])
+
+    def node_reported_after(self, name: str, moment: dt.datetime) -> bool:
+        """Whether the kubelet of a node has reported since a moment."""
+        lease = json.loads(self.get(f"/apis/coordination.k8s.io/v1/namespaces/kube-node-lease/leases/{name}"))
+        return dt.datetime.fromisoformat(lease["spec"]["renewTime"]) > moment
+
     def kubeconfig_with(self, certificate: str, path: Path) -> Path:
         """Write a kubeconfig for the user of a certificate."""
         name = "robot-offload-test"

@@ -9,11 +9,11 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from tests.cluster import cgroups, netns, network, processes, sysctls
+from tests.cluster import cgroups, kind_docker, netns, network, processes, sysctls
 from tests.cluster.errors import ClusterError
 from tests.cluster.layout import NUMBERS, STATE, Layout
 
@@ -32,9 +32,10 @@ class Leftovers:
     interfaces: int
     files: int
     sysctls: int
+    containers: int
 
     def __bool__(self) -> bool:
-        return any((self.processes, self.mounts, self.cgroups, self.netns, self.interfaces, self.files, self.sysctls))
+        return any(astuple(self))
 
 
 def claim(number: int | None, by_hand: Path | None) -> tuple[Layout, IO[str]]:
@@ -86,6 +87,7 @@ def remove(layout: Layout) -> None:
             )
         return
     processes.kill(layout.home)
+    kind_docker.remove(layout)
     network.remove(layout)
     cgroups.remove(f"{layout.name}-")
     _remove_files(layout.home)
@@ -108,6 +110,7 @@ def leftovers(layout: Layout) -> Leftovers:
         interfaces=int((netns.INTERFACES / layout.name).exists()),
         files=int(layout.home.exists()),
         sysctls=0 if others else len(sysctls.changed()),  # the last cluster puts them back
+        containers=kind_docker.left(layout),
     )
 
 

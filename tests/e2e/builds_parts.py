@@ -18,7 +18,7 @@ from robot_offload.images.builders import Request, run
 from robot_offload.images.ours import ROOT
 from robot_offload.images.wheels_base import Stage
 from tests.cluster import programs
-from tests.cluster.cluster import Cluster
+from tests.cluster.any_cluster import AnyCluster
 from tests.cluster.image_registry import ImageRegistry
 from tests.e2e.figures import tell
 from tests.e2e.images import builder_environment, cache_folder
@@ -66,7 +66,7 @@ class Workshop:
 
 
 @contextmanager
-def workshop(cluster: Cluster, folder: Path) -> Iterator[Workshop]:
+def workshop(cluster: AnyCluster, folder: Path) -> Iterator[Workshop]:
     """All of it for one cluster, as long as the block runs.
 
     Args:

@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from typing import Final
 
-from tests.cluster.cluster import Cluster
+from tests.cluster.any_cluster import AnyCluster
 from tests.e2e.images import OURS, Images
 from tests.integration.chart import CHART, RELEASE, Values, with_values
 
@@ -19,7 +19,7 @@ LIMIT_S: Final = 240.0
 class Chart:
     """The release of our chart."""
 
-    def __init__(self, cluster: Cluster, images: Images) -> None:
+    def __init__(self, cluster: AnyCluster, images: Images) -> None:
         self._cluster = cluster
         self._images = images
 

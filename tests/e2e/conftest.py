@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.cluster import preflight, programs
-from tests.cluster.cluster import Cluster
+from tests.cluster.any_cluster import AnyCluster
+from tests.cluster.choice import Choice, choose
+from tests.cluster.errors import NotHereError
 from tests.e2e import figures
 from tests.e2e.chart import Chart
 from tests.e2e.figures import OUT, figure, tell
@@ -19,6 +20,7 @@ from tests.e2e.story import Story
 HERE = Path(__file__).parent
 LIMIT_S = 600
 """For one story; the tests' common limit is for tests of seconds."""
+CHOICE = pytest.StashKey[Choice]()
 IMAGES = pytest.StashKey[Images]()
 CALL = pytest.StashKey[pytest.TestReport]()
 
@@ -37,7 +39,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Builds what the stories need before the time limit of any of them runs."""
     wanted = any(HERE in item.path.parents for item in session.items)
-    if not wanted or session.config.option.collectonly or preflight.preflight():
+    if not wanted or session.config.option.collectonly:
+        return
+    choice = session.config.stash[CHOICE] = choose()
+    if choice.missing:
         return
     terminal = session.config.pluginmanager.getplugin("terminalreporter")
 
@@ -45,28 +50,28 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         if terminal is not None:
             terminal.write_line(line, flush=True)
 
-    programs.everything(say)
+    choice.prepare(say)
     session.config.stash[IMAGES] = provide(say)
 
 
 @pytest.fixture(scope="session")
 def images(request: pytest.FixtureRequest) -> Images:
     """Our images and that of the example nodes; all that needs them is skipped where nodes cannot run."""
-    if why := preflight.preflight():
+    if why := request.config.stash[CHOICE].missing:
         pytest.skip(why)
     return request.config.stash[IMAGES]
 
 
 @pytest.fixture(scope="session")
-def bare_cluster(images: Images) -> Iterator[Cluster]:
+def bare_cluster(images: Images, request: pytest.FixtureRequest) -> Iterator[AnyCluster]:
     """A cluster with our images on its nodes and nothing of ours running."""
-    with Cluster.up(nodes=2, say=tell) as cluster:
+    with request.config.stash[CHOICE].up(nodes=2, say=tell) as cluster:
         cluster.import_images(*images.archives)
         yield cluster
 
 
 @pytest.fixture(scope="session")
-def chart(bare_cluster: Cluster, images: Images) -> Chart:
+def chart(bare_cluster: AnyCluster, images: Images) -> Chart:
     """Our chart, installed by helm."""
     chart = Chart(bare_cluster, images)
     figure("helm install to operator ready", chart.install(), "s")
@@ -74,13 +79,13 @@ def chart(bare_cluster: Cluster, images: Images) -> Chart:
 
 
 @pytest.fixture(scope="session")
-def cluster(bare_cluster: Cluster, chart: Chart) -> Cluster:
+def cluster(bare_cluster: AnyCluster, chart: Chart) -> AnyCluster:
     """The cluster with our chart in it."""
     return bare_cluster
 
 
 @pytest.fixture
-def story(cluster: Cluster, images: Images, request: pytest.FixtureRequest) -> Iterator[Story]:
+def story(cluster: AnyCluster, images: Images, request: pytest.FixtureRequest) -> Iterator[Story]:
     """A namespace for one test; what was there is kept in out/e2e/TEST when it fails."""
     name = re.sub(r"[^a-z0-9]+", "-", request.node.name.lower().removeprefix("test_"))[:40].strip("-")
     again = getattr(request.node, "execution_count", 1)
@@ -92,6 +97,15 @@ def story(cluster: Cluster, images: Images, request: pytest.FixtureRequest) -> I
         report = request.node.stash.get(CALL, None)
         if report is not None and report.failed:
             story.tell_everything()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Skips a story that asks for what this kind of cluster cannot do."""
+    try:
+        yield
+    except NotHereError as error:
+        pytest.skip(str(error))
 
 
 @pytest.hookimpl(wrapper=True)

@@ -20,7 +20,7 @@ import yaml
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
-from tests.cluster.cluster import Cluster
+from tests.cluster.any_cluster import AnyCluster
 from tests.cluster.commands import Kubectl
 from tests.cluster.errors import CommandError
 from tests.cluster.robot_host import RobotHost
@@ -53,7 +53,7 @@ class Story:
         folder: for everything that stays: logs, recordings, what went wrong.
     """
 
-    cluster: Cluster
+    cluster: AnyCluster
     images: Images
     namespace: str
     folder: Path

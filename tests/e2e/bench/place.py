@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, field
 
-from tests.cluster.cluster import Cluster
+from tests.cluster.any_cluster import AnyCluster
 from tests.e2e.figures import OUT
 from tests.e2e.images import Images
 from tests.e2e.story import Story
@@ -21,7 +21,7 @@ class Place:
         quick: fewer repetitions, shorter windows.
     """
 
-    cluster: Cluster
+    cluster: AnyCluster
     images: Images
     quick: bool
     _numbers: itertools.count[int] = field(default_factory=itertools.count)
