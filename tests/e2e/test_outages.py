@@ -13,6 +13,7 @@ from tests.e2e.figures import figure
 from tests.e2e.judged import assert_faultless, judged
 from tests.e2e.robot import Robot
 from tests.e2e.story import READY, Manifest, Story
+from tests.e2e.transports_parts import carry
 
 TRACE = Path(__file__).parents[2] / "examples" / "traces" / "corridor-wifi.txt"
 SHARE_OF_GOOD_TIME = 0.8
@@ -39,11 +40,22 @@ def for_a_slow_link(manifest: Manifest) -> None:
             topic["maxAge"] = "1s"
 
 
-def driving(story: Story, link: LinkOptions, change: Callable[[Manifest], None] = stay_where_you_are) -> Robot:
-    """A robot that the cloud drives over a link which is still as it usually is."""
-    offload = story.apply(story.sample("wheelchair", change))
+def driving(
+    story: Story, link: LinkOptions, change: Callable[[Manifest], None] = stay_where_you_are, transport: str = ""
+) -> Robot:
+    """A robot that the cloud drives over a link which is still as it usually is.
+
+    Args:
+        story: where.
+        link: its weather begins with the recording.
+        change: of the sample.
+        transport: another one than the sample's; the robot then is one that the pods can reach.
+    """
+    host = story.host("wheelchair", neighbour=bool(transport))
+    manifest = story.sample("wheelchair", change)
+    offload = story.apply(carry(manifest, transport, host.address) if transport else manifest)
     story.wait_conditions("wheelchair", *READY)
-    robot = story.robot(offload)
+    robot = story.robot(offload, host=host)
     robot.listen(link)
     robot.start_nodes()
     robot.start_agent()
@@ -72,6 +84,14 @@ def test_two_outages_of_four_seconds(story: Story) -> None:
     measures = played(robot, 42.0)
     assert len(measures.outages) == 2
     assert len(measures.switches) >= 4, "away from the cloud and back, twice"
+    assert_sustained(measures)
+
+
+@pytest.mark.parametrize("transport", ["DiscoveryServer", "StaticPeers"])
+def test_two_outages_on_a_network_that_routes(story: Story, transport: str) -> None:
+    robot = driving(story, LinkOptions(outages=("4/20",)), transport=transport)
+    measures = played(robot, 42.0)
+    assert len(measures.outages) == 2
     assert_sustained(measures)
 
 

@@ -22,6 +22,7 @@ from tests.e2e.transports_parts import (
     application,
     asked_in,
     asked_on,
+    carry,
     in_charge,
     pod_of,
     said,
@@ -92,10 +93,7 @@ def test_nodes_on_both_sides_meet_through_the_discovery_servers_and_without_one_
 def test_nodes_on_both_sides_meet_at_a_listed_address(story: Story) -> None:
     name = "flat"
     host = story.host(name, neighbour=True)
-    manifest = application(story, name, {"type": "StaticPeers", "staticPeers": {"robot": [host.address]}})
-    # Among each other the pods find themselves by multicast, which this cluster carries within a node only.
-    manifest["spec"]["cloud"] = {"nodeSelector": {"kubernetes.io/hostname": "node1"}}
-    offload = story.apply(manifest)
+    offload = story.apply(carry(application(story, name, {}), "StaticPeers", host.address))
     story.wait_conditions(name, *READY)
     robot = story.robot(offload, host=host)
     to_the_cloud(robot, DELAY_MS, "StaticPeers")

@@ -76,6 +76,24 @@ def application(story: Story, name: str, transport: Mapping[str, Any]) -> Manife
     return ticking(name, transport, story.images.references[APP])
 
 
+def carry(manifest: Manifest, transport: str, address: str) -> Manifest:
+    """The manifest with another transport, for a robot that the pods can reach.
+
+    Args:
+        manifest: changed in place.
+        transport: `DiscoveryServer` or `StaticPeers`.
+        address: of the robot.
+    """
+    spec = manifest["spec"]
+    if transport == "StaticPeers":
+        spec["transport"] = {"type": transport, "staticPeers": {"robot": [address]}}
+        # Among each other the pods find themselves by multicast, which this cluster carries within a node only.
+        spec["cloud"] = {"nodeSelector": {"kubernetes.io/hostname": "node1"}}
+    else:
+        spec["transport"] = {"type": transport, "expose": {"type": "ClusterIP"}}
+    return manifest
+
+
 def to_the_cloud(robot: Robot, delay_ms: float, label: str) -> None:
     """Starts everything on a robot and lets the cloud act for a while; prints the figures of the transport.
 

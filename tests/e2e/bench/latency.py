@@ -25,6 +25,7 @@ from tests.e2e.figures import figure, tell
 from tests.e2e.images import APP
 from tests.e2e.robot import Robot
 from tests.e2e.story import READY, Manifest, Story
+from tests.e2e.transports_parts import carry
 from tests.e2e.waiting import NotSeenError
 
 GROUP: Final = "latency"
@@ -128,14 +129,7 @@ def _resource(story: Story, transport: str, delay_ms: float, address: str) -> Ma
     offload: RobotOffload = kinds.offload(transport, 2 * delay_ms)
     manifest: Manifest = offload.model_dump(by_alias=True, exclude_defaults=True, mode="json")
     manifest |= {"apiVersion": "robotoffload.dev/v1alpha1", "kind": "RobotOffload", "metadata": {"name": NAME}}
-    spec = manifest["spec"]
-    for node in spec["nodes"]:
+    for node in manifest["spec"]["nodes"]:
         if node["placement"] == "Duplicated":
             node["image"] = story.images.references[APP]
-    if transport == "StaticPeers":
-        spec["transport"] = {"type": transport, "staticPeers": {"robot": [address]}}
-        # Among each other the pods find themselves by multicast, which this cluster carries within a node only.
-        spec["cloud"] = {"nodeSelector": {"kubernetes.io/hostname": "node1"}}
-    elif transport == "DiscoveryServer":
-        spec["transport"] = {"type": transport, "expose": {"type": "ClusterIP"}}
-    return manifest
+    return manifest if transport == DEFAULT else carry(manifest, transport, address)
