@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from abc import ABC, abstractmethod
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -21,6 +21,7 @@ from tests.cluster.ownership import Leftovers
 from tests.cluster.robot_host import NatRobot, Neighbour, RobotHost
 
 ROOT = Path(__file__).parents[2]
+PATIENCE = 30.0  # seconds for what takes half of one
 
 
 class AnyNode(Protocol):
@@ -64,6 +65,10 @@ class AnyNode(Protocol):
         """Whether it is switched on."""
         ...
 
+    def enforces_policies(self) -> bool:
+        """Whether our rules for NetworkPolicies hold for its pods."""
+        ...
+
     def import_images(self, archives: Sequence[Path]) -> None:
         """Import OCI archives."""
         ...
@@ -73,7 +78,7 @@ class AnyNode(Protocol):
         ...
 
 
-class AnyCluster(ABC):
+class AnyCluster:
     """A cluster that runs.
 
     Attributes:
@@ -94,14 +99,6 @@ class AnyCluster(ABC):
         self._attendant: subprocess.Popen[bytes] | None = None
         self._die_with_us = die_with_us
         self._lock = lock
-
-    @abstractmethod
-    def enforce_policies(self, enforce: bool) -> None:
-        """Enforce NetworkPolicies, as is done from the start, or let everything pass; returns when it is so.
-
-        Raises:
-            NotHereError: This cluster cannot do otherwise than it does.
-        """
 
     def __enter__(self) -> Self:
         return self
@@ -180,6 +177,22 @@ class AnyCluster(ABC):
             yield
         finally:
             self.plane.start_api()
+
+    def enforce_policies(self, enforce: bool) -> None:
+        """Enforce NetworkPolicies, as is done from the start, or let everything pass; returns when it is so.
+
+        Raises:
+            NotHereError: This cluster cannot do otherwise than it does.
+        """
+        if enforce:
+            self.layout.unenforced.unlink(missing_ok=True)
+        else:
+            self.layout.unenforced.touch()
+        deadline = time.monotonic() + PATIENCE
+        while not all(node.enforces_policies() == enforce for node in self.nodes.values() if node.has_power()):
+            if time.monotonic() > deadline:
+                raise ClusterError(f"The attendant does not follow; see {self.layout.home}/attendant.log")
+            time.sleep(0.05)
 
     def _attend(self) -> None:
         program = [sys.executable, "-m", "tests.cluster.attendant", f"--marker={self.layout.marker}"]

@@ -77,13 +77,16 @@ class Attendant:
 
     def _enforce(self) -> None:
         """Load each node's rules when they changed, or when the node has come back without any."""
-        seen = self._seen("policies", "pods", "namespaces")
+        seen = self._seen("nodes", "policies", "pods", "namespaces")
         if seen is None:
             return
+        nodes, *objects = seen
         enforced = not self._layout.unenforced.exists()
-        for place in netns.named(self._layout.netns("node")):
-            node = place.removeprefix(self._layout.netns(""))
-            rules = policies.ruleset(node, *seen) if enforced else policies.removal()
+        for node in (str(each["metadata"]["name"]) for each in nodes):
+            place = self._layout.netns(node)
+            if not netns.exists(place):  # it has no power
+                continue
+            rules = policies.ruleset(node, *objects) if enforced else policies.removal()
             identity = (netns.NAMED / place).stat().st_ino
             if self._loaded.get(node) != (identity, rules):
                 netns.nft(rules, place)

@@ -20,7 +20,6 @@ from tests.cluster.nodes_plane import NodesPlane
 from tests.cluster.preflight import preflight
 
 _FACTS = "cluster.json"
-PATIENCE = 30.0  # seconds for what takes half of one
 NAMES = Path(__file__).with_name("coredns.yaml")
 
 
@@ -95,18 +94,6 @@ class Cluster(AnyCluster):
         for name in sorted(path.name for path in layout.home.glob("wires/*")):
             cluster._hosts[name] = robot_host.of(layout, name, die_with_us=False, gone=cluster._forget)
         return cluster
-
-    def enforce_policies(self, enforce: bool) -> None:
-        """Enforce NetworkPolicies, as is done from the start, or let everything pass; returns when it is so."""
-        if enforce:
-            self.layout.unenforced.unlink(missing_ok=True)
-        else:
-            self.layout.unenforced.touch()
-        deadline = time.monotonic() + PATIENCE
-        while not all(node.enforces_policies() == enforce for node in self.nodes.values() if node.has_power()):
-            if time.monotonic() > deadline:
-                raise ClusterError(f"The attendant does not follow; see {self.layout.home}/attendant.log")
-            time.sleep(0.05)
 
     def _start(self, nodes: int, inside: programs.Programs, fast_failure: bool, say: programs.Say) -> None:
         begun = time.monotonic()

@@ -60,6 +60,7 @@ class KindCluster(AnyCluster):
     def __init__(self, layout: KindLayout, plane: KindPlane, *, lock: IO[str] | None = None) -> None:
         super().__init__(layout, plane, die_with_us=True, lock=lock)
         self.nodes = {}
+        self._kindnet = True
 
     @classmethod
     def up(cls, *, nodes: int = 2, number: int | None = None, fast_failure: bool = True, say: Say) -> KindCluster:
@@ -91,8 +92,10 @@ class KindCluster(AnyCluster):
         return cluster
 
     def enforce_policies(self, enforce: bool) -> None:
-        """They are enforced by the network of the nodes, which has no switch."""
-        if not enforce:
+        """Kind's own network enforces them by itself and has no switch; with another one it is done as ever."""
+        if not self._kindnet:
+            super().enforce_policies(enforce)
+        elif not enforce:
             raise NotHereError("kind's own network enforces NetworkPolicies and cannot be told not to")
 
     def _start(self, kind: Path, nodes: int, inside: Programs, *, fast_failure: bool, say: Say) -> None:
@@ -105,6 +108,9 @@ class KindCluster(AnyCluster):
         self._create(kind, configuration(self.layout, nodes, fast_failure=fast_failure))
         tell("made")
         self._know_nodes()
+        self._kindnet = bool(self.kubectl("kube-system")("get", "daemonset/kindnet", "--ignore-not-found"))
+        if self._kindnet:
+            self.layout.unenforced.touch()  # by the attendant: twice would be once too often
         self._attend()
         for node in self.nodes.values():
             node.wait_ready()

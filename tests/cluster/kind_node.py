@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import datetime as dt
+import json
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from urllib.error import HTTPError
 
-from tests.cluster import kind_docker, netns
+from tests.cluster import kind_docker, netns, policies
 from tests.cluster.errors import ClusterError
 from tests.cluster.kind_layout import KindLayout
 from tests.cluster.kind_plane import KindPlane
@@ -33,11 +34,16 @@ class KindNode:
         self._imported: dict[Path, tuple[int, int]] = {}
         self.address = self._address()
 
+    @property
+    def netns(self) -> str:
+        """Its network namespace."""
+        return self._layout.netns(self.name)
+
     def connect(self) -> None:
-        """Tell it the way to robots; Docker gives it only that to this machine. Gone when its power goes."""
+        """Give its network a name among ours, and tell it the way to robots; Docker tells it only the way to here."""
         self.address = self._address()
-        way = ("ip", "route", "replace", self._layout.everything, "via", self._layout.router)
-        kind_docker.inside(self.name, *way)
+        netns.attach(self.netns, int(kind_docker.run("inspect", "--format", "{{.State.Pid}}", self.name)))
+        netns.ip(f"route replace {self._layout.everything} via {self._layout.router}", netns=self.netns)
 
     def power_on(self) -> None:
         """Start it; `wait_ready` tells when it works."""
@@ -48,6 +54,7 @@ class KindNode:
     def power_off(self) -> None:
         """Cut the power: everything on it is gone at once, nobody is told."""
         kind_docker.run("kill", self.name)
+        netns.remove(self.netns)
 
     def partition(self) -> None:
         """Cut it off the network: it runs on, nobody reaches it, it reaches nobody."""
@@ -70,6 +77,10 @@ class KindNode:
         """Whether it is switched on."""
         return kind_docker.running(self.name)
 
+    def enforces_policies(self) -> bool:
+        """Whether our rules for NetworkPolicies hold for its pods."""
+        return policies.in_force(self.netns)
+
     def import_images(self, archives: Sequence[Path]) -> None:
         """Import OCI archives unless it has them already."""
         for archive in archives:
@@ -90,10 +101,10 @@ class KindNode:
 
     def _port(self) -> str:
         """This machine's end of its cable."""
-        wanted = kind_docker.inside(self.name, "cat", "/sys/class/net/eth0/iflink").strip()
-        for port in netns.INTERFACES.iterdir():
-            if (port / "ifindex").exists() and (port / "ifindex").read_text().strip() == wanted:
-                return port.name
+        wanted = json.loads(netns.run("ip", "-json", "link", "show", "eth0", netns=self.netns))[0]["link_index"]
+        for port in json.loads(netns.run("ip", "-json", "link", "show")):
+            if port["ifindex"] == wanted:
+                return str(port["ifname"])
         raise ClusterError(f"The cable of {self.name} does not end on this machine. Is Docker on another one?")
 
     def _wait(self, happened: Callable[[], bool]) -> None:

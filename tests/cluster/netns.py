@@ -62,6 +62,13 @@ def make(netns: str, *, forwards: bool = False) -> None:
     ip("link set lo up", netns=netns)
 
 
+def attach(netns: str, pid: int) -> None:
+    """Give the namespace of a process a name; in place of what had this name before."""
+    if exists(netns):
+        run("ip", "netns", "del", netns)
+    run("ip", "netns", "attach", netns, str(pid))
+
+
 def exists(netns: str) -> bool:
     """Whether there is one of this name."""
     return (NAMED / netns).exists()

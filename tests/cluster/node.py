@@ -112,7 +112,7 @@ class Node:
 
     def enforces_policies(self) -> bool:
         """Whether NetworkPolicies hold for its pods."""
-        return f"table inet {policies.TABLE}\n" in netns.run("nft", "list", "tables", netns=self.netns)
+        return policies.in_force(self.netns)
 
     def partition(self) -> None:
         """Cut it off the network: it runs on, nobody reaches it, it reaches nobody."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from tests.cluster import netns
+
 Object = Mapping[str, Any]
 TABLE = "robot_offload_policy"
 _ADDRESS = {"in": "saddr", "out": "daddr"}  # where the other end's address stands
@@ -52,6 +54,11 @@ def ruleset(node: str, policies: Iterable[Object], pods: Iterable[Object], names
 def removal() -> str:
     """Rules that take all of ours away, whether there are any or not."""
     return f"add table inet {TABLE}\ndelete table inet {TABLE}\n"
+
+
+def in_force(place: str) -> bool:
+    """Whether rules of ours are loaded in a network namespace."""
+    return f"table inet {TABLE}\n" in netns.run("nft", "list", "tables", netns=place)
 
 
 def selects(selector: Object, labels: Mapping[str, str]) -> bool:
