@@ -11,13 +11,19 @@ from tests.cluster.layout import STATE
 _PROC = Path("/proc/sys")
 _KEPT = STATE / "sysctls.json"
 _CHANGED_BY_KUBELET = ("vm/overcommit_memory", "vm/panic_on_oom", "kernel/panic", "kernel/panic_on_oops")
+# In a container of kind systemd sets what Debian wants set, and some of it is the whole machine's.
+_CHANGED_BY_SYSTEMD = (
+    "kernel/pid_max",
+    *(f"fs/protected_{what}" for what in ("fifos", "hardlinks", "regular", "symlinks")),
+)
 RAISED: Mapping[str, int] = {"fs/inotify/max_user_instances": 8192, "fs/inotify/max_user_watches": 524288}
 
 
 def keep_and_raise() -> None:
     """Remember the settings unless a cluster already did, and raise what several kubelets run out of."""
     if not _KEPT.exists():
-        values = {name: (_PROC / name).read_text().strip() for name in (*_CHANGED_BY_KUBELET, *RAISED)}
+        names = (*_CHANGED_BY_KUBELET, *_CHANGED_BY_SYSTEMD, *RAISED)
+        values = {name: (_PROC / name).read_text().strip() for name in names if (_PROC / name).exists()}
         scratch = _KEPT.with_suffix(".partial")
         scratch.write_text(json.dumps(values))
         scratch.replace(_KEPT)
