@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -87,12 +88,9 @@ def cluster(bare_cluster: AnyCluster, chart: Chart) -> AnyCluster:
 @pytest.fixture
 def story(cluster: AnyCluster, images: Images, request: pytest.FixtureRequest) -> Iterator[Story]:
     """A namespace for one test; what was there is kept in out/e2e/TEST when it fails."""
-    name = re.sub(r"[^a-z0-9]+", "-", request.node.name.lower().removeprefix("test_"))[:40].strip("-")
     again = getattr(request.node, "execution_count", 1)
-    try_ = (
-        f"-try-{again}" if again > 1 else ""
-    )  # the first one's namespace is still on its way out, and its folder is kept
-    with Story(cluster, images, name + try_, OUT / f"{request.node.name}{try_}") as story:
+    label = request.node.name + (f"-try-{again}" if again > 1 else "")  # what is kept of the first one stays
+    with Story(cluster, images, _namespace(label), OUT / label) as story:
         yield story
         report = request.node.stash.get(CALL, None)
         if report is not None and report.failed:
@@ -106,6 +104,12 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
         yield
     except NotHereError as error:
         pytest.skip(str(error))
+
+
+def _namespace(label: str) -> str:
+    """A name that no other story has: that of the one before may still be on its way out."""
+    words = re.sub(r"[^a-z0-9]+", "-", label.lower().removeprefix("test_"))[:33].strip("-")
+    return f"{words}-{hashlib.sha256(label.encode()).hexdigest()[:6]}"
 
 
 @pytest.hookimpl(wrapper=True)
