@@ -67,6 +67,12 @@ def inside(container: str, *command: str) -> str:
     return run("exec", container, *command)
 
 
+def address(container: str, network: str) -> str:
+    """The address of a container in a network."""
+    template = f'{{{{(index .NetworkSettings.Networks "{network}").IPAddress}}}}'
+    return run("inspect", "--format", template, container).strip()
+
+
 def running(container: str) -> bool:
     """Whether a container runs."""
     return container in run("ps", "--filter", f"name=^{container}$", "--format", "{{.Names}}").split()

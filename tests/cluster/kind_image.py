@@ -240,9 +240,8 @@ def _carry(base: str, archives: list[Path], name: str) -> None:
                 kind_docker.run("exec", "--interactive", container, *take, "-", stdin=content)
         kind_docker.inside(container, "pkill", "containerd")
         entrypoint = 'ENTRYPOINT ["/usr/local/bin/entrypoint", "/sbin/init"]'
-        changes = ("--change", entrypoint, "--change", "STOPSIGNAL SIGRTMIN+3", "--change", "CMD []")
+        changes = ("--change", entrypoint, "--change", "CMD []")
         kind_docker.run("commit", *changes, container, name, limit=_CARRIED_OUT)
-    kind_docker.run("rmi", "--no-prune", base)
 
 
 @contextmanager

@@ -32,7 +32,7 @@ class KindNode:
         self._plane = plane
         self._since = dt.datetime.now(dt.UTC)
         self._imported: dict[Path, tuple[int, int]] = {}
-        self.address = self._address()
+        self.address = kind_docker.address(name, layout.kind)
 
     @property
     def netns(self) -> str:
@@ -41,7 +41,7 @@ class KindNode:
 
     def connect(self) -> None:
         """Give its network a name among ours, and tell it the way to robots; Docker tells it only the way to here."""
-        self.address = self._address()
+        self.address = kind_docker.address(self.name, self._layout.kind)
         netns.attach(self.netns, int(kind_docker.run("inspect", "--format", "{{.State.Pid}}", self.name)))
         netns.ip(f"route replace {self._layout.everything} via {self._layout.router}", netns=self.netns)
 
@@ -94,10 +94,6 @@ class KindNode:
 
     def reap(self) -> None:
         """Nothing of it is a child of ours."""
-
-    def _address(self) -> str:
-        template = f'{{{{(index .NetworkSettings.Networks "{self._layout.kind}").IPAddress}}}}'
-        return kind_docker.run("inspect", "--format", template, self.name).strip()
 
     def _port(self) -> str:
         """This machine's end of its cable."""

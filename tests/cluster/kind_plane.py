@@ -12,7 +12,7 @@ from tests.cluster import kind_docker
 from tests.cluster.commands import Kubectl
 from tests.cluster.errors import ClusterError
 from tests.cluster.kind_layout import KindLayout
-from tests.cluster.nodes_plane import NodesPlane
+from tests.cluster.nodes_plane import API_PORT, NodesPlane
 from tests.cluster.programs import Programs
 
 ADMINISTRATOR = "rofkind-administrator"
@@ -27,14 +27,18 @@ class KindPlane(NodesPlane):
     def __init__(self, layout: KindLayout, programs: Programs) -> None:
         super().__init__(layout, programs, fast_failure=False)
         self._container = layout.control_plane
+        self._network = layout.kind
 
     def adopt(self, written_by_kind: Path) -> Self:
-        """Know the cluster of a kubeconfig; everybody here uses a token, which no certificate must go with."""
+        """Know the cluster of a kubeconfig; everybody here uses a token, which no certificate must go with.
+
+        And the address of the container: kind's own one is Docker's proxy, which answers also without an API server.
+        """
         kubectl = Kubectl(self.programs.path("kubectl"), written_by_kind, "kube-system")
         cluster = json.loads(kubectl("config", "view", "--raw", "--output=json"))["clusters"][0]["cluster"]
         self.certificates.mkdir(parents=True, exist_ok=True)
         self.ca_file.write_bytes(base64.b64decode(cluster["certificate-authority-data"]))
-        self.url = cluster["server"]
+        self.url = f"https://{kind_docker.address(self._container, self._network)}:{API_PORT}"
         kubectl("create", "serviceaccount", ADMINISTRATOR)
         whose = f"--serviceaccount=kube-system:{ADMINISTRATOR}"
         kubectl("create", "clusterrolebinding", ADMINISTRATOR, "--clusterrole=cluster-admin", whose)
