@@ -125,6 +125,8 @@ class KindCluster(AnyCluster):
         network.refuse_overlap(layout)
         kind_docker.refuse_strangers(layout)
         kind_docker.make_network(layout)
+        if not (netns.INTERFACES / layout.kind).exists():
+            raise ClusterError("Docker's networks are not on this machine, so no robot here can reach one")
         network.switchboard(layout)
         netns.ip(
             f"link set {layout.name} master {layout.kind}",
