@@ -38,12 +38,13 @@ from robot_offload.reconcile import (
     workloads,
 )
 from robot_offload.reconcile.decision import Verdict, yes
-from robot_offload.reconcile.ownership import Key, being_deleted, belongs
+from robot_offload.reconcile.ownership import Key, being_deleted, belongs, key_of
 from robot_offload.reconcile.plan import plan
 from robot_offload.render import labels
 from robot_offload.render.child_names import ROBOT, child_name, discovery_child
 from robot_offload.render.children import children
 from robot_offload.render.facts import Facts, Images
+from robot_offload.transport import discovery
 
 Name: TypeAlias = tuple[str, str]
 """Namespace and name of a RobotOffload."""
@@ -154,6 +155,7 @@ class _Pass:
         self._before: Mapping[str, Any] = raw.get("status") or {}
         self._done = Done()
         self._seen = reading.Observed()
+        self._handled: set[Key] = set()  # children that an earlier step of this pass has dealt with
 
     async def run(self) -> Result:
         """All steps; what the API server refuses to show or take for good is told in the status."""
@@ -181,7 +183,8 @@ class _Pass:
         facts = self._facts(robot, wanted)
         verdicts["CertificatesReady"], certificates_s = await self._certify(facts)
         built = await self._build(facts)
-        facts = replace(facts, certificate_hash=self._certificate_hash(), built=built.references)
+        hosts = await self._show_discovery(facts)
+        facts = replace(facts, certificate_hash=self._certificate_hash(), built=built.references, discovery_hosts=hosts)
         await self._apply((*built.manifests, *children(self._offload, facts)), built.kept)
         verdicts["ResourcesApplied"] = applied(self._done)
         found = await self._find(robot, wanted, built)
@@ -244,10 +247,37 @@ class _Pass:
         rebuild = (self._raw["metadata"].get("annotations") or {}).get(builds.REBUILD, "")
         return builds.decide(self._offload, facts, seen, rebuild)
 
+    async def _show_discovery(self, facts: Facts) -> tuple[str, ...]:
+        """Applies the Services of the discovery servers before anything needs their addresses; returns these."""
+        if not transport.discovery_servers(self._offload.spec):
+            return ()
+        names = set(discovery.names(self._offload))
+        services = [
+            each
+            for each in transport.of(self._offload.spec).services(self._offload, facts)
+            if each["metadata"]["name"] in names
+        ]
+        keys = {key_of(each) for each in services}
+        await reading.look_up(self._api, self._namespace, self._seen, services)
+        only_these = {key: child for key, child in self._seen.live.items() if key in keys}
+        await carry_out(
+            self._api,
+            plan(services, only_these, self._uid, self._memory.settled),
+            self._seen.live,
+            self._memory.settled,
+            self._done,
+        )
+        self._handled |= keys
+        found = discovery.hosts(self._offload, [each for key in keys if (each := self._ours(*key)) is not None])
+        if not found:
+            # What is there goes on as it is: it must not be pruned because it cannot be rendered now.
+            self._handled |= set(self._seen.live)
+        return found
+
     async def _apply(self, wanted: Iterable[Manifest], unchanged: Iterable[Key]) -> None:
         """Applies the children in their order and prunes what is no longer one, but for those that stay unchanged."""
-        manifests = list(wanted)
-        kept = set(unchanged)
+        manifests = [manifest for manifest in wanted if key_of(manifest) not in self._handled]
+        kept = set(unchanged) | self._handled
         if transport.needs_certificates(self._offload.spec):
             kept |= self._secret_keys()
             if self._offload.spec.transport.certificates.issuer_ref is not None:

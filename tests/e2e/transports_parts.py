@@ -90,7 +90,7 @@ def carry(manifest: Manifest, transport: str, address: str) -> Manifest:
         # Among each other the pods find themselves by multicast, which this cluster carries within a node only.
         spec["cloud"] = {"nodeSelector": {"kubernetes.io/hostname": "node1"}}
     else:
-        spec["transport"] = {"type": transport, "expose": {"type": "ClusterIP"}}
+        spec["transport"] = {"type": transport}
     return manifest
 
 

@@ -167,8 +167,12 @@ class Place:
 
     def shape(self, name: str = "walker") -> dict[tuple[str, str], Manifest]:
         """The children without what differs between two equal installations (uids, times, keys, addresses)."""
-        uid = self.roff(name)["metadata"]["uid"]
-        return {key: _plain(child, self.namespace, uid) for key, child in self.children(name).items()}
+        children = self.children(name)
+        others = {self.namespace: "NAMESPACE", self.roff(name)["metadata"]["uid"]: "UID"}
+        for (kind, service), child in children.items():
+            if kind == "Service":
+                others[child["spec"]["clusterIP"]] = f"ADDRESS OF {service}"
+        return {key: _plain(child, others) for key, child in children.items()}
 
     def events(self, name: str = "walker") -> list[Manifest]:
         items = self._send("GET", f"/api/v1/namespaces/{self.namespace}/events")["items"]
@@ -196,11 +200,13 @@ _OF_ONE_OBJECT = (
 )
 
 
-def _plain(child: Manifest, namespace: str, uid: str) -> Manifest:
+def _plain(child: Manifest, others: Mapping[str, str]) -> Manifest:
     plain = {key: value for key, value in child.items() if key != "status"}
     if child["kind"] == "Secret":
         plain["data"] = sorted(child["data"])
-    text = json.dumps(plain, sort_keys=True).replace(namespace, "NAMESPACE").replace(uid, "UID")
+    text = json.dumps(plain, sort_keys=True)
+    for value, name in others.items():
+        text = re.sub(rf"(?<![\w.]){re.escape(value)}(?![\w.]|\d)", name, text)
     text = re.sub(r"\bgeneration: \d+", "generation: N", text)  # in the agents' files; it grows with every change
     return dict(json.loads(text, object_hook=_without))
 

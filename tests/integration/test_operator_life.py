@@ -167,6 +167,39 @@ def test_every_child_that_somebody_deletes_is_made_again(place: Place) -> None:
     place.applied()
 
 
+def test_who_must_find_a_discovery_server_is_told_its_new_address(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    name, others = "walker-discovery-0", ("walker-agent", "walker-talker")
+    before = {each: place.there(DEPLOYMENT, each)["metadata"]["uid"] for each in others}
+    old = place.there(SERVICE, name)["spec"]["clusterIP"]
+    place.delete(SERVICE, name)
+    eventually(lambda: (place.get(SERVICE, name) or {}).get("spec", {}).get("clusterIP", old) != old, "a new address")
+    new = place.there(SERVICE, name)["spec"]["clusterIP"]
+
+    def told(deployment: str) -> bool:
+        [container, *_] = place.there(DEPLOYMENT, deployment)["spec"]["template"]["spec"]["containers"]
+        servers = next(one["value"] for one in container["env"] if one["name"] == "ROS_DISCOVERY_SERVER")
+        return f"{new}:11811" in servers.split(";")
+
+    eventually(lambda: all(told(each) for each in others), "both to be told")
+    now = {each: place.there(DEPLOYMENT, each)["metadata"]["uid"] for each in others}
+    assert now == before, "changed, not replaced"
+
+
+def test_while_a_discovery_server_cannot_be_had_what_runs_goes_on(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    before = place.there(DEPLOYMENT, "walker-talker")["metadata"]
+    stranger = {"apiVersion": "v1", "kind": "Service", "metadata": {"name": "walker-discovery-2"}}
+    place.create(SERVICE, {**stranger, "spec": {"ports": [{"port": 1}]}})
+    place.change({"cloud": {"discoveryServers": 3}})
+    condition = place.wait_condition("ResourcesApplied", "False", "NameTaken")
+    assert "Service walker-discovery-2 exists" in condition["message"]
+    now = place.there(DEPLOYMENT, "walker-talker")["metadata"]
+    assert (now["uid"], now["generation"]) == (before["uid"], before["generation"])
+
+
 def test_a_strangers_object_is_not_taken_over_and_the_condition_says_whose_it_is(place: Place) -> None:
     stranger = {"apiVersion": "v1", "kind": "ConfigMap", "metadata": {"name": "walker-agent"}, "data": {"mine": "yes"}}
     place.create(CONFIG_MAP, stranger)

@@ -21,6 +21,7 @@ from robot_offload.reconcile.builds import Seen, decide
 from robot_offload.render.agent_config import AgentSite, agent_config
 from robot_offload.render.children import children
 from robot_offload.render.facts import Facts, Manifest
+from robot_offload.transport import discovery
 
 FILE_EXAMPLES = (
     "robot-offload render wheelchair.yaml",
@@ -86,6 +87,7 @@ def file_command(
         images=default_images(),
         nodes_wanted=not asleep,
         robot_connected=robot_connected,
+        discovery_hosts=discovery.names(offload),  # their addresses are for the cluster to give
     )
     # As at the very beginning: the Secrets that builds need are there, and no image is.
     nothing = Seen({}, (), frozenset(), datetime.datetime.fromtimestamp(0, datetime.UTC))

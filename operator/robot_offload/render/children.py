@@ -16,13 +16,16 @@ __all__ = ["Manifest", "children"]
 def children(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
     """The children. Rules and addresses come before what uses them; pods come last.
 
-    The DDS Router's configuration and pod are missing until `facts.endpoints` says where it is reached.
+    The DDS Router's configuration and pod are missing until `facts.endpoints` says where it is reached, and everything
+    that finds others through discovery servers until `facts.discovery_hosts` says where those are.
 
     Args:
         offload: as it was accepted; a specification with findings of severity error is never rendered.
         facts: the state of the cluster as far as the children depend on it.
     """
     chosen = transport.of(offload.spec)
+    findable = bool(facts.discovery_hosts) or not transport.discovery_servers(offload.spec)
+    participants = (agent_deployment(offload, facts), *node_deployments(offload, facts)) if findable else ()
     return (
         *network_policies(offload, facts),
         *chosen.services(offload, facts),
@@ -30,6 +33,5 @@ def children(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
         *parameter_copies(offload, facts),
         *dds_profile.config_maps(offload, facts),
         *chosen.workloads(offload, facts),
-        agent_deployment(offload, facts),
-        *node_deployments(offload, facts),
+        *participants,
     )

@@ -73,6 +73,8 @@ class Facts:
         nodes_wanted: False: the nodes have no pods (the robot is gone for long, or spec.replicas is 0).
         robot_connected: whether the robot is connected now; Cold nodes have pods only then.
         endpoints: the addresses known so far, from `transport.observed_endpoints`.
+        discovery_hosts: addresses of the discovery servers in the cluster, by their ids; empty: not known yet, and what
+            needs them is not rendered.
         certificate_hash: of what is in the Secret of the cloud's certificate; a renewed one rolls what reads it.
         user_config_hashes: of the ConfigMaps of `parametersFrom`, by `name/key`; empty text: it is missing.
         user_configs: what is in them, by `name/key`; replicas get a copy in which they find their own names.
@@ -86,6 +88,7 @@ class Facts:
     nodes_wanted: bool
     robot_connected: bool = False
     endpoints: tuple[Endpoint, ...] = ()
+    discovery_hosts: tuple[str, ...] = ()
     certificate_hash: str = ""
     user_config_hashes: Mapping[str, str] = field(default_factory=dict)
     user_configs: Mapping[str, str] = field(default_factory=dict)

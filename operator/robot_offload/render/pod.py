@@ -13,21 +13,6 @@ from robot_offload.render.objects import child
 
 TMP: Final = "/tmp"  # noqa: S108 - an emptyDir of the pod's own, mounted because the root file system is read-only
 CERTIFICATES_DIR: Final = "/etc/robot-offload/certificates"
-# The names come as arguments. A name that is unknown is told once and asked for again and again.
-_WAIT: Final = """\
-import socket, sys, time
-for name in sys.argv[1:]:
-    told = False
-    while True:
-        try:
-            socket.getaddrinfo(name, None)
-            break
-        except OSError as error:
-            if not told:
-                print("waiting for the name", name, error, flush=True)
-            told = True
-            time.sleep(0.2)
-"""
 
 
 def pod_template(
@@ -66,10 +51,6 @@ def pod_template(
         "volumes": [{"name": "tmp", "emptyDir": {}}, *volumes],
         **further,
     }
-    servers = next((one["value"] for one in containers[0]["env"] if one["name"] == "ROS_DISCOVERY_SERVER"), "")
-    if servers:
-        hosts = [server.rpartition(":")[0] for server in servers.split(";")]
-        spec["initContainers"] = [wait_for_names(containers[0], containers[0]["image"], hosts)]
     if node_selector:
         spec["nodeSelector"] = node_selector
     if cloud.tolerations:
@@ -111,30 +92,6 @@ def container(
     }
     if resources:
         result["resources"] = dict(resources)
-    return result
-
-
-def wait_for_names(before: Manifest, image: str, hosts: Sequence[str]) -> Manifest:
-    """An init container that ends when these names resolve.
-
-    DDS asks for the names of discovery servers once, when a participant starts: one that starts a moment before the
-    cluster's DNS knows a new Service would find nobody until it is started again.
-
-    Args:
-        before: the container that must not start earlier.
-        image: any with Python; that of the container itself costs no pull.
-        hosts: the names.
-    """
-    same = {key: before[key] for key in ("imagePullPolicy",) if key in before}
-    result = container(
-        "wait-for-names",
-        image,
-        hosts,
-        environment={},
-        resources=before.get("resources"),
-        extra={"command": ["python3", "-c", _WAIT], **same},
-    )
-    del result["env"]  # an empty list is not kept by the API server and would look like somebody's edit
     return result
 
 

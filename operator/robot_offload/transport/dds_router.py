@@ -61,12 +61,12 @@ def services(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
 
 
 def workloads(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
-    """The discovery servers; the router as soon as the address is known that it has to announce."""
+    """The discovery servers; the router as soon as their addresses are known, and the one that it has to announce."""
     servers = discovery.stateful_sets(offload, facts)
     announced = facts.endpoints_for("router")
-    if not announced:
+    if not announced or not facts.discovery_hosts:
         return servers
-    data = {CONFIG_KEY: _text(cloud_config(offload, announced[0])), _DH_KEY: _DH_PARAMETERS}
+    data = {CONFIG_KEY: _text(cloud_config(offload, facts.discovery_hosts, announced[0])), _DH_KEY: _DH_PARAMETERS}
     return (
         *servers,
         config_map(offload, facts, _name(offload), "router", data),
@@ -74,9 +74,9 @@ def workloads(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
     )
 
 
-def cloud_config(offload: RobotOffload, announced: Endpoint) -> dict[str, Any]:
+def cloud_config(offload: RobotOffload, discovery_hosts: Sequence[str], announced: Endpoint) -> dict[str, Any]:
     """The configuration of the router in the cloud."""
-    servers = [router.address(host, discovery.PORT.number, "udp") for host in discovery.names(offload)]
+    servers = [router.address(host, discovery.PORT.number, "udp") for host in discovery_hosts]
     cluster = {
         "name": router.CLUSTER,
         "kind": "local-discovery-server",
@@ -124,7 +124,7 @@ def policies(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
 
 def node_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
     """The discovery servers."""
-    return discovery.environment(offload)
+    return discovery.environment(facts)
 
 
 def robot_environment(offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
@@ -180,8 +180,6 @@ def _deployment(offload: RobotOffload, facts: Facts, read: str) -> Manifest:
         read=read,
         grace_s=5,
         volumes=volumes,
-        # The agent's image, because the router's has no Python.
-        extra={"initContainers": [pod.wait_for_names(container, facts.images.agent, discovery.names(offload))]},
     )
     return pod.deployment(offload, facts, _name(offload), "router", template)
 

@@ -1,18 +1,22 @@
 """Fast DDS discovery servers in the cluster: clusters carry no multicast, so nodes find each other through these.
 
 One StatefulSet and one Service per server id, never replicas behind one Service: two servers must not share an
-identity, and a participant knows them by their place in the list. The Service has an address of its own, because
-names are resolved only once, when a participant starts.
+identity, and a participant knows them by their place in the list.
+
+Participants are given the addresses of the Services, not their names: Fast DDS resolves a name once, when a participant
+starts, and forgets the whole list when one name is not known at that moment. A name server that was asked just before a
+Service came says for some seconds that there is none.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.render import pod
 from robot_offload.render.child_names import discovery_child
-from robot_offload.render.facts import Facts, Manifest
+from robot_offload.render.facts import Facts, Manifest, address
 from robot_offload.render.hashes import config_hash
 from robot_offload.render.labels import selector
 from robot_offload.render.objects import child
@@ -23,18 +27,26 @@ SERVER_LABEL: Final = "robotoffload.dev/discovery-server"
 
 
 def names(offload: RobotOffload) -> tuple[str, ...]:
-    """The names of the servers' objects, by their ids; those of the Services are their hosts in the namespace."""
+    """The names of the servers' objects, by their ids."""
     servers = range(offload.spec.cloud.discovery_servers)
     return tuple(discovery_child(offload.metadata.name, server) for server in servers)
 
 
-def environment(offload: RobotOffload) -> dict[str, str]:
-    """Environment of a participant that finds others through the servers.
+def hosts(offload: RobotOffload, services: Iterable[Manifest]) -> tuple[str, ...]:
+    """The addresses of the servers' Services in the cluster, by the servers' ids; empty: not all are known yet.
 
-    Their names without the namespace, which is the participant's own: Fast DDS reads names of at most 63 characters,
-    as long as a Service's may be, and forgets the whole list when one is longer.
+    Args:
+        offload: whose servers.
+        services: its own ones, as they are in the cluster.
     """
-    return {"ROS_DISCOVERY_SERVER": ";".join(f"{name}:{PORT.number}" for name in names(offload))}
+    by_name = {one["metadata"]["name"]: (one.get("spec") or {}).get("clusterIP") or "" for one in services}
+    found = tuple(by_name.get(name, "") for name in names(offload))
+    return found if all(host not in ("", "None") for host in found) else ()
+
+
+def environment(facts: Facts) -> dict[str, str]:
+    """Environment of a participant that finds others through the servers."""
+    return {"ROS_DISCOVERY_SERVER": ";".join(address(host, PORT.number) for host in facts.discovery_hosts)}
 
 
 def server_selector(server: int) -> dict[str, str]:

@@ -53,8 +53,8 @@ def policies(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
 
 
 def node_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
-    """The servers' names in the cluster."""
-    return discovery.environment(offload)
+    """The servers' addresses in the cluster."""
+    return discovery.environment(facts)
 
 
 def robot_environment(offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:

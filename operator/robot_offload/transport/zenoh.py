@@ -65,7 +65,7 @@ def policies(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
 
 def node_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
     """The discovery servers."""
-    return discovery.environment(offload)
+    return discovery.environment(facts)
 
 
 def robot_environment(offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:

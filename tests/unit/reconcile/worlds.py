@@ -11,7 +11,14 @@ from robot_offload.render.facts import Facts, Images
 
 NOW = datetime.datetime(2026, 11, 21, 12, tzinfo=datetime.UTC)
 IMAGES = Images(agent="agent:1", operator="operator:1", discovery="discovery:1", router="router:1")
-FACTS = Facts(namespace="fleet", uid="u-1", generation=3, images=IMAGES, nodes_wanted=True)
+FACTS = Facts(
+    namespace="fleet",
+    uid="u-1",
+    generation=3,
+    images=IMAGES,
+    nodes_wanted=True,
+    discovery_hosts=("10.96.0.8", "10.96.0.9"),
+)
 
 
 def offload(**spec: Any) -> RobotOffload:

@@ -24,6 +24,7 @@ FACTS = Facts(
     generation=3,
     images=IMAGES,
     nodes_wanted=True,
+    discovery_hosts=("10.96.0.8", "10.96.0.9"),
     certificate_hash="c1",
 )
 ROUTER = Endpoint("router", "TCP", "203.0.113.7", 11666)

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import itertools
 import re
-import subprocess
-import sys
 from typing import Any
 
 import pytest
 
-from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.render.facts import Manifest
 from robot_offload.render.labels import INSTANCE, MANAGED_BY
-from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, environment, facts, offload, pods, rendered, resource
+from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, environment, facts, offload, pods, rendered
 
 CONTROLLER = "Deployment/wheelchair-7-controller"
 PLANNER = "Deployment/wheelchair-7-planner"
@@ -93,48 +90,17 @@ def test_a_node_finds_the_others_through_the_discovery_servers() -> None:
     assert values["ROS_DOMAIN_ID"] == "43"
     assert values["RMW_IMPLEMENTATION"] == "rmw_fastrtps_cpp"
     assert values["FASTDDS_BUILTIN_TRANSPORTS"] == "UDPv4"
-    servers = [f"wheelchair-7-discovery-{server}:11811" for server in (0, 1)]
-    assert values["ROS_DISCOVERY_SERVER"] == ";".join(servers)
+    assert values["ROS_DISCOVERY_SERVER"] == "10.96.0.8:11811;10.96.0.9:11811", "addresses: a name may be unknown yet"
     assert "ROS_SUPER_CLIENT" not in values
 
 
-@pytest.mark.parametrize("transport", [name for name in TRANSPORTS if name != "StaticPeers"])
-def test_fast_dds_can_read_the_servers_of_the_longest_names(transport: str) -> None:
-    values = resource(transport=TRANSPORTS[transport])
-    values["metadata"]["name"] = "r" * 63
-    there = facts(namespace="n" * 63, endpoints=EVERY_ENDPOINT)
-    for manifest in rendered(parse_object(values, "test.yaml"), there).values():
-        if manifest["kind"] != "Deployment":
-            continue
-        for server in environment(container({"": manifest}, "")).get("ROS_DISCOVERY_SERVER", "").split(";"):
-            assert len(server.rpartition(":")[0]) <= 63
-
-
 @pytest.mark.parametrize("transport", TRANSPORTS)
-def test_a_pod_whose_dds_asks_for_names_starts_when_they_resolve(transport: str) -> None:
-    manifests = rendered(offload(transport=TRANSPORTS[transport]), facts(endpoints=EVERY_ENDPOINT))
-    services = [key.partition("/")[2] for key in manifests if re.fullmatch(r"Service/wheelchair-7-discovery-\d", key)]
-    for key, manifest in manifests.items():
-        if manifest["kind"] != "Deployment":
-            continue
-        waits = manifest["spec"]["template"]["spec"].get("initContainers", [])
-        assert [one["args"] for one in waits] == ([] if transport == "StaticPeers" else [services]), key
-        for one in waits:
-            assert one.get("resources") == container(manifests, key).get("resources"), "a quota must not refuse it"
-            assert "env" not in one
-
-
-def test_a_name_that_is_not_known_yet_is_waited_for() -> None:
-    [wait] = rendered()[AGENT]["spec"]["template"]["spec"]["initContainers"]
-    _, option, script = wait["command"]
-    known = subprocess.run([sys.executable, option, script, "localhost"], timeout=60, check=False)
-    assert known.returncode == 0
-    asking = [sys.executable, option, script, "never.invalid"]
-    with subprocess.Popen(asking, stdout=subprocess.PIPE, text=True) as waiting:
-        assert waiting.stdout is not None
-        assert "waiting for the name never.invalid" in waiting.stdout.readline()
-        assert waiting.poll() is None
-        waiting.kill()
+def test_nothing_that_needs_the_discovery_servers_is_made_before_their_addresses_are_known(transport: str) -> None:
+    known = rendered(offload(transport=TRANSPORTS[transport]), facts(endpoints=EVERY_ENDPOINT))
+    unknown = rendered(offload(transport=TRANSPORTS[transport]), facts(endpoints=EVERY_ENDPOINT, discovery_hosts=()))
+    missing = {key.partition("/")[0] for key in known.keys() - unknown.keys()}
+    expected = {"StaticPeers": set(), "DDSRouter": {"Deployment", "ConfigMap"}}
+    assert missing == expected.get(transport, {"Deployment"})
 
 
 def test_only_the_agent_sees_the_whole_graph() -> None:
