@@ -33,6 +33,7 @@ APPS: Final = Path(__file__).parent / "apps"
 UNIT: Final = "robot-offload-agent.service"
 END_S: Final = 5.0
 _EXEC_START: Final = re.compile(r"^ExecStart=(.+)$", re.MULTILINE)
+_ENVIRONMENT: Final = re.compile(r"^Environment=(.+)$", re.MULTILINE)
 
 
 class Robot:
@@ -110,8 +111,9 @@ class Robot:
         found = _EXEC_START.search(text)
         assert found is not None, f"{UNIT} has no ExecStart"
         command = shlex.split(found[1].replace("$$", "$"))
+        own = dict(pair.split("=", 1) for line in _ENVIRONMENT.findall(text) for pair in shlex.split(line))
         began_s = steady_s()
-        self._start("agent", command, self.environment())
+        self._start("agent", command, {**own, **self.environment()})  # this robot's home and logs are elsewhere
         return began_s
 
     def start_nodes(self) -> None:
