@@ -64,7 +64,7 @@ class KindCluster(AnyCluster):
 
     @classmethod
     def up(cls, *, nodes: int = 2, number: int | None = None, fast_failure: bool = True, say: Say) -> KindCluster:
-        """Start one and return when its nodes and its DNS are ready: a minute or two.
+        """Start one and return when its nodes and its DNS are ready: half a minute once Docker has the image.
 
         Args:
             nodes: How many, beside the control plane.
