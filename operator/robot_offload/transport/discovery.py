@@ -23,6 +23,9 @@ from robot_offload.render.objects import child
 from robot_offload.transport.port import ContainerPort
 
 PORT: Final = ContainerPort("discovery", "UDP", 11811)
+FOUND_AT_ONCE: Final = {"publishNotReadyAddresses": True}
+"""Of a server's Service. While a Service leads nowhere, what participants keep sending to it may be remembered on its
+way (connection tracking) as leading nowhere, and they do not reach the server when it comes back."""
 SERVER_LABEL: Final = "robotoffload.dev/discovery-server"
 
 
@@ -67,6 +70,7 @@ def services(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
             {
                 "spec": {
                     "type": "ClusterIP",
+                    **FOUND_AT_ONCE,
                     "selector": {**selector(offload, "discovery"), **server_selector(server)},
                     "ports": [
                         {

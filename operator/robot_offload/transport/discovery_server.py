@@ -37,6 +37,7 @@ def services(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
             "discovery",
             [Exposed(discovery.PORT, discovery.PORT.number, first + server if first else None)],
             discovery.server_selector(server),
+            discovery.FOUND_AT_ONCE,
         )
         for server, name in enumerate(discovery.names(offload))
     )

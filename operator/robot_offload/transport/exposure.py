@@ -38,11 +38,13 @@ def service(
     component: Component,
     ports: Sequence[Exposed],
     extra_selector: dict[str, str] | None = None,
+    extra: Manifest | None = None,
 ) -> Manifest:
     """A Service of the declared type. One protocol each: many load balancers refuse mixed ones."""
     expose = offload.spec.transport.expose
     spec: Manifest = {
         "type": expose.type,
+        **(extra or {}),
         "selector": {**selector(offload, component), **(extra_selector or {})},
         "ports": [_port(one, with_node_port=expose.type != "ClusterIP") for one in ports],
     }
