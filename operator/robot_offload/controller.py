@@ -229,9 +229,7 @@ class _Pass:
         for role, why in issued.made:
             _log.info("Made certificate", **self._told, role=role, reason=why.reason)
         failures = len(self._done.errors) + len(self._done.obstacles)
-        only_secrets = {key: child for key, child in self._seen.live.items() if key in self._secret_keys()}
-        steps = plan(issued.secrets, only_secrets, self._uid, self._memory.settled)
-        await carry_out(self._api, steps, self._seen.live, self._memory.settled, self._done)
+        await self._apply_among(self._secret_keys(), issued.secrets)
         if len(self._done.errors) + len(self._done.obstacles) > failures:
             refused = applied(self._done)
             return refused, None
@@ -259,20 +257,19 @@ class _Pass:
         ]
         keys = {key_of(each) for each in services}
         await reading.look_up(self._api, self._namespace, self._seen, services)
-        only_these = {key: child for key, child in self._seen.live.items() if key in keys}
-        await carry_out(
-            self._api,
-            plan(services, only_these, self._uid, self._memory.settled),
-            self._seen.live,
-            self._memory.settled,
-            self._done,
-        )
+        await self._apply_among(keys, services)
         self._handled |= keys
         found = discovery.hosts(self._offload, [each for key in keys if (each := self._ours(*key)) is not None])
         if not found:
             # What is there goes on as it is: it must not be pruned because it cannot be rendered now.
             self._handled |= set(self._seen.live)
         return found
+
+    async def _apply_among(self, keys: Iterable[Key], wanted: Iterable[Manifest]) -> None:
+        """Applies some children ahead of the others; no other child than those of these keys is looked at."""
+        live = {key: self._seen.live[key] for key in keys if key in self._seen.live}
+        steps = plan(wanted, live, self._uid, self._memory.settled)
+        await carry_out(self._api, steps, self._seen.live, self._memory.settled, self._done)
 
     async def _apply(self, wanted: Iterable[Manifest], unchanged: Iterable[Key]) -> None:
         """Applies the children in their order and prunes what is no longer one, but for those that stay unchanged."""

@@ -14,6 +14,9 @@ from tests.cluster.commands import Helm, Kubectl
 from tests.cluster.control_plane import ControlPlane
 from tests.cluster.definitions import definitions
 from tests.cluster.errors import NoGoError
+from tests.integration.operator_cluster import Place
+from tests.integration.operator_process import Operator
+from tests.integration.operator_proxy import Proxy
 
 IN_CI = os.environ.get("ROBOT_OFFLOAD_CI") == "1"
 PROGRAMS: pytest.StashKey[programs.Programs | NoGoError] = pytest.StashKey()
@@ -117,3 +120,24 @@ def helm(control_plane: ControlPlane, namespace: str) -> Helm:
 def _namespace_name(test: str) -> str:
     readable = re.sub(r"[^a-z0-9]+", "-", test.removeprefix("test_").lower())[:40].strip("-")
     return f"{readable}-{secrets.token_hex(3)}"
+
+
+@pytest.fixture(scope="module")
+def proxy(control_plane: ControlPlane, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
+    proxy = Proxy(control_plane, tmp_path_factory.mktemp("proxy"))
+    yield proxy
+    proxy.close()
+
+
+@pytest.fixture(scope="module")
+def operator(proxy: Proxy, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Operator]:
+    operator = Operator.start(proxy.kubeconfig, tmp_path_factory.mktemp("operator") / "log")
+    operator.wait_said("Became leader")
+    yield operator
+    assert operator.stop() == 0
+    assert not [line for line in operator.lines() if line["event"] == "A pass broke"]
+
+
+@pytest.fixture
+def place(control_plane: ControlPlane, namespace: str, operator: Operator) -> Place:
+    return Place(control_plane, namespace)

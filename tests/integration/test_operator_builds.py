@@ -6,14 +6,12 @@ No Pod runs here: what a build would have said comes from the pretended kubelet.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
 from robot_offload.kube.kinds import CONFIG_MAP, DEPLOYMENT, JOB, ROBOT_OFFLOAD, SECRET
 from robot_offload.reconcile.builds import REBUILD
-from tests.cluster.control_plane import ControlPlane
 from tests.cluster.pretended_kubelet import report_ended
 from tests.integration.operator_cluster import Manifest, Place, eventually, walker
 from tests.integration.operator_process import Operator
@@ -23,27 +21,6 @@ pytestmark = pytest.mark.api
 COMMIT = "8a5b1c2d3e4f5a6b7c8d9e0f1a2b3c4d5e6f7a8b"
 REPOSITORY = "registry.example/fleet"
 IMAGE = f"{REPOSITORY}/demo_nodes_cpp@sha256:"
-
-
-@pytest.fixture(scope="module")
-def proxy(control_plane: ControlPlane, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
-    proxy = Proxy(control_plane, tmp_path_factory.mktemp("proxy"))
-    yield proxy
-    proxy.close()
-
-
-@pytest.fixture(scope="module")
-def operator(proxy: Proxy, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Operator]:
-    operator = Operator.start(proxy.kubeconfig, tmp_path_factory.mktemp("operator") / "log")
-    operator.wait_said("Became leader")
-    yield operator
-    assert operator.stop() == 0
-    assert not [line for line in operator.lines() if line["event"] == "A pass broke"]
-
-
-@pytest.fixture
-def place(control_plane: ControlPlane, namespace: str, operator: Operator) -> Place:
-    return Place(control_plane, namespace)
 
 
 def built(ref: str = "v1", registry: dict[str, Any] | None = None) -> Manifest:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,27 +24,6 @@ from tests.integration.operator_proxy import Proxy
 
 pytestmark = pytest.mark.api
 SAMPLES = Path(__file__).resolve().parents[2] / "manifests" / "samples"
-
-
-@pytest.fixture(scope="module")
-def proxy(control_plane: ControlPlane, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
-    proxy = Proxy(control_plane, tmp_path_factory.mktemp("proxy"))
-    yield proxy
-    proxy.close()
-
-
-@pytest.fixture(scope="module")
-def operator(proxy: Proxy, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Operator]:
-    operator = Operator.start(proxy.kubeconfig, tmp_path_factory.mktemp("operator") / "log")
-    operator.wait_said("Became leader")
-    yield operator
-    assert operator.stop() == 0
-    assert not [line for line in operator.lines() if line["event"] == "A pass broke"]
-
-
-@pytest.fixture
-def place(control_plane: ControlPlane, namespace: str, operator: Operator) -> Place:
-    return Place(control_plane, namespace)
 
 
 def test_a_new_resource_gets_all_its_children_with_its_labels_and_its_owner_reference(place: Place) -> None:
