@@ -15,14 +15,14 @@ demo: venv ## A wheelchair in a corridor while its link fails; ARGS="--mode clou
 	$(PYTHON) -m robot_offload demo $(ARGS)
 
 simulate: venv ## The protocol in virtual time; ARGS="--hours 1 --seed 7"
-	$(PYTHON) -m robot_offload.simulate $(ARGS)
+	$(PYTHON) -m robot_offload_lab.simulate $(ARGS)
 
 ##@ Check
 .PHONY: test test-fast test-pure test-nodes test-ros test-simulation e2e e2e-full lint types verify fmt
 test: test-pure test-nodes test-ros test-simulation ## All tests: unit, golden, contract, real API server, real ROS processes, simulation
 
 test-pure: venv ## Unit, golden, contract and integration tests, two at a time
-	-@$(PYTHON) -m tests.cluster build > /dev/null  # shows its progress here; without Go those tests are skipped
+	-@$(PYTHON) -m robot_offload_lab.cluster build > /dev/null  # shows its progress here; without Go those tests are skipped
 	$(PYTHON) -m pytest -n 2 --dist loadfile -m "not cluster" tests/unit tests/golden tests/contract tests/integration $(ARGS)
 
 test-nodes: venv ## The test cluster with nodes; one at a time, because they share the machine's settings (root)
@@ -52,7 +52,7 @@ types: venv ## mypy --strict
 	.venv/bin/mypy
 
 verify: venv ## Generated files are what the models say
-	$(PYTHON) -m robot_offload.generate --check
+	$(PYTHON) -m scripts.generate --check
 
 fmt: venv ## Rewrite in the project's format
 	.venv/bin/ruff check --fix .
@@ -61,40 +61,40 @@ fmt: venv ## Rewrite in the project's format
 ##@ Measure
 .PHONY: bench bench-switch bench-operator bench-e2e
 bench: venv ## A short form of every measurement; refreshes docs/benchmarks.md (< 10 minutes, idle machine); ARGS="--resume"
-	$(PYTHON) -m robot_offload.bench all --quick --docs docs $(ARGS)
+	$(PYTHON) -m robot_offload_lab.bench all --quick --docs docs $(ARGS)
 
 bench-e2e: venv ## The figures of the end-to-end suite: a real cluster, a robot outside it (root)
 	$(PYTHON) -m tests.e2e.bench $(ARGS)
 
 bench-switch: venv ## The switching figures of docs/benchmarks.md; ARGS="--quick"
-	$(PYTHON) -m robot_offload.bench switch $(ARGS)
+	$(PYTHON) -m robot_offload_lab.bench switch $(ARGS)
 
 bench-operator: venv ## 200 RobotOffloads on a real API server; ARGS="--objects 50"
-	$(PYTHON) -m robot_offload.bench.operator_scale $(ARGS)
+	$(PYTHON) -m robot_offload_lab.bench.operator_scale $(ARGS)
 
 ##@ Build
 .PHONY: images
 images: venv ## Build our own images; ARGS="--wheels" where no container registry can be reached
-	$(PYTHON) -m robot_offload.images.ours $(ARGS)
+	$(PYTHON) -m robot_offload_lab.images.ours $(ARGS)
 
 ##@ Maintain
 .PHONY: venv generate install-manifest cluster-binaries pins clean
 generate: venv ## Write everything that is derived from the models: definition, reference
-	$(PYTHON) -m robot_offload.generate
+	$(PYTHON) -m scripts.generate
 
 install-manifest: venv ## Write manifests/install.yaml from the chart (with the test cluster's helm)
 	$(PYTHON) -m scripts.install_manifest
 
 cluster-binaries: venv ## Build the test cluster's programs (once, some ten minutes; the tests do it by themselves)
-	$(PYTHON) -m tests.cluster build
-	$(PYTHON) -m tests.cluster build --nodes
+	$(PYTHON) -m robot_offload_lab.cluster build
+	$(PYTHON) -m robot_offload_lab.cluster build --nodes
 
 venv: ## Make or refresh .venv (the other targets do it by themselves)
 	@python3 scripts/bootstrap.py
 
 pins: ## Resolve requirements/all.txt anew from the groups of pyproject.toml
 	uv pip compile --quiet --universal --python-version 3.12 --generate-hashes --no-emit-index-url --no-header \
-	  --group pyproject.toml:ros --group pyproject.toml:operator --group pyproject.toml:dev -o requirements/all.txt
+	  --group pyproject.toml:ros --group pyproject.toml:operator --group pyproject.toml:lab --group pyproject.toml:dev -o requirements/all.txt
 
 clean: ## Remove what was built here
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis out

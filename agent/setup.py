@@ -6,13 +6,13 @@ should need one package only.
 
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import find_packages, setup
 
 HERE = Path(__file__).parent
 NAME = "robot_offload_agent"
 
 setup(
-    packages=[NAME, f"{NAME}.link", f"{NAME}.ros", "robot_offload_core"],
+    packages=[*find_packages(str(HERE), include=[NAME, f"{NAME}.*"]), "robot_offload_core"],
     package_dir={NAME: NAME, "robot_offload_core": "../core/robot_offload_core"},
     package_data={NAME: ["py.typed"], "robot_offload_core": ["py.typed"]},
     data_files=[

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.cluster import programs
+from robot_offload_lab.cluster import programs
 
 ROOT = Path(__file__).parents[1]
 CHART = ROOT / "charts" / "robot-offload"

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from robot_offload_agent.errors import AgentError, ConfigurationError
-from robot_offload_agent.parameters import Configuration, load
+from robot_offload_agent.settings.parameters import Configuration, load
 from robot_offload_core.token import Site
 
 EPILOG = """\
@@ -75,29 +75,27 @@ def recording(configuration: Configuration, file: Path) -> Configuration:
 def supervise(configuration: Configuration) -> int:
     """Imports everything once, then forks the processes and looks after them."""
     # Late, because a wrong parameter file is to be told before half a second of imports.
-    from robot_offload_agent import (  # noqa: PLC0415
-        collector_process,
-        control_cloud,
-        control_robot,
-        data_cloud,
-        data_robot,
-        pulse_process,
-    )
+    from robot_offload_agent.collector import process as collector  # noqa: PLC0415
+    from robot_offload_agent.control import cloud as control_cloud  # noqa: PLC0415
+    from robot_offload_agent.control import robot as control_robot  # noqa: PLC0415
+    from robot_offload_agent.data import cloud as data_cloud  # noqa: PLC0415
+    from robot_offload_agent.data import robot as data_robot  # noqa: PLC0415
+    from robot_offload_agent.process.supervisor import Child, Supervisor  # noqa: PLC0415
+    from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
     from robot_offload_agent.ros.context import run_until_ended  # noqa: PLC0415
     from robot_offload_agent.ros.preload import preload  # noqa: PLC0415
-    from robot_offload_agent.supervisor import Child, Supervisor  # noqa: PLC0415
 
     # Fast DDS in shared memory waits for one to three seconds on the ports of a process that was killed; a collector
     # started again must pass messages sooner. The user's nodes keep what they use: they speak UDP as well.
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     robot = configuration.side is Site.ROBOT
     runs = {
-        "pulse": pulse_process.run,
+        "pulse": pulse.run,
         "control": control_robot.run if robot else control_cloud.run,
         "data": data_robot.run if robot else data_cloud.run,
     }
     if robot:
-        runs = {"collector": collector_process.run, **runs}
+        runs = {"collector": collector.run, **runs}
     preload(configuration)
     gc.collect()
     children = [Child(name, partial(run_until_ended, run, configuration)) for name, run in runs.items()]
@@ -107,9 +105,9 @@ def supervise(configuration: Configuration) -> int:
 
 def check_link(configuration: Configuration) -> None:
     """Endpoints and certificates; raises ConfigurationError."""
-    from robot_offload_agent import link  # noqa: PLC0415 - see supervise
+    from robot_offload_agent.link import choice  # noqa: PLC0415 - see supervise
 
-    link.check_link(configuration)
+    choice.check_link(configuration)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 The figure of a rule is its cost on links of other kinds, as a multiple of the best fixed rule there: the mean of the
 logarithm over 96 made-up links of 20 minutes, 12 seeds of each of the families mobile, roaming, periodic, fibre,
-evening, diurnal, two-states and lossy (`robot_offload.replay.families`; `python -m robot_offload.replay.learn` prints
-this table). No link of another family and no recording of a real link had a part in it.
+evening, diurnal, two-states and lossy (`robot_offload_lab.links.made_up`; `robot_offload_lab.replay.learn` prints this
+table). No link of another family and no recording of a real link had a part in it.
 
 The signal of a rule says bad when the newest latency is over `share` of the limit, or when a second beat is overdue.
 `out` and `back` are the regrets, in prices of a switch, at which it leaves the cloud and returns.

@@ -10,14 +10,14 @@ import yaml
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from robot_offload.api.files import load
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.names import SIDES, Side
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.quantities import format_duration
 from robot_offload.errors import SpecError
-from robot_offload.loading import load
 from robot_offload.render.agent_config import AgentSite, agent_config, agent_parameters
-from robot_offload.render.names import SIDES, Side
-from robot_offload_agent import parameters as agent
+from robot_offload_agent.settings import parameters as agent
 from tests.unit.specs import changed, sample
 
 EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*/robotoffload.yaml"))

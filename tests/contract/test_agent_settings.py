@@ -10,17 +10,17 @@ import pytest
 import yaml
 
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.objects.facts import Facts
 from robot_offload.render import handover
 from robot_offload.render.agent_config import RUN_TIME, RUN_TIME_INPUT, SHARED
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.certificates import build_certificates
-from robot_offload.render.facts import Facts
-from robot_offload_agent import liaison, tuning
-from robot_offload_agent import parameters as agent
 from robot_offload_agent.link.zenoh_config import ZenohSettings
 from robot_offload_agent.main import main
-from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload, rendered
-from tests.unit.render.test_rolls import RUN_TIME as CHANGES_AT_RUN_TIME
+from robot_offload_agent.settings import liaison, offer
+from robot_offload_agent.settings import parameters as agent
+from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload, rendered
+from tests.unit.operator.render.test_rolls import RUN_TIME as CHANGES_AT_RUN_TIME
 
 SECRETS = BundleSecrets(b"ca", b"certificate", b"key")
 KNOWN = facts(endpoints=EVERY_ENDPOINT)
@@ -38,15 +38,15 @@ def clouds(resource: RobotOffload, known: Facts = KNOWN) -> agent.Configuration:
     return configuration(rendered(resource, known)["ConfigMap/wheelchair-7-agent"]["data"]["agent.yaml"])
 
 
-def judged(bundled: RobotOffload, now: RobotOffload) -> tuning.Judgement:
+def judged(bundled: RobotOffload, now: RobotOffload) -> offer.Judgement:
     """What a robot with the bundle of one generation says to the settings of the next one."""
     settings = rendered(now, facts(generation=4))["ConfigMap/wheelchair-7-settings"]["data"]["settings.yaml"]
-    return tuning.judge(robots(bundled), 3, tuning.read_offer(settings))
+    return offer.judge(robots(bundled), 3, offer.read_offer(settings))
 
 
 def test_both_packages_mean_the_same_by_run_time() -> None:
-    assert set(tuning.RUN_TIME) == RUN_TIME
-    assert set(tuning.RUN_TIME_INPUT) == RUN_TIME_INPUT
+    assert set(offer.RUN_TIME) == RUN_TIME
+    assert set(offer.RUN_TIME_INPUT) == RUN_TIME_INPUT
 
 
 def test_only_what_an_agents_place_decides_is_left_out_of_the_settings() -> None:

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_offload.api.crd import crd, part_at, schema
+from robot_offload.api.strict_yaml import freeze, parse, thaw
 from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.model import Model, yaml_name
 from robot_offload.api.v1alpha1.parsing import parse_object
@@ -22,9 +23,8 @@ from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
 from robot_offload.api.v1alpha1.rules import RULES
 from robot_offload.api.v1alpha1.status import RobotOffloadStatus
 from robot_offload.errors import SpecError
-from robot_offload.generate.files import CHART_CRD_FILE, CRD_FILE, generated_files
-from robot_offload.generate.main import OutOfDateError, main, run
-from robot_offload.strict_yaml import freeze, parse, thaw
+from scripts.generate.files import CHART_CRD_FILE, CRD_FILE, generated_files
+from scripts.generate.main import OutOfDateError, main, run
 from tests.contract.rule_examples import BROKEN, BUILD, KEPT, Example, example_values
 from tests.contract.structural import KNOWN_KEYS, defaulted, problems
 from tests.unit.specs import MINIMAL, changed, sample

@@ -13,12 +13,12 @@ from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.model import Model
 from robot_offload.api.v1alpha1.parsing import parse_object
-from robot_offload.reconcile import issuer
-from robot_offload.reconcile.builds import Seen, decide
+from robot_offload.decide import issuer
+from robot_offload.decide.builds import Seen, decide
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.children import children
 from tests.contract.test_crd import FIELDS
-from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, resource
+from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, resource
 
 BEGINNING = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 CONFIGS = {key: f"controller: {{ros__parameters: {{from: {key}}}}}" for key in ("a/b.yaml", "a/c.yaml", "c/b.yaml")}

@@ -12,7 +12,7 @@ from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_node_name import validate_node_name
 
 from robot_offload.api.v1alpha1.names import Namespace, NodeName, TopicName
-from robot_offload.render.names import private_topic
+from robot_offload.render.ros_names import private_topic
 
 NAMES = st.text(st.sampled_from("abZ_019/~{}-.é "), max_size=12) | st.from_regex(r"(/[A-Za-z_][A-Za-z0-9_]{0,90}){1,4}")
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from robot_offload.images import wheels_base
 from robot_offload.images.builders import Request, run
-from robot_offload.images.ours import ROOT
-from robot_offload.images.wheels_base import Stage
-from tests.cluster import programs
-from tests.cluster.any_cluster import AnyCluster
-from tests.cluster.image_registry import ImageRegistry
+from robot_offload_lab.cluster import programs
+from robot_offload_lab.cluster.any_cluster import AnyCluster
+from robot_offload_lab.cluster.image_registry import ImageRegistry
+from robot_offload_lab.images import wheels_base
+from robot_offload_lab.images.ours import ROOT
+from robot_offload_lab.images.wheels_base import Stage
 from tests.e2e.figures import tell
 from tests.e2e.images import builder_environment, cache_folder
 from tests.integration.test_images_build import commit, git, write_source

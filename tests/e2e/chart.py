@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 from typing import Final
 
-from tests.cluster.any_cluster import AnyCluster
+from robot_offload_lab.cluster.any_cluster import AnyCluster
 from tests.e2e.images import OURS, Images
 from tests.integration.chart import CHART, RELEASE, Values, with_values
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.cluster.any_cluster import AnyCluster
-from tests.cluster.choice import Choice, choose
-from tests.cluster.errors import NotHereError
+from robot_offload_lab.cluster.any_cluster import AnyCluster
+from robot_offload_lab.cluster.choice import Choice, choose
+from robot_offload_lab.cluster.errors import NotHereError
 from tests.e2e import figures
 from tests.e2e.chart import Chart
 from tests.e2e.figures import OUT, figure, tell

@@ -15,10 +15,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from robot_offload.local.recording import Arrival, RunInfo, decode
-from robot_offload.local.watch import Watch
-from robot_offload.local.wire_config import LinkOptions
-from robot_offload.local.wire_loop import steady_s
+from robot_offload_lab.judge.recording import Arrival, RunInfo, decode
+from robot_offload_lab.show.watch import Watch
+from robot_offload_lab.wire.loop import steady_s
+from robot_offload_lab.wire.options import LinkOptions
 from tests.e2e.waiting import eventually
 
 LOOK_S: Final = 0.05
@@ -51,7 +51,7 @@ class Consumer:
     @staticmethod
     def command(file: Path, outputs: Mapping[str, str], link: LinkOptions | None) -> list[str]:
         """How it is started."""
-        command = [sys.executable, "-m", "robot_offload.local.recorder", str(file)]
+        command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(file)]
         for topic, type_name in outputs.items():
             command += ["--topic", f"{topic}={type_name}"]
         return [*command, "--link", json.dumps(dataclasses.asdict(link))] if link else command

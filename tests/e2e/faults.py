@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-from robot_offload.local.measures import Measures
+from robot_offload_lab.judge.measures import Measures
 from tests.e2e.figures import figure
 from tests.e2e.judged import assert_faultless, judged
 from tests.e2e.robot import Robot

@@ -22,16 +22,25 @@ from pathlib import Path
 from typing import Any, Final
 
 from robot_offload.errors import InputError
-from robot_offload.images import ours, wheels_base
 from robot_offload.images.builders import Request, run
+from robot_offload_lab.images import ours, wheels_base
 
 REPOSITORY: Final = "localhost/robot-offload"
 APP: Final = "app"
 OURS: Final = ("agent", "operator", "discovery")
-_INPUTS: Final = ("images", "core", "agent", "operator", "examples", "requirements/all.txt", "tests/e2e/apps")
+_INPUTS: Final = (
+    "images",
+    "core",
+    "agent",
+    "operator",
+    "lab",
+    "examples",
+    "requirements/all.txt",
+    "tests/e2e/apps",
+)
 _NO_INPUTS: Final = ("__pycache__", ".egg-info", ".pytest_cache", ".mypy_cache")
 _OF_BENCH: Final = tuple(
-    f"robot_offload/{name}.py"
+    f"robot_offload_lab/{name}.py"
     for name in (
         "__init__", "bench/__init__", "bench/kinds", "bench/observed",
         "bench/parts/__init__", "bench/parts/node", "bench/parts/echo", "bench/parts/kinds_source",
@@ -157,7 +166,7 @@ def _fill_app(context: Path) -> None:
             shutil.copy2(path, context)
     for name in _OF_BENCH:
         (context / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ours.ROOT / "operator" / name, context / name)
+        shutil.copy2(ours.ROOT / "lab" / name, context / name)
 
 
 def builder_environment(folder: Path) -> dict[str, str]:

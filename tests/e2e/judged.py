@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from robot_offload.local.invariants import Violation, gap_limit_ms, violations
-from robot_offload.local.measures import Measures
-from robot_offload.local.streams import age_ms, quantile
+from robot_offload_lab.judge.invariants import Violation, gap_limit_ms, violations
+from robot_offload_lab.judge.measures import Measures
+from robot_offload_lab.judge.streams import age_ms, quantile
 from tests.e2e.figures import figure
 
 

@@ -18,13 +18,13 @@ from pathlib import Path
 from typing import Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffload
-from robot_offload.local import recording
-from robot_offload.local.measures import Measures, measure
-from robot_offload.local.system import NODE_PRIORITY, RECORDER_PRIORITY
-from robot_offload.local.wire_config import LinkOptions
-from robot_offload.local.wire_loop import steady_s
-from robot_offload.render import names
-from tests.cluster.robot_host import RobotHost
+from robot_offload.render import ros_names
+from robot_offload_lab.cluster.robot_host import RobotHost
+from robot_offload_lab.judge import recording
+from robot_offload_lab.judge.measures import Measures, measure
+from robot_offload_lab.run.system import NODE_PRIORITY, RECORDER_PRIORITY
+from robot_offload_lab.wire.loop import steady_s
+from robot_offload_lab.wire.options import LinkOptions
 from tests.e2e.consumer import Consumer
 from tests.e2e.weather import Weather
 
@@ -118,12 +118,12 @@ class Robot:
 
     def start_nodes(self) -> None:
         """The robot's own nodes, each with the remappings that the bundle's README lists."""
-        for node in names.nodes_on(self.offload.spec, "robot"):
+        for node in ros_names.nodes_on(self.offload.spec, "robot"):
             self.start_node(node)
 
     def start_node(self, node: Node) -> None:
         """One of the robot's own nodes."""
-        program, *arguments = names.command(self.offload.spec, node, "robot")
+        program, *arguments = ros_names.command(self.offload.spec, node, "robot")
         interpreter = sys.executable if program in ("python", "python3") else program
         script, *rest = arguments
         # A module of an installed package (`python3 -m ...`) needs no path.

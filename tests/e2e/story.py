@@ -20,10 +20,10 @@ import yaml
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
-from tests.cluster.any_cluster import AnyCluster
-from tests.cluster.commands import Kubectl
-from tests.cluster.errors import CommandError
-from tests.cluster.robot_host import RobotHost
+from robot_offload_lab.cluster.any_cluster import AnyCluster
+from robot_offload_lab.cluster.commands import Kubectl
+from robot_offload_lab.cluster.errors import CommandError
+from robot_offload_lab.cluster.robot_host import RobotHost
 from tests.e2e.figures import tell
 from tests.e2e.images import APP, Images
 from tests.e2e.robot import Robot

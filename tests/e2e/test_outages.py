@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from robot_offload.local.invariants import gap_limit_ms
-from robot_offload.local.measures import Measures
-from robot_offload.local.wire_config import LinkOptions
+from robot_offload_lab.judge.invariants import gap_limit_ms
+from robot_offload_lab.judge.measures import Measures
+from robot_offload_lab.wire.options import LinkOptions
 from tests.e2e.figures import figure
 from tests.e2e.judged import assert_faultless, judged
 from tests.e2e.robot import Robot

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from robot_offload.local.recording import Arrival
-from robot_offload.local.streams import age_ms, quantile
+from robot_offload_lab.judge.recording import Arrival
+from robot_offload_lab.judge.streams import age_ms, quantile
 from tests.e2e.figures import figure
 from tests.e2e.images import APP
 from tests.e2e.judged import assert_faultless

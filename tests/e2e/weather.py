@@ -7,9 +7,9 @@ import threading
 from collections.abc import Mapping
 from typing import Final
 
-from robot_offload.local.wire_loop import steady_s
-from robot_offload.local.wire_schedule import Pair, Schedule
-from tests.cluster.wire import Cut, Wire
+from robot_offload_lab.cluster.wire import Cut, Wire
+from robot_offload_lab.wire.loop import steady_s
+from robot_offload_lab.wire.schedule import Pair, Schedule
 
 _LOOK_S: Final = 0.25
 _CLOSE_S: Final = 0.05

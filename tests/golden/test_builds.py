@@ -10,7 +10,7 @@ import datetime
 import yaml
 
 from robot_offload.api.v1alpha1.parsing import parse_object
-from robot_offload.reconcile.builds import Seen, decide
+from robot_offload.decide.builds import Seen, decide
 from tests.golden.test_children import FACTS, HERE, SAMPLES, Dumper, compare
 
 BEGINNING = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)

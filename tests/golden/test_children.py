@@ -14,7 +14,7 @@ import yaml
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.children import children
-from tests.unit.render.given import EVERY_ENDPOINT, facts
+from tests.unit.operator.render.given import EVERY_ENDPOINT, facts
 
 HERE = Path(__file__).parent / "children"
 SAMPLES = {

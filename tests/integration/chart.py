@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from tests.cluster.commands import Helm
+from robot_offload_lab.cluster.commands import Helm
 
 ROOT = Path(__file__).parents[2]
 CHART = ROOT / "charts" / "robot-offload"

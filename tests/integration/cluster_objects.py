@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.cluster.system_images import TESTER
+from robot_offload_lab.cluster.system_images import TESTER
 
 PORT = 7000
 

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from tests.cluster import directories, programs
-from tests.cluster.commands import Helm, Kubectl
-from tests.cluster.control_plane import ControlPlane
-from tests.cluster.definitions import definitions
-from tests.cluster.errors import NoGoError
+from robot_offload_lab.cluster import directories, programs
+from robot_offload_lab.cluster.commands import Helm, Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.definitions import definitions
+from robot_offload_lab.cluster.errors import NoGoError
 from tests.integration.operator_cluster import Place
 from tests.integration.operator_process import Operator
 from tests.integration.operator_proxy import Proxy

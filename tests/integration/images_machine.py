@@ -20,9 +20,9 @@ from typing import Any
 
 import pytest
 
-from robot_offload.images import wheels_base
-from robot_offload.images.ours import ROOT
-from robot_offload.images.wheels_base import Stage
+from robot_offload_lab.images import wheels_base
+from robot_offload_lab.images.ours import ROOT
+from robot_offload_lab.images.wheels_base import Stage
 
 WAIT_S = 120.0
 MISSING = [name for name in ("buildah", "runc", "git") if shutil.which(name) is None]

@@ -11,7 +11,7 @@ from copy import deepcopy
 from typing import Any, TypeVar
 
 from robot_offload.kube.kinds import CHILD_KINDS, DEPLOYMENT, LEASE, ROBOT_OFFLOAD, Kind
-from tests.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.control_plane import ControlPlane
 
 Manifest = dict[str, Any]
 Found = TypeVar("Found")

@@ -9,7 +9,7 @@ import signal
 import sys
 from pathlib import Path
 
-from robot_offload import running
+from robot_offload.process import main as running
 
 
 def main() -> None:

@@ -57,12 +57,12 @@ class Operator:
 
     @classmethod
     def start(cls, kubeconfig: Path, log: Path, name: str = "operator-0", **more: str) -> Operator:
-        """Start `python -m robot_offload.running`."""
+        """Start `python -m robot_offload.process.main`."""
 
         def begin() -> Child:
             with log.open("ab") as output:
                 return subprocess.Popen(
-                    [sys.executable, "-m", "robot_offload.running"],
+                    [sys.executable, "-m", "robot_offload.process.main"],
                     env=environment(kubeconfig, name, more),
                     cwd=ROOT,
                     stdout=output,

@@ -17,7 +17,7 @@ from typing import Any
 import aiohttp
 from aiohttp import web
 
-from tests.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.operator_cluster import eventually
 
 WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})

@@ -19,15 +19,15 @@ from typing import Any
 
 import pytest
 
-from robot_offload.reconcile.build_log import failing_lines
-from robot_offload.reconcile.build_specs import build_plans
+from robot_offload.decide.build_log import failing_lines
+from robot_offload.decide.build_specs import build_plans
 from robot_offload.render import build_scripts as scripts
 from robot_offload.render.build_job import build_files, build_job
 from tests.integration.build_pod import BuildPod, why_not
 from tests.integration.pretended_registry import PASSWORD, USER, PretendedRegistry
 from tests.integration.test_build_scripts import git
-from tests.unit.render.given import facts
-from tests.unit.render.test_build_job import built
+from tests.unit.operator.render.given import facts
+from tests.unit.operator.render.test_build_job import built
 
 # The Dockerfile is a small one: what a generated one does is tested with the images. Here it must run a command as
 # root of its own, own a file of somebody else, and look for what it must not see.

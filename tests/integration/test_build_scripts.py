@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from robot_offload.reconcile.build_log import failing_lines
+from robot_offload.decide.build_log import failing_lines
 from robot_offload.render import build_scripts as scripts
 
 SCRIPTS = {"fetch": scripts.FETCH, "build": scripts.BUILD, "push": scripts.PUSH}

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from robot_offload.control.settings import from_environment
 from robot_offload.kube.kinds import DEPLOYMENT, ROBOT_OFFLOAD, USES
-from tests.cluster.commands import Helm
-from tests.cluster.control_plane import ControlPlane
+from robot_offload.process.settings import from_environment
+from robot_offload_lab.cluster.commands import Helm
+from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.chart import CHART, OPERATOR, RELEASE, of_kind, rendered, with_values
 from tests.integration.operator_cluster import Place
 from tests.integration.operator_process import Operator

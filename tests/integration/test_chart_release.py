@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tests.cluster.commands import Helm, Kubectl
-from tests.cluster.control_plane import ControlPlane
-from tests.cluster.definitions import definitions
-from tests.cluster.pretended_kubelet import report_ready
+from robot_offload_lab.cluster.commands import Helm, Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.definitions import definitions
+from robot_offload_lab.cluster.pretended_kubelet import report_ready
 from tests.integration.chart import CHART, OPERATOR, RELEASE, with_values
 from tests.integration.resources import talker
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from robot_offload.kube.kinds import USES, Use
-from tests.cluster.commands import Helm, Kubectl
-from tests.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.commands import Helm, Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.chart import CHART, OPERATOR, RELEASE, of_kind, rendered, with_values
 from tests.integration.conftest import NewNamespace
 

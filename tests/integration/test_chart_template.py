@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 import yaml
 
-from robot_offload.render.facts import BUILDER
-from tests.cluster.commands import Helm, Kubectl
-from tests.cluster.control_plane import ControlPlane
-from tests.cluster.definitions import definitions
+from robot_offload.objects.facts import BUILDER
+from robot_offload_lab.cluster.commands import Helm, Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.definitions import definitions
 from tests.integration.chart import CHART, OPERATOR, RELEASE, ROOT, Values, of_kind, rendered, with_values
 from tests.integration.conftest import NewNamespace
 

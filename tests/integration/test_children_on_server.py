@@ -16,10 +16,10 @@ from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.kube.kinds import DEPLOYMENT, SERVICE, STATEFUL_SET, Kind, kind_of
+from robot_offload.objects.facts import Endpoint, Facts, Manifest
 from robot_offload.render.children import children
-from robot_offload.render.facts import Endpoint, Facts, Manifest
-from tests.cluster.control_plane import ControlPlane
-from tests.unit.render.given import EVERY_ENDPOINT, TRANSPORTS, by_key, facts, resource
+from robot_offload_lab.cluster.control_plane import ControlPlane
+from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, by_key, facts, resource
 
 pytestmark = pytest.mark.api
 

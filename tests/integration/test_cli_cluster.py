@@ -22,9 +22,9 @@ from typer.testing import CliRunner, Result
 from robot_offload.cli.main import app
 from robot_offload.kube.kinds import ROBOT_OFFLOAD, SECRET
 from robot_offload.render.bundle import PRIVATE_KEY
-from tests.cluster.commands import Kubectl
-from tests.cluster.control_plane import ControlPlane
-from tests.cluster.pretended_kubelet import report_ready
+from robot_offload_lab.cluster.commands import Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.pretended_kubelet import report_ready
 from tests.integration.operator_cluster import Place, eventually, walker
 from tests.integration.operator_process import Operator
 

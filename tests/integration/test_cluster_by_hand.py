@@ -12,17 +12,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.cluster import netns, ownership, sysctls, wire_accuracy
-from tests.cluster.errors import ClusterError
-from tests.cluster.layout import NUMBERS, Layout
-from tests.cluster.preflight import preflight
+from robot_offload_lab.cluster import netns, ownership, sysctls, wire_accuracy
+from robot_offload_lab.cluster.errors import ClusterError
+from robot_offload_lab.cluster.layout import NUMBERS, Layout
+from robot_offload_lab.cluster.preflight import preflight
 
 pytestmark = [pytest.mark.cluster, pytest.mark.timeout(900)]
 
 ROOT = Path(__file__).parents[2]
 A_RUN = """
 import sys
-from tests.cluster.cluster import Cluster
+from robot_offload_lab.cluster.cluster import Cluster
 with Cluster.up(nodes=1, number=int(sys.argv[1]), say=print) as cluster:
     cluster.robot("robot").start(["sleep", "1000"])
     print("here", flush=True)
@@ -71,7 +71,7 @@ class Run:
 
 
 def by_hand(home: Path, *arguments: str) -> Run:
-    return Run(home, "-m", "tests.cluster", "--name", "by-hand", *arguments)
+    return Run(home, "-m", "robot_offload_lab.cluster", "--name", "by-hand", *arguments)
 
 
 def soon(question: Callable[[], bool]) -> bool:

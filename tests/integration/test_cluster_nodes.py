@@ -12,15 +12,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.cluster import kind_cluster, oci
-from tests.cluster.any_cluster import AnyCluster
-from tests.cluster.cluster import Cluster
-from tests.cluster.commands import Kubectl
-from tests.cluster.errors import ClusterError, CommandError, NotHereError
-from tests.cluster.kind_cluster import KindCluster
-from tests.cluster.preflight import preflight
-from tests.cluster.robot_host import NatRobot, RobotHost
-from tests.cluster.system_images import OURS, TESTER
+from robot_offload_lab.cluster import kind_cluster, oci
+from robot_offload_lab.cluster.any_cluster import AnyCluster
+from robot_offload_lab.cluster.cluster import Cluster
+from robot_offload_lab.cluster.commands import Kubectl
+from robot_offload_lab.cluster.errors import ClusterError, CommandError, NotHereError
+from robot_offload_lab.cluster.kind_cluster import KindCluster
+from robot_offload_lab.cluster.preflight import preflight
+from robot_offload_lab.cluster.robot_host import NatRobot, RobotHost
+from robot_offload_lab.cluster.system_images import OURS, TESTER
 from tests.integration.cluster_objects import PORT, echo_pod, echo_service, policy
 
 pytestmark = [pytest.mark.cluster, pytest.mark.timeout(900)]

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cluster import programs
-from tests.cluster.errors import ClusterError, NoGoError
+from robot_offload_lab.cluster import programs
+from robot_offload_lab.cluster.errors import ClusterError, NoGoError
 
 ROOT = Path(__file__).parents[2]
 WANTED = {"one": "example.invalid/one", "two": "example.invalid/two"}

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from tests.cluster import load_balancer, policies, programs
-from tests.cluster.by_hand import link
-from tests.cluster.errors import ClusterError
-from tests.cluster.layout import NUMBERS, Layout
-from tests.cluster.preflight import preflight
-from tests.cluster.wire import read_trace
-from tests.cluster.wire_process import BUFFER_S, Direction, Recorded
+from robot_offload_lab.cluster import load_balancer, policies, programs
+from robot_offload_lab.cluster.by_hand import link
+from robot_offload_lab.cluster.errors import ClusterError
+from robot_offload_lab.cluster.layout import NUMBERS, Layout
+from robot_offload_lab.cluster.preflight import preflight
+from robot_offload_lab.cluster.wire import read_trace
+from robot_offload_lab.cluster.wire_process import BUFFER_S, Direction, Recorded
 from tests.integration.cluster_objects import echo_service, policy
 
 LAYOUT = Layout(0)

@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
-from tests.cluster import directories, processes
-from tests.cluster.commands import Kubectl
-from tests.cluster.control_plane import ControlPlane
-from tests.cluster.errors import CommandError
-from tests.cluster.pretended_kubelet import report_ready
+from robot_offload_lab.cluster import directories, processes
+from robot_offload_lab.cluster.commands import Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.errors import CommandError
+from robot_offload_lab.cluster.pretended_kubelet import report_ready
 from tests.integration.resources import talker
 
 pytestmark = pytest.mark.api
@@ -115,8 +115,8 @@ def test_a_killed_test_run_leaves_no_process_and_the_next_run_its_files(
     cluster_programs: object, tmp_path: Path
 ) -> None:
     script = (
-        "from tests.cluster import directories, programs\n"
-        "from tests.cluster.control_plane import ControlPlane\n"
+        "from robot_offload_lab.cluster import directories, programs\n"
+        "from robot_offload_lab.cluster.control_plane import ControlPlane\n"
         "with directories.of_this_run() as home:\n"
         "    print(home, flush=True)\n"
         "    ControlPlane(home, programs.ensure(print)).start()\n"
@@ -137,14 +137,14 @@ def test_a_killed_test_run_leaves_no_process_and_the_next_run_its_files(
 
 
 class ByHand:
-    """`python -m tests.cluster`, with its files under a directory of the test."""
+    """`python -m robot_offload_lab.cluster`, with its files under a directory of the test."""
 
     def __init__(self, base: Path) -> None:
         self.home = base / "robot-offload" / "clusters" / "by-hand"
         self._environment = {**os.environ, "XDG_STATE_HOME": str(base), "TMPDIR": str(base)}
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
-        command = [sys.executable, "-m", "tests.cluster", "--name", "by-hand", *arguments]
+        command = [sys.executable, "-m", "robot_offload_lab.cluster", "--name", "by-hand", *arguments]
         pipe = subprocess.PIPE
         return subprocess.Popen(command, cwd=ROOT, env=self._environment, stdout=pipe, stderr=pipe, text=True)
 
@@ -168,7 +168,7 @@ def test_a_cluster_by_hand_outlives_the_command_and_goes_when_told(by_hand: ByHa
     assert "3 processes ended" in by_hand("down")[1]
     assert processes.running(by_hand.home) == {}
     assert not by_hand.home.exists()
-    assert "Next: python -m tests.cluster up" in by_hand("status")[1]
+    assert "Next: python -m robot_offload_lab.cluster up" in by_hand("status")[1]
 
 
 def test_down_removes_what_a_killed_up_has_left(by_hand: ByHand) -> None:

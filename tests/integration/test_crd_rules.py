@@ -13,13 +13,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from robot_offload.api.strict_yaml import parse, thaw
 from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.rules import RULES
 from robot_offload.errors import SpecError
-from robot_offload.strict_yaml import parse, thaw
-from tests.cluster.commands import Kubectl
-from tests.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.commands import Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.contract.rule_examples import BROKEN, KEPT, example_values
 from tests.contract.test_crd import PLACES
 from tests.unit.specs import MINIMAL, changed, sample

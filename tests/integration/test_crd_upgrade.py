@@ -13,9 +13,9 @@ from robot_offload.api.crd import crd
 from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.errors import SpecError
-from tests.cluster.commands import Kubectl
-from tests.cluster.control_plane import ControlPlane
-from tests.cluster.errors import CommandError
+from robot_offload_lab.cluster.commands import Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.errors import CommandError
 from tests.unit.specs import changed, sample
 
 pytestmark = pytest.mark.api

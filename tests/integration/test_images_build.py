@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from robot_offload.images import wheels_base
-from robot_offload.images.ours import ROOT
+from robot_offload_lab.images import wheels_base
+from robot_offload_lab.images.ours import ROOT
 from tests.integration import images_machine
 from tests.integration.images_machine import Container, Machine, figure, robot_offload
 

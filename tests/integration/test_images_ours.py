@@ -92,7 +92,7 @@ def machine() -> Iterator[Machine]:
     """A machine with our images."""
     with images_machine.machine("system", "ros-core") as machine:
         machine.run(
-            sys.executable, "-m", "robot_offload.images.ours", *IMAGES, "--wheels", "--builder", "buildah",
+            sys.executable, "-m", "robot_offload_lab.images.ours", *IMAGES, "--wheels", "--builder", "buildah",
             "--registry", REGISTRY,
         )  # fmt: skip
         yield machine

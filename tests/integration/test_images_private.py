@@ -22,7 +22,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
-from robot_offload.images import wheels_base
+from robot_offload_lab.images import wheels_base
 from tests.integration import images_machine
 from tests.integration.images_machine import Machine, robot_offload
 

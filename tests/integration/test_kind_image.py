@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tests.cluster import kind_docker, kind_image
+from robot_offload_lab.cluster import kind_docker, kind_image
 
 pytestmark = [pytest.mark.cluster, pytest.mark.timeout(3600)]
 

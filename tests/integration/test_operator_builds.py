@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from robot_offload.decide.builds import REBUILD
 from robot_offload.kube.kinds import CONFIG_MAP, DEPLOYMENT, JOB, ROBOT_OFFLOAD, SECRET
-from robot_offload.reconcile.builds import REBUILD
-from tests.cluster.pretended_kubelet import report_ended
+from robot_offload_lab.cluster.pretended_kubelet import report_ended
 from tests.integration.operator_cluster import Manifest, Place, eventually, walker
 from tests.integration.operator_process import Operator
 from tests.integration.operator_proxy import Proxy

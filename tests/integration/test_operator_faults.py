@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from robot_offload.kube.kinds import DEPLOYMENT, ROBOT_OFFLOAD, SERVICE, Kind
-from tests.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.operator_cluster import Manifest, Place, eventually, walker
 from tests.integration.operator_process import Nursery, Operator
 from tests.integration.operator_proxy import Answer, Asked, Proxy

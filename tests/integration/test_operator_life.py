@@ -17,7 +17,7 @@ from robot_offload.kube.kinds import (
     SERVICE,
     Kind,
 )
-from tests.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.operator_cluster import Place, eventually, kind_named, walker
 from tests.integration.operator_process import Operator
 from tests.integration.operator_proxy import Proxy

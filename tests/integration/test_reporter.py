@@ -11,17 +11,17 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from robot_offload.api.agent_state import ANNOTATION
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.cli.main import app
+from robot_offload.objects.facts import Facts, default_images
 from robot_offload.render.children import children
-from robot_offload.render.facts import Facts, default_images
-from robot_offload.reporter.state import ANNOTATION
-from tests.cluster.commands import Kubectl
-from tests.cluster.control_plane import ControlPlane
-from tests.cluster.errors import CommandError
+from robot_offload_lab.cluster.commands import Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
+from robot_offload_lab.cluster.errors import CommandError
 from tests.integration.resources import talker
-from tests.unit.reporter.running import Running, eventually
-from tests.unit.reporter.states import text
+from tests.unit.operator.reporter.running import Running, eventually
+from tests.unit.operator.reporter.states import text
 
 pytestmark = pytest.mark.api
 RIGHTS = ("ServiceAccount", "Role", "RoleBinding", "Lease")

@@ -11,7 +11,7 @@ import yaml
 
 from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.parsing import parse_object
-from tests.cluster.commands import Kubectl, documents
+from robot_offload_lab.cluster.commands import Kubectl, documents
 from tests.integration.resources import SAMPLES, talker
 
 pytestmark = pytest.mark.api

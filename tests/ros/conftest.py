@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from robot_offload.local.certificates import CertificatePaths
+from robot_offload_lab.run.certificates import CertificatePaths
 from tests.ros.ports import free_port
 from tests.ros.zenoh_ends import Ends, new_certificates
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload.bench.parts.two_hosts import TwoHosts
+from robot_offload_lab.wire.two_hosts import TwoHosts
 from tests.ros.test_bench_smoke import MARK, marked
 
 SECONDS = 280
@@ -92,9 +92,9 @@ def test_a_cut_is_noticed_by_ours_and_by_every_rival(tmp_path: Path):
 @pytest.mark.ros
 @ROOT
 def test_two_hosts_hear_each_other_through_the_link_alone_and_leave_nothing():
-    from robot_offload.bench.parts.hop import datagram_socket, measure
-    from robot_offload.bench.parts.two_hosts import CLOUD_ADDRESS
-    from robot_offload.local.wire_config import LinkOptions
+    from robot_offload_lab.bench.parts.hop import datagram_socket, measure
+    from robot_offload_lab.wire.options import LinkOptions
+    from robot_offload_lab.wire.two_hosts import CLOUD_ADDRESS
 
     with TwoHosts(LinkOptions(delay="20ms"), 1) as hosts:
         process = Path(f"/proc/{hosts.pid}")

@@ -19,7 +19,7 @@ SECONDS = 90
 def test_a_short_bench_of_commanded_switches_writes_results_samples_and_the_page_and_leaves_no_process(tmp_path: Path):
     run = secrets.token_hex(8)
     command = [
-        sys.executable, "-m", "robot_offload.bench", "switch", "--only", "commanded", "--switches", str(SWITCHES),
+        sys.executable, "-m", "robot_offload_lab.bench", "switch", "--only", "commanded", "--switches", str(SWITCHES),
         "--normal", "--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs"), "--domains", "83/84", "--json",
     ]  # fmt: skip
     environment = {**os.environ, MARK: run}
@@ -46,7 +46,7 @@ def test_a_short_bench_of_commanded_switches_writes_results_samples_and_the_page
 
 
 def test_wrong_input_is_told_in_one_line(tmp_path: Path):
-    command = [sys.executable, "-m", "robot_offload.bench", "switch", "--out", str(tmp_path), "--domains", "1/1"]
+    command = [sys.executable, "-m", "robot_offload_lab.bench", "switch", "--out", str(tmp_path), "--domains", "1/1"]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False)
     assert ended.returncode == 2
     assert ended.stderr == "--domains: '1/1': write two different numbers from 0 to 232, for example 81/82\n"

@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload.local import recording
+from robot_offload_lab.judge import recording
 
 ROOT = Path(__file__).parents[2]
 TALKER = ROOT / "examples" / "talker" / "robotoffload.yaml"

@@ -12,10 +12,10 @@ from functools import partial
 import pytest
 import zenoh
 
-from robot_offload.local.certificates import CertificatePaths
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import session_config
+from robot_offload_lab.run.certificates import CertificatePaths
 from tests.ros.ports import HOST
 from tests.ros.zenoh_ends import (
     CHANNELS,

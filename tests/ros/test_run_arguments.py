@@ -12,10 +12,11 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.names import SIDES, Side
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.render.agent_config import AgentSite, agent_config, agent_parameters
-from robot_offload.render.names import SIDES, Side, run_arguments
-from robot_offload_agent.parameters import flatten
+from robot_offload.render.ros_names import run_arguments
+from robot_offload_agent.settings.parameters import flatten
 from tests.unit.specs import changed, sample
 
 pytestmark = pytest.mark.ros

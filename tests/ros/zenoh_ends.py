@@ -19,10 +19,10 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-from robot_offload.local.certificates import CertificatePaths, make_certificates
 from robot_offload_agent.link.port import Channel
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import ZenohSettings
+from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from tests.ros.ports import HOST
 
 CHANNELS = [Channel("beat", reliable=False, urgent=True), Channel("in/scan"), Channel("out/cmd", reliable=False)]

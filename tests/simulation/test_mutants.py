@@ -6,8 +6,8 @@ from itertools import product
 
 import pytest
 
-from robot_offload.simulate.campaign import live
-from robot_offload.simulate.mutants import MUTANTS
+from robot_offload_lab.simulate.campaign import live
+from robot_offload_lab.simulate.mutants import MUTANTS
 
 SEEDS = range(1, 9)
 STRETCHES = 10

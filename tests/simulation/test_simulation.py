@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from robot_offload.simulate import campaign
-from robot_offload.simulate.campaign import Total
-from robot_offload.simulate.main import replay_command
+from robot_offload_lab.simulate import campaign
+from robot_offload_lab.simulate.campaign import Total
+from robot_offload_lab.simulate.main import replay_command
 
 HOURS = 2.0
 """About seven minutes of processor time; what it takes to meet the rarest pairs comes on top."""

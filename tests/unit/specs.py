@@ -5,9 +5,9 @@ from __future__ import annotations
 import copy
 from typing import Any
 
+from robot_offload.api.strict_yaml import parse, thaw
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
-from robot_offload.strict_yaml import parse, thaw
 
 SAMPLE = """\
 apiVersion: robotoffload.dev/v1alpha1

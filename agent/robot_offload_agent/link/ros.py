@@ -24,9 +24,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from std_msgs.msg import Header, UInt8MultiArray
 
-from robot_offload_agent.clock import now_s
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link.port import Channel, LinkStatus, OnMessage
+from robot_offload_agent.process.clock import now_s
 
 log = logging.getLogger(__name__)
 

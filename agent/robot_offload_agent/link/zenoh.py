@@ -16,12 +16,12 @@ from pathlib import Path
 
 import zenoh
 
-from robot_offload_agent.clock import now_s
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link.port import Channel, LinkStatus, OnMessage
 from robot_offload_agent.link.zenoh_config import ZenohSettings, key
 from robot_offload_agent.link.zenoh_rules import EndpointChoice, Patience
 from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
+from robot_offload_agent.process.clock import now_s
 
 log = logging.getLogger(__name__)
 

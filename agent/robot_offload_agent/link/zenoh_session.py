@@ -15,7 +15,6 @@ from typing import Any
 
 import zenoh
 
-from robot_offload_agent.clock import now_s
 from robot_offload_agent.link.port import Channel
 from robot_offload_agent.link.zenoh_config import (
     BULK_BYTES,
@@ -25,6 +24,7 @@ from robot_offload_agent.link.zenoh_config import (
     session_config,
 )
 from robot_offload_agent.link.zenoh_rules import Backlog
+from robot_offload_agent.process.clock import now_s
 
 log = logging.getLogger(__name__)
 

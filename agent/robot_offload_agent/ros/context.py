@@ -12,7 +12,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_native
 from rclpy.node import Node
 
-from robot_offload_agent.parameters import Configuration
+from robot_offload_agent.settings.parameters import Configuration
 
 log = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from robot_offload_agent.parameters import Configuration
+from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import guardian
 from robot_offload_core.guardian import State, Transition
 from robot_offload_core.token import Site

@@ -22,8 +22,8 @@ from rclpy.type_support import check_for_type_support
 from std_msgs.msg import Header, Int32, String, UInt8MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from robot_offload_agent.parameters import Configuration
 from robot_offload_agent.ros.raw import message_type
+from robot_offload_agent.settings.parameters import Configuration
 
 OWN = (
     DiagnosticArray, TransitionEvent, ChangeState, GetAvailableStates, GetAvailableTransitions, GetState, Log,

@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, Reliabilit
 from rclpy.subscription import Subscription
 
 from robot_offload_agent.errors import StartError
-from robot_offload_agent.parameters import Named
+from robot_offload_agent.settings.parameters import Named
 
 OnRaw = Callable[[bytes], None]
 

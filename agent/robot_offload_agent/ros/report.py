@@ -15,11 +15,11 @@ from rclpy.parameter import Parameter as NodeParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, Int32, String
 
-from robot_offload_agent.bus import PulseStatus
-from robot_offload_agent.overrides import WORDS, Override
-from robot_offload_agent.parameters import GENERAL, Configuration, Parameter
+from robot_offload_agent.process.bus import PulseStatus
 from robot_offload_agent.ros import services
-from robot_offload_agent.tuning import RUN_TIME
+from robot_offload_agent.settings.offer import RUN_TIME
+from robot_offload_agent.settings.override import WORDS, Override
+from robot_offload_agent.settings.parameters import GENERAL, Configuration, Parameter
 from robot_offload_core.beats import Beat
 from robot_offload_core.guardian import Node as GuardedNode
 from robot_offload_core.guardian import State

@@ -12,14 +12,14 @@ from typing import Annotated, Any, Final, TypeVar
 
 import typer
 
+from robot_offload.api.agent_state import AgentState, StateError, parse_state
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload.kube.configuration import connect, current_namespace
 from robot_offload.kube.errors import KubeError, NotFoundError
 from robot_offload.kube.kinds import ROBOT_OFFLOAD, Kind
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.kube.retry import RetryPolicy
-from robot_offload.render.child_names import AGENT, child_name
-from robot_offload.reporter.state import AgentState, StateError, parse_state
+from robot_offload.objects.child_names import AGENT, child_name
 
 Result = TypeVar("Result")
 

@@ -9,7 +9,7 @@ import typer
 
 from robot_offload.cli.app import example_text
 from robot_offload.cli.cluster import Context, Kubeconfig, Name, Namespace, Target, find
-from robot_offload.cli.observed import Observed, observe
+from robot_offload.insight.observed import Observed, observe
 from robot_offload.kube.kinds import ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi
 

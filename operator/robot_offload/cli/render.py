@@ -10,17 +10,17 @@ from typing import Annotated, Any, Final
 import typer
 import yaml
 
+from robot_offload.api.files import load
 from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.parsing import parse_text
 from robot_offload.cli.app import CommandsWithDefault, commands, example_text
-from robot_offload.cli.images import default_images
+from robot_offload.cli.own_images import default_images
 from robot_offload.cli.sources import sources
+from robot_offload.decide.builds import Seen, decide
 from robot_offload.errors import InputError
-from robot_offload.loading import load
-from robot_offload.reconcile.builds import Seen, decide
+from robot_offload.objects.facts import Facts, Manifest
 from robot_offload.render.agent_config import AgentSite, agent_config
 from robot_offload.render.children import children
-from robot_offload.render.facts import Facts, Manifest
 from robot_offload.transport import discovery
 
 FILE_EXAMPLES = (

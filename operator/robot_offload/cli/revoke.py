@@ -13,10 +13,10 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.cli.app import example_text
 from robot_offload.cli.cluster import Context, Kubeconfig, Name, Namespace, Target, find
+from robot_offload.decide.certificates import REVOKE
 from robot_offload.errors import InputError
 from robot_offload.kube.kinds import ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi
-from robot_offload.reconcile.certificates import REVOKE
 
 EXAMPLES = (
     "robot-offload revoke wheelchair-7",

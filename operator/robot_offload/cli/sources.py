@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from robot_offload.api.files import read_text
 from robot_offload.api.v1alpha1 import KIND
 from robot_offload.errors import InputError
-from robot_offload.loading import read_text
 
 STANDARD_INPUT: Final = "-"
 SUFFIXES: Final = (".yaml", ".yml", ".json")

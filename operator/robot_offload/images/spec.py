@@ -7,6 +7,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
+from robot_offload.api.strict_yaml import freeze
 from robot_offload.api.v1alpha1.build import BuildFields, GitRepository
 from robot_offload.api.v1alpha1.build_values import (
     Address,
@@ -23,7 +24,6 @@ from robot_offload.api.v1alpha1.names import PackageName, RmwName
 from robot_offload.api.v1alpha1.parsing import findings_of
 from robot_offload.errors import SpecError
 from robot_offload.images.distros import DISTROS, Distro
-from robot_offload.strict_yaml import freeze
 
 SomeModel = TypeVar("SomeModel", bound=Model)
 

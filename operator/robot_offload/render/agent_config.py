@@ -15,8 +15,8 @@ import yaml
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import Node, Output, QualityOfService, RobotOffload, Switching, TopicToCloud
 from robot_offload.api.v1alpha1.names import identifier
-from robot_offload.render.names import nodes_on, private_topic
-from robot_offload.render.site import AgentSite
+from robot_offload.objects.site import AgentSite
+from robot_offload.render.ros_names import nodes_on, private_topic
 
 __all__ = ["AgentSite", "agent_config", "agent_parameters", "parameter_file", "runtime_parameters", "start_parameters"]
 

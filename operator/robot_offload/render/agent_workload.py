@@ -6,7 +6,13 @@ from typing import Any, Final
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render import child_names, dds_profile, handover, pod
+from robot_offload.objects import child_names, pod
+from robot_offload.objects.child import child, config_map
+from robot_offload.objects.child_names import child_name
+from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.objects.hashes import config_hash
+from robot_offload.objects.labels import selector
+from robot_offload.render import dds_profile, handover
 from robot_offload.render.agent_config import (
     AgentSite,
     agent_parameters,
@@ -14,11 +20,6 @@ from robot_offload.render.agent_config import (
     runtime_parameters,
     start_parameters,
 )
-from robot_offload.render.child_names import child_name
-from robot_offload.render.facts import Facts, Manifest
-from robot_offload.render.hashes import config_hash
-from robot_offload.render.labels import selector
-from robot_offload.render.objects import child, config_map
 
 CONFIG_DIR: Final = "/etc/robot-offload/agent"
 SETTINGS_DIR: Final = "/etc/robot-offload/settings"

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import NodeBuild, Registry, RobotOffload, RobotOffloadSpec
+from robot_offload.objects import pod
+from robot_offload.objects.child import child
+from robot_offload.objects.facts import Facts, Manifest
 from robot_offload.render import build_scripts as scripts
-from robot_offload.render import pod
-from robot_offload.render.facts import Facts, Manifest
-from robot_offload.render.objects import child
 
 FETCH: Final = "fetch"
 BUILD: Final = "build"

@@ -12,10 +12,10 @@ import yaml
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.errors import RobotOffloadError
+from robot_offload.objects.facts import Endpoint, Facts, Purpose
+from robot_offload.objects.pod import TMP
 from robot_offload.render import bundle_texts as texts
 from robot_offload.render.agent_config import AgentSite, agent_config
-from robot_offload.render.facts import Endpoint, Facts, Purpose
-from robot_offload.render.pod import TMP
 
 PRIVATE_KEY: Final = "certificates/robot.key"
 """The one file that only its owner may read."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffload
-from robot_offload.render.names import command, nodes_on, remappings
+from robot_offload.render.ros_names import command, nodes_on, remappings
 
 SETUP_VARIABLE: Final = "ROBOT_OFFLOAD_SETUP"
 """In the file `environment`: the script that makes ROS 2 and the robot's own message types known."""

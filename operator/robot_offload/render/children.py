@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.objects.facts import Facts, Manifest
 from robot_offload.render import dds_profile
 from robot_offload.render.agent_workload import agent_deployment, agent_objects
-from robot_offload.render.facts import Facts, Manifest
 from robot_offload.render.network_policies import network_policies
 from robot_offload.render.node_workloads import node_deployments, parameter_copies
 

@@ -6,10 +6,10 @@ from typing import Final
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render import pod
-from robot_offload.render.child_names import DDS, child_name
-from robot_offload.render.facts import Facts, Manifest
-from robot_offload.render.objects import config_map
+from robot_offload.objects import pod
+from robot_offload.objects.child import config_map
+from robot_offload.objects.child_names import DDS, child_name
+from robot_offload.objects.facts import Facts, Manifest
 
 DIRECTORY: Final = "/etc/robot-offload/dds"
 KEY: Final = "fastdds.xml"

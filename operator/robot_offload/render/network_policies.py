@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render import child_names, handover
-from robot_offload.render import policy_rules as rules
+from robot_offload.objects import child_names
+from robot_offload.objects import policy_rules as rules
+from robot_offload.objects.child_names import child_name
+from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.objects.labels import instance_labels, selector
+from robot_offload.render import handover
 from robot_offload.render.build_job import build_ports
-from robot_offload.render.child_names import child_name
-from robot_offload.render.facts import Facts, Manifest
-from robot_offload.render.labels import instance_labels, selector
 from robot_offload.transport import discovery
 
 

@@ -6,13 +6,14 @@ from typing import Final
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import Node, RobotOffload, RobotOffloadSpec
-from robot_offload.render import dds_profile, handover, labels, pod
-from robot_offload.render.child_names import AGENT, child_name, node_child
-from robot_offload.render.facts import Facts, Manifest
-from robot_offload.render.hashes import config_hash
-from robot_offload.render.names import command, replica_name
-from robot_offload.render.objects import config_map
+from robot_offload.objects import labels, pod
+from robot_offload.objects.child import config_map
+from robot_offload.objects.child_names import AGENT, child_name, node_child
+from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.objects.hashes import config_hash
+from robot_offload.render import dds_profile, handover
 from robot_offload.render.parameter_files import renamed
+from robot_offload.render.ros_names import command, replica_name
 
 PARAMETERS_DIR: Final = "/etc/robot-offload/parameters"
 CONTAINER: Final = "node"

@@ -10,7 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Final
 
-from robot_offload.reporter.state import Sight
+from robot_offload.api.agent_state import Sight
 
 WAIT_S: Final = 13.0
 """Whoever asks gives up after 15 s, and its pod's grace period is 20 s."""

@@ -15,6 +15,7 @@ from typing import Final
 import structlog
 from aiohttp import web
 
+from robot_offload.api.agent_state import Sight, look
 from robot_offload.errors import RobotOffloadError
 from robot_offload.reporter import mirror
 from robot_offload.reporter.handover import WAIT_S, Handovers
@@ -22,7 +23,6 @@ from robot_offload.reporter.leases import WRITE_WITHIN_S, ClusterLease, Leases
 from robot_offload.reporter.metrics import Counts
 from robot_offload.reporter.server import application
 from robot_offload.reporter.settings import ReporterSettings, read_settings
-from robot_offload.reporter.state import Sight, look
 
 LOOK_EVERY_S: Final = 0.25
 log = structlog.get_logger("robot_offload.reporter")

@@ -12,7 +12,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.exposition import generate_latest
 from prometheus_client.registry import Collector
 
-from robot_offload.reporter.state import AgentState, Sight
+from robot_offload.api.agent_state import AgentState, Sight
 
 SITES: Final = ("robot", "cloud", "unknown")
 

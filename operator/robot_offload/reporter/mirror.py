@@ -12,7 +12,7 @@ import json
 from dataclasses import dataclass
 from typing import Any, Final
 
-from robot_offload.reporter.state import ANNOTATION, Sight, lasting
+from robot_offload.api.agent_state import ANNOTATION, Sight, lasting
 
 RENEW_S: Final = 10.0
 GAP_S: Final = 1.0

@@ -7,9 +7,9 @@ from typing import Final
 
 from aiohttp import web
 
+from robot_offload.api.agent_state import Sight
 from robot_offload.reporter.handover import Handovers, Outcome
 from robot_offload.reporter.metrics import Counts, exposition
-from robot_offload.reporter.state import Sight
 
 STATUS: Final = {Outcome.DONE: 200, Outcome.AGENT_SILENT: 503, Outcome.TOO_LATE: 504}
 METRICS_TYPE: Final = "text/plain; version=1.0.0; charset=utf-8"

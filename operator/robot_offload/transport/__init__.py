@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1 import RobotOffload, RobotOffloadSpec, TransportType
-from robot_offload.render.facts import Endpoint, Manifest
+from robot_offload.objects.facts import Endpoint, Manifest
 from robot_offload.transport import dds_router, discovery_server, static_peers, zenoh
 from robot_offload.transport.port import ContainerPort, TransportModule
 from robot_offload.transport.zenoh import DATA_PORT, PULSE_PORT

@@ -13,14 +13,14 @@ from typing import Any, Final
 import yaml
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render import pod
-from robot_offload.render import policy_rules as rules
-from robot_offload.render.child_names import CLOUD, ROUTER, child_name
-from robot_offload.render.facts import Endpoint, Facts, Manifest, Purpose
-from robot_offload.render.hashes import config_hash
-from robot_offload.render.labels import selector
-from robot_offload.render.objects import config_map
-from robot_offload.render.site import AgentSite
+from robot_offload.objects import pod
+from robot_offload.objects import policy_rules as rules
+from robot_offload.objects.child import config_map
+from robot_offload.objects.child_names import CLOUD, ROUTER, child_name
+from robot_offload.objects.facts import Endpoint, Facts, Manifest, Purpose
+from robot_offload.objects.hashes import config_hash
+from robot_offload.objects.labels import selector
+from robot_offload.objects.site import AgentSite
 from robot_offload.transport import carried, discovery
 from robot_offload.transport import dds_router_config as router
 from robot_offload.transport.discovery_server import agent_link as _topics_only

@@ -14,12 +14,12 @@ from collections.abc import Iterable
 from typing import Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render import pod
-from robot_offload.render.child_names import discovery_child
-from robot_offload.render.facts import Facts, Manifest, address
-from robot_offload.render.hashes import config_hash
-from robot_offload.render.labels import selector
-from robot_offload.render.objects import child
+from robot_offload.objects import pod
+from robot_offload.objects.child import child
+from robot_offload.objects.child_names import discovery_child
+from robot_offload.objects.facts import Facts, Manifest, address
+from robot_offload.objects.hashes import config_hash
+from robot_offload.objects.labels import selector
 from robot_offload.transport.port import ContainerPort
 
 PORT: Final = ContainerPort("discovery", "UDP", 11811)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render.facts import Facts, Manifest
-from robot_offload.render.labels import Component, selector
-from robot_offload.render.objects import child
+from robot_offload.objects.child import child
+from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.objects.labels import Component, selector
 from robot_offload.transport.port import ContainerPort
 
 MAX_NODE_ADDRESSES: Final = 3

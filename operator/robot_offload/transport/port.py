@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render.facts import Endpoint, Facts, Manifest, Purpose
-from robot_offload.render.site import AgentSite
+from robot_offload.objects.facts import Endpoint, Facts, Manifest, Purpose
+from robot_offload.objects.site import AgentSite
 
 IpProtocol = Literal["UDP", "TCP"]
 

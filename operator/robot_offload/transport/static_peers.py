@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render.facts import Endpoint, Facts, Manifest, Purpose
-from robot_offload.render.site import AgentSite
+from robot_offload.objects.facts import Endpoint, Facts, Manifest, Purpose
+from robot_offload.objects.site import AgentSite
 from robot_offload.transport.discovery_server import agent_link as _topics_only
 from robot_offload.transport.port import Traits
 

@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.render.child_names import TCP, UDP, child_name
-from robot_offload.render.facts import Endpoint, Facts, Manifest, Purpose, address
-from robot_offload.render.site import AgentSite
+from robot_offload.objects.child_names import TCP, UDP, child_name
+from robot_offload.objects.facts import Endpoint, Facts, Manifest, Purpose, address
+from robot_offload.objects.site import AgentSite
 from robot_offload.transport import discovery
 from robot_offload.transport.exposure import Exposed, addresses, service
 from robot_offload.transport.port import ContainerPort, Traits

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from tests.cluster.cluster import Cluster
-from tests.cluster.preflight import preflight
+from robot_offload_lab.cluster.cluster import Cluster
+from robot_offload_lab.cluster.preflight import preflight
 from tests.e2e import figures
 from tests.e2e.bench import first_drive, latency, page, recovery
 from tests.e2e.bench.place import Place

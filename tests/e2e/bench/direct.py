@@ -9,12 +9,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from robot_offload.bench.kinds import KINDS
-from robot_offload.local import recording
-from robot_offload.local.measures import Measures, measure
-from robot_offload.local.recording import RunInfo
-from robot_offload.local.system import NODE_PRIORITY, RECORDER_PRIORITY
-from robot_offload.local.wire_loop import steady_s
+from robot_offload_lab.bench.kinds import KINDS
+from robot_offload_lab.judge import recording
+from robot_offload_lab.judge.measures import Measures, measure
+from robot_offload_lab.judge.recording import RunInfo
+from robot_offload_lab.run.system import NODE_PRIORITY, RECORDER_PRIORITY
+from robot_offload_lab.wire.loop import steady_s
 from tests.e2e.consumer import Consumer
 from tests.e2e.images import APP
 from tests.e2e.story import Story
@@ -22,7 +22,7 @@ from tests.e2e.waiting import eventually
 
 DOMAIN: Final = "77"
 ECHO: Final = "echo"
-SOURCE: Final = "robot_offload.bench.parts.kinds_source"
+SOURCE: Final = "robot_offload_lab.bench.parts.kinds_source"
 
 
 class Direct:
@@ -109,7 +109,7 @@ def _echo(image: str, peer: str) -> dict[str, Any]:
         "name": ECHO,
         "image": image,
         "imagePullPolicy": "IfNotPresent",
-        "command": ["python3", "-m", "robot_offload.bench.parts.echo", "--ros-args", "-p", "by_itself:=true"],
+        "command": ["python3", "-m", "robot_offload_lab.bench.parts.echo", "--ros-args", "-p", "by_itself:=true"],
         "env": [{"name": name, "value": value} for name, value in variables.items()],
         "securityContext": {"allowPrivilegeEscalation": False, "capabilities": {"drop": ["ALL"]}},
         "volumeMounts": [{"name": "tmp", "mountPath": "/tmp"}],

@@ -7,8 +7,8 @@ import statistics
 import time
 from typing import Final
 
-from robot_offload.reporter.state import ANNOTATION, AgentState, parse_state
-from tests.cluster.errors import CommandError
+from robot_offload.api.agent_state import ANNOTATION, AgentState, parse_state
+from robot_offload_lab.cluster.errors import CommandError
 from tests.e2e.bench import pods
 from tests.e2e.bench.place import Place
 from tests.e2e.figures import figure

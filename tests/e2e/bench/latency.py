@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.bench import kinds
-from robot_offload.bench.analysis import experiment
-from robot_offload.bench.kinds import KINDS, RATE_HZ
-from robot_offload.local.measures import Interval, Measures
-from robot_offload.local.streams import quantile
-from robot_offload.local.wire_config import LinkOptions
-from robot_offload.local.wire_loop import steady_s
-from tests.cluster.errors import ClusterError
+from robot_offload_lab.bench import kinds
+from robot_offload_lab.bench.analysis import experiment
+from robot_offload_lab.bench.kinds import KINDS, RATE_HZ
+from robot_offload_lab.cluster.errors import ClusterError
+from robot_offload_lab.judge.measures import Interval, Measures
+from robot_offload_lab.judge.streams import quantile
+from robot_offload_lab.wire.loop import steady_s
+from robot_offload_lab.wire.options import LinkOptions
 from tests.e2e.bench.direct import Direct
 from tests.e2e.bench.place import Place
 from tests.e2e.figures import figure, tell

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from robot_offload.bench.machine import describe, load, today
+from robot_offload_lab.bench.machine import describe, load, today
 from tests.e2e.figures import Figure, shown
 
 TITLES: Final[Mapping[str, str]] = {

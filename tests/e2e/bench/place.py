@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, field
 
-from tests.cluster.any_cluster import AnyCluster
+from robot_offload_lab.cluster.any_cluster import AnyCluster
 from tests.e2e.figures import OUT
 from tests.e2e.images import Images
 from tests.e2e.story import Story

@@ -5,8 +5,8 @@ from __future__ import annotations
 import statistics
 from typing import Final
 
-from robot_offload.local.measures import Measures
-from robot_offload.local.wire_loop import steady_s
+from robot_offload_lab.judge.measures import Measures
+from robot_offload_lab.wire.loop import steady_s
 from tests.e2e.bench.place import Place
 from tests.e2e.figures import figure
 from tests.e2e.judged import judged

@@ -12,7 +12,7 @@ from robot_offload.images.distros import DISTROS
 from robot_offload.images.features import NODE_FEATURES, OVERLAY_FEATURES
 from robot_offload.images.spec import BuildSpec
 from tests.golden.dockerfiles.cases import CASES, REWRITE, generated, golden_path, spec_of
-from tests.unit.images import parsed
+from tests.unit.operator.images import parsed
 
 IGNORED = {
     "DL3002": "only stages that are thrown away stay root; the last USER is checked below",

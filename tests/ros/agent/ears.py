@@ -19,7 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
-from robot_offload_agent.clock import now_s, wall_us
+from robot_offload_agent.process.clock import now_s, wall_us
 from tests.ros.agent.passage import Arrival, Placed
 
 LATCHED = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -21,9 +21,9 @@ from typing import Any, Self
 import yaml
 from std_msgs.msg import Header
 
-from robot_offload.local.certificates import CertificatePaths, make_certificates
-from robot_offload.local.wire import Forward, Wire, WireConfig
-from robot_offload_agent.clock import now_s
+from robot_offload_agent.process.clock import now_s
+from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
+from robot_offload_lab.wire.emulated import Forward, Wire, WireConfig
 from tests.ros.agent.ears import INHIBIT, Driver, Ear, wait_until
 from tests.ros.agent.far_ear import FarEar
 from tests.ros.agent.namespaces import Namespaces

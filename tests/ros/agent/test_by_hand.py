@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from robot_offload_agent.clock import now_s
+from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.ears import Ear
 from tests.ros.agent.harness import Plan, World
 from tests.ros.agent.passage import holes, longest_gap_s

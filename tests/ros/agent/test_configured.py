@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload_agent.clock import now_s
+from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.conftest import ROS_LINK_DOMAIN
 from tests.ros.agent.harness import Plan, World
 from tests.ros.agent.passage import holes

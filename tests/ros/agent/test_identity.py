@@ -7,8 +7,8 @@ from contextlib import contextmanager
 import pytest
 import zenoh
 
-from robot_offload_agent.clock import now_s
 from robot_offload_agent.link.zenoh_config import ZenohSettings, key, session_config
+from robot_offload_agent.process.clock import now_s
 from robot_offload_core import beats
 from robot_offload_core.token import Site
 from tests.ros.agent.harness import PATIENCE_S, World

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from std_msgs.msg import Header, String
 
-from robot_offload_agent.clock import now_s
+from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.ears import LATCHED, wait_until
 from tests.ros.agent.harness import World, header_numbers
 

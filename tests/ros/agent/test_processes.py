@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from robot_offload_agent.clock import now_s
+from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PATIENCE_S, PROCESSES, World
 from tests.ros.agent.passage import longest_gap_s

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from robot_offload.traces import Trace, TraceError, load_trace
+from robot_offload_lab.links.recorded import Trace, TraceError, load_trace
 from tests.ros.agent.harness import World
 
 DELAY_MS = 5.0

@@ -10,9 +10,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, WithJsonSchema
+
+Side: TypeAlias = Literal["robot", "cloud"]
+"""The two sides."""
+SIDES: Final[tuple[Side, Side]] = ("robot", "cloud")
 
 # rmw allows 247 characters (255 less the 8 of DDS prefixes); private copies of an output put 14 before it.
 MAX_TOPIC_LENGTH: Final = 247 - len("/offload/robot")

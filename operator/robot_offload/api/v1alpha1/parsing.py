@@ -12,12 +12,12 @@ from typing import Annotated, Any, Final, Literal, TypeAlias, Union, get_args, g
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from robot_offload.api.strict_yaml import YamlError, freeze, parse
 from robot_offload.api.v1alpha1.checks import CHECKS, Check, check
 from robot_offload.api.v1alpha1.model import Model
 from robot_offload.api.v1alpha1.robotoffload import RobotOffload
 from robot_offload.errors import SpecError
 from robot_offload.findings import Finding
-from robot_offload.strict_yaml import YamlError, freeze, parse
 
 Location = tuple[int | str, ...]
 Unknown: TypeAlias = Literal["forbid", "ignore"]

@@ -1,0 +1,1 @@
+"""The collector process: which side's message passes, in front of the consumers."""

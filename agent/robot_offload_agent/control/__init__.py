@@ -1,0 +1,1 @@
+"""The control processes: the deciding machines with the ROS nodes around them."""

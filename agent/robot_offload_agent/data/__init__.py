@@ -1,0 +1,1 @@
+"""The data processes: inputs to the cloud, envelopes to the robot, probes."""

@@ -1,0 +1,100 @@
+"""Chooses the link that the configuration names: `zenoh` or `ros`, and starts what must run beside it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+import rclpy
+from rclpy.node import Node
+
+from robot_offload_agent.errors import ConfigurationError
+from robot_offload_agent.link.port import Channel, Link, LinkStatus, OnMessage
+from robot_offload_agent.link.ros import RosLink
+from robot_offload_agent.link.zenoh import ZenohLink, certificate_problem
+from robot_offload_agent.link.zenoh_config import ZenohSettings
+from robot_offload_agent.ros import context
+from robot_offload_agent.ros.topic_loop import spin_topics
+from robot_offload_agent.settings.parameters import Configuration, listed
+
+SESSION_LEASE_MS = {"pulse": 500, "data": 1000}
+"""Facts of the wheel: shorter flaps at 5 % loss, longer lets stale samples live on."""
+IDLE_S = 60.0
+"""A node that carries nothing but a link has no other work to do."""
+
+
+class LinkHandle:
+    """A link with whatever must run beside it (a spinning node for DDS when the process has none)."""
+
+    def __init__(self, link: Link, node: Node | None = None) -> None:
+        self.link = link
+        self.node = node
+
+    def start(self) -> None:
+        """See Link.start."""
+        self.link.start()
+        if self.node is not None:
+            threading.Thread(target=spin_topics, args=(self.node, lambda: IDLE_S), name="link", daemon=True).start()
+
+    def ended(self) -> bool:
+        """Whether the node that is spun here was told to end."""
+        return self.node is not None and not rclpy.ok()
+
+    def send(self, channel: str, header: bytes, payload: bytes) -> bool:
+        """See Link.send."""
+        return self.link.send(channel, header, payload)
+
+    def status(self) -> LinkStatus:
+        """See Link.status."""
+        return self.link.status()
+
+    def reopen(self, reason: str) -> None:
+        """See Link.reopen."""
+        self.link.reopen(reason)
+
+
+def open_link(
+    configuration: Configuration,
+    session: str,
+    channels: Sequence[Channel],
+    on_message: OnMessage,
+    node: Node | None = None,
+) -> LinkHandle:
+    """Makes the link of the configured type; `node` is used for DDS when given, else one is made and spun here.
+
+    Raises:
+        ConfigurationError: a certificate file is missing.
+    """
+    if configuration["link.type"] == "zenoh":
+        return LinkHandle(ZenohLink(zenoh_settings(configuration, session), channels, on_message))
+    own = None
+    if node is None:
+        context.init(configuration)
+        own = node = context.make_node(configuration, f"offload_{session}_{configuration['side']}")
+    return LinkHandle(RosLink(node, configuration["side"], channels, on_message), own)
+
+
+def check_link(configuration: Configuration) -> None:
+    """What can be checked before anything is opened; raises ConfigurationError."""
+    if configuration["link.type"] == "zenoh":
+        for session in SESSION_LEASE_MS:
+            problem = certificate_problem(zenoh_settings(configuration, session))
+            if problem:
+                raise ConfigurationError(f"parameter link.{problem}")
+
+
+def zenoh_settings(configuration: Configuration, session: str) -> ZenohSettings:
+    """The settings of one of the two Zenoh sessions."""
+    return ZenohSettings(
+        side=configuration["side"],
+        session=session,
+        uid=configuration["uid"],
+        endpoints=tuple(listed(configuration[f"link.{session}_endpoints"])),
+        fallback=tuple(listed(configuration[f"link.{session}_fallback"])),
+        ca=configuration["link.ca"],
+        certificate=configuration["link.certificate"],
+        private_key=configuration["link.private_key"],
+        verify_name=configuration["link.verify_name"],
+        lease_ms=SESSION_LEASE_MS[session],
+        fallback_after_ms=round(configuration["link.fallback_after_ms"]),
+    )

@@ -1,0 +1,1 @@
+"""The pulse process: beats and leases only."""

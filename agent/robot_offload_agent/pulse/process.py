@@ -1,0 +1,119 @@
+"""The pulse process: beats out every period, beats in at once, nothing else.
+
+It has its own session and its own process so that beats wait for nobody's data, garbage collection or ROS discovery.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import select
+import threading
+from collections import Counter
+
+from robot_offload_agent.link.choice import LinkHandle, open_link
+from robot_offload_agent.link.port import Channel, LinkStatus
+from robot_offload_agent.process import realtime
+from robot_offload_agent.process.bus import Arrived, Bus, Heard, PulseStatus, Speak
+from robot_offload_agent.process.clock import now_s, wall_us
+from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core import beats, pulse
+from robot_offload_core.placement import PulseSent, Reopen
+
+log = logging.getLogger(__name__)
+
+BEAT = Channel("beat", reliable=False, urgent=True)
+STATUS_PERIOD_S = 1.0
+
+
+class PulseProcess:
+    """Joins the core's pulse, the link and the bus."""
+
+    def __init__(self, configuration: Configuration, bus: Bus) -> None:
+        self.configuration = configuration
+        self.bus = bus
+        self.lock = threading.Lock()
+        period_s = configuration["heartbeat_period_ms"] / 1e3
+        self.pulse = pulse.Pulse(configuration["uid"], configuration.side, period_s)
+        self.garbage: Counter[str] = Counter()
+        self.status = LinkStatus(False)
+        self.status_due_s = 0.0
+        self.realtime = "normal"
+        self.sent: PulseSent | None = None
+        self.told_sent_s = 0.0
+        self.link: LinkHandle | None = None
+
+    def run(self) -> None:
+        """Runs until it is ended."""
+        gc.disable()  # nothing here makes cycles; a collection would hold up beats
+        self.link = open_link(self.configuration, "pulse", [BEAT], self.on_message)
+        self.link.start()
+        self.realtime = realtime.request(self.configuration["realtime"], realtime.PULSE_PRIORITY)
+        period_s = self.pulse.beat_period_s
+        due_s = now_s()
+        while not self.link.ended():
+            now = now_s()
+            if now >= due_s:
+                self.send(now)
+                due_s = max(due_s + period_s, now + period_s / 2)  # after a stall beats are not caught up in a burst
+            readable, _, _ = select.select([self.bus], [], [], max(0.0, due_s - now_s()))
+            if readable:
+                self.read()
+
+    def send(self, now: float) -> None:
+        """One beat."""
+        assert self.link is not None
+        with self.lock:
+            self.pulse, beat = pulse.compose(self.pulse, now, wall_us())
+        self.link.send("beat", b"", beats.encode(beat).encode())
+        self.sent = PulseSent(now, isinstance(beat.body, beats.Permission) and beat.body.granted)
+        # Beats that arrive bring it along; only while none arrive it is told on its own.
+        if now - self.told_sent_s > self.pulse.beat_period_s:
+            self.told_sent_s = now
+            self.bus.send("control", self.sent)
+        status = self.link.status()
+        if status != self.status or now >= self.status_due_s:
+            self.status, self.status_due_s = status, now + STATUS_PERIOD_S
+            garbage = tuple(sorted(self.garbage.items()))
+            told = (status.connected, status.endpoint, status.fallback, status.sessions, status.message)
+            self.bus.send("control", PulseStatus(*told, garbage, self.realtime))
+
+    def read(self) -> None:
+        """What control says."""
+        while (message := self.bus.receive()) is not None:
+            if isinstance(message, Speak):
+                with self.lock:
+                    self.pulse = pulse.speak(self.pulse, message.incarnation, message.body, message.said_s)
+            elif isinstance(message, Reopen) and self.link is not None:
+                self.link.reopen(message.reason)
+
+    def on_message(self, _channel: str, _header: bytes, payload: bytes) -> None:
+        """A beat arrived (on a thread of the link)."""
+        arrived_s = now_s()
+        if not payload:
+            self.garbage["BareBeat"] += 1  # feeds statistics only: it proves no round trip and renews nothing
+            return
+        try:
+            text = payload.decode("ascii")
+            beat = beats.decode(text)
+        except (UnicodeDecodeError, beats.BeatError) as error:
+            reason = error.reason if isinstance(error, beats.BeatError) else "BadForm"
+            self.garbage[reason] += 1
+            if self.garbage[reason] == 1:
+                log.warning("A beat that is none of ours arrived (%s), further ones are only counted", error)
+            return
+        with self.lock:
+            self.pulse, newer = pulse.hear(self.pulse, beat, arrived_s)
+            partner = pulse.partner(self.pulse)
+        if beat.uid != self.configuration["uid"]:
+            self.garbage["ForeignUid"] += 1
+        if newer:
+            self.told_sent_s = arrived_s
+            self.bus.send("control", Arrived(text, arrived_s, wall_us(), self.sent))
+            if partner is not None:
+                self.bus.send("data", Heard(partner.incarnation, partner.sent_us, partner.arrived_s))
+
+
+def run(configuration: Configuration) -> None:
+    """Entry of the process."""
+    PulseProcess(configuration, Bus(configuration.runtime_dir, "pulse")).run()

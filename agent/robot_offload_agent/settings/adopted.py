@@ -1,0 +1,109 @@
+"""The robot's settings while it runs: what the cloud offers is judged, kept and then adopted."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+from robot_offload_agent.process.bus import Limits
+from robot_offload_agent.settings import store
+from robot_offload_agent.settings.notes import NotesError, RobotNotes, decode_cloud, encode
+from robot_offload_agent.settings.offer import Judgement, Offer, input_limits, judge
+from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.token import Site
+
+log = logging.getLogger(__name__)
+
+
+class RobotSettings:
+    """Used on the deciding thread; only writing to the disk happens on another one.
+
+    Attributes:
+        local: the robot's file, with the hard limits.
+        present: what is in force.
+        problem: (reason, message) for diagnostics; None when all is well.
+    """
+
+    def __init__(
+        self, local: Configuration, post: Callable[[Callable[[float], None]], None], adopt: Callable[[float], None]
+    ) -> None:
+        """`adopt` is called when an offer was answered; `present` has changed when it was taken."""
+        self.local = local
+        self.post = post
+        self.adopt = adopt
+        self.keeping = False
+        self.disk = threading.Lock()
+        self.present, offer, self.problem = store.load(local)
+        self.judged = offer.digest if offer is not None else ""
+        self.judgement = Judgement(self.present, "Accepted", f"The robot runs generation {self.generation}")
+        if self.problem is not None:
+            log.warning("%s reason=%s", self.problem[1], self.problem[0])
+        elif offer is not None:
+            log.info("Settings kept from an earlier run are in force generation=%d", offer.generation)
+
+    @property
+    def generation(self) -> int:
+        """Of what is in force."""
+        return int(self.present["generation"])
+
+    def limits(self) -> Limits:
+        """For the other processes."""
+        settings = self.present.settings()
+        return Limits(settings.max_command_age_s, settings.lease_s, input_limits(self.present))
+
+    def take(self, text: str) -> str:
+        """Notes of the cloud; returns what it says of its end."""
+        try:
+            notes = decode_cloud(text)
+        except NotesError as error:
+            log.warning("Notes of the cloud that are none of ours: %s", error)
+            return ""
+        offer = notes.offer
+        again = self.judgement.reason == "NotKept" and not self.keeping  # the disk may have been freed
+        if offer is not None and (offer.digest != self.judged or again):
+            again, self.judged = offer.digest == self.judged, offer.digest
+            judgement = judge(self.local, self.generation, offer)
+            if judgement.configuration is None:
+                self.post(lambda now: self._kept(offer, judgement, now))
+            else:
+                # Until it is on the disk nothing is answered: what was accepted must hold at an offline start.
+                self.keeping = True
+                if not again:
+                    self.judgement = Judgement(None, "Keeping", "The robot writes the settings to its disk")
+                threading.Thread(target=self._keep, args=(offer, judgement), name="keep", daemon=True).start()
+        return notes.leaving
+
+    def notes(self, left: str, site: Site, reason: str, message: str) -> str:
+        """What the cloud is told."""
+        judgement = self.judgement
+        digest = "" if judgement.reason == "Keeping" else self.judged
+        accepted = judgement.configuration is not None
+        told = RobotNotes(
+            self.generation, digest, accepted, judgement.reason, judgement.message, left, site.value, reason, message
+        )
+        return encode(told)
+
+    def _keep(self, offer: Offer, judgement: Judgement) -> None:
+        try:
+            with self.disk:
+                if offer.digest == self.judged:  # else a newer one is written before or after us, and stays
+                    store.keep(self.local, offer)
+        except OSError as error:
+            message = f"{store.path(self.local)} cannot be written: {error.strerror}; free the disk, or set state_dir"
+            judgement = Judgement(None, "NotKept", message)
+        self.post(lambda now: self._kept(offer, judgement, now))
+
+    def _kept(self, offer: Offer, judgement: Judgement, now: float) -> None:
+        if offer.digest != self.judged:
+            return  # a newer one was offered meanwhile
+        self.keeping = False
+        self.judgement = judgement
+        if judgement.configuration is None:
+            message = f"Settings of the cloud were refused ({judgement.reason}): {judgement.message}"
+            self.problem = ("SettingsRefused", message)
+        else:
+            self.problem = None
+            self.present = judgement.configuration
+            log.info("%s reason=Accepted", judgement.message)
+        self.adopt(now)

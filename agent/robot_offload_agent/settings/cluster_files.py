@@ -1,0 +1,74 @@
+"""The files by which the cloud's agent and the operator meet: settings and handover in, the state out."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from robot_offload_agent.errors import ConfigurationError
+from robot_offload_agent.settings.files import NewestWriter, Watch, age_s
+from robot_offload_agent.settings.liaison import LEAVING_S, Event, HandoverAsked, SettingsRead
+from robot_offload_agent.settings.offer import read_offer
+from robot_offload_agent.settings.parameters import Configuration
+
+log = logging.getLogger(__name__)
+
+RENEW_S = 0.8
+"""The state is written again after this, also when nothing has changed: its age says that the agent lives."""
+
+
+def wall_text() -> str:
+    """The system clock, RFC 3339 in UTC."""
+    return datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+class ClusterFiles:
+    """Watches two files and writes one; those without a name are off."""
+
+    def __init__(self, configuration: Configuration, happened: Callable[[Event], None]) -> None:
+        """`happened` is called on threads of this class."""
+        self.happened = happened
+        self.settings_file: str = configuration["settings_file"]
+        self.handover_file: str = configuration["handover_file"]
+        self.state_file: str = configuration["state_file"]
+        self.writer = NewestWriter(Path(self.state_file)) if self.state_file else None
+        self.written: dict[str, Any] = {}
+        self.written_s = float("-inf")
+
+    def start(self) -> None:
+        """Begins to watch."""
+        if self.settings_file:
+            Watch(Path(self.settings_file), self._settings).start()
+        if self.handover_file:
+            Watch(Path(self.handover_file), self._handover).start()
+
+    def tell(self, state: dict[str, Any], now: float, figures: Callable[[], dict[str, Any]]) -> None:
+        """Writes the state when it has changed, or when the last writing is a while ago.
+
+        `figures` differ each time: they are worth the next writing, not one of their own.
+        """
+        if self.writer is None or (state == self.written and now - self.written_s < RENEW_S):
+            return
+        self.written, self.written_s = state, now
+        self.writer.write(json.dumps({"written": wall_text(), **state, **figures()}))
+
+    def _settings(self, text: str | None, why: str) -> None:
+        try:
+            if text is None:
+                raise ConfigurationError(why)
+            offer = read_offer(text)
+        except ConfigurationError as error:
+            log.warning("No settings to offer: %s", error)
+            self.happened(SettingsRead(None, str(error)))
+        else:
+            log.info("Settings to offer generation=%d", offer.generation)
+            self.happened(SettingsRead(offer))
+
+    def _handover(self, text: str | None, _why: str) -> None:
+        # A file that an earlier agent of this pod has answered already must not move the robot again.
+        if text and text.strip() and age_s(Path(self.handover_file)) < LEAVING_S:
+            self.happened(HandoverAsked(text.strip()))

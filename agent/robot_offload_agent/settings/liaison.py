@@ -1,0 +1,178 @@
+"""What the cloud's agent does for the operator: offers settings to the robot, hands over, tells the state. Pure.
+
+State in, event, state out; the shell (`cluster_files.py`) reads and writes the files, the control process carries the
+notes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from robot_offload_agent.settings.notes import CloudNotes, RobotNotes
+from robot_offload_agent.settings.offer import Offer
+from robot_offload_core.link import Health
+
+LEAVING_S = 25.0
+"""So long the robot does not choose a cloud whose pods are going: they are killed 20 s after the wish to stop them.
+
+What comes after that is not ready until its nodes are. A new agent ends it by being another one.
+"""
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Liaison:
+    """State. Times on the steady clock, seconds; `since` is a text of the system clock.
+
+    Attributes:
+        watched: there is a settings file.
+        offer: its settings; None while it cannot be read, then `problem` says why.
+        robot: the newest notes of the robot; None before the first of this connection.
+        generation: that the robot ran when it was last heard; None never.
+        connected: a robot is heard; since when it is (not).
+        leaving, leaving_until_s: the end of pods asked for last; "" for none.
+        handed_over: the end of pods for which the robot acts, or for which there was no robot to act.
+    """
+
+    watched: bool = False
+    offer: Offer | None = None
+    problem: str = ""
+    robot: RobotNotes | None = None
+    generation: int | None = None
+    connected: bool = False
+    since: str = ""
+    leaving: str = ""
+    leaving_until_s: float = 0.0
+    handed_over: str = ""
+
+
+@dataclass(frozen=True)
+class SettingsRead:
+    """The settings file has new content, or cannot be read (`problem`)."""
+
+    offer: Offer | None
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class HandoverAsked:
+    """The handover file has got a new text."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class RobotSaid:
+    """Notes of the robot arrived."""
+
+    notes: RobotNotes
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A robot is heard, or not; `wall` is the system clock as a text."""
+
+    connected: bool
+    wall: str
+
+
+Event = SettingsRead | HandoverAsked | RobotSaid | Seen
+
+
+def step(liaison: Liaison, event: Event, now_s: float) -> Liaison:
+    """Takes in one event."""
+    if isinstance(event, SettingsRead):
+        liaison = replace(liaison, offer=event.offer, problem=event.problem)
+    elif isinstance(event, HandoverAsked):
+        if event.name and event.name != liaison.leaving:
+            liaison = replace(liaison, leaving=event.name, leaving_until_s=now_s + LEAVING_S)
+    elif isinstance(event, RobotSaid):
+        liaison = replace(liaison, robot=event.notes, generation=event.notes.generation)
+    elif event.connected is not liaison.connected or not liaison.since:
+        liaison = replace(liaison, connected=event.connected, since=event.wall, robot=None)
+    return replace(liaison, handed_over=liaison.leaving) if _left(liaison) else liaison
+
+
+def notes(liaison: Liaison, now_s: float) -> CloudNotes:
+    """What to tell the robot; settings that it could not keep are offered again and again."""
+    robot = liaison.robot
+    answered = robot is not None and _answered(robot, liaison.offer) and robot.reason != "NotKept"
+    leaving = liaison.leaving if now_s < liaison.leaving_until_s else ""
+    return CloudNotes(None if answered else liaison.offer, leaving)
+
+
+def taken(liaison: Liaison) -> Offer | None:
+    """The settings offered, once the robot has taken them."""
+    robot = liaison.robot
+    return liaison.offer if robot is not None and robot.accepted and _answered(robot, liaison.offer) else None
+
+
+def state(
+    liaison: Liaison,
+    *,
+    generation: int,
+    epoch: int,
+    nodes: Iterable[tuple[str, str]],
+    ready: bool,
+) -> dict[str, Any]:
+    """The content of the state file, without the time of writing and the figures."""
+    site, reason, message = _placement(liaison)
+    return {
+        "version": VERSION,
+        "agent_generation": generation,
+        "connected": liaison.connected,
+        "since": liaison.since,
+        "site": site,
+        "epoch": epoch,
+        "reason": reason,
+        "message": message,
+        "nodes": [{"name": name, "state": word} for name, word in nodes],
+        "settings": _settings(liaison),
+        "handover": liaison.handed_over,
+        "ready": ready,
+    }
+
+
+def figures(health: Health | None) -> dict[str, Any]:
+    """The part of the state file that differs each time."""
+    p50, p99 = (health.round_trip_p50_ms, health.round_trip_p99_ms) if health else (None, None)
+    return {"round_trip_ms": {"p50": p50, "p99": p99}}
+
+
+def _left(liaison: Liaison) -> bool:
+    """Nobody has to be asked any more: the robot acts and will not choose this cloud, or there is none."""
+    if not liaison.leaving or liaison.handed_over == liaison.leaving:
+        return False
+    robot = liaison.robot
+    return not liaison.connected or (robot is not None and robot.left == liaison.leaving and robot.site == "robot")
+
+
+def _answered(robot: RobotNotes, offer: Offer | None) -> bool:
+    return offer is None or robot.digest == offer.digest
+
+
+def _placement(liaison: Liaison) -> tuple[str, str, str]:
+    robot = liaison.robot
+    if not liaison.connected:
+        return "unknown", "RobotNotConnected", "No robot is heard; start its agent, then look at the link"
+    if robot is None:
+        return "unknown", "Connecting", "The robot is heard and has not told yet who acts"
+    return robot.site, robot.decided, robot.decided_message
+
+
+def _settings(liaison: Liaison) -> dict[str, Any]:
+    robot, offer = liaison.robot, liaison.offer
+    accepted: bool | None = None
+    if not liaison.watched:
+        reason, message = "NotOffered", "This agent has no settings file; the robot runs its own file"
+    elif offer is None:
+        reason, message = "SettingsUnreadable", liaison.problem or "The settings file has not been read yet"
+    elif robot is None:
+        reason, message = "RobotNotConnected", f"Generation {offer.generation} waits for the robot"
+    elif not _answered(robot, offer):
+        reason, message = "Pending", f"The robot has not answered to generation {offer.generation} yet"
+    else:
+        accepted, reason, message = robot.accepted, robot.reason, robot.message
+    return {"robot_generation": liaison.generation, "accepted": accepted, "reason": reason, "message": message}

@@ -1,0 +1,101 @@
+"""What the two control processes tell each other besides beats: settings and their answer, and a cloud that leaves.
+
+Notes travel as text in the probes of the data session, ten times a second on every kind of link. They are levels: each
+says all that holds now, so a lost one loses nothing. Pure.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from robot_offload_agent.settings.offer import Offer
+
+
+class NotesError(ValueError):
+    """Text that is no notes of ours."""
+
+
+@dataclass(frozen=True)
+class CloudNotes:
+    """From the cloud.
+
+    Attributes:
+        offer: settings that the robot has not answered yet; None otherwise.
+        leaving: names the end of pods that was announced last; "" for none.
+    """
+
+    offer: Offer | None = None
+    leaving: str = ""
+
+
+@dataclass(frozen=True)
+class RobotNotes:
+    """From the robot.
+
+    Attributes:
+        generation: of the settings that run.
+        digest, accepted, reason, message: of the offer judged last, and the judgement; digest "" for none.
+        left: `leaving` of the cloud that the robot has obeyed: from then on it does not choose this cloud.
+        site, decided, decided_message: who is in charge, and why.
+    """
+
+    generation: int = 0
+    digest: str = ""
+    accepted: bool = False
+    reason: str = ""
+    message: str = ""
+    left: str = ""
+    site: str = "robot"
+    decided: str = ""
+    decided_message: str = ""
+
+
+def encode(notes: CloudNotes | RobotNotes) -> str:
+    """The text of notes."""
+    if isinstance(notes, RobotNotes):
+        return json.dumps(vars(notes), separators=(",", ":"))
+    offer = notes.offer
+    body = {"leaving": notes.leaving, "offer": [offer.generation, dict(offer.parameters)] if offer else None}
+    return json.dumps(body, separators=(",", ":"))
+
+
+def decode_cloud(text: str) -> CloudNotes:
+    """Notes of the cloud; raises NotesError."""
+    body = _table(text)
+    leaving, offered = body.get("leaving"), body.get("offer")
+    if not isinstance(leaving, str):
+        raise NotesError("leaving is no text")
+    if offered is None:
+        return CloudNotes(None, leaving)
+    if not isinstance(offered, list) or len(offered) != 2:
+        raise NotesError("an offer is a generation and parameters")
+    generation, parameters = offered
+    if not isinstance(generation, int) or isinstance(generation, bool) or not isinstance(parameters, dict):
+        raise NotesError("an offer is a generation and parameters")
+    return CloudNotes(Offer(generation, parameters), leaving)
+
+
+def decode_robot(text: str) -> RobotNotes:
+    """Notes of the robot; raises NotesError. What a newer robot says besides is left out."""
+    body = _table(text)
+    known = {key: value for key, value in body.items() if key in RobotNotes.__dataclass_fields__}
+    notes = RobotNotes(**known)
+    plain = RobotNotes()
+    for key, value in vars(notes).items():
+        if type(value) is not type(getattr(plain, key)):
+            raise NotesError(f"{key} has another type")
+    if notes.site not in ("robot", "cloud"):
+        raise NotesError("the site is robot or cloud")
+    return notes
+
+
+def _table(text: str) -> dict[str, Any]:
+    try:
+        body = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise NotesError(f"no JSON: {error}") from error
+    if not isinstance(body, dict):
+        raise NotesError("no table")
+    return body

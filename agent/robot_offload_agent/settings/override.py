@@ -1,0 +1,68 @@
+"""The maintenance override: a pin set on the robot itself, kept over restarts, that may expire."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+
+from robot_offload_agent.settings.files import write_whole
+from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.placement import Wish
+from robot_offload_core.token import Site
+
+WORDS = ("Auto", "Robot", "Cloud")
+
+
+def state_dir(configuration: Configuration) -> Path:
+    """Folder for what outlives a reboot."""
+    if configuration["state_dir"]:
+        return Path(configuration["state_dir"])
+    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(base) / "robot-offload" / configuration["uid"]
+
+
+class Override:
+    """The present override. Its expiry is a person's time, so it is kept on the system clock."""
+
+    def __init__(self, configuration: Configuration) -> None:
+        self.path = state_dir(configuration) / "override.json"
+        self.word = "Auto"
+        self.until_wall_s: float | None = None
+        try:
+            kept = json.loads(self.path.read_text())
+            if kept["override"] in WORDS:
+                until_wall_s = None if kept["until"] is None else float(kept["until"])
+                self.word, self.until_wall_s = kept["override"], until_wall_s
+        except (OSError, ValueError, KeyError, TypeError):
+            pass  # none was set, or none that can be read
+        self.expire()
+
+    def set(self, word: str, for_s: float) -> None:
+        """Sets and keeps it; `for_s` 0 means until it is set to Auto.
+
+        Raises:
+            OSError: it cannot be kept; then it is not set either, because it would be forgotten by the next start.
+        """
+        until_wall_s = _wall_s() + for_s if for_s > 0 and word != "Auto" else None
+        write_whole(self.path, json.dumps({"override": word, "until": until_wall_s}))
+        self.word, self.until_wall_s = word, until_wall_s
+
+    def expire(self) -> bool:
+        """Back to Auto when its time is over; whether that was now."""
+        if self.until_wall_s is None or _wall_s() < self.until_wall_s:
+            return False
+        self.word, self.until_wall_s = "Auto", None
+        return True
+
+    def wish(self, now: float) -> Wish | None:
+        """For the placement machine."""
+        if self.word == "Auto":
+            return None
+        left_s = None if self.until_wall_s is None else self.until_wall_s - _wall_s()
+        return Wish(Site(self.word.lower()), None if left_s is None else now + left_s)
+
+
+def _wall_s() -> float:
+    return time.clock_gettime(time.CLOCK_REALTIME)

@@ -1,0 +1,35 @@
+"""Switches by hand, through the services that a person or another decision maker uses."""
+
+from __future__ import annotations
+
+import random
+from typing import Final
+
+from robot_offload_lab.bench.analysis import commanded
+from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.resource import Case
+from robot_offload_lab.bench.results import Outcome
+from robot_offload_lab.bench.world import World
+from robot_offload_lab.wire.options import LinkOptions
+
+CASE: Final = Case("commanded", LinkOptions(delay="5ms"), tolerance_ms=30)
+REST_S: Final = (0.4, 0.8)
+"""Between two switches, at random, so that they meet every phase of the timers."""
+
+
+def steps(amounts: Amounts) -> float:
+    """For the progress bar."""
+    return amounts.switches
+
+
+def run(order: Order) -> Outcome:
+    """Switches there and back."""
+    chance = random.Random(order.seed)
+    with World(CASE, order.setting(CASE.name)) as world:
+        for _ in range(order.amounts.switches):
+            world.rest(chance.uniform(*REST_S))
+            world.ask("robot" if world.site == "cloud" else "cloud")
+            order.advance(1)
+        world.rest(REST_S[1])
+        evidence = world.finish()
+    return commanded.outcome(CASE, order.priority, evidence.recording, evidence.robot, evidence.cloud)

@@ -1,0 +1,112 @@
+"""How much is measured, and what a group needs to know to run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Literal
+
+from robot_offload_lab.bench.results import Priority
+from robot_offload_lab.bench.world import Setting
+
+Form = Literal["short", "long"]
+
+
+@dataclass(frozen=True)
+class Amounts:
+    """How much of everything.
+
+    Attributes:
+        form: of the run, for the page: a long one is not replaced by a short one.
+        switches: commanded ones.
+        cuts: of 2 s in both directions.
+        one_way: cuts of 2 s in each single direction.
+        long_cuts: of 10 s in both directions.
+        stretches, minutes: of watching for false alarms.
+        latency_s, resources_s: length of these observations, seconds.
+        messages: of each of the ten publishers, at 10 Hz.
+        rounds: of activating and deactivating.
+        detections: cuts in each case of detection. quiet_s: seconds without a cut before them.
+        stage_s: length of each stage of size and rate in front of the collector, seconds.
+    """
+
+    form: Form
+    switches: int
+    cuts: int
+    one_way: int
+    long_cuts: int
+    stretches: int
+    minutes: float
+    latency_s: float
+    resources_s: float
+    messages: int
+    rounds: int
+    detections: int
+    quiet_s: float
+    stage_s: float
+
+
+QUICK: Final = Amounts(
+    form="short", switches=20, cuts=4, one_way=1, long_cuts=1, stretches=1, minutes=0.4, latency_s=12.0,
+    resources_s=10.0, messages=80, rounds=30, detections=3, quiet_s=15.0, stage_s=2.0,
+)  # fmt: skip
+"""Everything with real-time priority within 10 minutes."""
+FULL: Final = Amounts(
+    form="long", switches=1000, cuts=100, one_way=20, long_cuts=20, stretches=3, minutes=10.0, latency_s=60.0,
+    resources_s=60.0, messages=600, rounds=300, detections=30, quiet_s=300.0, stage_s=10.0,
+)  # fmt: skip
+"""The numbers of the table."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What a group is asked to do.
+
+    Attributes:
+        amounts: how much.
+        priority: of agents and user's nodes.
+        out: folder for the runs' files.
+        seed: of links and of the moments at which something is done.
+        domains: ROS domains of robot and cloud; None picks free ones.
+        cases: of a group that has several, the ones to run; empty: all.
+        advance: tells how much of `Group.steps` is done; may be called often.
+    """
+
+    amounts: Amounts
+    priority: Priority
+    out: Path
+    seed: int
+    domains: tuple[int, int] | None
+    advance: Callable[[float], None]
+    cases: tuple[str, ...] = ()
+
+    def wants(self, case: str) -> bool:
+        """Whether a case is to run."""
+        return not self.cases or case in self.cases
+
+    @property
+    def realtime(self) -> bool:
+        """Whether agents and nodes run under real-time priority."""
+        return self.priority == "realtime"
+
+    @property
+    def domain(self) -> int | None:
+        """The robot's ROS domain; None picks a free one."""
+        return self.domains[0] if self.domains else None
+
+    def folder(self, name: str) -> Path:
+        """For the files of one run."""
+        return self.out / "runs" / f"{name}-{self.priority}"
+
+    def setting(self, name: str) -> Setting:
+        """For a world whose files go to a folder of that name."""
+        return Setting(self.folder(name), self.realtime, self.domains, self.seed)
+
+    def watching(self, name: str) -> Setting:
+        """The same with the observer of the lease."""
+        return replace(self.setting(name), lease=True)
+
+    def timing(self, name: str) -> Setting:
+        """The same with everything that latencies are compared with."""
+        return replace(self.setting(name), latency=True)

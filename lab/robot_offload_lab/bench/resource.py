@@ -1,0 +1,142 @@
+"""The RobotOffload that a measurement runs: one light lifecycle node on both sides, and sensors that it needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload_lab.wire.options import LinkOptions
+
+MESSAGE_TYPE: Final = "sensor_msgs/msg/CompressedImage"
+COMMAND: Final = "/bench/command"
+NODE: Final = "replica"
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A topic of the robot that the cloud needs.
+
+    Attributes:
+        name: a word; the topic is /bench/NAME.
+        payload_bytes: sizes that take turns.
+        max_age_ms: the oldest that is enough there; 0: the cloud may act without it.
+    """
+
+    name: str
+    payload_bytes: tuple[int, ...] = (64,)
+    max_age_ms: int = 500
+
+    @property
+    def topic(self) -> str:
+        """Its name in ROS."""
+        return f"/bench/{self.name}"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One link case: the link, what is run over it, and every setting that is not the product's default.
+
+    Attributes:
+        name: a word, for folders and tables.
+        link: the emulated link.
+        tolerance_ms: `switching.latency.tolerance`; it says up to which loop latency the link is good enough.
+        robot_rate_hz: of the node on the robot; cloud_rate_hz: in the cloud.
+        command_bytes: payloads of the output, which take turns.
+        sensors: what the cloud needs. sensor_rate_hz: their rate.
+        switching: further settings of `spec.switching`.
+        output: further settings of the output.
+        standby: of the robot's replica.
+    """
+
+    name: str
+    link: LinkOptions
+    tolerance_ms: int = 30
+    robot_rate_hz: float = 20.0
+    cloud_rate_hz: float = 50.0
+    command_bytes: tuple[int, ...] = (64,)
+    sensors: tuple[Sensor, ...] = (Sensor("odom"),)
+    sensor_rate_hz: float = 20.0
+    switching: tuple[tuple[str, str], ...] = ()
+    output: tuple[tuple[str, Any], ...] = ()
+    standby: str = "Warm"
+
+    @property
+    def robot_period_ms(self) -> float:
+        """The period of the robot's replica; the slower one in every case."""
+        return 1000.0 / self.robot_rate_hz
+
+    def describe(self) -> str:
+        """The link in words, for tables."""
+        link = self.link
+        words = [f"{link.delay} ± {link.jitter} each way" if link.jitter != "0ms" else f"{link.delay} each way"]
+        if link.loss != "0%":
+            words.append(f"{link.loss} loss")
+        return ", ".join(words)
+
+
+def offload(case: Case) -> RobotOffload:
+    """The resource of a case."""
+    return parse_object(_document(case), f"case {case.name}")
+
+
+def _document(case: Case) -> dict[str, Any]:
+    sensors: dict[tuple[int, ...], list[Sensor]] = {}
+    for sensor in case.sensors:
+        sensors.setdefault(sensor.payload_bytes, []).append(sensor)
+    return {
+        "apiVersion": "robotoffload.dev/v1alpha1",
+        "kind": "RobotOffload",
+        "metadata": {"name": "bench"},
+        "spec": {
+            "topics": {"toCloud": [_topic(sensor) for sensor in case.sensors]},
+            "nodes": [_replica(case), *(_feed(case, number, group) for number, group in enumerate(sensors.values()))],
+            "switching": {
+                "latency": {
+                    "robotPeriod": f"{case.robot_period_ms:.0f}ms",
+                    "cloudPeriod": f"{1000.0 / case.cloud_rate_hz:.0f}ms",
+                    "tolerance": f"{case.tolerance_ms}ms",
+                },
+                **dict(case.switching),
+            },
+        },
+    }
+
+
+def _topic(sensor: Sensor) -> dict[str, Any]:
+    topic = {"name": sensor.topic}
+    return {**topic, "maxAge": f"{sensor.max_age_ms}ms"} if sensor.max_age_ms else topic
+
+
+def _replica(case: Case) -> dict[str, Any]:
+    return {
+        "name": NODE,
+        "placement": "Duplicated",
+        "core": True,
+        "standby": {"robot": case.standby},
+        "run": {
+            "command": ["python3", "-m", "robot_offload_lab.bench.parts.replica"],
+            "parameters": {"rate_hz": case.robot_rate_hz, "payload_bytes": list(case.command_bytes)},
+            "cloudParameters": {"rate_hz": case.cloud_rate_hz},
+        },
+        "outputs": [{"topic": COMMAND, "type": MESSAGE_TYPE, "rate": case.robot_rate_hz, **dict(case.output)}],
+    }
+
+
+def _feed(case: Case, number: int, sensors: list[Sensor]) -> dict[str, Any]:
+    """One process for all sensors of the same sizes."""
+    name = f"feed_{number}"
+    return {
+        "name": name,
+        "placement": "Robot",
+        "lifecycle": False,
+        "run": {
+            "command": ["python3", "-m", "robot_offload_lab.bench.parts.feed", name],
+            "parameters": {
+                "topics": [sensor.topic for sensor in sensors],
+                "rate_hz": case.sensor_rate_hz,
+                "payload_bytes": list(sensors[0].payload_bytes),
+            },
+        },
+    }

@@ -1,0 +1,140 @@
+"""What a measurement gives: figures against what is demanded of them, parts of figures, raw samples. Pure."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from robot_offload_lab.judge.streams import quantile
+
+SCHEMA: Final = "robotoffload.dev/bench/v1"
+Priority = Literal["realtime", "normal"]
+PRIORITIES: Final[tuple[Priority, Priority]] = ("realtime", "normal")
+Sample = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of the table.
+
+    Attributes:
+        name: unique in its group; for scripts.
+        title: for people.
+        conditions: of the link and of what else matters.
+        tolerance_ms: `switching.latency.tolerance` of the case; None without a link case.
+        count: of the samples behind it.
+        value: None when nothing was measured.
+        must, aim: limits in `unit`; None when none is demanded.
+        at_least: the limits are lower ones.
+        note: what a reader must know besides.
+        baseline: what the value is compared with, measured in the same run, in `unit`; None without one.
+        against: the baseline in words.
+    """
+
+    name: str
+    title: str
+    conditions: str
+    tolerance_ms: int | None
+    count: int
+    value: float | None
+    unit: str
+    must: float | None = None
+    aim: float | None = None
+    at_least: bool = False
+    note: str = ""
+    baseline: float | None = None
+    against: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """The value in multiples of the baseline; None without one."""
+        if self.value is None or not self.baseline:
+            return None
+        return self.value / self.baseline
+
+    def met(self, limit: float | None) -> bool | None:
+        """Whether the value keeps a limit; None when there is no value or no limit."""
+        if self.value is None or limit is None:
+            return None
+        return self.value >= limit if self.at_least else self.value <= limit
+
+
+@dataclass(frozen=True)
+class Part:
+    """The distribution of one part of a figure, such as the detection within a gap."""
+
+    title: str
+    unit: str
+    count: int
+    p50: float
+    p90: float
+    p99: float
+    highest: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one group of figures gave with one priority."""
+
+    group: str
+    priority: Priority
+    figures: tuple[Figure, ...]
+    parts: tuple[Part, ...]
+    samples: tuple[Sample, ...]
+
+
+def part(title: str, unit: str, values: Iterable[float | None]) -> Part | None:
+    """The distribution of the values that are known; None without any."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return None
+    p50, p90, p99 = (at(known, share) for share in (0.5, 0.9, 0.99))
+    return Part(title, unit, len(known), p50, p90, p99, max(known))
+
+
+def parts(found: Iterable[Part | None]) -> tuple[Part, ...]:
+    """Those that are there."""
+    return tuple(one for one in found if one is not None)
+
+
+def at(values: Sequence[float], share: float) -> float:
+    """A quantile of a list that is not empty."""
+    value = quantile(values, share)
+    assert value is not None
+    return value
+
+
+def at_or_none(values: Iterable[float | None], share: float) -> float | None:
+    """A quantile of the values that are known; None without any."""
+    return quantile([value for value in values if value is not None], share)
+
+
+def to_json(outcome: Outcome) -> dict[str, Any]:
+    """Figures with their verdicts, and parts; samples go to a CSV file of their own."""
+    return {
+        "figures": [
+            {
+                **_rounded(figure),
+                "ratio": None if figure.ratio is None else round(figure.ratio, 4),
+                "must_met": figure.met(figure.must),
+                "aim_met": figure.met(figure.aim),
+            }
+            for figure in outcome.figures
+        ],
+        "parts": [_rounded(one) for one in outcome.parts],
+    }
+
+
+def from_json(group: str, priority: Priority, values: Mapping[str, Any]) -> Outcome:
+    """The inverse of `to_json`, without the samples."""
+    names = {field.name for field in dataclasses.fields(Figure)}
+    figures = tuple(Figure(**{key: figure[key] for key in names}) for figure in values["figures"])
+    return Outcome(group, priority, figures, tuple(Part(**one) for one in values["parts"]), ())
+
+
+def _rounded(value: Figure | Part) -> dict[str, Any]:
+    return {
+        name: round(item, 4) if isinstance(item, float) else item for name, item in dataclasses.asdict(value).items()
+    }

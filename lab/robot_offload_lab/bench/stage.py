@@ -1,0 +1,159 @@
+"""Programs of the bench without the product's agents around them: what the product is compared with, or built on.
+
+A `World` runs both sides of a case; a `Stage` runs bare ROS 2 programs, on this host or on the two hosts that are
+joined by the emulated link. What they say, a JSON object a line, is kept by name.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+from robot_offload_lab.bench.pipes import Pipes
+from robot_offload_lab.run.demo import StartError
+from robot_offload_lab.run.processes import Processes, Program
+from robot_offload_lab.run.system import free_domains
+from robot_offload_lab.wire.loop import steady_s
+from robot_offload_lab.wire.two_hosts import TwoHosts
+
+START_PATIENCE_S: Final = 100.0
+LOOK_S: Final = 0.02
+PRIORITY: Final = 4
+"""SCHED_FIFO of everything on a stage, where it is asked for and permitted."""
+RMW: Final = "rmw_fastrtps_cpp"
+_OURS: Final = ("ROS_", "FASTDDS_", "FASTRTPS_", "CYCLONEDDS_", "RMW_")
+Said = dict[str, Any]
+
+
+class Stage:
+    """A context manager: leaving it ends all programs."""
+
+    def __init__(
+        self, folder: Path, *, realtime: bool, domain: int | None = None, hosts: TwoHosts | None = None
+    ) -> None:
+        """Prepares; starts nothing.
+
+        Args:
+            folder: for the logs; made anew.
+            realtime: everything runs under SCHED_FIFO where permitted.
+            domain: ROS domain; None picks a free one.
+            hosts: where programs with a host run; without it there is this host only.
+        """
+        self.folder = folder.resolve()
+        self.said: dict[str, list[Said]] = {}
+        self.pids: dict[str, int] = {}
+        self._realtime = realtime
+        self._domain = domain
+        self._hosts = hosts
+        self._stack = ExitStack()
+        self._pipes = Pipes()
+
+    def __enter__(self) -> Self:
+        shutil.rmtree(self.folder, ignore_errors=True)
+        (self.folder / "logs").mkdir(parents=True)
+        if self._domain is None:
+            self._domain = free_domains()[0]
+        self._temporary = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="ro-stage-")))
+        run = secrets.token_hex(8)
+        self.processes = self._stack.enter_context(Processes(run, self.folder / "logs", self._temporary))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def start(
+        self, name: str, module: str, *arguments: object, host: str = "", extra: Mapping[str, str] | None = None
+    ) -> None:
+        """Starts `python -m MODULE ARGUMENTS`.
+
+        Args:
+            name: for logs, and for what it says.
+            module: the program.
+            arguments: its own.
+            host: `robot` or `cloud` of the two hosts; empty: this host.
+            extra: further variables of its environment.
+        """
+        enter = self._hosts.enter(host) if self._hosts is not None and host else ()
+        command = (*enter, sys.executable, "-m", module, *map(str, arguments))
+        # On one machine, shared memory would lead past the link.
+        apart = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"} if enter else {}
+        environment = {**self._environment(), **apart, **(extra or {})}
+        priority = PRIORITY if self._realtime else 0
+        program = Program(name, command, self.folder, environment, piped=True, priority=priority)
+        child = self.processes.start(program)
+        self.pids[name] = child.pid
+        self.said[name] = []
+        self._pipes.add(name, child)
+
+    def _environment(self) -> Mapping[str, str]:
+        own = {name: value for name, value in os.environ.items() if not name.startswith(_OURS)}
+        return own | {
+            "ROS_DOMAIN_ID": str(self._domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "RMW_IMPLEMENTATION": RMW,
+            "ROS_LOG_DIR": str(self.folder / "logs" / "ros"),
+            "XDG_STATE_HOME": str(self._temporary / "state"),
+            "PYTHONUNBUFFERED": "1",
+        }
+
+    def tell(self, name: str, command: Mapping[str, object]) -> None:
+        """Writes a line to a program."""
+        self._pipes.tell(name, command)
+
+    def ask(self, name: str, command: Mapping[str, object], what: str, patience_s: float = START_PATIENCE_S) -> Said:
+        """Writes a line and waits for the next that the program says."""
+        known = len(self.said[name])
+        self.tell(name, command)
+        self.until(lambda: len(self.said[name]) > known, what, patience_s)
+        return self.said[name][known]
+
+    def until(self, condition: Callable[[], bool], what: str, patience_s: float = START_PATIENCE_S) -> None:
+        """Waits for a condition on what the programs say.
+
+        Raises:
+            StartError: it did not come true, or a program ended.
+        """
+        give_up_s = steady_s() + patience_s
+        while not condition():
+            self._look(LOOK_S)
+            ended = self.processes.first_ended()
+            if ended is not None:
+                problem, names = f"{ended.describe()} while the bench waited: {what}", [ended.name]
+            elif steady_s() > give_up_s:
+                problem, names = f"Not seen within {patience_s:.0f} s: {what}", list(self.said)
+            else:
+                continue
+            tails = {name: self.processes.last_lines(name)[-6:] for name in names}
+            raise StartError(problem, tails, self.folder / "logs")
+
+    def rest(self, seconds: float) -> None:
+        """Lets time pass, following what the programs say."""
+        end_s = steady_s() + seconds
+        while (left_s := end_s - steady_s()) > 0:
+            self._look(min(left_s, LOOK_S))
+
+    def follow(self) -> None:
+        """Takes in what has been said, without waiting."""
+        self._look(0.0)
+
+    def end(self, name: str, grace_s: float = 5.0) -> None:
+        """Ends one program: its standard input is closed, and killed if that does not help."""
+        self._look(0.0)
+        self._pipes.close(name)
+        self.processes.finish(name, grace_s)
+
+    def _look(self, seconds: float) -> None:
+        for name, line in self._pipes.look(seconds):
+            if line.startswith("{"):
+                self.said[name].append(json.loads(line))

@@ -1,0 +1,349 @@
+"""One measured system: both sides of a case on this machine, the emulated link, and the observers around them.
+
+The product's own pieces for running on one machine are used as they are (`local`): processes, wire, certificates,
+recorder. What is added are observers, and the control of the link by hand.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import secrets
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Literal, Self
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.names import Side
+from robot_offload_lab.bench import observed
+from robot_offload_lab.bench.observed import Answered, Observation, Placed
+from robot_offload_lab.bench.pipes import Pipes
+from robot_offload_lab.bench.resource import MESSAGE_TYPE, NODE, Case, offload
+from robot_offload_lab.judge import recording
+from robot_offload_lab.judge.recording import Recording
+from robot_offload_lab.run.certificates import client_paths
+from robot_offload_lab.run.demo import StartError
+from robot_offload_lab.run.processes import Processes, Program
+from robot_offload_lab.run.system import (
+    HOST,
+    RECORDER,
+    Mode,
+    System,
+    environment,
+    free_domains,
+    free_ports,
+    programs,
+    run_info,
+    wire_config,
+)
+from robot_offload_lab.wire.emulated import Forward, Wire, WireConfig
+from robot_offload_lab.wire.loop import steady_s
+
+Direction = Literal["up", "down", "both"]
+
+START_PATIENCE_S: Final = 100.0
+SETTLE_S: Final = 2.0
+GRACE_S: Final = 5.0
+LOOK_S: Final = 0.02
+OBSERVER_PRIORITY: Final = 4
+"""SCHED_FIFO, below the agents' (5 and 10), so that no observer ever holds up what it observes."""
+NODE_PRIORITY: Final = 3
+OBSERVER: Final = "observer"
+INPUT_RECORDER: Final = "input-recorder"
+DIRECT_TOPIC: Final = "/bench/direct"
+RELAY: Final = "hop"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How a world is run.
+
+    Attributes:
+        folder: for everything that stays; made anew.
+        realtime: agents and the user's nodes run under SCHED_FIFO. Wire and observers always do, where permitted.
+        domains: ROS domains of robot and cloud; None picks free ones.
+        seed: of the link's chances.
+        lease: with the observer of the lease.
+        hops: with datagrams of our own through the wire.
+        latency: with these, a recorder in the cloud, and a direct publisher beside the carried one.
+        offload: the resource, where it is not the case's own.
+    """
+
+    folder: Path
+    realtime: bool
+    domains: tuple[int, int] | None = None
+    seed: int = 1
+    lease: bool = False
+    hops: bool = False
+    latency: bool = False
+    offload: RobotOffload | None = None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Everything that the observers have written of one world.
+
+    Attributes:
+        recording: of the consumer on the robot; inputs: of the consumer in the cloud, None without one.
+        robot, cloud: of the witnesses in the two domains.
+        lease: of the observer of the lease.
+        hops: of the datagrams of our own.
+    """
+
+    recording: Recording
+    inputs: Recording | None
+    robot: tuple[Observation, ...]
+    cloud: tuple[Observation, ...]
+    lease: tuple[Observation, ...]
+    hops: tuple[Observation, ...]
+
+
+class World:
+    """A context manager: entering it returns with the cloud in charge and the recording begun."""
+
+    def __init__(self, case: Case, setting: Setting) -> None:
+        self.case = case
+        self.setting = setting
+        self.placed: Placed | None = None
+        self.answer: Answered | None = None
+        self._stack = ExitStack()
+        self._pipes = Pipes()
+        self._commands_heard = 0
+
+    def __enter__(self) -> Self:
+        try:
+            self._open()
+        except BaseException:
+            self._stack.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    # -- what a measurement does --------------------------------------------------------------------------------------
+
+    @property
+    def site(self) -> str:
+        """The side in charge, as announced."""
+        return self.placed.site if self.placed else ""
+
+    def until(self, condition: Callable[[], bool], what: str, patience_s: float = START_PATIENCE_S) -> None:
+        """Waits for a condition on what the observers tell.
+
+        Raises:
+            StartError: it did not come true, or a process ended.
+        """
+        give_up_s = steady_s() + patience_s
+        while not condition():
+            self._look(LOOK_S)
+            ended = self.processes.first_ended()
+            if ended is not None:
+                problem, names = f"{ended.describe()} while the bench waited: {what}", [ended.name]
+            elif steady_s() > give_up_s:
+                problem, names = f"Not seen within {patience_s:.0f} s: {what}", ["robot-agent", "cloud-agent"]
+            else:
+                continue
+            said = {name: self.processes.last_lines(name)[-6:] for name in names}
+            raise StartError(problem, said, self.system.logs)
+
+    def rest(self, seconds: float) -> None:
+        """Lets time pass, following what the observers tell."""
+        end_s = steady_s() + seconds
+        while (left_s := end_s - steady_s()) > 0:
+            self._look(min(left_s, LOOK_S))
+
+    def ask(self, site: str) -> None:
+        """Asks for a switch by hand, again until it is accepted, then waits until it has taken place."""
+        self.until(lambda: self._accepted(site), f"the switch to the {site} by hand is accepted")
+        self.until(lambda: self.site == site, f"the {site} is in charge")
+
+    def cut(self, direction: Direction | None) -> tuple[float, float]:
+        """Cuts the link, or with None mends it; returns the moments just before and just after it was done."""
+        before_s = steady_s()
+        self.wire.cut(direction)
+        return before_s, steady_s()
+
+    def robot_agent(self) -> tuple[int, ...]:
+        """The processes of the robot's agent: the supervisor and its children."""
+        children = sorted((self.system.temporary / "robot").glob("*.pid"))
+        return (self._robot_agent, *(int(path.read_text()) for path in children))
+
+    def finish(self) -> Evidence:
+        """Ends the recording, then everything else; returns what was written."""
+        for name in (RECORDER, INPUT_RECORDER):
+            if name in self._pipes:
+                self._pipes.tell(name, {"end": steady_s()})
+                self.processes.finish(name, GRACE_S)
+        self.processes.stop()
+        out = self.system.out
+        inputs = out / f"{INPUT_RECORDER}.jsonl"
+        return Evidence(
+            recording=recording.read(self.system.recording),
+            inputs=recording.read(inputs) if inputs.exists() else None,
+            robot=observed.read(out / "robot-witness.jsonl"),
+            cloud=observed.read(out / "cloud-witness.jsonl"),
+            lease=observed.read(out / "lease.jsonl"),
+            hops=observed.read(out / "hops.jsonl"),
+        )
+
+    # -- bringing it up -----------------------------------------------------------------------------------------------
+
+    def _open(self) -> None:
+        shutil.rmtree(self.setting.folder, ignore_errors=True)
+        temporary = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="ro-", ignore_cleanup_errors=True))
+        self.system = self._system(Path(temporary))
+        self.system.logs.mkdir(parents=True)
+        self.relay = (free_ports()[0][0], free_ports()[1][0])
+        self.processes = self._stack.enter_context(Processes(self.system.run, self.system.logs, self.system.temporary))
+        self.wire = self._stack.enter_context(Wire(self._wire_config()))
+        for program in programs(self.system, clients=(OBSERVER,)):
+            self._start(program)
+        for program in self._observers():
+            self._start(program)
+        self.until(self._settled, "the cloud acts")
+        if self.setting.lease:
+            lease = self.system.out / "lease.jsonl"
+            self.until(lambda: lease.exists() and lease.stat().st_size > 0, "the observer of the lease hears the cloud")
+        start = {"start": dataclasses.asdict(run_info(self.system, self.wire.start_schedule()))}
+        for name in (RECORDER, INPUT_RECORDER):
+            if name in self._pipes:
+                self._pipes.tell(name, start)
+
+    def _system(self, temporary: Path) -> System:
+        dialled, served = free_ports()
+        return System(
+            offload=self.setting.offload or offload(self.case),
+            source=self.setting.folder.resolve(),
+            mode=Mode.OFFLOAD,
+            run=secrets.token_hex(8),
+            out=self.setting.folder.resolve(),
+            temporary=temporary,
+            domains=self.setting.domains or free_domains(),
+            link=self.case.link,
+            seed=self.setting.seed,
+            realtime=self.setting.realtime,
+            dialled=dialled,
+            served=served,
+        )
+
+    def _wire_config(self) -> WireConfig:
+        config = wire_config(self.system)
+        forwards = config.forwards
+        if self._hops:
+            dial, serve = self.relay
+            forwards = (*forwards, Forward(RELAY, "udp", f"{HOST}:{dial}", f"{HOST}:{serve}"))
+        return dataclasses.replace(config, forwards=forwards, realtime=True)
+
+    def _start(self, program: Program) -> None:
+        if program.name == RECORDER and self.setting.latency:
+            command = (*program.command, "--topic", f"{DIRECT_TOPIC}={MESSAGE_TYPE}")
+            program = dataclasses.replace(program, command=command)
+        child = self.processes.start(program)
+        if program.piped:
+            self._pipes.add(program.name, child)
+        if program.name == "robot-agent":
+            self._robot_agent = child.pid
+        priority = self._priority(program)
+        if priority:
+            # Threads inherit it; the program has none yet. Where it is not permitted it goes on without.
+            with suppress(PermissionError, ProcessLookupError):
+                os.sched_setscheduler(child.pid, os.SCHED_FIFO, os.sched_param(priority))
+
+    def _priority(self, program: Program) -> int:
+        """Agents ask for theirs themselves."""
+        if program.name.endswith("-agent"):
+            return 0
+        if program.folder == self.system.source and program.name.startswith(("robot-", "cloud-")):
+            return NODE_PRIORITY if self.setting.realtime else 0
+        return OBSERVER_PRIORITY
+
+    def _observers(self) -> Sequence[Program]:
+        found = [self._witness("robot", NODE), self._witness("cloud", f"remote_{NODE}")]
+        if self.setting.lease:
+            found.append(self._lease_observer())
+        if self.setting.latency:
+            found += [self._input_recorder(), self._direct()]
+        if self._hops:
+            found.append(self._hop())
+        return found
+
+    @property
+    def _hops(self) -> bool:
+        return self.setting.hops or self.setting.latency
+
+    def _program(self, name: str, module: str, side: Side, *arguments: object, piped: bool = False) -> Program:
+        command = (sys.executable, "-m", f"robot_offload_lab.bench.parts.{module}", *map(str, arguments))
+        return Program(name, command, self.system.temporary, environment(self.system, side), piped=piped)
+
+    def _witness(self, side: Side, node: str) -> Program:
+        name = f"{side}-witness"
+        return self._program(name, "witness", side, self.system.out / f"{name}.jsonl", "--node", node, piped=True)
+
+    def _lease_observer(self) -> Program:
+        files = client_paths(self.system.certificates, OBSERVER)
+        pulse, data = (f"{HOST}:{port}" for port in self.system.served)
+        options = {
+            "uid": self.system.offload.metadata.name, "pulse": pulse, "data": data, "ca": files.ca,
+            "certificate": files.certificate, "private-key": files.private_key,
+        }  # fmt: skip
+        words = [word for name, value in options.items() for word in (f"--{name}", value)]
+        return self._program("lease-observer", "lease_observer", "cloud", self.system.out / "lease.jsonl", *words)
+
+    def _input_recorder(self) -> Program:
+        path = self.system.out / f"{INPUT_RECORDER}.jsonl"
+        command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(path)]
+        for sensor in self.case.sensors:
+            command += ["--topic", f"{sensor.topic}={MESSAGE_TYPE}"]
+        cloud = environment(self.system, "cloud")
+        return Program(INPUT_RECORDER, tuple(command), self.system.temporary, cloud, piped=True)
+
+    def _direct(self) -> Program:
+        """What a message costs without us: publisher and consumer in one domain, same sizes and rate."""
+        sizes = str(list(self.case.command_bytes))
+        parameters = {"topics": f"[{DIRECT_TOPIC}]", "rate_hz": self.case.cloud_rate_hz, "payload_bytes": sizes}
+        words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+        return self._program("direct", "feed", "robot", "direct", "--ros-args", *words)
+
+    def _hop(self) -> Program:
+        dial, serve = self.relay
+        options = ("--dial", dial, "--serve", serve, "--period", 1.0 / self.case.cloud_rate_hz)
+        return self._program(RELAY, "hop", "robot", self.system.out / "hops.jsonl", *options, *self.case.command_bytes)
+
+    # -- following the observers --------------------------------------------------------------------------------------
+
+    def _settled(self) -> bool:
+        """Whether the cloud has acted for a while: starting a dozen processes at once is not the subject."""
+        charged_s = self.placed.since_s if self.placed and self.placed.site == "cloud" else float("inf")
+        return self._commands_heard > 0 and steady_s() - charged_s > SETTLE_S
+
+    def _accepted(self, site: str) -> bool:
+        """Asks once and waits for the answer."""
+        self.answer = None
+        self._pipes.tell("robot-witness", {"ask": site})
+        self.until(lambda: self.answer is not None, "the robot's agent answers a switch by hand")
+        assert self.answer is not None
+        return self.answer.accepted
+
+    def _look(self, seconds: float) -> None:
+        for name, line in self._pipes.look(seconds):
+            self._take(name, line)
+
+    def _take(self, name: str, line: str) -> None:
+        if name == RECORDER:
+            self._commands_heard += '"site":"cloud"' in line
+        if name != "robot-witness":
+            return
+        observation = observed.decode(line)
+        if isinstance(observation, Placed):
+            self.placed = observation
+        elif isinstance(observation, Answered):
+            self.answer = observation

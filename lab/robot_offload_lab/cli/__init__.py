@@ -1,0 +1,1 @@
+"""The commands of `robot-offload` that need the lab."""

@@ -1,0 +1,188 @@
+"""`robot-offload demo`: one RobotOffload on this machine, with a link that fails as it is told to."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from robot_offload.cli.app import example_text
+from robot_offload.errors import InputError
+from robot_offload_lab.run.demo import DemoOptions, run
+from robot_offload_lab.run.system import Mode
+from robot_offload_lab.show.summary import summary
+from robot_offload_lab.show.view import LineView, LiveView, Terminal, View
+from robot_offload_lab.wire.options import LinkOptions
+
+EXAMPLES = (
+    "robot-offload demo",
+    "robot-offload demo --mode cloud-only",
+    "robot-offload demo --outage 4/20 --slow 3/31@120ms --delay 5ms --jitter 2ms --loss 1%",
+    "robot-offload demo --trace examples/traces/yard-4g.csv --duration 40",
+    "robot-offload demo examples/talker/robotoffload.yaml --duration 12 --outage 2/6 --no-ui --json",
+)
+WHEELCHAIR = Path("examples/wheelchair/robotoffload.yaml")
+DEFAULT_DELAY = "5ms"
+DEFAULT_JITTER = "2ms"
+DEFAULT_LOSS = "1%"
+DEFAULT_OUTAGE = "4/20"
+DEFAULT_SLOW = "3/31@120ms"
+NONE = "none"
+
+
+class LinkOption(StrEnum):
+    """The values of `--link`."""
+
+    ZENOH = "zenoh"
+    ROS = "ros"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command to `app`."""
+    app.command("demo", epilog=example_text(EXAMPLES))(demo)
+
+
+def _option(name: str, metavar: str, text: str) -> Any:
+    """An option with a value; its default stands in the signature."""
+    return typer.Option(f"--{name}", metavar=metavar, help=text)
+
+
+Spec = Annotated[
+    Path | None,
+    typer.Argument(metavar="SPEC", help="YAML file with one RobotOffload. Default: the wheelchair example."),
+]
+Modes = Annotated[
+    Mode, typer.Option(help="offload: both sides; robot-only: no cloud; cloud-only: no replicas on the robot.")
+]
+Duration = Annotated[float | None, _option("duration", "SECONDS", "Default: until the goal is reached, at most 75 s.")]
+Outages = Annotated[
+    list[str] | None,
+    _option(
+        "outage",
+        "LENGTH/PERIOD",
+        "Both directions cut for LENGTH of every PERIOD seconds; more than once, or none. Default: 4/20, with --trace "
+        "none.",
+    ),
+]
+SlowPhases = Annotated[
+    list[str] | None,
+    _option(
+        "slow",
+        "LENGTH/PERIOD@TIME",
+        "TIME more round trip for LENGTH of every PERIOD seconds; more than once, or none. Default: 3/31@120ms, with "
+        "--trace none.",
+    ),
+]
+Delay = Annotated[str, _option("delay", "TIME", "One-way delay, or UP/DOWN. Default: 5ms, with --trace 0ms.")]
+Jitter = Annotated[str, _option("jitter", "TIME", "Its standard deviation. Default: 2ms, with --trace 0ms.")]
+Loss = Annotated[str, _option("loss", "SHARE", "Packets lost each way. Default: 1%, with --trace 0%.")]
+Rate = Annotated[str, _option("rate", "RATE", "Rate of the link, e.g. 20mbit. Default: endless.")]
+TraceFile = Annotated[str, _option("trace", "FILE", "Recorded round-trip times to replay.")]
+Seed = Annotated[int, typer.Option(help="Of the link's chances and of the world.")]
+Out = Annotated[Path, _option("out", "DIR", "Folder for report, recording and logs.")]
+Joined = Annotated[
+    LinkOption | None, typer.Option(help="How the agents are joined. Default: as the specification says.")
+]
+Domains = Annotated[str, _option("domains", "ROBOT/CLOUD", "ROS domains of the two sides. Default: free ones.")]
+Picture = Annotated[bool, typer.Option("--ui/--no-ui", help="A live picture, or one line per event.")]
+Realtime = Annotated[bool, typer.Option("--realtime", help="Run everything under real-time priority, where permitted.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print report.json on standard output at the end.")]
+
+
+def demo(
+    spec: Spec = None,
+    *,
+    mode: Modes = Mode.OFFLOAD,
+    duration: Duration = None,
+    outage: Outages = None,
+    slow: SlowPhases = None,
+    delay: Delay = "",
+    jitter: Jitter = "",
+    loss: Loss = "",
+    rate: Rate = "",
+    trace: TraceFile = "",
+    seed: Seed = 1,
+    out: Out = Path("out/demo"),
+    link: Joined = None,
+    domains: Domains = "",
+    ui: Picture = True,
+    realtime: Realtime = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run both sides on this machine while the link between them fails, and report what the consumers felt.
+
+    Writes report.html, report.json, run.png, the recording and all logs into a folder. Ends with 0 when every promise
+    was kept, with 1 when one was broken or a process died, and with 2 when the input is wrong.
+    """
+    options = DemoOptions(
+        spec=_found(spec),
+        mode=mode,
+        duration_s=_duration_s(duration),
+        link=LinkOptions(
+            delay=delay or ("0ms" if trace else DEFAULT_DELAY),
+            jitter=jitter or ("0ms" if trace else DEFAULT_JITTER),
+            loss=loss or ("0%" if trace else DEFAULT_LOSS),
+            rate=rate,
+            outages=_phases(outage, "" if trace else DEFAULT_OUTAGE),
+            slow=_phases(slow, "" if trace else DEFAULT_SLOW),
+            trace=str(Path(trace).resolve()) if trace else "",
+        ),
+        seed=seed,
+        out=out,
+        realtime=realtime,
+        transport={None: "", LinkOption.ZENOH: "Zenoh", LinkOption.ROS: "StaticPeers"}[link],
+        domains=_domains(domains),
+    )
+    # The report stands alone on standard output, when somebody wants to read it with a program.
+    console = Terminal(stderr=as_json)
+    view = _view(console, options, ui)
+    result = run(options, view)
+    for line in summary(result.report, options.out):
+        view.say(line)
+    if as_json:
+        typer.echo(json.dumps(result.report, indent=2))
+    if result.report["violations"] or result.trouble:
+        raise typer.Exit(1)
+
+
+def _found(spec: Path | None) -> Path:
+    """The specification, or else the wheelchair example of this repository."""
+    if spec is not None:
+        return spec
+    for folder in (Path.cwd(), Path(__file__).resolve().parents[3]):
+        if (folder / WHEELCHAIR).exists():
+            return folder / WHEELCHAIR
+    raise InputError(f"{WHEELCHAIR}: there is no such file; run this in the repository, or name a specification")
+
+
+def _duration_s(given: float | None) -> float | None:
+    if given is not None and not (math.isfinite(given) and given > 0):
+        raise InputError(f"--duration: {given:g} s is no duration; write for example --duration 20")
+    return given
+
+
+def _phases(given: Sequence[str] | None, default: str) -> tuple[str, ...]:
+    """The phases of an option that can be given more than once; `none` is none."""
+    wanted = [default] if given is None and default else given or ()
+    return tuple(text for text in wanted if text != NONE)
+
+
+def _domains(text: str) -> tuple[int, int] | None:
+    if not text:
+        return None
+    numbers = [int(part) for part in text.split("/") if part.isdecimal()]
+    if len(numbers) != 2 or max(numbers) > 232 or numbers[0] == numbers[1]:
+        raise InputError(f"--domains: {text!r}: write two different numbers from 0 to 232, for example 61/62")
+    return numbers[0], numbers[1]
+
+
+def _view(console: Console, options: DemoOptions, ui: bool) -> View:
+    if not ui or not console.is_terminal:
+        return LineView(console)
+    return LiveView(console, f"Robot Offload: {options.spec.parent.name}, {options.mode.value}, seed {options.seed}")

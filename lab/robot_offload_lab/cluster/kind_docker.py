@@ -1,0 +1,147 @@
+"""Docker, as far as clusters of kind need it: whether it answers, its network for a cluster, what is left of one."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import IO
+
+from robot_offload_lab.cluster.errors import ClusterError
+from robot_offload_lab.cluster.kind_layout import KindLayout
+from robot_offload_lab.cluster.layout import Layout
+
+LABEL = "io.x-k8s.kind.cluster"
+"""What kind writes on its containers; the value is the name of the cluster."""
+
+_NOTE = "docker.txt"
+_BRIDGE = "com.docker.network.bridge.name"
+_PATIENCE = 20.0  # seconds until a Docker that says nothing counts as one that does not answer
+
+
+def silent() -> str:
+    """Why Docker cannot be used; empty when it answers."""
+    if shutil.which("docker") is None:
+        return "there is no command docker"
+    try:
+        done = subprocess.run(
+            ["docker", "info", "--format", "{{.ServerVersion}}"],
+            capture_output=True,
+            text=True,
+            timeout=_PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return f"Docker says nothing for {_PATIENCE:.0f} s"
+    # Some versions of the client end without an error although nobody answered.
+    if done.returncode or not done.stdout.strip():
+        said = (done.stderr.strip() or "no version").splitlines()[-1]
+        return f"Docker does not answer ({said})"
+    return ""
+
+
+def run(*arguments: str, stdin: IO[bytes] | None = None, limit: float = 300.0) -> str:
+    """Run docker and return what it printed.
+
+    Args:
+        arguments: Of the command.
+        stdin: An open file for its standard input.
+        limit: Seconds after which it counts as hung.
+
+    Raises:
+        ClusterError: It failed.
+    """
+    command = ["docker", *arguments]
+    source = subprocess.DEVNULL if stdin is None else stdin
+    try:
+        done = subprocess.run(command, stdin=source, capture_output=True, text=True, timeout=limit, check=False)
+    except subprocess.TimeoutExpired:
+        raise ClusterError(f"{' '.join(command)}: it does not end within {limit:.0f} s") from None
+    if done.returncode:
+        raise ClusterError(f"{' '.join(command)}: {done.stderr.strip()}")
+    return done.stdout
+
+
+def inside(container: str, *command: str) -> str:
+    """Run a command in a container and return what it printed."""
+    return run("exec", container, *command)
+
+
+def address(container: str, network: str) -> str:
+    """The address of a container in a network."""
+    template = f'{{{{(index .NetworkSettings.Networks "{network}").IPAddress}}}}'
+    return run("inspect", "--format", template, container).strip()
+
+
+def running(container: str) -> bool:
+    """Whether a container runs."""
+    return container in run("ps", "--filter", f"name=^{container}$", "--format", "{{.Names}}").split()
+
+
+def make_network(layout: KindLayout) -> None:
+    """Make the network of a cluster; from now on `remove` looks after Docker as well."""
+    _note(layout).touch()
+    kept = [word for n, each in enumerate(layout.kept_from_docker) for word in ("--aux-address", f"kept{n}={each}")]
+    run(
+        *("network", "create", "--driver", "bridge", "--subnet", layout.first_network),
+        *("--gateway", layout.host, "--ip-range", layout.given_by_docker, *kept),
+        *("--opt", f"{_BRIDGE}={layout.kind}", "--label", f"{LABEL}={layout.kind}", layout.kind),
+    )
+
+
+def containers(layout: KindLayout) -> list[str]:
+    """The containers of a cluster, running or not."""
+    return run("ps", "--all", "--filter", f"label={LABEL}={layout.kind}", "--format", "{{.Names}}").split()
+
+
+def networks(layout: KindLayout) -> list[str]:
+    """The networks of a cluster."""
+    return run("network", "ls", "--filter", f"label={LABEL}={layout.kind}", "--format", "{{.Name}}").split()
+
+
+def uses(layout: Layout) -> bool:
+    """Whether a cluster has, or had until it was killed, something in Docker."""
+    return _note(layout).exists()
+
+
+def refuse_strangers(layout: KindLayout) -> None:
+    """Refuse to make what somebody else has made already.
+
+    Raises:
+        ClusterError: There is something of our names.
+    """
+    if strange := [*containers(layout), *networks(layout)]:
+        raise ClusterError(
+            f"Docker has these of our names, but no cluster of ours made them: {', '.join(strange)}. "
+            f"Next: remove them, or take another number"
+        )
+
+
+def remove(layout: Layout) -> None:
+    """Remove the containers of a cluster with their volumes, and its network; no matter how it ended.
+
+    Raises:
+        ClusterError: Docker does not answer, so that nobody can say what it still has.
+    """
+    if not uses(layout):
+        return
+    if why := silent():
+        raise ClusterError(f"Cluster {layout.number} has containers, and {why}. Next: start Docker, then: down")
+    ours = KindLayout(layout.number)
+    if names := containers(ours):
+        run("rm", "--force", "--volumes", *names)
+    if names := networks(ours):
+        run("network", "rm", *names)
+    _note(layout).unlink()
+
+
+def left(layout: Layout) -> int:
+    """How many containers and networks of a cluster there still are."""
+    if not uses(layout):
+        return 0
+    ours = KindLayout(layout.number)
+    return len(containers(ours)) + len(networks(ours))
+
+
+def _note(layout: Layout) -> Path:
+    return layout.home / _NOTE

@@ -1,0 +1,50 @@
+"""Settings of the whole machine that a cluster changes: kept by the first one, put back by the last one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from robot_offload_lab.cluster.layout import STATE
+
+_PROC = Path("/proc/sys")
+_KEPT = STATE / "sysctls.json"
+_CHANGED_BY_KUBELET = ("vm/overcommit_memory", "vm/panic_on_oom", "kernel/panic", "kernel/panic_on_oops")
+# In a container of kind systemd sets what Debian wants set, and some of it is the whole machine's.
+_CHANGED_BY_SYSTEMD = (
+    "kernel/pid_max",
+    *(f"fs/protected_{what}" for what in ("fifos", "hardlinks", "regular", "symlinks")),
+)
+RAISED: Mapping[str, int] = {"fs/inotify/max_user_instances": 8192, "fs/inotify/max_user_watches": 524288}
+
+
+def keep_and_raise() -> None:
+    """Remember the settings unless a cluster already did, and raise what several kubelets run out of."""
+    if not _KEPT.exists():
+        names = (*_CHANGED_BY_KUBELET, *_CHANGED_BY_SYSTEMD, *RAISED)
+        values = {name: (_PROC / name).read_text().strip() for name in names if (_PROC / name).exists()}
+        scratch = _KEPT.with_suffix(".partial")
+        scratch.write_text(json.dumps(values))
+        scratch.replace(_KEPT)
+    for name, least in RAISED.items():
+        if int((_PROC / name).read_text()) < least:
+            (_PROC / name).write_text(str(least))
+
+
+def put_back() -> None:
+    """Set them as they were before the first cluster."""
+    if not _KEPT.exists():
+        return
+    for name, value in json.loads(_KEPT.read_text()).items():
+        (_PROC / name).write_text(value)
+    _KEPT.unlink()
+
+
+def changed() -> list[str]:
+    """Names of those that are not as they were before the first cluster."""
+    if not _KEPT.exists():
+        return []
+    return [
+        name for name, value in json.loads(_KEPT.read_text()).items() if (_PROC / name).read_text().strip() != value
+    ]

@@ -1,0 +1,29 @@
+"""The images that every node has: the pause of each pod, CoreDNS, and the program of the cluster's own tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from robot_offload_lab.cluster import oci
+from robot_offload_lab.cluster.programs import Programs
+
+PAUSE = "localhost/pause:3.10"
+OURS = "localhost/robot-offload/"
+"""How the names of images begin that are built here again and again, each time under another tag."""
+
+TESTER = f"{OURS}tester:1"
+IMAGES: Mapping[str, str] = {"pause": PAUSE, "coredns": "localhost/coredns:1", "tester": TESTER}
+
+
+def archives(programs: Programs) -> Sequence[Path]:
+    """Their OCI archives, made beside the programs when they are missing."""
+    return [archive(programs, program) for program in IMAGES]
+
+
+def archive(programs: Programs, program: str) -> Path:
+    """The OCI archive of one of them."""
+    found = programs.directory / f"{program}.tar"
+    if not found.exists():
+        oci.write(found, IMAGES[program], programs.path(program))
+    return found

@@ -1,0 +1,199 @@
+"""Builds the project's own images: `python -m robot_offload_lab.images.ours`, also `make images`.
+
+The Dockerfiles are in `images/`; README.md there says what each image holds.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from robot_offload.errors import InputError, RobotOffloadError
+from robot_offload.images.builders import (
+    TOOLS,
+    BuildError,
+    Request,
+    Tool,
+    choose,
+    commands,
+    run,
+    source_date_epoch,
+)
+from robot_offload_lab.images import wheels_base
+
+ROOT: Final = Path(__file__).parents[3]
+"""The root of the repository: the build context of our images."""
+REGISTRY: Final = "registry.robotoffload.dev"
+
+
+@dataclass(frozen=True, slots=True)
+class OwnImage:
+    """One of our images.
+
+    Attributes:
+        name: its folder in `images/` and its name in the registry.
+        wheels_stage: the stage of `images/wheels-base` that can be its base; empty: it cannot stand on it.
+    """
+
+    name: str
+    wheels_stage: wheels_base.Stage | None
+
+
+OURS: Final = (
+    OwnImage("agent", "ros-core"),
+    OwnImage("operator", "system"),
+    OwnImage("discovery", "ros-core"),
+    OwnImage("router", None),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What is the same for all of them.
+
+    Attributes:
+        registry: where they belong.
+        version: of the project; the tag.
+        revision: the commit.
+        platforms: see `builders.Request`.
+        push: see `builders.Request`.
+        source_date_epoch: see `builders.Request`.
+        extra: further arguments of the builder.
+    """
+
+    registry: str
+    version: str
+    revision: str
+    platforms: tuple[str, ...] = ()
+    push: bool = False
+    source_date_epoch: int | None = None
+    extra: tuple[str, ...] = ()
+
+
+def request(image: OwnImage, settings: Settings, base: str | None = None) -> Request:
+    """How one of our images is built; `base` replaces the base image that its Dockerfile names."""
+    arguments = {"VERSION": settings.version, "REVISION": settings.revision}
+    return Request(
+        tag=f"{settings.registry}/{image.name}:{settings.version}",
+        context=ROOT,
+        platforms=settings.platforms,
+        push=settings.push,
+        dockerfile=str(ROOT / "images" / image.name / "Dockerfile"),
+        ignore_file=ROOT / "images" / image.name / "Dockerfile.dockerignore",
+        build_arguments=({"BASE": base} if base else {}) | arguments,
+        source_date_epoch=settings.source_date_epoch,
+        extra=settings.extra,
+    )
+
+
+def build(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Default: all of them.")] = None,
+    *,
+    registry: Annotated[str, typer.Option(help="Where they belong.")] = REGISTRY,
+    push: Annotated[bool, typer.Option("--push", help="Push them after the build.")] = False,
+    platform: Annotated[list[str] | None, typer.Option(metavar="OS/ARCH", help="May be repeated.")] = None,
+    base: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=IMAGE", help="Another base of one image; may be repeated.")
+    ] = None,
+    wheels: Annotated[
+        bool,
+        typer.Option("--wheels", help="Without a container registry: make a base of Debian and Python wheels first."),
+    ] = False,
+    builder: Annotated[str | None, typer.Option(metavar="NAME", help="docker, podman or buildah.")] = None,
+    builder_argument: Annotated[list[str] | None, typer.Option(metavar="TEXT", help="May be repeated.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the commands only.")] = False,
+) -> None:
+    """Build our own images; one that fails does not keep the others from being built."""
+    if not (ROOT / "images").is_dir():
+        raise InputError("our own images are built in a checkout of the repository, with the package installed from it")
+    bases = dict(_base(text) for text in base or ())
+    chosen = _chosen(names or [], wheels)
+    known = next((tool for tool in TOOLS if tool == builder), None)
+    if builder and known is None:
+        raise InputError(f"--builder: {builder!r} is not known; write docker, podman or buildah")
+    tool = known if dry_run and known else choose(known)
+    extra = tuple(builder_argument or ())
+    extra = (*wheels_base.lent(tool), *extra) if wheels else extra
+    settings = Settings(
+        registry=registry,
+        version=version("robot-offload"),
+        revision=_revision(),
+        platforms=tuple(platform or ()),
+        push=push,
+        source_date_epoch=source_date_epoch(os.environ),
+        extra=extra,
+    )
+    if wheels and not dry_run:
+        wheels_base.build(tool, ROOT, extra, {image.wheels_stage for image in chosen if image.wheels_stage})
+    failed = []
+    for image in chosen:
+        stand_in = wheels_base.tag(image.wheels_stage) if wheels and image.wheels_stage else None
+        wanted = request(image, settings, bases.get(image.name, stand_in))
+        try:
+            _build_one(tool, wanted, dry_run)
+        except BuildError as error:
+            typer.echo(str(error), err=True)
+            failed.append(image.name)
+    if failed:
+        raise BuildError(f"not built: {', '.join(failed)}")
+
+
+def _build_one(tool: Tool, wanted: Request, dry_run: bool) -> None:
+    if dry_run:
+        for command in commands(tool, wanted):
+            typer.echo(shlex.join(command))
+        return
+    run(tool, wanted)
+    asked = subprocess.run(
+        (tool, "images", "--format", "{{.Size}}", wanted.tag), capture_output=True, text=True, check=False, timeout=60.0
+    )
+    typer.echo(f"{wanted.tag}: {asked.stdout.strip() or 'size unknown'}")
+
+
+def _chosen(names: Sequence[str], wheels: bool) -> tuple[OwnImage, ...]:
+    unknown = [name for name in names if name not in {image.name for image in OURS}]
+    if unknown:
+        raise InputError(f"{unknown[0]!r} is none of our images; these are {', '.join(image.name for image in OURS)}")
+    if names:
+        return tuple(image for image in OURS if image.name in names)
+    # All that this machine can: the router is compiled from sources that only a git host has.
+    return tuple(image for image in OURS if image.wheels_stage or not wheels)
+
+
+def _base(text: str) -> tuple[str, str]:
+    name, sign, image = text.partition("=")
+    if not sign or name not in {one.name for one in OURS}:
+        raise InputError(f"--base: {text[:60]!r}: write NAME=IMAGE, e.g. agent=registry.example/ros:jazzy")
+    return name, image
+
+
+def _revision() -> str:
+    """The commit that is checked out; `unknown` outside of a repository."""
+    asked = subprocess.run(
+        ("git", "-C", str(ROOT), "rev-parse", "HEAD"), capture_output=True, text=True, check=False, timeout=60.0
+    )
+    return asked.stdout.strip() if asked.returncode == 0 else "unknown"
+
+
+def main() -> None:
+    """Runs `build` as a program; our own errors end as lines and an exit code."""
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    app.command()(build)
+    try:
+        app()
+    except RobotOffloadError as error:
+        for line in error.lines:
+            typer.echo(line, err=True)
+        raise SystemExit(error.exit_code) from error
+
+
+if __name__ == "__main__":
+    main()

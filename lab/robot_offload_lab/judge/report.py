@@ -1,0 +1,151 @@
+"""From a recording to `report.json`, a self-contained `report.html` and `run.png`.
+
+`build` and `html` are pure; `write` is the shell around them. The keys of report.json are a promise to scripts: they
+are only added to, and `schema` changes when one changes its meaning. Times are seconds from the start of the run.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import jinja2
+
+from robot_offload_lab.judge import report_figures as figures
+from robot_offload_lab.judge.invariants import Violation, violations
+from robot_offload_lab.judge.measures import Measures, Switch, measure, median_period_ms
+from robot_offload_lab.judge.recording import SITES, Recording
+from robot_offload_lab.judge.streams import Stream, quantile
+
+SCHEMA: Final = "robotoffload.dev/report/v1"
+
+
+@dataclass(frozen=True)
+class ReportFiles:
+    """Where the parts of a report were written."""
+
+    json: Path
+    html: Path
+    png: Path
+
+
+def write(recording: Recording, directory: Path) -> ReportFiles:
+    """Writes `report.json`, `report.html` and `run.png` into `directory`, which is made if needed.
+
+    Raises:
+        OSError: the files cannot be written.
+    """
+    measures = measure(recording)
+    report = build(measures)
+    directory.mkdir(parents=True, exist_ok=True)
+    files = ReportFiles(directory / "report.json", directory / "report.html", directory / "run.png")
+    files.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    files.html.write_text(html(report, measures), encoding="utf-8")
+    files.png.write_bytes(figures.png(figures.run(measures)))
+    return files
+
+
+def build(measures: Measures) -> dict[str, Any]:
+    """The report as plain values, ready for JSON."""
+    recording = measures.recording
+    outcome = recording.outcome
+    return {
+        "schema": SCHEMA,
+        "mode": recording.run.mode,
+        "duration_s": _round(measures.duration_s),
+        "seed": recording.run.seed,
+        "switches": [_switch(switch, recording) for switch in measures.switches],
+        "outputs": {topic: _output(stream) for topic, stream in measures.streams.items()},
+        "collisions": outcome.collisions if outcome else None,
+        "stops": outcome.stops if outcome else None,
+        "goal_reached": outcome.goal_reached if outcome else None,
+        "placement_share": {site: _round(share, 4) for site, share in measures.placement_share.items()},
+        "cloud_share_of_good_time": _round(measures.cloud_share_of_good_time, 4),
+        "messages_passed": {site: measures.messages_passed[site] for site in SITES},
+        "detector_alarms": measures.alarms,
+        "false_alarms": measures.false_alarms,
+        "link": _link(measures),
+        "violations": [_violation(violation) for violation in violations(measures)],
+    }
+
+
+def html(report: Mapping[str, Any], measures: Measures) -> str:
+    """The report as one HTML page without references to anything outside."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = _number
+    pictures = [
+        ("Link and placement", figures.svg(figures.link_and_placement(measures))),
+        ("Silence of the outputs at each switch", figures.svg(figures.gaps_per_switch(measures))),
+    ]
+    if measures.recording.path:
+        pictures.append(("The way through the corridor", figures.svg(figures.path(measures))))
+    return environment.get_template("report.html.j2").render(report=report, pictures=pictures, sites=SITES)
+
+
+def _switch(switch: Switch, recording: Recording) -> dict[str, Any]:
+    return {
+        "t_s": _round(switch.t_s - recording.run.start_s),
+        "from": switch.before,
+        "to": switch.after,
+        "reason": switch.change.reason,
+        "message": switch.change.message,
+        "epoch": switch.change.epoch,
+        "detect_ms": _round(switch.change.detect_ms),
+        "gap_ms": {topic: _round(gap) for topic, gap in switch.gap_ms.items()},
+        "lost": switch.lost,
+        "duplicates": switch.duplicates,
+    }
+
+
+def _output(stream: Stream) -> dict[str, Any]:
+    lengths = [gap.length_ms for gap in stream.gaps if gap.after is not None]
+    return {
+        "period_ms": _round(median_period_ms(stream)),
+        "received": len(stream.arrivals),
+        "duplicates": len(stream.duplicates),
+        "reordered": len(stream.reordered),
+        "stale": len(stream.stale),
+        "lost": stream.lost,
+        "gap_ms": {
+            "p50": _round(quantile(lengths, 0.5)),
+            "p99": _round(quantile(lengths, 0.99)),
+            "max": _round(max(lengths, default=None)),
+        },
+    }
+
+
+def _link(measures: Measures) -> dict[str, Any]:
+    latencies = [sample.rtt_ms for sample in measures.recording.link if sample.rtt_ms is not None]
+    return {
+        "threshold_ms": _round(measures.recording.run.threshold_ms),
+        "good_s": _round(measures.good_s),
+        "outages": len(measures.outages),
+        "outage_s": _round(sum(interval.length_s for interval in measures.outages)),
+        "rtt_ms": {
+            "p50": _round(quantile(latencies, 0.5)),
+            "p99": _round(quantile(latencies, 0.99)),
+            "max": _round(max(latencies, default=None)),
+        },
+    }
+
+
+def _violation(violation: Violation) -> dict[str, Any]:
+    return {"t_s": _round(violation.t_s), "kind": violation.kind, "text": violation.text}
+
+
+def _round(value: float | None, digits: int = 3) -> float | None:
+    return None if value is None else round(value, digits)
+
+
+def _number(value: float | None, digits: int = 1) -> str:
+    """A figure for people; a dash where there is none."""
+    return "\N{EN DASH}" if value is None else f"{value:.{digits}f}"

@@ -1,0 +1,16 @@
+"""Replays a recorded link against switching policies: who would have acted when, and what that would have cost.
+
+heartbeats.py   what a recorded link would have done to the beats of an agent
+contract.py     what a policy is: it hears echoes, is asked for a side, and never sees the future
+ours.py         the rule of the agents, driven through the very code that they run
+peers.py        other rules to compare with
+named.py        policies by name, and a user's own by `module:function`
+play.py         one policy on one recording, moment by moment
+costs.py        the price of a placement, and the least that was possible with the whole recording known
+study.py        recordings and policies put together; outcomes as plain values for JSON
+tune.py         searches figures of our rule on some recordings and reports on another
+show.py, picture.py   outcomes as text and as a picture
+
+It is no simulation of the protocol (robot_offload_lab.simulate is one): changing over takes no time here and never
+fails, so that two policies differ by what they decide and by nothing else.
+"""

@@ -1,0 +1,79 @@
+"""Prints the table of the core's prior: what its rules cost on made-up links of the families that are not held out.
+
+python -m robot_offload_lab.replay.learn
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from robot_offload_core.outlook import SILENT_BEATS
+from robot_offload_core.prior import PRIOR
+from robot_offload_core.settings import Settings
+from robot_offload_lab.links.made_up import FAMILIES, made
+from robot_offload_lab.replay.costs import Weights
+from robot_offload_lab.replay.rent_or_buy import grid
+from robot_offload_lab.replay.study import Case, case
+
+SEEDS: Final = 12
+DURATION_S: Final = 1200.0
+TOLERANCES: Final = (1.0, 0.7, 1.4)
+"""Shares of the family's usual tolerance, by seed: a rule must not rely on a generous one."""
+EASY: Final = 2.0
+"""Added to both costs, so that links on which hardly anything happens do not outweigh the others."""
+
+
+def links(seeds: int, duration_s: float, *, held_out: bool) -> Iterator[Case]:
+    """Made-up links of the families that are held out, or of the others."""
+    for name, family in FAMILIES.items():
+        if family.held_out is held_out:
+            for seed in range(1, seeds + 1):
+                tolerance_s = family.tolerance_s * TOLERANCES[seed % len(TOLERANCES)]
+                yield case(made(name, seed, duration_s), Settings(tolerance_s=tolerance_s), Weights())
+
+
+def costs(subject: Case) -> list[float]:
+    """What each rule of the prior costs on a link."""
+    silence_s = SILENT_BEATS * subject.settings.beat_period_s
+    found: dict[tuple[float, float, float], float] = {}
+    for share, rows in itertools.groupby(PRIOR, key=lambda row: row[0]):
+        pairs = [(out, back) for _, out, back, _ in rows]
+        rules = grid(
+            subject.beats, subject.limit_us, subject.weights, subject.forbidden,
+            silences_s=(silence_s,), pairs=pairs, share=share,
+        )  # fmt: skip
+        found |= {(share, rule.out, rule.back): rule.cost for rule in rules}
+    return [found[share, out, back] for share, out, back, _ in PRIOR]
+
+
+def learnt(cases: Sequence[Case] | Iterator[Case]) -> list[float]:
+    """The figure of each rule: the mean logarithm of its cost as a multiple of the best fixed rule."""
+    sums, count = [0.0] * len(PRIOR), 0
+    for subject in cases:
+        best = subject.best_fixed.cost + EASY
+        sums = [total + math.log((cost + EASY) / best) for total, cost in zip(sums, costs(subject), strict=True)]
+        count += 1
+    return [total / count for total in sums]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m robot_offload_lab.replay.learn", description="The prior of the core."
+    )
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--duration", type=float, default=DURATION_S)
+    options = parser.parse_args(arguments)
+    figures = learnt(links(options.seeds, options.duration, held_out=False))
+    for (share, out, back, _), figure in zip(PRIOR, figures, strict=True):
+        sys.stdout.write(f"    ({share:g}, {out:g}, {back:g}, {figure:.3f}),\n")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,155 @@
+"""Searches figures of our rule on some recordings and reports on another one, never on the same."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from robot_offload_core import outlook
+from robot_offload_core.outlook import USUAL
+from robot_offload_core.settings import Settings
+from robot_offload_core.token import Site
+from robot_offload_lab.replay.costs import Change
+from robot_offload_lab.replay.named import CONSTANT, OURS, POLICIES, NamedPolicy
+from robot_offload_lab.replay.ours import Eyes, Mind, Sight
+from robot_offload_lab.replay.play import moments
+from robot_offload_lab.replay.study import Case, Outcome
+
+RIVALS: Final = tuple(name for name in POLICIES if name not in (OURS.name, *CONSTANT))
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What is searched: the first hold-down is set in the resource, the rest stands in the core's outlook.
+
+    Attributes:
+        hold_down_initial_s: `switching.holdDown.initial`, the wait after the first flap.
+        handicap, margin, half_life_s: see `robot_offload_core.outlook.Figures`.
+    """
+
+    hold_down_initial_s: float = Settings.hold_down_initial_s
+    handicap: float = USUAL.handicap
+    margin: float = USUAL.margin
+    half_life_s: float = USUAL.half_life_s
+
+
+DEFAULT: Final = Figures()
+GRID: Final[tuple[Figures, ...]] = tuple(
+    itertools.starmap(Figures, itertools.product((0.5, 1.0), (1.0, 3.0, 10.0), (0.5, 1.0), (300.0, 1000.0)))
+)
+"""Every combination that is tried; the present figures are among them."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """One recording that was left out of the search.
+
+    Attributes:
+        trace: its name; trained_on: the others.
+        figures: the best ones on the others.
+        tuned, present: cost on this recording with these figures, and with the present ones.
+        rival, rival_cost: the best other rule here.
+        best_fixed: cost of the best fixed rule, in hindsight.
+        optimum: the least cost that was possible.
+    """
+
+    trace: str
+    trained_on: tuple[str, ...]
+    figures: Figures
+    tuned: float
+    present: float
+    rival: str
+    rival_cost: float
+    best_fixed: float
+    optimum: float
+
+
+class Sights:
+    """What an agent would know at each moment of a recording: the same whatever the figures are, so found once."""
+
+    def __init__(self, subject: Case) -> None:
+        eyes, sent_us = Eyes(subject.settings), subject.beats.sent_us.tolist()
+        self._case = subject
+        self._sights: list[tuple[int, list[float], Sight]] = []
+        for at_us, echoes in moments(subject.beats):
+            sent_s = [sent_us[index] / 1e6 for index in echoes]
+            for each_s in sent_s:
+                eyes.heard(each_s, at_us / 1e6)
+            self._sights.append((at_us, sent_s, eyes.look(at_us / 1e6)))
+
+    def cost(self, figures: Figures) -> float:
+        """What our rule with these figures comes to."""
+        settings = dataclasses.replace(self._case.settings, hold_down_initial_s=figures.hold_down_initial_s)
+        mind = Mind(settings, outlook.Figures(figures.handicap, figures.margin, figures.half_life_s))
+        site, changes = Site.ROBOT, []
+        for at_us, sent_s, sight in self._sights:
+            for each_s in sent_s:
+                mind.heard(each_s, at_us / 1e6)
+            wanted = mind.place(sight).site
+            if wanted is not site:
+                site = wanted
+                changes.append(Change(at_us, site))
+        return self._case.price(tuple(changes)).cost
+
+
+def search(
+    cases: Sequence[Case],
+    held_out: Sequence[Case],
+    outcome: Callable[[NamedPolicy, Case], Outcome],
+    done: Callable[[int], None],
+    grid: Sequence[Figures] = GRID,
+) -> list[Report]:
+    """The figures with the least mean ratio on some recordings are tried on others.
+
+    Args:
+        cases: to search on.
+        held_out: to report on; without them each of `cases` in turn is left out of the search and reported on.
+        outcome: replays a recording for a policy.
+        done: told how many steps of `steps(cases, held_out)` more are done.
+        grid: what is tried.
+    """
+    everything = [*cases, *held_out]
+    costs: list[dict[Figures, float]] = []
+    for subject in everything:
+        sights = Sights(subject)
+        done(1)
+        costs.append({})
+        for figures in dict.fromkeys([DEFAULT, *grid]):
+            costs[-1][figures] = sights.cost(figures)
+            done(1)
+    reported = range(len(cases), len(everything)) if held_out else range(len(cases))
+    reports = []
+    for index in reported:
+        subject = everything[index]
+        others = [other for other in range(len(cases)) if other != index]
+        best = min(grid, key=lambda figures: _mean_ratio(everything, costs, others, figures))
+        rivals = {name: outcome(POLICIES[name], subject).score.cost for name in RIVALS}
+        done(1)
+        rival = min(rivals, key=lambda name: rivals[name])
+        names = tuple(everything[other].beats.name for other in others)
+        cost = costs[index]
+        reports.append(
+            Report(subject.beats.name, names, best, cost[best], cost[DEFAULT], rival, rivals[rival],
+                   subject.best_fixed.cost, subject.best.score.cost)
+        )  # fmt: skip
+    return reports
+
+
+def steps(cases: Sequence[Case], held_out: Sequence[Case] = (), grid: Sequence[Figures] = GRID) -> int:
+    """How many steps `search` tells."""
+    return (len(cases) + len(held_out)) * (len(dict.fromkeys([DEFAULT, *grid])) + 1) + len(held_out or cases)
+
+
+def _mean_ratio(
+    cases: Sequence[Case], costs: Sequence[dict[Figures, float]], chosen: Sequence[int], figures: Figures
+) -> float:
+    """Of the chosen recordings; a recording whose optimum is nothing counts with its cost."""
+    ratios = []
+    for index in chosen:
+        ratio = cases[index].ratio(costs[index][figures])
+        ratios.append(costs[index][figures] if ratio is None else ratio)
+    return statistics.mean(ratios)

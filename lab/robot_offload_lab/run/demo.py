@@ -1,0 +1,372 @@
+"""Runs one RobotOffload on this machine, over a link that fails as it is told to, and reports what consumers felt.
+
+    load -> prepare -> start -> wait until both sides are up -> start the link's schedule -> watch -> end -> report
+
+Everything is real but the link: the user's nodes, both agents, ROS domains of their own, mutual TLS with certificates
+made for this run. The figures come from the recorder, a consumer outside the agents.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import fcntl
+import json
+import os
+import secrets
+import select
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+
+from robot_offload.api.files import load
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.errors import InputError, RobotOffloadError
+from robot_offload_lab.judge import recording
+from robot_offload_lab.judge.recording import LinkSample
+from robot_offload_lab.run.processes import Processes, Program
+from robot_offload_lab.run.system import (
+    DDS_WIRE,
+    RECORDER,
+    Mode,
+    System,
+    adapted,
+    check_runnable,
+    free_domains,
+    free_ports,
+    programs,
+    run_info,
+    wire_config,
+)
+from robot_offload_lab.show.view import View
+from robot_offload_lab.show.watch import Watch
+from robot_offload_lab.wire.emulated import Wire
+from robot_offload_lab.wire.loop import steady_s
+from robot_offload_lab.wire.options import LinkOptions
+
+LONGEST_S: Final = 75.0
+"""A run without a given duration ends at the goal, and after this at the latest."""
+START_TIMEOUT_S: Final = 30.0
+"""Longer than a busy machine needs to start a dozen processes."""
+RECORDER_GRACE_S: Final = 5.0
+_LOOK_S: Final = 0.05
+_REST_S: Final = 0.5
+"""The run goes on for this long after the goal is reached, so that the stop is seen."""
+
+
+@dataclass(frozen=True)
+class DemoOptions:
+    """What to run.
+
+    Attributes:
+        spec: the specification.
+        mode: see Mode.
+        duration_s: None: until the goal is reached, at most LONGEST_S.
+        link: what the emulated link does.
+        seed: of link and world.
+        out: folder for the report.
+        realtime: ask for real-time priority.
+        transport: a transport type instead of the specification's; empty for that.
+        domains: ROS domains of robot and cloud; None picks free ones.
+    """
+
+    spec: Path
+    mode: Mode = Mode.OFFLOAD
+    duration_s: float | None = None
+    link: LinkOptions = field(default_factory=LinkOptions)
+    seed: int = 1
+    out: Path = Path("out/demo")
+    realtime: bool = False
+    transport: str = ""
+    domains: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What came out.
+
+    Attributes:
+        report: as in report.json.
+        trouble: what ended the run early, other than the user; empty when nothing did.
+    """
+
+    report: Mapping[str, Any]
+    trouble: str = ""
+
+
+class StartError(RobotOffloadError):
+    """The system did not come up; tells what is missing and what the processes said last."""
+
+    def __init__(self, problem: str, said: Mapping[str, tuple[str, ...]], logs: Path) -> None:
+        self._lines = [problem]
+        for name, lines in said.items():
+            self._lines += [f"  {name}: {line}" for line in lines]
+        self._lines.append(f"All logs are in {logs}; correct what they name, then run the same command again")
+        super().__init__("\n".join(self._lines))
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The problem, the last words of the processes, what to do."""
+        return tuple(self._lines)
+
+
+class StoppedEarlyError(RobotOffloadError):
+    """The user stopped before there was anything to report."""
+
+
+def run(options: DemoOptions, view: View) -> DemoResult:
+    """Runs it and writes the report.
+
+    Raises:
+        InputError: the specification or an option is wrong; nothing was started.
+        StartError, ProcessError, WireProcessError: something did not start.
+        StoppedEarlyError: a signal came before the system was up.
+    """
+    offload = load(options.spec)
+    check_runnable(offload, options.spec)
+    schedule = options.link.schedule()
+    with ExitStack() as stack:
+        stop = stack.enter_context(stop_requests())
+        _claim(options.out, stack)
+        temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="ro-", ignore_cleanup_errors=True))
+        system = _system(options, offload, Path(temporary))
+        _clear(system)
+        watch = Watch(threshold_ms=system.spec.switching.latency.allowed_loop_ms, outputs=tuple(system.outputs))
+        if system.wired:
+            watch.link = LinkSample(steady_s(), schedule.latency_ms(0.0))
+        processes = stack.enter_context(Processes(system.run, system.logs, system.temporary))
+        stack.callback(view.close)
+        trouble = Run(system, processes, view, watch, stop).go(options.duration_s)
+        view.close()
+        for line in agent_errors(system):
+            view.say(line)
+        view.say("Writing the report")
+    return DemoResult(write_report(system), trouble)
+
+
+def _system(options: DemoOptions, offload: RobotOffload, temporary: Path) -> System:
+    dialled, served = free_ports()
+    return System(
+        offload=adapted(offload, options.mode, options.seed, options.transport),
+        source=options.spec.resolve().parent,
+        mode=options.mode,
+        run=secrets.token_hex(8),
+        out=options.out.resolve(),
+        temporary=temporary,
+        domains=options.domains or free_domains(),
+        link=options.link,
+        seed=options.seed,
+        realtime=options.realtime,
+        dialled=dialled,
+        served=served,
+    )
+
+
+def write_report(system: System) -> Mapping[str, Any]:
+    """Writes report.json, report.html and run.png; returns the first."""
+    from robot_offload_lab.judge import report  # noqa: PLC0415 - matplotlib would make every start a second longer
+
+    files = report.write(recording.read(system.recording), system.out)
+    written: Mapping[str, Any] = json.loads(files.json.read_text(encoding="utf-8"))
+    return written
+
+
+def agent_errors(system: System) -> Iterator[str]:
+    """What the agents called errors, such as a process that died: one line for each agent that had any."""
+    for side in system.sides:
+        log = system.logs / f"{side}-agent.log"
+        errors = [line for line in log.read_text(errors="replace").splitlines() if " ERROR " in line]
+        if errors:
+            yield f"The {side}'s agent told errors, {len(errors)} in all, see {log}; the first: {errors[0]}"
+
+
+# -- signals ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class StopRequest:
+    """Whether somebody asked us to stop, and how."""
+
+    signal: signal.Signals | None = None
+
+    def __bool__(self) -> bool:
+        return self.signal is not None
+
+
+@contextmanager
+def stop_requests() -> Iterator[StopRequest]:
+    """Takes Ctrl-C, SIGTERM and a closed terminal as a request to end in order; a second Ctrl-C ends at once."""
+    request = StopRequest()
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        if request and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        request.signal = signal.Signals(number)
+
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    # What our caller has us ignore (nohup, a background job) stays ignored.
+    heeded = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, on_signal) for number in heeded}
+    try:
+        yield request
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+# -- the folder -------------------------------------------------------------------------------------------------------
+
+
+def _claim(out: Path, stack: ExitStack) -> None:
+    """Makes the folder and keeps other runs out of it."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(out, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise InputError(f"--out: {out}: cannot be used: {error.strerror}") from error
+    stack.callback(os.close, descriptor)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise InputError(f"--out: {out}: another run writes here; give this one a folder of its own") from error
+
+
+def _clear(system: System) -> None:
+    """Removes what an earlier run has left, and nothing else."""
+    for name in (
+        "report.json",
+        "report.html",
+        "run.png",
+        "recording.jsonl",
+        "robot.yaml",
+        "cloud.yaml",
+        "dds-wire.json",
+    ):
+        (system.out / name).unlink(missing_ok=True)
+    for folder in (system.logs, system.certificates):
+        shutil.rmtree(folder, ignore_errors=True)
+    system.logs.mkdir()
+
+
+# -- the run ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Run:
+    """One run from the start of its processes to their end."""
+
+    system: System
+    processes: Processes
+    view: View
+    watch: Watch
+    stop: StopRequest
+    wire: Wire | None = None
+    _children: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    _unread: bytes = b""
+
+    def go(self, duration_s: float | None) -> str:
+        """Start, watch, end; returns what went wrong on the way, empty when nothing did."""
+        with ExitStack() as stack:
+            if self.system.wired and not self.system.joined_by_topics:
+                self.wire = stack.enter_context(Wire(wire_config(self.system), self.system.temporary))
+            self._start(programs(self.system))
+            self._await_up()
+            self._begin()
+            trouble = self._watch(duration_s)
+            self._end()
+            self.view.say("Ending the processes")
+            self.processes.stop()
+        return trouble
+
+    def _start(self, all_programs: tuple[Program, ...]) -> None:
+        robot, cloud = self.system.domains
+        domains = f"ROS domain {robot}" if self.system.mode is Mode.ROBOT_ONLY else f"ROS domains {robot} and {cloud}"
+        self.view.say(f"Starting {len(all_programs)} processes in {domains}; logs in {self.system.logs}")
+        for program in all_programs:
+            self._children[program.name] = self.processes.start(program)
+
+    def _await_up(self) -> None:
+        """Until every output is heard, the robot's nodes are configured and the two agents have met."""
+        began_s = steady_s()
+        while self._missing():
+            self._look(StoppedEarlyError)
+            ended = self.processes.first_ended()
+            if ended is not None:
+                said = {ended.name: self.processes.last_lines(ended.name)}
+                raise StartError(f"{ended.describe()} before the system was up", said, self.system.logs)
+            if steady_s() > began_s + START_TIMEOUT_S:
+                said = {name: self.processes.last_lines(name)[-4:] for name in self._children}
+                problem = f"The system was not up after {START_TIMEOUT_S:.0f} s: {self._missing()}"
+                raise StartError(problem, said, self.system.logs)
+        self.view.say(f"Up after {steady_s() - began_s:.1f} s")
+
+    def _missing(self) -> str:
+        """What is not up yet, in words; empty when all is."""
+        missing = [f"nothing was heard on {topic}" for topic in self.watch.missing()]
+        if self.watch.placement is None:
+            missing.append("the robot's agent has announced no placement")
+        states = {name: self.watch.nodes.get(name, "unknown") for name in self.system.managed_on_robot}
+        missing += [f"{name} is {state}" for name, state in states.items() if state not in ("inactive", "active")]
+        if self.system.wired and self.watch.round_trip_ms is None:
+            missing.append("the two agents have not met")
+        return ", ".join(missing)
+
+    def _begin(self) -> None:
+        """Starts the link's schedule; from here on the recording counts."""
+        start_s = self.wire.start_schedule() if self.wire else steady_s()
+        self.watch.start_s = start_s
+        if self.system.joined_by_topics:
+            self._command(DDS_WIRE, {"start": start_s})
+        self._command(RECORDER, {"start": dataclasses.asdict(run_info(self.system, start_s))})
+
+    def _watch(self, duration_s: float | None) -> str:
+        """Until the goal, the duration, a signal or the death of a process; returns the last."""
+        assert self.watch.start_s is not None
+        end_s = self.watch.start_s + (LONGEST_S if duration_s is None else duration_s)
+        resting = False
+        while not self.stop and steady_s() < end_s:
+            self._look(None)
+            ended = self.processes.first_ended()
+            if ended is not None:
+                self.view.say(f"{ended.describe()}; see {ended.log}")
+                return ended.describe()
+            if duration_s is None and self.watch.goal_reached and not resting:
+                resting, end_s = True, min(end_s, steady_s() + _REST_S)
+        return ""
+
+    def _end(self) -> None:
+        """Tells the recorder that the run is over, before anything else ends."""
+        self._command(RECORDER, {"end": steady_s()})
+        self.processes.finish(RECORDER, RECORDER_GRACE_S)
+
+    def _look(self, when_stopped: Callable[[str], Exception] | None) -> None:
+        """Reads what the recorder says, for a short while, and shows it."""
+        if when_stopped is not None and self.stop:
+            raise when_stopped("Stopped before the system was up; there is nothing to report")
+        stream = self._children[RECORDER].stdout
+        assert stream is not None
+        readable, _, _ = select.select([stream], [], [], _LOOK_S)
+        data = os.read(stream.fileno(), 1 << 16) if readable else b""
+        if readable and not data:
+            time.sleep(_LOOK_S)  # it has ended; that is noticed elsewhere
+        *lines, self._unread = (self._unread + data).split(b"\n")
+        for line in lines:
+            self.watch.take(line.decode(errors="replace"))
+        now_s = steady_s()
+        self.watch.attend(now_s)
+        self.view.show(self.watch, now_s)
+
+    def _command(self, name: str, command: Mapping[str, Any]) -> None:
+        """A line to a process that takes commands."""
+        stream = self._children[name].stdin
+        assert stream is not None
+        with suppress(BrokenPipeError):  # it has ended; that is noticed elsewhere
+            stream.write(json.dumps(command).encode() + b"\n")
+            stream.flush()

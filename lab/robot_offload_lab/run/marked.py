@@ -1,0 +1,71 @@
+"""Finding and ending every process of one run, whoever started it: the run's mark is in its environment.
+
+A process inherits its environment, so the mark reaches children of children and daemons that have left their group.
+Also a program, the run's warden: `python -m robot_offload_lab.run.marked RUN [FOLDER]` waits until its standard input
+ends, which the kernel does for it however the demo dies, then ends what carries the mark and removes the folder.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+MARK = "ROBOT_OFFLOAD_RUN"
+"""The environment variable; its value names the run."""
+GRACE_S = 3.0
+"""How long processes may take to end by themselves: the agent's supervisor needs up to 3 s for its children."""
+KILL_S = 5.0
+"""How long the kernel may take to end killed processes."""
+_LOOK_S = 0.05
+
+
+def find(run: str) -> tuple[int, ...]:
+    """The processes that carry the mark of a run, without this one and without dead ones nobody has asked after."""
+    wanted = f"{MARK}={run}".encode()
+    found = []
+    for folder in Path("/proc").iterdir():
+        # A process may end while we look; others' environments may not be read.
+        with suppress(OSError):
+            if folder.name.isdigit() and wanted in (folder / "environ").read_bytes().split(b"\0"):
+                found.append(int(folder.name))
+    return tuple(pid for pid in found if pid != os.getpid())
+
+
+def end(run: str, grace_s: float = GRACE_S) -> None:
+    """Ends the processes of a run: asks them, waits, then kills, until none is left or the kernel gives none up."""
+    _signal(run, signal.SIGTERM)
+    _signal(run, signal.SIGCONT)  # a stopped process could not obey
+    asked_s = time.monotonic()
+    while find(run) and time.monotonic() < asked_s + grace_s + KILL_S:
+        if time.monotonic() > asked_s + grace_s:
+            _signal(run, signal.SIGKILL)
+        time.sleep(_LOOK_S)
+
+
+def _signal(run: str, number: signal.Signals) -> None:
+    for pid in find(run):
+        with suppress(ProcessLookupError):
+            os.kill(pid, number)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The warden."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    while sys.stdin.buffer.read(1024):
+        pass
+    run, *folders = arguments
+    end(run)
+    for folder in folders:
+        shutil.rmtree(folder, ignore_errors=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

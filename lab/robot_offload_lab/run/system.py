@@ -1,0 +1,391 @@
+"""The two sides of a RobotOffload on one machine: which programs run, with which configuration, ports and domains.
+
+The sides are as separate as two machines: processes and ROS domains of their own, joined only by the agents' link
+through the emulated wire on loopback. The robot dials the wire's ports, the cloud listens on others.
+"""
+
+from __future__ import annotations
+
+import atexit
+import dataclasses
+import datetime
+import itertools
+import json
+import os
+import random
+import shutil
+import socket
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+from robot_offload.api.v1alpha1 import Node, RobotOffload, RobotOffloadSpec
+from robot_offload.api.v1alpha1.names import Side
+from robot_offload.errors import InputError, RobotOffloadError
+from robot_offload.render import ros_names
+from robot_offload.render.agent_config import AgentSite, agent_config
+from robot_offload_lab.judge.recording import RunInfo, of_run
+from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
+from robot_offload_lab.run.processes import Program
+from robot_offload_lab.wire.dds_options import DdsWireConfig, carried
+from robot_offload_lab.wire.options import Forward, LinkOptions, WireConfig
+from robot_offload_lab.wire.process import REALTIME_PRIORITY
+
+HOST: Final = "127.0.0.1"
+RECORDER: Final = "recorder"
+DDS_WIRE: Final = "dds-wire"
+NODE_PRIORITY: Final = 3
+RECORDER_PRIORITY: Final = 4
+"""Both below the agents' own (5 and 10): what observes or is observed never holds up what acts."""
+
+
+class Mode(StrEnum):
+    """What is run: both sides; no cloud side at all; no replicas on the robot."""
+
+    OFFLOAD = "offload"
+    ROBOT_ONLY = "robot-only"
+    CLOUD_ONLY = "cloud-only"
+
+
+_DOMAINS: Final = range(215, 232)
+"""The domains whose ports (7400 + 250 * domain) lie above Linux's ephemeral ones (32768 to 60999)."""
+_PORTS_PER_DOMAIN: Final = 250
+_PORTS: Final = range(20_000, 32_000)
+"""Below the ephemeral ports, so that nobody gets ours by chance between our look and the agents' start."""
+_FOREIGN: Final = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "FASTRTPS_DEFAULT_PROFILES_FILE",
+                   "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_ENVIRONMENT_FILE", "CYCLONEDDS_URI")  # fmt: skip
+"""Variables of the caller that would join or tear apart the sides."""
+
+
+@dataclass(frozen=True)
+class System:
+    """One run's two sides.
+
+    Attributes:
+        offload: the resource, already changed for the mode.
+        source: folder of the specification; commands are relative to it.
+        mode: see Mode.
+        run: names the run; unique on this machine.
+        out: folder for everything that stays.
+        temporary: folder for sockets; short, because the kernel allows them 107 bytes.
+        domains: ROS_DOMAIN_ID of the robot's and of the cloud's side.
+        link: what the wire does.
+        seed: of everything random.
+        realtime: whether everything runs under real-time priority, where that is permitted.
+        dialled, served: ports of pulse and data session, as the robot dials and the cloud serves them.
+    """
+
+    offload: RobotOffload
+    source: Path
+    mode: Mode
+    run: str
+    out: Path
+    temporary: Path
+    domains: tuple[int, int]
+    link: LinkOptions
+    seed: int
+    realtime: bool
+    dialled: tuple[int, int]
+    served: tuple[int, int]
+
+    @property
+    def spec(self) -> RobotOffloadSpec:
+        """The specification."""
+        return self.offload.spec
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """The sides that run."""
+        return ("robot",) if self.mode is Mode.ROBOT_ONLY else ("cloud", "robot")
+
+    @property
+    def outputs(self) -> dict[str, str]:
+        """The collected outputs with their types; an empty type is read from the running system."""
+        return {output.topic: output.type or "" for _, output in self.spec.collected_outputs}
+
+    @property
+    def managed_on_robot(self) -> tuple[str, ...]:
+        """The lifecycle nodes that run on the robot."""
+        return tuple(node.name for node in self.runs_on("robot") if node.lifecycle)
+
+    @property
+    def wired(self) -> bool:
+        """Whether there is a link to emulate."""
+        return self.mode is not Mode.ROBOT_ONLY
+
+    def runs_on(self, side: Side) -> tuple[Node, ...]:
+        """The nodes that this run starts on a side."""
+        bare = self.mode is Mode.CLOUD_ONLY and side == "robot"
+        return tuple(node for node in ros_names.nodes_on(self.spec, side) if not (bare and node.duplicated))
+
+    @property
+    def joined_by_topics(self) -> bool:
+        """Whether the link between the agents is made of ROS topics, so that a wire for DDS is needed."""
+        return self.wired and self.spec.transport.agent_link == "ros"
+
+    @property
+    def logs(self) -> Path:
+        """Where every process writes."""
+        return self.out / "logs"
+
+    @property
+    def certificates(self) -> Path:
+        """The folder of the certificates made for the run."""
+        return self.out / "certificates"
+
+    @property
+    def recording(self) -> Path:
+        """What the recorder writes."""
+        return self.out / "recording.jsonl"
+
+
+def adapted(offload: RobotOffload, mode: Mode, seed: int, transport: str = "") -> RobotOffload:
+    """The resource as this run needs it.
+
+    Args:
+        offload: as the user wrote it.
+        mode: robot-only and cloud-only pin the placement.
+        seed: replaces the parameter `seed` of every node that has one.
+        transport: a transport type instead of the specification's; empty for that.
+    """
+    spec = offload.spec
+    switching = spec.switching
+    if mode is not Mode.OFFLOAD:
+        switching = switching.model_copy(update={"pin": "Robot" if mode is Mode.ROBOT_ONLY else "Cloud"})
+    changes: dict[str, object] = {"switching": switching, "nodes": tuple(_seeded(node, seed) for node in spec.nodes)}
+    if transport:
+        changes["transport"] = spec.transport.model_copy(update={"type": transport})
+    return offload.model_copy(update={"spec": spec.model_copy(update=changes)})
+
+
+def _seeded(node: Node, seed: int) -> Node:
+    if node.run is None or "seed" not in node.run.parameters:
+        return node
+    run = node.run.model_copy(update={"parameters": {**node.run.parameters, "seed": seed}})
+    return node.model_copy(update={"run": run})
+
+
+def check_runnable(offload: RobotOffload, file: Path) -> None:
+    """Whether everything that the run needs can be started.
+
+    Raises:
+        NotRunnableError: with a line for each node that cannot.
+    """
+    problems = []
+    for index, node in enumerate(offload.spec.nodes):
+        path = f"{file}: spec.nodes[{index}].run"
+        if node.run is None:
+            problems.append(f"{path}: nothing says how to start {node.name!r}; write a command")
+        elif not node.run.command and shutil.which("ros2") is None:
+            problems.append(f"{path}: `ros2 run` needs ROS 2's command line, which is not installed; write a command")
+        if node.run is not None and node.run.parameters_from is not None:
+            problems.append(f"{path}.parametersFrom: there are no ConfigMaps without a cluster; use parameters")
+    if problems:
+        raise NotRunnableError(problems)
+
+
+class NotRunnableError(InputError):
+    """A specification that is right but cannot be run on this machine."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        self._problems = tuple(problems)
+        super().__init__("\n".join(problems))
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """One line per problem."""
+        return self._problems
+
+
+def run_info(system: System, start_s: float) -> RunInfo:
+    """What the recorder is told at the start of a run; `start_s` is the moment that the report calls 0."""
+    return of_run(system.spec, system.mode.value, system.seed, start_s)
+
+
+# -- programs ---------------------------------------------------------------------------------------------------------
+
+
+def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]:
+    """Everything that runs beside the wire, in the order in which it is started. Writes the agents' files.
+
+    Args:
+        system: what to run.
+        clients: names of further clients that get certificates for the cloud agent, see `make_certificates`.
+    """
+    certificates = make_certificates(
+        system.certificates,
+        robot=system.offload.metadata.name,
+        host_names=[HOST],
+        now=datetime.datetime.now(tz=datetime.UTC),
+        clients=clients,
+    )
+    return (
+        recorder(system),
+        *([dds_wire(system)] if system.joined_by_topics else []),
+        *(agent(system, side, certificates) for side in system.sides),
+        *(program for side in system.sides for program in _nodes(system, side)),
+    )
+
+
+def recorder(system: System) -> Program:
+    """The consumer that writes down what it gets."""
+    command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(system.recording)]
+    for topic, type_name in system.outputs.items():
+        command += ["--topic", f"{topic}={type_name}"]
+    if system.wired:
+        command += ["--link", json.dumps(dataclasses.asdict(system.link))]
+    priority = RECORDER_PRIORITY if system.realtime else 0
+    return Program(RECORDER, tuple(command), system.out, environment(system, "robot"), piped=True, priority=priority)
+
+
+def dds_wire(system: System) -> Program:
+    """What carries topics between the two domains where the agents have no sessions of their own."""
+    file = system.out / "dds-wire.json"
+    config = DdsWireConfig(system.domains, carried(system.spec), system.link, system.seed)
+    file.write_text(config.to_json(), encoding="utf-8")
+    command = (sys.executable, "-m", "robot_offload_lab.wire.dds", str(file))
+    priority = REALTIME_PRIORITY if system.realtime else 0
+    return Program(DDS_WIRE, command, system.out, environment(system, "robot"), piped=True, priority=priority)
+
+
+def agent(system: System, side: Side, certificates: CertificatePaths) -> Program:
+    """The agent of one side."""
+    files = certificates.robot if side == "robot" else certificates.cloud
+    ports = system.dialled if side == "robot" else system.served
+    site = AgentSite(
+        side=side,
+        host=HOST,
+        ca=str(files.ca),
+        certificate=str(files.certificate),
+        private_key=str(files.private_key),
+        pulse_port=ports[0],
+        data_port=ports[1],
+        uid=system.offload.metadata.name,
+        domain_id=_domain(system, side),
+        runtime_dir=str(system.temporary / side),
+        realtime=system.realtime,
+    )
+    file = system.out / f"{side}.yaml"
+    file.write_text(agent_config(system.offload, site), encoding="utf-8")
+    command = (sys.executable, "-m", "robot_offload_agent.main", side, "--params", str(file))
+    return Program(f"{side}-agent", command, system.out, environment(system, side))
+
+
+def _nodes(system: System, side: Side) -> Iterator[Program]:
+    """The user's nodes of one side."""
+    for node in system.runs_on(side):
+        program, *arguments = ros_names.command(system.spec, node, side)
+        command = (sys.executable if program in ("python", "python3") else program, *arguments)
+        name = f"{side}-{ros_names.replica_name(node, side)}"
+        priority = NODE_PRIORITY if system.realtime else 0
+        yield Program(name, command, system.source, environment(system, side), priority=priority)
+
+
+def environment(system: System, side: Side) -> Mapping[str, str]:
+    """The variables of a side's processes."""
+    own = {name: value for name, value in os.environ.items() if name not in _FOREIGN}
+    return own | {
+        "ROS_DOMAIN_ID": str(_domain(system, side)),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "RMW_IMPLEMENTATION": system.spec.robot.rmw,
+        "ROS_LOG_DIR": str(system.logs / "ros"),
+        "XDG_STATE_HOME": str(system.temporary / "state"),
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
+def _domain(system: System, side: Side) -> int:
+    return system.domains[0 if side == "robot" else 1]
+
+
+# -- the wire ---------------------------------------------------------------------------------------------------------
+
+
+def wire_config(system: System) -> WireConfig:
+    """The emulated link: every port of the sessions in both protocols, because the fallback is TLS over TCP."""
+    forwards = []
+    for session, dialled, served in zip(("pulse", "data"), system.dialled, system.served, strict=True):
+        forwards.append(Forward(session, "udp", f"{HOST}:{dialled}", f"{HOST}:{served}"))
+        if system.spec.transport.zenoh.fallback:
+            forwards.append(Forward(f"{session}-fallback", "tcp", f"{HOST}:{dialled}", f"{HOST}:{served}"))
+    return WireConfig(
+        forwards=tuple(forwards),
+        link=system.link,
+        seed=system.seed,
+        control=str(system.temporary / "wire.sock"),
+        log=str(system.logs / "wire.jsonl"),
+        realtime=system.realtime,
+    )
+
+
+def free_ports() -> tuple[tuple[int, int], tuple[int, int]]:
+    """Two pairs of loopback ports that nobody uses, neither with UDP nor with TCP.
+
+    Raises:
+        RobotOffloadError: there are too few.
+    """
+    found: list[int] = []
+    with ExitStack() as stack:
+        for port in random.sample(_PORTS, len(_PORTS)):
+            if _is_free(port, stack):
+                found.append(port)
+            if len(found) == 4:
+                return (found[0], found[1]), (found[2], found[3])
+    raise RobotOffloadError(f"of the ports {_PORTS.start} to {_PORTS.stop - 1} fewer than four are free")
+
+
+def _is_free(port: int, stack: ExitStack) -> bool:
+    """Whether both protocols can be bound; `stack` keeps them until all are found."""
+    for kind in (socket.SOCK_DGRAM, socket.SOCK_STREAM):
+        sock = stack.enter_context(socket.socket(socket.AF_INET, kind))
+        try:
+            sock.bind((HOST, port))
+        except OSError:
+            return False
+    return True
+
+
+def free_domains() -> tuple[int, int]:
+    """Two ROS domains that no process of this machine uses, kept from other runs while this process lives.
+
+    Raises:
+        RobotOffloadError: there are none.
+    """
+    used = {(port - 7400) // _PORTS_PER_DOMAIN for port in _bound_udp_ports()}
+    free = (domain for domain in random.sample(_DOMAINS, len(_DOMAINS)) if domain not in used and _claim(domain))
+    found = tuple(itertools.islice(free, 2))
+    if len(found) < 2:
+        raise RobotOffloadError(
+            f"of the ROS domains {_DOMAINS.start} to {_DOMAINS.stop - 1} fewer than two are free; end other runs, or "
+            "give two with --domains"
+        )
+    return found[0], found[1]
+
+
+_claims: dict[int, socket.socket] = {}
+"""Domains of this process. A run that has not opened its ports yet could not be told from none otherwise."""
+
+
+def _claim(domain: int) -> bool:
+    """Whether no other process has claimed a domain. A name in the abstract namespace ends with its process."""
+    if domain not in _claims:
+        sock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            sock.bind(f"\0robot-offload-domain-{domain}")
+        except OSError:
+            sock.close()
+            return False
+        _claims[domain] = sock
+        atexit.register(sock.close)
+    return True
+
+
+def _bound_udp_ports() -> Iterable[int]:
+    for table in ("udp", "udp6"):
+        path = Path("/proc/net") / table
+        for line in path.read_text().splitlines()[1:] if path.exists() else ():
+            yield int(line.split()[1].rpartition(":")[2], 16)

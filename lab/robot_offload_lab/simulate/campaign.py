@@ -1,0 +1,87 @@
+"""Many stretches of simulated time, on several processes, added up."""
+
+from __future__ import annotations
+
+import gc
+import math
+import multiprocessing
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import partial
+
+from robot_offload_lab.simulate import coverage
+from robot_offload_lab.simulate.chunk import CHUNK_S, Chunk, Outcome
+from robot_offload_lab.simulate.coverage import Pair
+from robot_offload_lab.simulate.mutants import planted
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A violation: in which stretch, what, and the last events before it."""
+
+    index: int
+    text: str
+    story: tuple[str, ...]
+
+
+@dataclass
+class Total:
+    """What a campaign has come to."""
+
+    simulated_s: float = 0.0
+    faults: int = 0
+    events: int = 0
+    commanded: int = 0
+    sudden: int = 0
+    pairs: dict[Pair, int] = field(default_factory=dict)
+    broken: list[Broken] = field(default_factory=list)
+
+    def add(self, index: int, outcome: Outcome) -> None:
+        """Adds one stretch."""
+        self.simulated_s += outcome.simulated_s
+        self.faults += outcome.faults
+        self.events += outcome.events
+        self.commanded += outcome.commanded
+        self.sudden += outcome.sudden
+        for pair, count in outcome.pairs.items():
+            self.pairs[pair] = self.pairs.get(pair, 0) + count
+        if outcome.violation:
+            self.broken.append(Broken(index, outcome.violation, outcome.story))
+
+    @property
+    def missing(self) -> list[Pair]:
+        """Pairs of state and event that can occur and did not."""
+        return sorted(coverage.expected() - self.pairs.keys())
+
+    @property
+    def covered_share(self) -> float:
+        """Share of the pairs that can occur."""
+        expected = coverage.expected()
+        return len(expected & self.pairs.keys()) / len(expected)
+
+
+def chunks_for(hours: float) -> int:
+    """How many stretches make up `hours` of simulated time."""
+    return max(1, math.ceil(hours * 3600 / CHUNK_S))
+
+
+def live(seed: int, mutant: str | None, index: int) -> tuple[int, Outcome]:
+    """One stretch; the same seed and index give the same stretch on any machine."""
+    with planted(mutant):
+        outcome = Chunk(seed, index).live()
+    gc.collect()  # a world is one big cycle; it is collected once, at its end
+    return index, outcome
+
+
+def run(seed: int, indices: range, workers: int, mutant: str | None = None) -> Iterator[tuple[int, Outcome]]:
+    """Lives through the stretches, in any order, each as it is done."""
+    task = partial(live, seed, mutant)
+    if workers <= 1:
+        gc.disable()
+        try:
+            yield from map(task, indices)
+        finally:
+            gc.enable()
+        return
+    with multiprocessing.get_context("spawn").Pool(workers, initializer=gc.disable) as pool:
+        yield from pool.imap_unordered(task, indices)

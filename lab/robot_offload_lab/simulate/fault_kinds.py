@@ -1,0 +1,418 @@
+"""The kinds of faults: what each does to the link, the processes and the nodes, and how it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+from robot_offload_core import placement as words
+from robot_offload_core.switcher import PREPARE_EXTRA_S
+from robot_offload_core.token import Site
+from robot_offload_lab.simulate.link_model import REPLAY_SPREAD_S, Session, Wire
+from robot_offload_lab.simulate.nodes import Node
+from robot_offload_lab.simulate.strangers import OtherRobot, babble, other_cloud
+from robot_offload_lab.simulate.world import Process
+
+if TYPE_CHECKING:
+    from robot_offload_lab.simulate.chunk import Chunk
+
+Undo = Callable[[], None]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One planned fault.
+
+    Attributes:
+        at_s: true time of its start.
+        kind: a key of KINDS.
+        duration_s: how long it lasts.
+        pick: chance, 0 to 1, for what the kind leaves open (which process, which direction).
+    """
+
+    at_s: float
+    kind: str
+    duration_s: float
+    pick: float
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of fault: how often, how long (seconds), what it does, and what it leaves behind after its end."""
+
+    weight: float
+    lasts_s: tuple[float, float]
+    apply: Callable[[Chunk, Fault], Undo]
+    tail_s: float = 0.0
+
+
+def _of(options: list[T] | tuple[T, ...], pick: float) -> tuple[T, float]:
+    """The option that `pick` falls on, and the rest of the chance."""
+    scaled = pick * len(options)
+    return options[int(scaled)], scaled - int(scaled)
+
+
+def _wires(run: Chunk, pick: float) -> tuple[list[Wire], float]:
+    """Some wires: one direction or both, of pulse, data or (mostly) both."""
+    both = [run.link.pulse, run.link.data]
+    sessions: list[list[Session]] = [both, both, [run.link.pulse], [run.link.data]]
+    chosen, pick = _of(sessions, pick)
+    way, pick = _of(("both", "both", "up", "down"), pick)
+    wires = [w for s in chosen for w in ((s.up, s.down) if way == "both" else (getattr(s, way),))]
+    return wires, pick
+
+
+def _cut(run: Chunk, fault: Fault) -> Undo:
+    wires, pick = _wires(run, fault.pick)
+    held = pick < 0.5
+    for wire in wires:
+        wire.cut_held += held
+        wire.cut_lost += not held
+
+    def undo() -> None:
+        for wire in wires:
+            wire.cut_held -= held
+            wire.cut_lost -= not held
+            wire.release()
+
+    return undo
+
+
+def _loss(run: Chunk, fault: Fault) -> Undo:
+    wires, pick = _wires(run, fault.pick)
+    share = 0.05 + 0.7 * pick
+    for wire in wires:
+        wire.losses.append(share)
+
+    def undo() -> None:
+        for wire in wires:
+            wire.losses.remove(share)
+
+    return undo
+
+
+def _data_loss(run: Chunk, fault: Fault) -> Undo:
+    """The data session breaks, or nothing of it arrives."""
+    session = run.link.data
+    session.reopen()
+    session.down.cut_lost += 1
+
+    def undo() -> None:
+        session.down.cut_lost -= 1
+
+    return undo
+
+
+def _slow(run: Chunk, fault: Fault) -> Undo:
+    wires, pick = _wires(run, fault.pick)
+    return _raised(wires, "extra_s", 0.01 + 0.25 * pick)
+
+
+def _double(run: Chunk, fault: Fault) -> Undo:
+    wires, pick = _wires(run, fault.pick)
+    return _raised(wires, "doubled", 0.1 + 0.4 * pick)
+
+
+def _reorder(run: Chunk, fault: Fault) -> Undo:
+    return _raised(_wires(run, fault.pick)[0], "reordering", 1)
+
+
+def _raised(things: Sequence[Wire] | Sequence[Node], attribute: str, by: float) -> Undo:
+    """Raises an amount of several things; faults of one kind may overlap, so the undoing takes off just its own."""
+
+    def add(value: float) -> None:
+        for thing in things:
+            setattr(thing, attribute, max(0, getattr(thing, attribute) + value))
+
+    add(by)
+    return lambda: add(-by)
+
+
+def _nothing() -> None:
+    """For faults that end by themselves."""
+
+
+def _agents(run: Chunk) -> list[Process]:
+    return [*run.robot.processes, *run.cloud.processes]
+
+
+def _kill(run: Chunk, fault: Fault) -> Undo:
+    process, _ = _of(_agents(run), fault.pick)
+    process.kill(fault.duration_s)
+    return _nothing
+
+
+def _stop(run: Chunk, fault: Fault) -> Undo:
+    process, _ = _of(_agents(run), fault.pick)
+    process.stop_for(fault.duration_s)
+    return _nothing
+
+
+def _stop_and_kill(run: Chunk, fault: Fault) -> Undo:
+    """One process stands still while another of the same host is killed and comes back."""
+    side, pick = _of((run.robot.processes, run.cloud.processes), fault.pick)
+    stopped, pick = _of((side[0], side[0], side[0], *side), pick)  # mostly control
+    killed, _ = _of([p for p in side if p is not stopped], pick)
+    stopped.stop_for(fault.duration_s)
+    killed.kill(min(fault.duration_s, 0.05 + 0.5 * pick))
+    return _nothing
+
+
+def _named(run: Chunk, name: str) -> Process:
+    return next(process for process in _agents(run) if process.name == name)
+
+
+def _stall(name: str) -> Callable[[Chunk, Fault], Undo]:
+    """One process stands still for about as long as the time limits are."""
+
+    def apply(run: Chunk, fault: Fault) -> Undo:
+        _named(run, name).stop_for(fault.duration_s)
+        return _nothing
+
+    return apply
+
+
+def _end(name: str) -> Callable[[Chunk, Fault], Undo]:
+    """One process is killed and back as fast as the supervisor can."""
+
+    def apply(run: Chunk, fault: Fault) -> Undo:
+        _named(run, name).kill(fault.duration_s)
+        return _nothing
+
+    return apply
+
+
+def _outlived_gate(run: Chunk, fault: Fault) -> Undo:
+    """Control and collector stand still together; the collector goes on first, with old gates in its inbox."""
+    run.robot.collector.stop_for(fault.duration_s)
+    run.robot.control.stop_for(fault.duration_s + 0.3)
+    return _nothing
+
+
+def _robot_hangs(run: Chunk, fault: Fault) -> Undo:
+    """Everything that the user runs on the robot stands still."""
+    for node in run.robot.nodes.values():
+        node.stop_for(fault.duration_s)
+    return _nothing
+
+
+def _late_changeover(run: Chunk, fault: Fault) -> Undo:
+    """The robot's outputs flow just before a preparation's deadline, and the collector notices just behind it."""
+    silent_s = run.scenario.settings.activation_deadline_s + PREPARE_EXTRA_S - fault.at_s - 0.06
+    _hush(run, 1)
+    run.world.after(silent_s, _hush, run, -1)
+    run.world.after(silent_s, run.robot.collector.stop_for, 0.1)
+    return _nothing
+
+
+def _hush(run: Chunk, sign: int) -> None:
+    for node in run.robot.nodes.values():
+        node.hung += sign
+
+
+def _brink(run: Chunk, fault: Fault) -> Undo:
+    """The robot's control stands still for almost exactly a lease."""
+    run.robot.control.stop_for(run.scenario.settings.lease_s - 0.02 * fault.pick)
+    return _nothing
+
+
+def _change_of_mind(run: Chunk, fault: Fault) -> Undo:
+    """Somebody asks for the robot and at once for the cloud again."""
+    control = run.robot.control
+    control.deliver(control.step, words.SwitchByHand(Site.ROBOT))
+    run.world.after(0.005 * fault.pick, control.deliver, control.step, words.SwitchByHand(Site.CLOUD))
+    return _nothing
+
+
+def _amnesia(run: Chunk, fault: Fault) -> Undo:
+    """A pulse process is killed and back at once, in the middle of losses and repetitions of its beats."""
+    process, pick = _of((run.robot.pulse, run.cloud.pulse), fault.pick)
+    wires = (run.link.pulse.up, run.link.pulse.down)
+    share = 0.2 + 0.4 * pick
+    for wire in wires:
+        wire.doubled += 0.6
+        wire.losses.append(share)
+    run.world.after(0.03, process.kill, 0.05)
+
+    def undo() -> None:
+        for wire in wires:
+            wire.doubled = max(0.0, wire.doubled - 0.6)
+            wire.losses.remove(share)
+
+    return undo
+
+
+def _replay(run: Chunk, fault: Fault) -> Undo:
+    """Messages and effects that once left the cloud arrive again, mostly those of earlier epochs."""
+    data = run.robot.data
+    old = list(run.cloud.data.sent)
+    if fault.pick < 0.6:
+        old = [m for m in old if m[1].token != run.cloud.data.token] or old
+    for number, (index, envelope, message, left_s) in enumerate(old[-12:]):
+        run.world.after(number * fault.duration_s / 12, data.deliver, data.envelope, index, envelope, message, left_s)
+    if old:
+        run.world.after(fault.duration_s / 2, data.deliver, data.effect, old[0][1].token)
+    return _nothing
+
+
+def _late_nodes(run: Chunk, fault: Fault) -> Undo:
+    """The transitions of one side's nodes take about as long as a preparation may."""
+    side, pick = _of((run.robot.nodes, run.robot.nodes, run.cloud.nodes), fault.pick)
+    slow_s = run.scenario.settings.activation_deadline_s + PREPARE_EXTRA_S - 0.06 + 0.06 * pick
+    return _raised([node for node in side.values() if node.spec.duplicated], "slow_s", slow_s)
+
+
+def _late_cloud(run: Chunk, fault: Fault) -> Undo:
+    """The cloud's nodes take their time to wake, within the deadline."""
+    nodes = [node for node in run.cloud.nodes.values() if node.spec.duplicated]
+    return _raised(nodes, "slow_s", 0.1 + 0.1 * fault.pick)
+
+
+def _freeze(run: Chunk, fault: Fault) -> Undo:
+    host, _ = _of((run.robot.host, run.cloud.host), fault.pick)
+    host.freeze()
+    return host.thaw
+
+
+def _node(run: Chunk, pick: float) -> Node:
+    return _of([*run.robot.nodes.values(), *run.cloud.nodes.values()], pick)[0]
+
+
+def _crash(run: Chunk, fault: Fault) -> Undo:
+    _node(run, fault.pick).kill(fault.duration_s)
+    return _nothing
+
+
+def _hang(run: Chunk, fault: Fault) -> Undo:
+    node = _node(run, fault.pick)
+    if fault.pick * 97 % 1 < 0.5:
+        node.stop_for(fault.duration_s)
+        return _nothing
+    node.hung += 1
+
+    def undo() -> None:
+        node.hung -= 1
+
+    return undo
+
+
+def _troubled(run: Chunk, fault: Fault) -> Undo:
+    """The transitions of one side's nodes are slow, refused, or succeed without a reply."""
+    side, pick = _of((run.robot.nodes, run.cloud.nodes), fault.pick)
+    how, pick = _of(("slow", "refusing", "mute"), pick)
+    nodes = list(side.values())
+    if pick < 0.5:
+        nodes = [_of(nodes, pick * 2)[0]]
+
+    attribute, by = {
+        "slow": ("slow_s", 0.05 + 1.5 * pick**2), "refusing": ("refusing", 1), "mute": ("mute", 1),
+    }[how]  # fmt: skip
+    return _raised(nodes, attribute, by)
+
+
+def _clock_step(run: Chunk, fault: Fault) -> Undo:
+    host, pick = _of((run.robot.host, run.cloud.host), fault.pick)
+    step_us = round((pick - 0.5) * 2e6)
+    host.wall_us += step_us
+
+    def undo() -> None:
+        host.wall_us -= step_us
+
+    return undo
+
+
+def _driver(run: Chunk, fault: Fault) -> Undo:
+    if fault.pick < 0.5:
+        run.driver.kill(fault.duration_s)
+        return _nothing
+    run.driver.slow_s += 0.05
+
+    def undo() -> None:
+        run.driver.slow_s = max(0.0, run.driver.slow_s - 0.05)
+
+    return undo
+
+
+def _input_silent(run: Chunk, fault: Fault) -> Undo:
+    index = _of(list(range(len(run.scenario.inputs))), fault.pick)[0]
+    run.silent_inputs.append(index)
+    return lambda: run.silent_inputs.remove(index)
+
+
+def _other_robot(run: Chunk, fault: Fault) -> Undo:
+    return OtherRobot(run, fault.pick).leave
+
+
+def _other_cloud(run: Chunk, fault: Fault) -> Undo:
+    return other_cloud(run, fault.duration_s, fault.pick)
+
+
+def _bare(run: Chunk, fault: Fault) -> Undo:
+    """The cloud's beats arrive without their content, as those of a foreign heartbeat publisher would."""
+    del fault
+    pulse = run.cloud.pulse
+    pulse.bare += 1
+
+    def undo() -> None:
+        pulse.bare -= 1
+
+    return undo
+
+
+def _babble(run: Chunk, fault: Fault) -> Undo:
+    return babble(run, fault.duration_s)
+
+
+def _hand(run: Chunk, fault: Fault) -> Undo:
+    """Somebody switches or pins at the worst moment."""
+    site, pick = _of((Site.ROBOT, Site.CLOUD), fault.pick)
+    until_s = run.robot.host.now_s() + fault.duration_s
+    events: tuple[words.Event, ...] = (
+        words.SwitchByHand(site), words.SetPin(words.Wish(site, until_s)), words.SetPin(None),
+    )  # fmt: skip
+    event, _ = _of(events, pick)
+    run.robot.control.deliver(run.robot.control.step, event)
+    return _nothing
+
+
+KINDS: dict[str, Kind] = {
+    "cut": Kind(5.0, (0.03, 3.0), _cut),
+    "loss": Kind(3.0, (0.3, 4.0), _loss),
+    "data loss": Kind(0.7, (0.1, 1.5), _data_loss),
+    "slow": Kind(3.0, (0.1, 3.0), _slow),
+    "double": Kind(1.5, (0.3, 2.0), _double, REPLAY_SPREAD_S),
+    "reorder": Kind(1.5, (0.3, 2.0), _reorder),
+    "kill": Kind(4.0, (0.05, 0.6), _kill),
+    "stop": Kind(6.0, (0.03, 2.5), _stop),
+    "stop and kill": Kind(2.0, (0.05, 1.5), _stop_and_kill),
+    "stall control": Kind(1.5, (0.08, 0.32), _stall("robot/control")),
+    "stall collector": Kind(0.7, (0.08, 0.32), _stall("robot/collector")),
+    "stall cloud": Kind(0.7, (0.08, 0.32), _stall("cloud/control")),
+    "stop control": Kind(0.7, (0.26, 0.9), _stall("robot/control")),
+    "kill control": Kind(0.7, (0.05, 0.15), _end("robot/control")),
+    "kill collector": Kind(0.7, (0.05, 0.15), _end("robot/collector")),
+    "outlived gate": Kind(0.5, (0.26, 0.42), _outlived_gate, 0.3),
+    "robot hangs": Kind(0.5, (0.1, 0.6), _robot_hangs),
+    "brink": Kind(0.4, (0.5, 0.5), _brink),
+    "change of mind": Kind(0.4, (0.01, 0.02), _change_of_mind),
+    "late changeover": Kind(0.1, (1.5, 1.5), _late_changeover),
+    "amnesia": Kind(1.0, (0.1, 0.6), _amnesia, REPLAY_SPREAD_S),
+    "replay": Kind(1.5, (0.005, 0.1), _replay),
+    "late nodes": Kind(2.5, (1.0, 5.0), _late_nodes),
+    "late cloud": Kind(0.3, (0.2, 1.0), _late_cloud),
+    "freeze": Kind(2.0, (0.03, 2.0), _freeze),
+    "blink": Kind(0.5, (0.06, 0.16), _freeze),
+    "crash": Kind(2.5, (0.2, 2.0), _crash),
+    "hang": Kind(2.0, (0.1, 2.0), _hang),
+    "troubled": Kind(4.0, (0.3, 4.0), _troubled),
+    "clock step": Kind(0.5, (0.3, 3.0), _clock_step),
+    "driver": Kind(1.0, (0.1, 1.0), _driver),
+    "input silent": Kind(1.0, (0.3, 2.0), _input_silent),
+    "other robot": Kind(0.8, (0.2, 3.0), _other_robot),
+    "other cloud": Kind(0.8, (0.2, 3.0), _other_cloud),
+    "bare": Kind(0.7, (0.05, 1.5), _bare),
+    "hand": Kind(2.0, (0.02, 0.5), _hand),
+    "babble": Kind(0.5, (0.1, 1.0), _babble),
+}

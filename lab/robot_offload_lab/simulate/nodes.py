@@ -1,0 +1,121 @@
+"""Lifecycle nodes of the user: timers that run freely, nothing published inside a transition, all that can go wrong.
+
+A transition may be slow, be refused, or succeed although its reply is lost; a node may hang (Active but silent) or
+crash and come back Unconfigured as a new process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from robot_offload_core.guardian import GOAL, State, Transition
+from robot_offload_core.settings import NodeSpec
+from robot_offload_lab.simulate.world import Act, Host, Process, World
+
+FROM = {
+    Transition.CONFIGURE: State.UNCONFIGURED,
+    Transition.ACTIVATE: State.INACTIVE,
+    Transition.DEACTIVATE: State.ACTIVE,
+}
+RARE = 0.02
+"""Share of service calls that meet a busy executor."""
+
+
+class Message(NamedTuple):
+    """What a replica publishes.
+
+    Attributes:
+        producer: the node; life: the count of its starts, sequences of two lives are not comparable.
+        sequence: grows by one with each message of that life.
+        born_s: true time of publishing.
+    """
+
+    producer: str
+    life: int
+    sequence: int
+    born_s: float
+
+
+Sink = Callable[[str, int, Message], None]
+"""(name of the node, index of the output, message)."""
+
+
+class Node(Process):
+    """One replica.
+
+    Attributes:
+        spec: as the guardian knows it.
+        state: primary state.
+        awake: its first process is Active already: somebody started it before the agent.
+        transition_s: longest normal transition. slow_s: added to each by faults.
+        refusing, mute, hung: how many faults of that kind are at work.
+    """
+
+    def __init__(
+        self, world: World, host: Host, spec: NodeSpec, period_s: float, output: int | None, sink: Sink
+    ) -> None:
+        super().__init__(world, host, f"{host.name}/{spec.name}")
+        self.spec = spec
+        self.period_s = period_s
+        self.output = output
+        self.sink = sink
+        self.awake = False
+        self.transition_s = 0.015
+        self.slow_s = 0.0
+        self.refusing = 0
+        self.mute = 0
+        self.hung = 0
+        self.state = State.UNCONFIGURED
+        self._sequence = 0
+        self._busy_until_s = 0.0
+
+    def boot(self) -> None:
+        """A new process: Unconfigured, its timer runs from now on in every state."""
+        self.state = State.ACTIVE if self.awake and self.life == 1 else State.UNCONFIGURED
+        self._sequence = 0
+        self._busy_until_s = self.world.now
+        if self.output is not None:
+            self.every(self.period_s, self._timer)
+
+    def _timer(self) -> None:
+        if self.state is State.ACTIVE and not self.hung and self.output is not None:
+            self._sequence += 1
+            self.sink(self.name, self.output, Message(self.name, self.life, self._sequence, self.world.now))
+
+    def change_state(self, transition: Transition, client: Process, answered: Act) -> None:
+        """The service: `answered(transition, success)` happens at the client, unless the reply is lost."""
+        self.world.after(self._call_s(), self.deliver, self._change, transition, client, answered)
+
+    def get_state(self, client: Process, answered: Act) -> None:
+        """The service: `answered(state)` happens at the client; a dead node never answers."""
+        self.world.after(self._call_s(), self.deliver, self._read, client, answered)
+
+    def _call_s(self) -> float:
+        dice = self.world.dice
+        return 0.0003 + dice.random() * (0.1 if dice.random() < RARE else 0.003)
+
+    def _change(self, transition: Transition, client: Process, answered: Act) -> None:
+        dice = self.world.dice
+        start_s = max(self.world.now, self._busy_until_s)
+        self._busy_until_s = start_s + 0.001 + dice.random() ** 3 * self.transition_s + self.slow_s
+        self.world.at(self._busy_until_s, self._finish, self.life, transition, client, answered)
+
+    def _finish(self, life: int, transition: Transition, client: Process, answered: Act) -> None:
+        if life != self.life:
+            return
+        if self.stops:  # the callback ends when the process goes on
+            self.deliver(self._finish, life, transition, client, answered)
+            return
+        legal = self.state is FROM[transition] and not self.refusing
+        if legal:
+            self.state = GOAL[transition]
+            self.world.note(self.name, "is", self.state.value)
+        if not self.mute:
+            client.send(self.name, answered, transition, legal)
+
+    def _read(self, client: Process, answered: Act) -> None:
+        if self._busy_until_s > self.world.now:
+            self.world.at(self._busy_until_s, self.deliver, self._read, client, answered)
+            return
+        client.send(self.name, answered, self.state)

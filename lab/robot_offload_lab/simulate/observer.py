@@ -1,0 +1,381 @@
+"""The invariants of the protocol, watched from outside the machines in true time.
+
+The observer stands at the consumer (what passes), at the cloud's egress (what leaves), at the wire (which grants were
+sent and heard), at the wheels, and at the admission of effects. It knows the producer and sequence of every message.
+What an event can break is checked at that event; what only time can break is checked with every tick of the robot's
+control process (10 ms). A method's docstring is the definition that is checked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from robot_offload_core import placement as words
+from robot_offload_core import policy as policies
+from robot_offload_core.beats import Beat, CloudReport, Permission
+from robot_offload_core.collector import Gate
+from robot_offload_core.envelope import Envelope
+from robot_offload_core.guardian import INHIBIT_PERIOD_S, State
+from robot_offload_core.settings import Mode
+from robot_offload_core.token import Site, Token
+from robot_offload_lab.simulate.nodes import Message
+
+if TYPE_CHECKING:
+    from robot_offload_lab.simulate.chunk import Chunk
+
+DRIFT = 4.1e-4
+"""Two clocks of up to 200 ppm each."""
+HANDOVER_S = 0.0025
+"""Longest local datagram."""
+SETTLED_S = 8.0
+"""T of invariant 5: the longest retry wait of the guardian after a storm, and the transitions."""
+RETURN_S = 4.0
+"""Within this the cloud is used again once nothing holds it back: proving, preparing, changing over."""
+
+Rank = tuple[int, int, int]
+BEFORE_CONTROL: Rank = (-1, 0, 0)
+
+
+class ViolationError(Exception):
+    """An invariant is broken; ends the stretch."""
+
+    def __init__(self, invariant: str, text: str, at_s: float) -> None:
+        super().__init__(f"invariant {invariant}: {text}")
+        self.invariant = invariant
+        self.text = text
+        self.at_s = at_s
+
+
+@dataclass
+class Lane:
+    """What the consumer of one output has seen.
+
+    Attributes:
+        passed_s: true time of the latest message; rank: of its stay in charge.
+        last: (producer, sequence) of the latest message of each side.
+    """
+
+    passed_s: float
+    rank: Rank
+    last: dict[Site, Message]
+
+
+class Observer:
+    """Watches one stretch.
+
+    Attributes:
+        changeovers: how often the side in charge changed, by "commanded" and "sudden".
+        passed_messages: per side. alarms: sudden losses by reason.
+    """
+
+    def __init__(self, run: Chunk) -> None:
+        self.run = run
+        self.world = run.world
+        settings = run.scenario.settings
+        self.settings = settings
+        self.reaction_s = run.scenario.reaction_s
+        self.lanes = [Lane(0.0, BEFORE_CONTROL, {}) for _ in run.scenario.outputs]
+        self.rated = [(i, o.deadline_s) for i, o in enumerate(run.scenario.outputs) if o.deadline_s > 0]
+        self.rank: Rank = BEFORE_CONTROL
+        self.order: dict[str, int] = {}
+        self.named_s: dict[Token, float] = {}
+        self.permitted_s: dict[Token, float] = {}
+        self.heard_grant_s: dict[Token, float] = {}
+        self.good_s = 0.0
+        self.good_before_s = 0.0
+        self.pulse_s = 0.0
+        self.pulse_before_s = 0.0
+        self.entered_s = 0.0
+        self.left_s: tuple[float, Token | None] = (-1.0, None)
+        self.flip_s: float | None = None
+        self.effect_rank: tuple[int, int] = (-1, 0)
+        self.effect_site: Site | None = None
+        self.held_until_s = 0.0
+        self.alone_s = 0.0
+        self.robot_since_s = 0.0
+        self.changeovers = {"commanded": 0, "sudden": 0}
+        self.passed_messages = {Site.ROBOT: 0, Site.CLOUD: 0}
+        self.alarms: dict[str, int] = {}
+
+    def _violated(self, invariant: str, text: str) -> None:
+        raise ViolationError(invariant, text, self.world.now)
+
+    # -- who is who ---------------------------------------------------------------------------------------------------
+
+    def robot_started(self, incarnation: str) -> None:
+        """The robot's control process has started: its tokens outrank those of all earlier lives."""
+        self.order[incarnation] = len(self.order)
+        self.world.note("robot control started", incarnation[:6])
+
+    def cloud_started(self, incarnation: str) -> None:
+        """The cloud's control process has started."""
+        self.world.note("cloud control started", incarnation[:6])
+
+    def gate_said(self, gate: Gate) -> None:
+        """Control has told the collector whom to pass."""
+        self.named_s[gate.current.token] = self.world.now
+        if gate.next is not None:
+            self.named_s[gate.next.token] = self.world.now
+
+    def robot_decided(self, decided: words.Decided) -> None:
+        """Control has told a decision. Counts changeovers; invariant 3c: no false alarm.
+
+        3c: no loss is decided for silence of the link while a good beat reached the pulse process within the loss
+        timeout (less a hand-over), and none for silence of the pulse process while it sends: a stall of control itself
+        is nobody's silence.
+        """
+        self.world.note("robot", decided.phase.value, decided.epoch, decided.verdict.reason, decided.verdict.message)
+        if decided.phase in (words.Phase.ROBOT, words.Phase.TAKEOVER):
+            self.robot_since_s = self.world.now
+        self.run.faults.entered("robot " + decided.phase.value)
+        if not decided.switched:
+            return
+        if decided.site is Site.CLOUD:
+            self.entered_s = self.world.now
+        sudden = self.flip_s is None or self.world.now - self.flip_s > 0.05
+        if decided.site is Site.CLOUD or not sudden:
+            self.changeovers["commanded"] += 1
+            return
+        self.changeovers["sudden"] += 1
+        reason = decided.verdict.reason
+        self.alarms[reason] = self.alarms.get(reason, 0) + 1
+        handed_s = self.good_s if self.world.now - self.good_s > HANDOVER_S else self.good_before_s
+        told_s = self.pulse_s if self.world.now - self.pulse_s > HANDOVER_S else self.pulse_before_s
+        proof_s = {"HeartbeatLost": handed_s, "PulseSilent": told_s}.get(reason)
+        if proof_s is not None and self.world.now - proof_s < self.settings.loss_timeout_s - HANDOVER_S:
+            ago_ms = (self.world.now - proof_s) * 1e3
+            self._violated("3c", f"{reason} was decided although there was a beat {ago_ms:.1f} ms ago")
+
+    # -- what passes --------------------------------------------------------------------------------------------------
+
+    def passed(self, site: Site, index: int, message: Message, envelope: Envelope | None, left_s: float) -> None:
+        """Invariant 1, at the consumer of a collected output.
+
+        1a: the rank of its stay in charge (start of control, epoch, fallback) never decreases, over all outputs.
+        1b: per output and side (start of the producer, sequence) strictly increases, for ever.
+        1c: a message of the cloud carries a token that control named to the collector at most a lease ago.
+        1d: a message of the cloud left it at most `max_command_age_s` ago.
+        """
+        now = self.world.now
+        rank = self._rank_of(envelope)
+        if rank < self.rank:
+            self._violated("1a", f"a {site.value} message of stay {rank} passed after stay {self.rank}")
+        lane = self.lanes[index]
+        last = lane.last.get(site)
+        if last is not None and (message.life, message.sequence) <= (last.life, last.sequence):
+            self._violated("1b", f"{message.producer} {message.sequence} passed after {last.sequence}")
+        if envelope is not None:
+            self._check_cloud_message(envelope, now - left_s)
+        if rank != lane.rank:
+            self._entered(lane, index, now)
+        elif last is not None and message.sequence != last.sequence + 1 and message.life == last.life:
+            self._check_lost(lane, last, message)
+        lane.last[site] = message
+        lane.passed_s, lane.rank, self.rank = now, rank, rank
+        self.passed_messages[site] += 1
+
+    def _rank_of(self, envelope: Envelope | None) -> Rank:
+        if envelope is not None:
+            return (self.order.get(envelope.token.robot, -2), envelope.token.epoch, 0)
+        state = self.run.robot.collector.state
+        if state.charge is None:  # nobody has spoken yet
+            return BEFORE_CONTROL
+        token = state.charge.token
+        return (self.order[token.robot], token.epoch, int(state.charge.site is Site.CLOUD))
+
+    def _check_cloud_message(self, envelope: Envelope, age_s: float) -> None:
+        named_s = self.named_s.get(envelope.token)
+        limit_s = self.settings.lease_s * (1 + DRIFT) + HANDOVER_S
+        if named_s is None or self.world.now - named_s > limit_s:
+            self._violated("1c", "a cloud message passed under a token that control does not name (any more)")
+        if age_s > self.settings.max_command_age_s * (1 + DRIFT):
+            self._violated("1d", f"a cloud message passed {age_s * 1e3:.1f} ms after it had left the cloud")
+
+    def flipped(self) -> None:
+        """The collector has changed over between two messages: a commanded changeover."""
+        self.flip_s = self.world.now
+
+    def _entered(self, lane: Lane, index: int, now: float) -> None:
+        """Invariant 4, at the first message of a new stay.
+
+        With nothing wrong for 1 s, a commanded changeover leaves no gap longer than the slower period plus jitter, on
+        any rated output. Jitter: three times the wire's typical one, the timers' and the hand-overs'.
+        """
+        commanded = self.flip_s is not None and now - self.flip_s <= self.settings.slower_period_s + self.reaction_s
+        if not commanded or self.run.faults.quiet_s() < 1.0 or self.run.scenario.outputs[index].deadline_s == 0:
+            return
+        jitter_s = 3 * self.run.scenario.jitter_s + 2 * HANDOVER_S
+        gap_s = now - lane.passed_s
+        if gap_s > self.settings.slower_period_s + jitter_s:
+            self._violated("4", f"a commanded changeover left a gap of {gap_s * 1e3:.1f} ms on output {index}")
+
+    def _check_lost(self, lane: Lane, last: Message, message: Message) -> None:
+        """Invariant 4: within one stay and with nothing wrong since 1 s before, no sequence is missing."""
+        if self.run.faults.quiet_s() > self.world.now - lane.passed_s + 1.0:
+            self._violated(
+                "4", f"{message.producer}: {message.sequence} passed after {last.sequence}, the rest is lost"
+            )
+
+    # -- what leaves the cloud ----------------------------------------------------------------------------------------
+
+    def permitted(self, permission: Permission, robot: str) -> None:
+        """The robot's control process renews a permission."""
+        if permission.granted:
+            self.permitted_s[permission.token(robot)] = self.world.now
+
+    def beat_sent(self, beat: Beat) -> None:
+        """Nobody vouches: a grant leaves the robot at most two beats after control has renewed this permission."""
+        self.pulse_before_s, self.pulse_s = self.pulse_s, self.world.now
+        if not isinstance(beat.body, Permission) or not beat.body.granted:
+            return
+        token = beat.body.token(beat.incarnation)
+        age_s = self.world.now - self.permitted_s.get(token, -1e9)
+        if age_s > 2 * self.settings.beat_period_s * (1 + DRIFT) + HANDOVER_S:
+            self._violated(
+                "vouching", f"a grant left the robot {age_s * 1e3:.1f} ms after control had last permitted it"
+            )
+
+    def grant_delivered(self, beat: Beat, sent_true_s: float) -> None:
+        """The cloud's control process gets a robot's beat."""
+        body = beat.body
+        if isinstance(body, Permission) and body.granted:
+            token = body.token(beat.incarnation)
+            self.heard_grant_s[token] = max(self.heard_grant_s.get(token, -1e9), sent_true_s)
+
+    def left_cloud(self, token: Token) -> None:
+        """Invariant 2: nothing leaves later than a lease after the robot sent the last grant that the cloud got."""
+        now = self.world.now
+        self.left_s = (now, token)
+        late_s = now - self.heard_grant_s.get(token, -1e9) - self.settings.lease_s * (1 + DRIFT)
+        if late_s > 1e-5:
+            self._violated("2", f"a message left the cloud {late_s * 1e3:.1f} ms after the end of any lease")
+
+    # -- detection, outputs, order ------------------------------------------------------------------------------------
+
+    def cloud_beat(self, beat: Beat, arrived_s: float) -> None:
+        """A new beat of the cloud reached the robot's pulse process: is it good (protocol section 1)?"""
+        robot = self.run.robot.control.robot
+        report, echo = beat.body, beat.echo
+        if (
+            isinstance(report, CloudReport)
+            and echo is not None
+            and beat.incarnation == robot.partner
+            and echo.incarnation == robot.incarnation == report.serves
+            and report.epoch in (robot.epoch, robot.candidate)
+            and report.acting
+            and arrived_s - echo.sent_us / 1e6 <= self.settings.echo_limit_s
+        ):
+            self.good_before_s, self.good_s = self.good_s, self.world.now
+
+    def control_ticked(self) -> None:
+        """Everything that only time can break."""
+        control = self.run.robot.control
+        if any(n.state is not State.ACTIVE for n in control.guardian.nodes if not n.spec.duplicated):
+            self.alone_s = self.world.now
+        self._check_detection(control.robot, control.running_since_s)
+        self._check_stopped(control.robot, control.running_since_s)
+        if self.run.faults.quiet_s() > SETTLED_S:
+            self._check_order(control.robot)
+
+    def _check_detection(self, robot: words.Robot, running_s: float) -> None:
+        """Invariant 3a: control, while it runs, ends a stay in the cloud a loss timeout after the last good beat.
+
+        One tick and two hand-overs later at most.
+        """
+        if words.IN_CHARGE[robot.phase] is not Site.CLOUD:
+            return
+        silent_s = self.world.now - max(self.good_s, self.entered_s, running_s)
+        if silent_s > self.settings.loss_timeout_s + self.run.scenario.tick_s + 2 * HANDOVER_S:
+            self._violated("3a", f"the cloud is still in charge {silent_s * 1e3:.0f} ms after the last good beat")
+
+    def _check_released(self) -> None:
+        """Invariant 3d: the robot's sleeping or waking replicas do not stop the wheels while the cloud is in charge."""
+        control, driver = self.run.robot.control, self.run.driver
+        base_s = max(self.entered_s, self.alone_s, control.running_since_s, driver.running_since_s) + INHIBIT_PERIOD_S
+        if self.world.now > base_s + 0.1:
+            self._violated("3d", "the driver is inhibited although the cloud is in charge")
+
+    def _check_stopped(self, robot: words.Robot, running_s: float) -> None:
+        """Invariant 3b: rated outputs flow or the driver is inhibited.
+
+        While control runs no rated output is silent for longer than (its deadline or the loss timeout, whichever is
+        longer) + activation deadline + reaction, unless the wheels are inhibited or stand by their dead man. A driver
+        that restarted counts from then, plus the period in which a standing inhibit is repeated; a driver that was
+        released may wait for the next message of the slower side. Stopped or dead, control can inhibit nobody: there
+        the driver's dead man is the stop.
+        """
+        driver, now = self.run.driver, self.world.now
+        if driver.inhibited and words.IN_CHARGE[robot.phase] is Site.CLOUD:
+            self._check_released()
+        if driver.inhibited or not driver.may_move():
+            return
+        base_s = max(running_s, driver.running_since_s + INHIBIT_PERIOD_S)
+        for index, deadline_s in self.rated:
+            silent_s = now - max(base_s, self.lanes[index].passed_s)
+            limit_s = (
+                max(deadline_s, self.settings.loss_timeout_s)
+                + self.settings.activation_deadline_s
+                + 2 * self.reaction_s
+                + driver.slow_s
+            )
+            if silent_s > limit_s and now - driver.released_s > self.settings.slower_period_s + self.reaction_s:
+                self._violated("3b", f"output {index} is silent for {silent_s * 1e3:.0f} ms, the driver not inhibited")
+
+    def _check_order(self, robot: words.Robot) -> None:
+        """Invariant 5: with nothing wrong for 8 s exactly one side acts, and the cloud is used again.
+
+        Every rated output flows, the driver is released, nothing leaves the cloud while the robot has been in charge
+        for a lease and two beats. When the policy wants the cloud, no retry and no hold-down has been pending for 4 s
+        and what the link has taught does not speak against it (the tests of the core say for how long that may be),
+        it is in the cloud (liveness, beyond the letter of the protocol).
+        """
+        now, settings = self.world.now, self.settings
+        for index, deadline_s in self.rated:
+            silent_s = now - self.lanes[index].passed_s
+            if silent_s > deadline_s + self.reaction_s:
+                self._violated("5", f"long after the last fault output {index} is silent for {silent_s * 1e3:.0f} ms")
+        if self.run.driver.inhibited:
+            self._violated("5", "long after the last fault the driver is still inhibited")
+        left_s, token = self.left_s
+        phase_s = now - self.robot_since_s
+        if robot.phase is words.Phase.ROBOT and phase_s > settings.lease_s + 0.1 and left_s > now - 0.02:
+            self._violated("5", f"the robot acts, and messages leave the cloud under epoch {token and token.epoch}")
+        host_now_s = self.run.robot.host.now_s()
+        wants = settings.prefer is Site.CLOUD and settings.pin is not Site.ROBOT and settings.mode is Mode.AUTO
+        by_hand = robot.manual is not None and robot.manual.holds(host_now_s)
+        pinned = robot.pin is not None and robot.pin.holds(host_now_s)
+        held = by_hand or pinned or host_now_s < max(robot.retry_s, robot.policy.hold_until_s)
+        held = held or policies.waits(robot.policy)
+        if held or not wants or words.IN_CHARGE[robot.phase] is Site.CLOUD:
+            self.held_until_s = now
+        elif now - max(self.held_until_s, now - self.run.faults.quiet_s() + SETTLED_S) > RETURN_S:
+            self._violated("5", f"nothing is wrong and the cloud is not used: {robot.decided.reason}")
+
+    # -- effects that are not collected -------------------------------------------------------------------------------
+
+    def robot_effect(self, robot: words.Robot) -> None:
+        """Invariant 7: admitted effects follow the order of stays in charge, and each stay belongs to one side.
+
+        Before the robot's effect is admitted, no effect of an older stay can leave the cloud any more.
+        """
+        rank = (self.order[robot.incarnation], robot.epoch)
+        self._admit(rank, Site.ROBOT)
+        data = self.run.cloud.data
+        token = data.token
+        if token is None or not data.alive or data.host.now_s() >= data.end_s or token.robot not in self.order:
+            return
+        if (self.order[token.robot], token.epoch) < rank:
+            self._violated("7", f"a robot effect of stay {rank} while the cloud may send under epoch {token.epoch}")
+
+    def cloud_effect(self, token: Token) -> None:
+        """The collector has admitted an effect of the cloud."""
+        self._admit((self.order.get(token.robot, -2), token.epoch), Site.CLOUD)
+
+    def _admit(self, rank: tuple[int, int], site: Site) -> None:
+        if rank < self.effect_rank or (rank == self.effect_rank and site is not self.effect_site):
+            held = self.effect_site.value if self.effect_site else "nobody"
+            self._violated(
+                "7", f"an effect of the {site.value}, stay {rank}, after one of the {held}, {self.effect_rank}"
+            )
+        self.effect_rank, self.effect_site = rank, site

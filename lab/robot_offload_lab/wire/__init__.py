@@ -1,0 +1,1 @@
+"""An emulated link between two sides on one machine: delay, jitter, loss, rate, outages."""

@@ -1,0 +1,1 @@
+"""`kubectl offload bundle`: the folder with all that a robot needs."""

@@ -1,0 +1,240 @@
+"""`robot-offload bundle`: the folder with everything that a robot needs; it works offline afterwards."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import datetime
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+from cryptography import x509
+from rich.console import Console
+from rich.status import Status
+
+from robot_offload import transport
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.api.v1alpha1.quantities import parse_duration
+from robot_offload.cli.app import example_text
+from robot_offload.cli.bundle import folder
+from robot_offload.cli.cluster import Context, Kubeconfig, Name, Namespace, Target, find
+from robot_offload.cli.own_images import images_in_use
+from robot_offload.decide.certificates import REVOKE, REVOKED, secret_name
+from robot_offload.errors import InputError, RobotOffloadError
+from robot_offload.insight.observed import Observed, observe
+from robot_offload.kube.errors import ForbiddenError
+from robot_offload.kube.kinds import DEPLOYMENT, SECRET
+from robot_offload.kube.port import KubeApi, Manifest
+from robot_offload.objects.facts import Facts
+from robot_offload.objects.labels import INSTANCE
+from robot_offload.render.bundle import (
+    PRIVATE_KEY,
+    AddressPendingError,
+    BundleSecrets,
+    bundle,
+    default_folder,
+    missing_purposes,
+)
+
+EXAMPLES = (
+    "robot-offload bundle wheelchair-7 -o wheelchair-7",
+    "kubectl offload bundle wheelchair-7 -n ward -o wheelchair-7 --timeout 5m",
+    "scp -r wheelchair-7 robot:/tmp/ && ssh robot sudo mv /tmp/wheelchair-7 /etc/robot-offload/",
+)
+LOOK_EVERY_S: Final = 1.0
+KEYS: Final = ("ca.crt", "tls.crt", "tls.key")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Adds the command to `app`."""
+    app.command("bundle", epilog=example_text(EXAMPLES))(bundle_command)
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """What a bundle is made of, as far as it is there.
+
+    Attributes:
+        observed: the RobotOffload.
+        offload: the same, read strictly.
+        secrets: what the robot proves itself with; None: not there (yet), or not needed.
+        revoking: whether its certificates are being replaced.
+        deployments: what runs for it.
+    """
+
+    observed: Observed
+    offload: RobotOffload
+    secrets: BundleSecrets | None
+    revoking: bool
+    deployments: tuple[Manifest, ...] = ()
+
+
+def bundle_command(
+    name: Name,
+    *,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write; made if need be.")],
+    place: Annotated[
+        str, typer.Option("--folder", help="Where the folder will lie on the robot. Default: /etc/robot-offload/NAME.")
+    ] = "",
+    timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to wait for address and certificates.")] = "2m",
+    force: Annotated[
+        bool, typer.Option("--force", help="Write into a folder that holds other files or another robot's bundle.")
+    ] = False,
+    namespace: Namespace = None,
+    context: Context = None,
+    kubeconfig: Kubeconfig = None,
+) -> None:
+    """Write the folder that a robot needs: agent configuration, certificates, environment, systemd unit, compose file.
+
+    It waits until the cluster has given the Services an address, and ends with 1 (AddressPending) when that takes too
+    long. The private key is readable by the owner only. Copy the folder to one robot and to no other.
+    """
+    limit_s = _seconds(timeout)
+    target = Target(kubeconfig, context, namespace)
+    where = target.namespace
+    with _progress() as say:
+        material = target.run(lambda api: _wait(api, where, name, limit_s, say))
+    facts = facts_of(material)
+    files = bundle(material.offload, facts, material.secrets, folder=place)
+    mark = folder.Mark(where, name, material.observed.uid, material.observed.generation, tuple(files))
+    folder.write(output, files, (PRIVATE_KEY,), mark, force=force)
+    for line in told(material, output, place or default_folder(material.offload), files):
+        typer.echo(line)
+
+
+def facts_of(material: Material) -> Facts:
+    """What rendering must know."""
+    return Facts(
+        namespace=material.observed.namespace,
+        uid=material.observed.uid,
+        generation=material.observed.generation,
+        images=images_in_use(list(material.deployments)),
+        nodes_wanted=True,
+        endpoints=material.observed.endpoints,
+    )
+
+
+def waiting_for(material: Material) -> tuple[str, str]:
+    """What is still missing: one word and one sentence; both empty when everything is there.
+
+    Raises:
+        RobotOffloadError: waiting cannot help.
+    """
+    observed, name = material.observed, material.observed.name
+    valid = observed.condition("SpecValid")
+    if valid is not None and not valid.holds and not observed.outdated:
+        raise RobotOffloadError(f"{name}: SpecValid is False ({valid.reason}); see: kubectl offload explain {name}")
+    if observed.outdated:
+        return "InProgress", "the operator has not dealt with the last change yet; is it running?"
+    if transport.needs_certificates(material.offload.spec):
+        if material.revoking:
+            return "CertificatesPending", "the revoked certificates are being replaced"
+        if material.secrets is None:
+            return "CertificatesPending", "the robot's certificate is not made yet"
+    missing = missing_purposes(material.offload, observed.endpoints)
+    if missing:
+        return "AddressPending", f"the cluster has given no address yet for {', '.join(missing)}"
+    return "", ""
+
+
+def told(material: Material, output: Path, place: str, files: Mapping[str, bytes]) -> list[str]:
+    """What to say when it is done."""
+    name = material.observed.name
+    lines = [f"{output}: the bundle of {name}, generation {material.observed.generation}, {len(files) + 1} files"]
+    if PRIVATE_KEY in files and material.secrets is not None:
+        end = x509.load_pem_x509_certificate(material.secrets.certificate).not_valid_after_utc
+        lines.append(f"The robot's certificate ends on {end:%Y-%m-%d}; write the bundle again before.")
+        lines.append(f"{output / PRIVATE_KEY} is secret: it goes to this robot alone.")
+    lines.append(f"Next: copy the folder to {place} on the robot, then follow its README.md.")
+    return lines
+
+
+async def _wait(api: KubeApi, where: str, name: str, limit_s: float, say: Callable[[str], None]) -> Material:
+    end_s = time.monotonic() + limit_s
+    while True:
+        material = await _gather(api, where, name)
+        reason, message = waiting_for(material)
+        if not reason:
+            return material
+        if time.monotonic() >= end_s:
+            raise AddressPendingError(f"{name}: {reason}: {message}. Next: kubectl offload explain {name} -n {where}")
+        say(f"Waiting ({reason}): {message}")
+        await asyncio.sleep(min(LOOK_EVERY_S, max(0.05, end_s - time.monotonic())))
+
+
+async def _gather(api: KubeApi, where: str, name: str) -> Material:
+    manifest = await find(api, where, name)
+    offload = parse_object(manifest, f"{where}/{name}", unknown="ignore", rules=CLUSTER_CHECKS)
+    secrets, revoking = None, False
+    if transport.needs_certificates(offload.spec):
+        try:
+            robot, authority = await asyncio.gather(
+                *(api.get(SECRET, where, secret_name(name, role)) for role in ("robot", "client-ca"))
+            )
+        except ForbiddenError as error:
+            raise RobotOffloadError(f"{error}. The bundle holds the robot's key: you need get on secrets") from error
+        secrets = secrets_of(robot)
+        revoking = revocation_pending(manifest, authority)
+    deployments = await api.list(DEPLOYMENT, where, {INSTANCE: name})
+    return Material(observe(manifest), offload, secrets, revoking, tuple(deployments))
+
+
+def secrets_of(secret: Manifest | None) -> BundleSecrets | None:
+    """What the robot proves itself with; None: it is not complete yet."""
+    data: Mapping[str, str] = (secret or {}).get("data") or {}
+    if not all(data.get(key) for key in KEYS):
+        return None
+    return BundleSecrets(*(base64.b64decode(data[key]) for key in KEYS))
+
+
+def revocation_pending(manifest: Mapping[str, Any], authority: Manifest | None) -> bool:
+    """Whether a revocation was asked for and not carried out yet."""
+    asked = (manifest["metadata"].get("annotations") or {}).get(REVOKE, "")
+    answered = ((authority or {}).get("metadata", {}).get("annotations") or {}).get(REVOKED, "")
+    return bool(asked) and asked != answered
+
+
+def _progress() -> AbstractContextManager[Callable[[str], None]]:
+    """Shows what is waited for: a moving line on a terminal, else one line for each new thing."""
+    if sys.stderr.isatty():
+        return _Spinner()
+    said: list[str] = []
+
+    def say(text: str) -> None:
+        if text not in said:
+            said.append(text)
+            typer.echo(text, err=True)
+
+    return nullcontext(say)
+
+
+class _Spinner(AbstractContextManager[Callable[[str], None]]):
+    def __init__(self) -> None:
+        self._begin = datetime.datetime.now(datetime.UTC)
+        self._status = Status("Reading", console=Console(stderr=True))
+
+    def __enter__(self) -> Callable[[str], None]:
+        self._status.start()
+        return self._say
+
+    def __exit__(self, *_: object) -> None:
+        self._status.stop()
+
+    def _say(self, text: str) -> None:
+        seconds = (datetime.datetime.now(datetime.UTC) - self._begin).total_seconds()
+        self._status.update(f"{text} ({seconds:.0f} s)")
+
+
+def _seconds(text: str) -> float:
+    try:
+        return parse_duration(text) / 1000
+    except ValueError as error:
+        raise InputError(f"--timeout: {error}") from None

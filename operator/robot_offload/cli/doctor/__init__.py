@@ -1,0 +1,1 @@
+"""`kubectl offload doctor`: finds what would bite, before it does."""

@@ -1,0 +1,88 @@
+"""The ROS graph as `doctor` sees it on a robot: who publishes the topics that the collector alone should publish.
+
+The program that asks runs under the shell's own `python3`, because that is where ROS 2 is; this package needs no ROS.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from robot_offload.cli.doctor.checks import Finding
+
+DISCOVERY_S: Final = 3.0
+"""How long publishers on this network need to be found."""
+_PROBE: Final = """
+import json, sys, time
+import rclpy
+rclpy.init()
+node = rclpy.create_node("robot_offload_doctor")
+end = time.monotonic() + float(sys.argv[1])
+while time.monotonic() < end:
+    rclpy.spin_once(node, timeout_sec=0.1)
+found = {topic: [f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in node.get_publishers_info_by_topic(topic)]
+         for topic in sys.argv[2:]}
+print(json.dumps(found))
+"""  # noqa: E501 - a program, not prose
+_LIMIT_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """What was found.
+
+    Attributes:
+        publishers: the nodes that publish each topic, one entry a publisher.
+        problem: why nobody could be asked; empty: it was.
+    """
+
+    publishers: Mapping[str, Sequence[str]]
+    problem: str = ""
+
+
+def ask(topics: Sequence[str], python: str | None = None) -> Graph:
+    """Looks who publishes `topics` in the ROS domain of this shell; takes some seconds.
+
+    Args:
+        topics: full names.
+        python: an interpreter that can import rclpy; None: the shell's python3.
+    """
+    program = python or shutil.which("python3")
+    if program is None:
+        return Graph({}, "there is no python3 on the PATH")
+    command = [program, "-c", _PROBE, str(DISCOVERY_S), *topics]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_LIMIT_S, check=False)
+    except subprocess.TimeoutExpired:
+        return Graph({}, f"ROS 2 did not answer within {_LIMIT_S:g} s")
+    if done.returncode:
+        return Graph({}, (done.stderr.strip().splitlines() or ["python3 failed"])[-1])
+    return Graph(json.loads(done.stdout))
+
+
+def judge(graph: Graph) -> Iterator[Finding]:
+    """Whether somebody publishes beside the collector. Pure."""
+    if graph.problem:
+        yield Finding(
+            "Publishers",
+            "unknown",
+            f"the ROS graph cannot be asked: {graph.problem}",
+            "Source the ROS 2 setup file in this shell, then run doctor again.",
+        )
+        return
+    for topic, nodes in sorted(graph.publishers.items()):
+        if len(nodes) > 1:
+            yield Finding(
+                "Publishers",
+                "error",
+                f"{topic} has {len(nodes)} publishers: {', '.join(sorted(nodes))}",
+                "Only the collector may publish it: start your node with the remappings in the bundle's README.md.",
+            )
+        elif nodes:
+            yield Finding("Publishers", "ok", f"{topic} is published by {nodes[0]} alone")
+        else:
+            yield Finding("Publishers", "ok", f"{topic} has no publisher at the moment")

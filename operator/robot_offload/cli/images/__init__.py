@@ -1,0 +1,1 @@
+"""`robot-offload dockerfile` and `build`."""

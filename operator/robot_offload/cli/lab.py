@@ -1,0 +1,44 @@
+"""The commands of the lab (`demo`, `simulate`, `bench`), which a package of its own brings: `robot-offload-lab`."""
+
+from __future__ import annotations
+
+from importlib.metadata import entry_points
+from typing import Annotated, Final
+
+import typer
+
+from robot_offload.errors import InputError
+
+GROUP: Final = "robot_offload.commands"
+"""The entry-point group in which a package names the modules of its commands; each has `add_to(app)`."""
+
+_HELP: Final = {
+    "demo": "Run both sides on this machine while the link between them fails.",
+    "simulate": "Try switching rules on a recorded link, or the protocol in virtual time.",
+    "bench": "Measure what the product claims.",
+}
+
+
+def add_to(app: typer.Typer, name: str) -> None:
+    """Adds the command `name`: the lab's where it is installed, else one that says how to install it.
+
+    Raises:
+        KeyError: `name` is none of the lab's commands.
+    """
+    problem = "which is not installed"
+    for found in entry_points(group=GROUP, name=name):
+        try:
+            found.load().add_to(app)
+        except ImportError as error:
+            problem = f"which cannot be loaded ({error})"
+        else:
+            return
+    _add_missing(app, name, f"robot-offload {name} is part of the lab, {problem}: pip install robot-offload-lab")
+
+
+def _add_missing(app: typer.Typer, name: str, message: str) -> None:
+    def missing(words: Annotated[list[str] | None, typer.Argument(hidden=True)] = None) -> None:
+        raise InputError(message)
+
+    context = {"ignore_unknown_options": True, "allow_extra_args": True}
+    app.command(name, help=f"{_HELP[name]} ({message})", context_settings=context, add_help_option=False)(missing)

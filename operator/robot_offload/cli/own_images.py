@@ -1,0 +1,32 @@
+"""Which images of ours are meant, where no cluster has said so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import version
+
+from robot_offload.kube.port import Manifest
+from robot_offload.objects import facts
+from robot_offload.objects.facts import Images
+
+
+def default_images() -> Images:
+    """The images of this version, as the chart installs them."""
+    return facts.default_images(version("robot-offload"))
+
+
+def images_in_use(deployments: list[Manifest]) -> Images:
+    """The images of a RobotOffload that runs; the default where a Deployment is missing."""
+    default, found = default_images(), dict(_containers(deployments))
+    return Images(
+        agent=found.get("agent", default.agent),
+        operator=found.get("reporter", default.operator),
+        discovery=found.get("discovery", default.discovery),
+        router=found.get("router", default.router),
+    )
+
+
+def _containers(deployments: list[Manifest]) -> Iterator[tuple[str, str]]:
+    for deployment in deployments:
+        for container in deployment["spec"]["template"]["spec"]["containers"]:
+            yield container["name"], container["image"]

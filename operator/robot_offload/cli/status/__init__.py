@@ -1,0 +1,1 @@
+"""`kubectl offload status` and `explain`."""

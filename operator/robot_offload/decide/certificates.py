@@ -1,0 +1,245 @@
+"""The life of the certificates of one RobotOffload: issue, renew before they end, rotate when a robot is revoked.
+
+Each Secret is decided from what is in it now, so a crash between two of them is nothing special: the next pass finds
+the half that is done. The order is authorities first, then what they sign. Only keys are random here.
+
+An authority lives ten years, because robots carry the server's in their bundle. Leaves live `certificates.duration` and
+are made anew `renewBefore` their end; a robot's old leaf stays good until it ends, so that there is time to write its
+bundle again. Revoking makes a new client authority at once: what it did not sign is refused from then on.
+"""
+
+from __future__ import annotations
+
+import base64
+import datetime
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, Literal, TypeAlias
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives import serialization
+from cryptography.x509.oid import NameOID
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.decide.decision import Verdict, no, yes
+from robot_offload.kube.port import Manifest
+from robot_offload.objects import child_names
+from robot_offload.objects.child import child
+from robot_offload.objects.facts import Facts
+from robot_offload.render import certificates as build
+
+REVOKE: Final = "robotoffload.dev/revoke"
+"""Annotation on the RobotOffload: any new text in it asks for a new client authority."""
+REVOKED: Final = "robotoffload.dev/revoked"
+"""Annotation on the client authority's Secret: the text that it answers."""
+AUTHORITY_DAYS: Final = 3650
+_DAY: Final = datetime.timedelta(days=1)
+
+Role: TypeAlias = Literal["server-ca", "client-ca", "cloud", "robot"]
+ROLES: Final[tuple[Role, ...]] = ("server-ca", "client-ca", "cloud", "robot")
+"""In the order in which they are made."""
+
+
+@dataclass(frozen=True, slots=True)
+class Issued:
+    """What is wanted of the certificates, after those that had to be made were made.
+
+    Attributes:
+        secrets: all Secrets, new and kept, in the order of `ROLES`.
+        made: which were made anew, and why: (role, verdict).
+        verdict: for the condition CertificatesReady.
+        recheck_s: seconds until the first of them is to be renewed.
+    """
+
+    secrets: tuple[Manifest, ...]
+    made: tuple[tuple[Role, Verdict], ...]
+    verdict: Verdict
+    recheck_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """A certificate with its key, taken apart."""
+
+    pem: build.KeyPair
+    certificate: x509.Certificate
+    trusted: bytes = b""
+    annotations: Mapping[str, str] = field(default_factory=dict)
+
+
+def secret_name(offload: str, role: Role) -> str:
+    """The name of the Secret of a role."""
+    return child_names.child_name(offload, role)
+
+
+def content_hash(secret: Manifest | None) -> str:
+    """A short name for what is in a Secret; empty: there is none."""
+    data = (secret or {}).get("data") or {}
+    text = "\0".join(f"{key}\0{data[key]}" for key in sorted(data))
+    return hashlib.sha256(text.encode()).hexdigest()[:16] if data else ""
+
+
+def issue(
+    offload: RobotOffload, facts: Facts, live: Mapping[Role, Manifest | None], revoke: str, now: datetime.datetime
+) -> Issued:
+    """Decides about every certificate and makes those that are needed.
+
+    Args:
+        offload: a valid RobotOffload.
+        facts: for owner and namespace.
+        live: the Secrets that are ours, as they are.
+        revoke: the text of the annotation `REVOKE`; empty: none.
+        now: our wall clock, with its time zone.
+    """
+    settings = offload.spec.transport.certificates
+    life = _Life(
+        days=max(1, round(settings.duration_ms / 86_400_000)),
+        margin=datetime.timedelta(milliseconds=settings.renew_before_ms),
+        now=now,
+    )
+    name = offload.metadata.name
+    have = {role: _read(live.get(role)) for role in ROLES}
+    made: list[tuple[Role, Verdict]] = []
+
+    def decide(role: Role, why: Verdict | None) -> bool:
+        if why is not None:
+            made.append((role, why))
+        return why is not None
+
+    server, client = have["server-ca"], have["client-ca"]
+    if decide("server-ca", _unusable_authority(server, life)) or server is None:
+        server = _pair(build.build_authority(f"{name} server authority", now=now, days=AUTHORITY_DAYS))
+    if decide("client-ca", _unusable_authority(client, life) or _revoked(client, revoke)) or client is None:
+        client = _pair(build.build_authority(f"{name} client authority", now=now, days=AUTHORITY_DAYS))
+    hosts = host_names(offload, facts.namespace)
+    cloud, robot = have["cloud"], have["robot"]
+    if decide("cloud", _unusable_leaf(cloud, server, life) or _other_hosts(cloud, hosts)) or cloud is None:
+        cloud = _pair(build.issue_cloud(server.pem, host_names=hosts, now=now, days=life.days))
+    if decide("robot", _unusable_leaf(robot, client, life) or _other_robot(robot, name)) or robot is None:
+        robot = _pair(build.issue_robot(client.pem, robot=name, now=now, days=life.days))
+    answered = {REVOKED: revoke or client.annotations.get(REVOKED, "")}
+    secrets = (
+        _secret(offload, facts, "server-ca", server, b"", {}),
+        _secret(offload, facts, "client-ca", client, b"", answered if answered[REVOKED] else {}),
+        _secret(offload, facts, "cloud", cloud, client.pem.certificate, {}),
+        _secret(offload, facts, "robot", robot, server.pem.certificate, {}),
+    )
+    renewals = [life.renewal(pair.certificate) for pair in (server, client, cloud, robot)]
+    recheck_s = max(60.0, (min(renewals) - now).total_seconds())
+    return Issued(secrets, tuple(made), _issued(cloud, robot), recheck_s)
+
+
+def _issued(cloud: _Pair, robot: _Pair) -> Verdict:
+    return yes(
+        "Issued",
+        f"The cloud's certificate ends on {_date(cloud)}, the robot's on {_date(robot)}; write the robot's files again "
+        "(`kubectl offload bundle`) before its own ends",
+    )
+
+
+def host_names(offload: RobotOffload, namespace: str) -> tuple[str, ...]:
+    """The names in the cloud's certificate: the declared one, and the Service's own inside the cluster."""
+    declared = offload.spec.transport.expose.host
+    inside = f"{child_names.child_name(offload.metadata.name, child_names.UDP)}.{namespace}.svc"
+    return (declared, inside) if declared else (inside,)
+
+
+@dataclass(frozen=True, slots=True)
+class _Life:
+    """How long certificates live. Times are UTC."""
+
+    days: int
+    margin: datetime.timedelta
+    now: datetime.datetime
+
+    def renewal(self, certificate: x509.Certificate) -> datetime.datetime:
+        """When a certificate is made anew: `margin` before its end, but not in the first half of a short life."""
+        begin, end = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+        return max(end - self.margin, begin + (end - begin) / 2)
+
+    def due(self, certificate: x509.Certificate) -> bool:
+        """Whether that time has come."""
+        return self.now >= self.renewal(certificate)
+
+
+def _unusable_authority(pair: _Pair | None, life: _Life) -> Verdict | None:
+    if pair is None:
+        return no("Missing", "there is no usable authority in the Secret")
+    if life.due(pair.certificate):
+        return no("Expiring", "the authority ends soon")
+    return None
+
+
+def _unusable_leaf(pair: _Pair | None, authority: _Pair, life: _Life) -> Verdict | None:
+    if pair is None:
+        return no("Missing", "there is no usable certificate in the Secret")
+    try:
+        pair.certificate.verify_directly_issued_by(authority.certificate)
+    except (ValueError, TypeError, InvalidSignature):
+        return no("OtherAuthority", "the certificate was signed by another authority")
+    if life.due(pair.certificate):
+        return no("Expiring", "the certificate ends soon")
+    return None
+
+
+def _revoked(pair: _Pair | None, revoke: str) -> Verdict | None:
+    if pair is not None and revoke and pair.annotations.get(REVOKED) != revoke:
+        return no("Revoked", f"the annotation {REVOKE} asks for a new client authority")
+    return None
+
+
+def _other_hosts(pair: _Pair | None, hosts: tuple[str, ...]) -> Verdict | None:
+    if pair is None:
+        return None
+    try:
+        names = pair.certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return no("OtherHosts", "the certificate names no host")
+    found = {str(name.value) for name in names}
+    return None if found == set(hosts) else no("OtherHosts", "the host's declared name has changed")
+
+
+def _other_robot(pair: _Pair | None, name: str) -> Verdict | None:
+    if pair is None:
+        return None
+    names = pair.certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return None if [part.value for part in names] == [name] else no("OtherRobot", "the certificate names another robot")
+
+
+def _read(secret: Manifest | None) -> _Pair | None:
+    """The pair in a Secret; None: there is none, or certificate and key do not fit."""
+    data = (secret or {}).get("data") or {}
+    try:
+        pem = build.KeyPair(base64.b64decode(data["tls.crt"]), base64.b64decode(data["tls.key"]))
+        certificate = x509.load_pem_x509_certificate(pem.certificate)
+        key = serialization.load_pem_private_key(pem.private_key, password=None)
+        trusted = base64.b64decode(data.get("ca.crt") or "")
+    except (KeyError, ValueError, TypeError):
+        return None
+    if key.public_key() != certificate.public_key():
+        return None
+    return _Pair(pem, certificate, trusted, (secret or {}).get("metadata", {}).get("annotations") or {})
+
+
+def _pair(pem: build.KeyPair) -> _Pair:
+    return _Pair(pem, x509.load_pem_x509_certificate(pem.certificate))
+
+
+def _secret(
+    offload: RobotOffload, facts: Facts, role: Role, pair: _Pair, trusted: bytes, annotations: Mapping[str, str]
+) -> Manifest:
+    data = {"tls.crt": pair.pem.certificate, "tls.key": pair.pem.private_key}
+    if trusted:
+        data["ca.crt"] = trusted
+    body: Manifest = {
+        "type": "kubernetes.io/tls",
+        "data": {key: base64.b64encode(value).decode() for key, value in data.items()},
+    }
+    name = secret_name(offload.metadata.name, role)
+    return child(offload, facts, "v1", "Secret", name, "certificates", body, annotations)
+
+
+def _date(pair: _Pair) -> str:
+    return pair.certificate.not_valid_after_utc.strftime("%Y-%m-%d")

@@ -1,0 +1,103 @@
+"""The conditions of the status, each from a pure check, and `Ready`, which sums them up."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from robot_offload.api.v1alpha1.status import CONDITION_TYPES
+from robot_offload.decide.decision import Truth, Verdict, no, unknown, yes
+from robot_offload.findings import Finding
+from robot_offload.kube.port import Manifest
+
+MAX_MESSAGE: Final = 32_768
+"""Characters in a message, as the schema limits them."""
+
+
+def spec_valid(errors: Sequence[Finding], warnings: Sequence[Finding] = ()) -> Verdict:
+    """Whether the specification can be carried out; every problem at once, one a line."""
+    if errors:
+        lines = "\n".join(finding.line() for finding in errors)
+        return no(errors[0].reason, f"{lines}\nThe children stay as they are until this is corrected")
+    if warnings:
+        return yes("ValidWithWarnings", "\n".join(finding.line() for finding in warnings))
+    return yes("Valid", "The specification is valid")
+
+
+def discovery_ready(servers: int, verdicts: Iterable[Verdict]) -> Verdict:
+    """Whether the nodes in the cloud find each other. One server of several is enough."""
+    if servers == 0:
+        return yes("NotNeeded", "This transport runs no discovery servers")
+    found = list(verdicts)
+    good = sum(verdict.holds for verdict in found)
+    if good == servers:
+        return yes("Available", f"{servers} of {servers} discovery servers are ready")
+    bad = next((verdict for verdict in found if not verdict.holds), None)
+    why = bad.message if bad else "they are being made"
+    if good:
+        return yes("Degraded", f"{good} of {servers} discovery servers are ready: {why}")
+    return no(bad.reason if bad else "NotMade", f"No discovery server is ready: {why}")
+
+
+def ready(verdicts: Mapping[str, Verdict]) -> Verdict:
+    """The sum: false with the reason of the first that is false, else unknown with that of the first unknown."""
+    for truth, make in (("False", no), ("Unknown", unknown)):
+        for name in CONDITION_TYPES:
+            verdict = verdicts.get(name)
+            if verdict is not None and verdict.truth == truth:
+                return make(verdict.reason, f"{name}: {verdict.message}")
+    return yes("Ready", "The cloud can act for the robot")
+
+
+def conditions(
+    verdicts: Mapping[str, Verdict], before: Iterable[Manifest], generation: int, now: datetime.datetime
+) -> list[dict[str, Any]]:
+    """The list for the status, in its fixed order.
+
+    Args:
+        verdicts: by type, without Ready. A type that is missing keeps its last condition.
+        before: the conditions as they were last written.
+        generation: which the verdicts are about.
+        now: our wall clock.
+    """
+    old = {condition["type"]: condition for condition in before}
+    summed = {name: verdicts.get(name) or _kept(old.get(name)) for name in CONDITION_TYPES if name != "Ready"}
+    known = {name: verdict for name, verdict in summed.items() if verdict is not None}
+    result = []
+    for name, verdict in {**known, "Ready": ready(known)}.items():
+        if name not in verdicts and name != "Ready":
+            result.append(dict(old[name]))
+        else:
+            result.append(_condition(name, verdict, old.get(name), generation, now))
+    return result
+
+
+def timestamp(moment: datetime.datetime) -> str:
+    """A time as Kubernetes writes it: UTC, whole seconds."""
+    return moment.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _kept(condition: Manifest | None) -> Verdict | None:
+    if condition is None:
+        return None
+    truth: Truth = condition["status"]
+    return Verdict(truth, condition.get("reason", ""), condition.get("message", ""))
+
+
+def _condition(
+    name: str, verdict: Verdict, before: Manifest | None, generation: int, now: datetime.datetime
+) -> dict[str, Any]:
+    moved = before is None or before.get("status") != verdict.truth
+    return {
+        "type": name,
+        "status": verdict.truth,
+        "reason": verdict.reason,
+        "message": _cut(verdict.message),
+        "observedGeneration": generation,
+        "lastTransitionTime": timestamp(now) if moved or before is None else before["lastTransitionTime"],
+    }
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= MAX_MESSAGE else f"{text[: MAX_MESSAGE - 3]}..."

@@ -1,0 +1,101 @@
+"""Whether a live object still is what we want. Decides about writes, so that a steady state needs none.
+
+We own fields, not objects. A child is as wanted when every field of the wanted manifest has its value in it; what
+others add beside that (defaults, a status, an injected annotation) is theirs. Fields that we no longer want are
+found by the digest of the whole wanted manifest, which is itself one of the wanted fields: an annotation.
+
+The API server writes some values in its own form (quantities, times). What it made of a manifest right after we applied
+it is remembered, and counts as wanted from then on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robot_offload.decide.ownership import APPLIED
+from robot_offload.kube.port import Manifest
+
+_LIST_KEYS: Final = (("containerPort", "protocol"), ("port", "protocol"), ("name",), ("ip",), ("uid",), ("mountPath",))
+"""By what entries of lists of mappings are told apart, as in the API server's own schema."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """What the API server made of a manifest.
+
+    Attributes:
+        digest: of the manifest.
+        fields: the manifest's fields as they were in the answer.
+    """
+
+    digest: str
+    fields: Any
+
+
+def digest(manifest: Manifest) -> str:
+    """A short name for exactly this manifest."""
+    text = json.dumps(manifest, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def stamped(manifest: Manifest, uid: str) -> Manifest:
+    """The manifest with the annotation by which it is found unchanged later."""
+    copy = deepcopy(manifest)
+    annotations = copy["metadata"].setdefault("annotations", {})
+    annotations[APPLIED] = f"{uid}/{digest(manifest)}"
+    return copy
+
+
+def in_place(wanted: Manifest, live: Manifest, settled: Settled | None) -> bool:
+    """Whether applying `wanted` (a stamped manifest) would change nothing."""
+    fields = projection(wanted, live)
+    if fields == wanted:
+        return True
+    return settled is not None and settled.digest == digest(wanted) and settled.fields == fields
+
+
+def settle(wanted: Manifest, answer: Manifest) -> Settled | None:
+    """What to remember after an apply; None: the answer holds the manifest word for word."""
+    fields = projection(wanted, answer)
+    return None if fields == wanted else Settled(digest(wanted), fields)
+
+
+def projection(wanted: Any, live: Any) -> Any:
+    """The live values of exactly those fields that `wanted` names; missing ones are left out."""
+    if isinstance(wanted, Mapping) and isinstance(live, Mapping):
+        return {key: projection(value, live[key]) for key, value in wanted.items() if key in live}
+    if isinstance(wanted, list | tuple) and isinstance(live, list):
+        return _list_projection(list(wanted), live)
+    return live
+
+
+def _list_projection(wanted: list[Any], live: list[Any]) -> list[Any]:
+    keys = _keys_for(wanted)
+    if keys is None:
+        # Whole lists of plain values have one owner: compare them whole.
+        if len(wanted) == len(live):
+            return [projection(want, have) for want, have in zip(wanted, live, strict=True)]
+        return live
+    entries = {_entry_key(entry, keys): entry for entry in live if isinstance(entry, Mapping)}
+    return [projection(entry, entries[key]) for entry in wanted if (key := _entry_key(entry, keys)) in entries]
+
+
+def _keys_for(entries: list[Any]) -> tuple[str, ...] | None:
+    """The fields that tell the entries apart; None: order does."""
+    if not entries or not all(isinstance(entry, Mapping) for entry in entries):
+        return None
+    for keys in _LIST_KEYS:
+        if all(keys[0] in entry for entry in entries) and len({_entry_key(entry, keys) for entry in entries}) == len(
+            entries
+        ):
+            return keys
+    return None
+
+
+def _entry_key(entry: Mapping[str, Any], keys: tuple[str, ...]) -> tuple[Any, ...]:
+    return tuple(entry.get(key, "TCP" if key == "protocol" else None) for key in keys)

@@ -1,0 +1,68 @@
+"""Certificates from the user's own issuer: objects of cert-manager instead of our authorities.
+
+cert-manager then writes the Secrets of cloud and robot; each trusts the issuer's own authority. So an issuer should
+sign for one robot only: whatever else it signs for clients could connect as that robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.decide.certificates import Role, host_names, secret_name
+from robot_offload.decide.decision import Verdict, no, yes
+from robot_offload.decide.ownership import APPLIED
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.child import child
+from robot_offload.objects.facts import Facts
+from robot_offload.objects.labels import labels
+
+WRITTEN_BY: Final = "cert-manager.io/certificate-name"
+"""Annotation of cert-manager on the Secrets that it writes."""
+
+
+def certificates(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+    """The Certificates of cloud and robot; only for a RobotOffload that names an issuer."""
+    name = offload.metadata.name
+    cloud = {"usages": ["digital signature", "server auth"], "dnsNames": list(host_names(offload, facts.namespace))}
+    robot = {"usages": ["digital signature", "client auth"], "commonName": name}
+    return (_certificate(offload, facts, "cloud", cloud), _certificate(offload, facts, "robot", robot))
+
+
+def verdict(secrets: Mapping[Role, Manifest | None]) -> Verdict:
+    """Whether the issuer has delivered, for the condition CertificatesReady."""
+    for role in ("cloud", "robot"):
+        data = (secrets.get(role) or {}).get("data") or {}
+        missing = [key for key in ("tls.crt", "tls.key", "ca.crt") if not data.get(key)]
+        if missing:
+            return no(
+                "WaitingForIssuer",
+                f"cert-manager has not written {', '.join(missing)} of the {role}'s certificate yet; "
+                "look at its Certificate and the issuer (the issuer must tell its own authority: ca.crt)",
+            )
+    return yes("IssuedByIssuer", "The certificates come from the named issuer, which renews them")
+
+
+def _certificate(offload: RobotOffload, facts: Facts, role: Role, usage: Mapping[str, Any]) -> Manifest:
+    settings = offload.spec.transport.certificates
+    assert settings.issuer_ref is not None
+    name = secret_name(offload.metadata.name, role)
+    spec: Manifest = {
+        "secretName": name,
+        # The Secret carries our labels and our mark, so that it is known as ours if the issuer is dropped again.
+        "secretTemplate": {
+            "labels": labels(offload, "certificates"),
+            "annotations": {APPLIED: f"{facts.uid}/issuer"},
+        },
+        "duration": f"{settings.duration_ms // 1000}s",
+        "renewBefore": f"{settings.renew_before_ms // 1000}s",
+        "privateKey": {"algorithm": "ECDSA", "size": 256, "encoding": "PKCS8", "rotationPolicy": "Always"},
+        "issuerRef": {
+            "name": settings.issuer_ref.name,
+            "kind": settings.issuer_ref.kind,
+            "group": "cert-manager.io",
+        },
+        **usage,
+    }
+    return child(offload, facts, "cert-manager.io/v1", "Certificate", name, "certificates", {"spec": spec})

@@ -1,0 +1,89 @@
+"""Whether Deployments, StatefulSets and their pods do what they should, and if not, why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+from robot_offload.decide.decision import Verdict, no, yes
+from robot_offload.kube.port import Manifest
+
+_IMAGE_REASONS: Final = ("ImagePullBackOff", "ErrImagePull", "InvalidImageName", "ErrImageNeverPull")
+
+
+def workload(manifest: Manifest, pods: Iterable[Manifest] = ()) -> Verdict:
+    """Whether a Deployment or StatefulSet runs as many ready pods of its present form as it should."""
+    name = manifest["metadata"]["name"]
+    wanted = int((manifest.get("spec") or {}).get("replicas", 1))
+    status: Mapping[str, Any] = manifest.get("status") or {}
+    if wanted == 0:
+        return yes("ScaledDown", f"{name} has no pods on purpose")
+    observed = int(status.get("observedGeneration") or 0) >= int(manifest["metadata"].get("generation") or 0)
+    ready = int(status.get("readyReplicas") or 0)
+    updated = int(status.get("updatedReplicas") or 0)
+    if observed and ready >= wanted and updated >= wanted:
+        return yes("Available", f"{name} is ready")
+    return (
+        pod_trouble(name, pods)
+        or _quota_trouble(name, status)
+        or no("PodsNotReady", f"{name}: {ready} of {wanted} pods are ready; look at its pods")
+    )
+
+
+def pods_of(manifest: Manifest, pods: Iterable[Manifest]) -> list[Manifest]:
+    """The pods that a workload selects."""
+    labels = ((manifest.get("spec") or {}).get("selector") or {}).get("matchLabels") or {}
+    return [
+        pod
+        for pod in pods
+        if labels and labels.items() <= (pod["metadata"].get("labels") or {}).items() and not _ended(pod)
+    ]
+
+
+def together(verdicts: Iterable[Verdict], fine: Verdict) -> Verdict:
+    """The sum of several: the first that does not hold names the reason, all that do not hold are in the message."""
+    bad = [verdict for verdict in verdicts if not verdict.holds]
+    return no(bad[0].reason, "; ".join(verdict.message for verdict in bad)) if bad else fine
+
+
+def pod_trouble(name: str, pods: Iterable[Manifest]) -> Verdict | None:
+    """What keeps pods from running, for the workload of that name; None: nothing that they tell."""
+    for pod in pods:
+        status = pod.get("status") or {}
+        for condition in status.get("conditions") or ():
+            if condition.get("type") == "PodScheduled" and condition.get("status") == "False":
+                return no(
+                    "Unschedulable", f"{name}: no node of the cluster fits its pod: {condition.get('message', '')}"
+                )
+        for container in [*(status.get("initContainerStatuses") or ()), *(status.get("containerStatuses") or ())]:
+            trouble = _container_trouble(name, container)
+            if trouble:
+                return trouble
+    return None
+
+
+def _container_trouble(name: str, container: Mapping[str, Any]) -> Verdict | None:
+    waiting = (container.get("state") or {}).get("waiting") or {}
+    reason, which = waiting.get("reason", ""), container.get("name", "")
+    if reason in _IMAGE_REASONS:
+        return no("ImagePullFailing", f"{name}: the image {container.get('image')} cannot be pulled ({reason})")
+    if reason == "CrashLoopBackOff":
+        ended = (container.get("lastState") or {}).get("terminated") or {}
+        return no(
+            "CrashLoop",
+            f"{name}: container {which} ends again and again with code {ended.get('exitCode', '?')}; look at its log",
+        )
+    if reason in ("CreateContainerConfigError", "CreateContainerError", "RunContainerError"):
+        return no(reason, f"{name}: container {which} cannot be started: {waiting.get('message', '')}")
+    return None
+
+
+def _quota_trouble(name: str, status: Mapping[str, Any]) -> Verdict | None:
+    for condition in status.get("conditions") or ():
+        if condition.get("type") == "ReplicaFailure" and condition.get("status") == "True":
+            return no("PodsRefused", f"{name}: the API server refuses its pods: {condition.get('message', '')}")
+    return None
+
+
+def _ended(pod: Manifest) -> bool:
+    return (pod.get("status") or {}).get("phase") in ("Succeeded", "Failed")

@@ -1,0 +1,147 @@
+"""Why a RobotOffload is not Ready, in the order in which one would ask. Pure."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robot_offload.insight.next_steps import Advice, advice
+from robot_offload.insight.observed import READY, Condition, Observed, ago, time_of
+
+EVENTS: Final = 5
+EPOCH: Final = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that is not as it should be.
+
+    Attributes:
+        condition: the type of the condition.
+        reason: one CamelCase word.
+        message: what the operator says.
+        since: how long, e.g. `3m`.
+        meaning: what the reason means.
+        step: what to do.
+    """
+
+    condition: str
+    reason: str
+    message: str
+    since: str
+    meaning: str
+    step: str
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """The answer.
+
+    Attributes:
+        ready: whether it is Ready.
+        headline: the answer in one line.
+        problems: what is wrong, the cause first.
+        notes: what is right and may surprise all the same.
+        events: the last warnings about it and its children.
+    """
+
+    ready: bool
+    headline: str
+    problems: tuple[Problem, ...]
+    notes: tuple[str, ...]
+    events: tuple[str, ...]
+
+
+def explain(
+    offload: Observed, *, deleting: bool, events: Sequence[Mapping[str, Any]], now: datetime.datetime
+) -> Explanation:
+    """Explains one RobotOffload.
+
+    Args:
+        offload: as it is.
+        deleting: whether it is being deleted.
+        events: of its namespace; those of others are left alone.
+        now: the present.
+    """
+    problems = tuple(_problems(offload, deleting, now))
+    name = f"{offload.namespace}/{offload.name}"
+    headline = f"{name} is not Ready: {problems[0].reason}" if problems else f"{name} is Ready"
+    return Explanation(
+        ready=not problems,
+        headline=headline,
+        problems=problems,
+        notes=tuple(_notes(offload)),
+        events=tuple(_events(offload.name, events, now)),
+    )
+
+
+def _problems(offload: Observed, deleting: bool, now: datetime.datetime) -> Iterator[Problem]:
+    if deleting:
+        yield _own("BeingDeleted", offload, "")
+        return
+    if not offload.conditions:
+        yield _own("NoStatus", offload, ago(offload.created, now))
+        return
+    if offload.outdated:
+        yield _own("InProgress", offload, "")
+    for condition in offload.conditions:
+        if not condition.holds and condition.type != READY:
+            yield _problem(condition, offload, now)
+    # An operator that says no more than that.
+    summary = offload.condition(READY)
+    others = [each for each in offload.conditions if each.type != READY]
+    if summary is not None and not summary.holds and all(each.holds for each in others) and not offload.outdated:
+        yield _problem(summary, offload, now)
+
+
+def _own(reason: str, offload: Observed, since: str) -> Problem:
+    found = advice(READY, reason)
+    return Problem(READY, reason, "", since, found.meaning, _filled(found, offload))
+
+
+def _problem(condition: Condition, offload: Observed, now: datetime.datetime) -> Problem:
+    found = advice(condition.type, condition.reason)
+    return Problem(
+        condition=condition.type,
+        reason=condition.reason,
+        message=condition.message,
+        since=ago(condition.since, now),
+        meaning=found.meaning,
+        step=_filled(found, offload),
+    )
+
+
+def _filled(found: Advice, offload: Observed) -> str:
+    return found.step.replace("{name}", offload.name).replace("{namespace}", offload.namespace)
+
+
+def _notes(offload: Observed) -> Iterator[str]:
+    """What is as declared and yet answers the question why it acts where it acts."""
+    if offload.pin != "Auto":
+        yield f"It is pinned to {offload.pin}; kubectl offload pin {offload.name} auto lets it decide again."
+    if offload.mode == "Observe":
+        yield "spec.switching.mode is Observe: it decides and says so, but never switches."
+    if offload.replicas == 0:
+        yield f"spec.replicas is 0; kubectl scale roff/{offload.name} --replicas=1 switches the cloud side on."
+    if offload.placement_message:
+        yield f"It acts on side {offload.placement}: {offload.placement_reason}, {offload.placement_message}"
+    warned = offload.condition("SpecValid")
+    if warned is not None and warned.reason == "ValidWithWarnings":
+        yield from (f"Warning: {line}" for line in warned.message.splitlines())
+
+
+def _events(name: str, events: Iterable[Mapping[str, Any]], now: datetime.datetime) -> Iterator[str]:
+    """The last warnings, each once."""
+    found: dict[str, tuple[datetime.datetime, str]] = {}
+    for event in events:
+        about = event.get("involvedObject") or event.get("regarding") or {}
+        owner = str(about.get("name", ""))
+        if event.get("type") != "Warning" or not (owner == name or owner.startswith(f"{name}-")):
+            continue
+        text = f"{about.get('kind')} {owner}: {event.get('reason')}: {event.get('message') or event.get('note') or ''}"
+        last = str(event.get("lastTimestamp") or event.get("eventTime") or "")
+        found[text] = max(found.get(text, (EPOCH, "")), (time_of(last) or EPOCH, last))
+    for text, (_, last) in sorted(found.items(), key=lambda each: each[1][0])[-EVENTS:]:
+        yield f"{ago(last, now) or '?'} ago, {text}"

@@ -1,1 +1,0 @@
-"""One RobotOffload on one machine, without a cluster: processes, emulated wire, recorder, report."""

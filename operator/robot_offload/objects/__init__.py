@@ -1,0 +1,1 @@
+"""Builds parts of Kubernetes objects, purely: names, labels, owners, pods, policy rules, and needed facts."""

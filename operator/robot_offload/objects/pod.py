@@ -1,0 +1,164 @@
+"""Parts of pods: what a namespace with the restricted Pod Security level asks for, and what all our pods share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from robot_offload.api.v1alpha1 import CloudSide, RobotOffload, Toleration
+from robot_offload.objects import hashes
+from robot_offload.objects.child import child
+from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.objects.labels import Component, labels, selector
+
+TMP: Final = "/tmp"  # noqa: S108 - an emptyDir of the pod's own, mounted because the root file system is read-only
+CERTIFICATES_DIR: Final = "/etc/robot-offload/certificates"
+
+
+def pod_template(
+    offload: RobotOffload,
+    component: Component,
+    containers: Sequence[Manifest],
+    *,
+    read: str,
+    grace_s: int,
+    volumes: Sequence[Manifest] = (),
+    extra_labels: Mapping[str, str] | None = None,
+    extra: Mapping[str, Any] | None = None,
+) -> Manifest:
+    """The template of a pod.
+
+    Args:
+        offload: whose pod it is.
+        component: which part it is.
+        containers: as built by `container`.
+        read: hash of what its containers read when they start, see `hashes`.
+        grace_s: seconds between the wish to stop it and the kill.
+        volumes: beside the one for /tmp.
+        extra_labels: beside those of every child.
+        extra: further fields of the pod's specification; a `nodeSelector` is laid over that of spec.cloud.
+    """
+    cloud = offload.spec.cloud
+    further = dict(extra or {})
+    node_selector = {**cloud.node_selector, **further.pop("nodeSelector", {})}
+    spec: Manifest = {
+        # The token would only be of use to somebody who has broken in; the reporter mounts its own.
+        "automountServiceAccountToken": False,
+        "enableServiceLinks": False,
+        "securityContext": _pod_security(cloud),
+        "terminationGracePeriodSeconds": grace_s,
+        "containers": list(containers),
+        "volumes": [{"name": "tmp", "emptyDir": {}}, *volumes],
+        **further,
+    }
+    if node_selector:
+        spec["nodeSelector"] = node_selector
+    if cloud.tolerations:
+        spec["tolerations"] = [_toleration(one) for one in cloud.tolerations]
+    if cloud.image_pull_secrets:
+        spec["imagePullSecrets"] = [{"name": one.name} for one in cloud.image_pull_secrets]
+    return {
+        "metadata": {
+            "labels": {**labels(offload, component), **(extra_labels or {})},
+            "annotations": {hashes.ANNOTATION: read},
+        },
+        "spec": spec,
+    }
+
+
+def container(
+    name: str,
+    image: str,
+    args: Sequence[str],
+    *,
+    environment: Mapping[str, str],
+    mounts: Sequence[Manifest] = (),
+    resources: Mapping[str, Any] | None = None,
+    extra: Mapping[str, Any] | None = None,
+) -> Manifest:
+    """A container. `args`, no command: the image's entry point prepares the ROS environment."""
+    result: Manifest = {
+        "name": name,
+        "image": image,
+        "args": list(args),
+        "env": [{"name": key, "value": value} for key, value in environment.items()],
+        "securityContext": {
+            "allowPrivilegeEscalation": False,
+            "capabilities": {"drop": ["ALL"]},
+            "readOnlyRootFilesystem": True,
+        },
+        "volumeMounts": [{"name": "tmp", "mountPath": TMP}, *mounts],
+        **(extra or {}),
+    }
+    if resources:
+        result["resources"] = dict(resources)
+    return result
+
+
+def deployment(
+    offload: RobotOffload,
+    facts: Facts,
+    name: str,
+    component: Component,
+    template: Manifest,
+    *,
+    replicas: int = 1,
+    extra_selector: Mapping[str, str] | None = None,
+) -> Manifest:
+    """A Deployment of one pod at most: the old one is gone before the new one starts, never two at a time."""
+    body = {
+        "replicas": replicas,
+        "revisionHistoryLimit": 2,
+        # A pod that dies again and again within these seconds is not said to be available in between.
+        "minReadySeconds": 3,
+        "strategy": {"type": "Recreate"},
+        "selector": {"matchLabels": {**selector(offload, component), **(extra_selector or {})}},
+        "template": template,
+    }
+    return child(offload, facts, "apps/v1", "Deployment", name, component, {"spec": body})
+
+
+def ros_environment(offload: RobotOffload) -> dict[str, str]:
+    """Environment of everything that speaks ROS 2 in the cloud."""
+    return {
+        "ROS_DOMAIN_ID": str(offload.spec.cloud_domain_id),
+        "RMW_IMPLEMENTATION": offload.spec.cloud_rmw,
+        # Pods have a /dev/shm each but may look like one host: shared memory would match and deliver nothing.
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+        "HOME": TMP,
+        "ROS_LOG_DIR": TMP,
+    }
+
+
+def config_map_volume(name: str, config_map: str, keys: Sequence[str]) -> Manifest:
+    """A volume with chosen keys of a ConfigMap as files."""
+    return {"name": name, "configMap": {"name": config_map, "items": [{"key": key, "path": key} for key in keys]}}
+
+
+def certificates_volume(secret: str) -> Manifest:
+    """A volume with a certificate, readable by the pod's group only."""
+    return {"name": "certificates", "secret": {"secretName": secret, "defaultMode": 0o440}}
+
+
+def mount(name: str, path: str, *, read_only: bool = True) -> Manifest:
+    """Where a container sees a volume. A whole folder, never a single file: that one would never be refreshed."""
+    return {"name": name, "mountPath": path, "readOnly": True} if read_only else {"name": name, "mountPath": path}
+
+
+def _pod_security(cloud: CloudSide) -> Manifest:
+    result: Manifest = {"runAsNonRoot": True, "seccompProfile": {"type": "RuntimeDefault"}}
+    if cloud.run_as_user is not None:
+        # The group is what lets a process that is not root read its private key.
+        result |= {"runAsUser": cloud.run_as_user, "runAsGroup": cloud.run_as_user, "fsGroup": cloud.run_as_user}
+    return result
+
+
+def _toleration(toleration: Toleration) -> Manifest:
+    fields = {
+        "key": toleration.key,
+        "operator": toleration.operator,
+        "value": toleration.value,
+        "effect": toleration.effect,
+        "tolerationSeconds": toleration.toleration_seconds,
+    }
+    return {name: value for name, value in fields.items() if value is not None}

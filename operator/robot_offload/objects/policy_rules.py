@@ -1,0 +1,82 @@
+"""Building blocks of network policies: which traffic of our pods is declared. Everything else is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.objects.child import child
+from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.objects.labels import Component, instance_labels, selector
+
+_DDS_BASE: Final = 7400
+_PORTS_PER_DOMAIN: Final = 250
+_LAST_PORT: Final = 65535
+_KUBERNETES_API: Final = (443, 6443, 8443, 16443)
+"""The Service's port, and those on which API servers listen: most networks see the port behind the Service."""
+
+
+def policy(
+    offload: RobotOffload,
+    facts: Facts,
+    name: str,
+    component: Component,
+    *,
+    ingress: Sequence[Manifest],
+    egress: Sequence[Manifest],
+) -> Manifest:
+    """The policy of the pods of one component: both ways closed but for these rules."""
+    spec: Manifest = {
+        "podSelector": {"matchLabels": selector(offload, component)},
+        "policyTypes": ["Ingress", "Egress"],
+    }
+    # The API server drops empty lists, and would seem to have been changed for ever.
+    spec |= {way: list(given) for way, given in (("ingress", ingress), ("egress", egress)) if given}
+    return child(offload, facts, "networking.k8s.io/v1", "NetworkPolicy", name, "network", {"spec": spec})
+
+
+def port(protocol: str, number: int, end: int | None = None) -> Manifest:
+    """One port, or all from `number` to `end`."""
+    result: Manifest = {"protocol": protocol, "port": number}
+    return result if end is None else {**result, "endPort": end}
+
+
+def anybody(*ports: Manifest) -> Manifest:
+    """A rule, either way, for these ports whoever is at the other end."""
+    return {"ports": list(ports)}
+
+
+def coming_from(labels: dict[str, str], *ports: Manifest) -> Manifest:
+    """A rule for what comes from pods of this namespace with these labels."""
+    return {"from": [{"podSelector": {"matchLabels": labels}}], "ports": list(ports)}
+
+
+def going_to(labels: dict[str, str], *ports: Manifest) -> Manifest:
+    """A rule for what goes to pods of this namespace with these labels."""
+    return {"to": [{"podSelector": {"matchLabels": labels}}], "ports": list(ports)}
+
+
+def dds(offload: RobotOffload) -> Manifest:
+    """The UDP ports of DDS participants in the cloud's domain."""
+    first = _DDS_BASE + _PORTS_PER_DOMAIN * offload.spec.cloud_domain_id
+    return port("UDP", first, min(first + _PORTS_PER_DOMAIN - 1, _LAST_PORT))
+
+
+def dds_both_ways(offload: RobotOffload, *, robot: bool) -> tuple[list[Manifest], list[Manifest]]:
+    """DDS between the pods of this RobotOffload, coming and going; with the robot, wherever it is, if `robot`."""
+    ports = dds(offload)
+    if robot:
+        return [anybody(ports)], [anybody(ports)]
+    pods = instance_labels(offload)
+    return [coming_from(pods, ports)], [going_to(pods, ports)]
+
+
+def names() -> Manifest:
+    """Asking for names; the cluster's DNS may be anywhere, even on the node itself."""
+    return anybody(port("UDP", 53), port("TCP", 53))
+
+
+def kubernetes_api() -> Manifest:
+    """Talking to the API server, whose address no label tells."""
+    return anybody(*(port("TCP", number) for number in _KUBERNETES_API))

@@ -1,0 +1,53 @@
+"""What an agent must know that is not in the resource: where it runs and what it was given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_offload.api.v1alpha1.names import Side
+from robot_offload.objects.facts import Endpoint
+
+
+@dataclass(frozen=True)
+class AgentSite:
+    """Where an agent runs and what it was given.
+
+    Attributes:
+        side: whose agent it is.
+        host: robot: the cloud's name or address; cloud: the address to listen on (`0.0.0.0` is every one).
+        pulse_port: port of the pulse session as seen from this side; None = the resource's.
+        data_port: port of the data session as seen from this side; None = the resource's.
+        ca: file with the certificates that the other side's is checked against.
+        certificate: file with this side's certificate.
+        private_key: file with its key.
+        endpoints: robot: where the cloud is reached, purpose by purpose; empty: `host` and the ports.
+        verify_name: whether the robot checks that the cloud's certificate names `host`.
+        uid: identity of the RobotOffload between the agents; empty = its name.
+        domain_id: ROS_DOMAIN_ID of this side; None = the resource's.
+        runtime_dir: folder for sockets and pid files; empty = the agent's default.
+        state_dir: folder for what outlives a reboot; empty = the agent's default.
+        realtime: whether the pulse process asks for real-time priority.
+        generation: of the resource's specification that this configuration was made from; 0 = none.
+        state_file: where the agent writes what it does; empty = nowhere.
+        settings_file: the run-time settings that the cloud's agent watches; empty = none.
+        handover_file: by which the cloud's agent is asked to hand over; empty = none.
+    """
+
+    side: Side
+    host: str
+    ca: str
+    certificate: str
+    private_key: str
+    pulse_port: int | None = None
+    data_port: int | None = None
+    verify_name: bool = True
+    uid: str = ""
+    domain_id: int | None = None
+    runtime_dir: str = ""
+    state_dir: str = ""
+    realtime: bool = False
+    endpoints: tuple[Endpoint, ...] = ()
+    generation: int = 0
+    state_file: str = ""
+    settings_file: str = ""
+    handover_file: str = ""

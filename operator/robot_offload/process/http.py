@@ -1,0 +1,51 @@
+"""The operator's two small HTTP servers: /metrics for Prometheus, /healthz for the kubelet."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import structlog
+from aiohttp import web
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
+
+from robot_offload.process.health import Signs, healthy
+from robot_offload.process.settings import Settings
+
+_log = structlog.get_logger("robot_offload.http")
+
+
+@asynccontextmanager
+async def serving(settings: Settings, registry: CollectorRegistry, signs: Signs) -> AsyncIterator[None]:
+    """Serves both while the block runs."""
+
+    async def metrics(_: web.Request) -> web.Response:
+        return web.Response(body=generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
+
+    async def healthz(_: web.Request) -> web.Response:
+        fine, told = healthy(signs())
+        return web.json_response(told, status=200 if fine else 503)
+
+    runners = []
+    try:
+        for name, port, path, answer in (
+            ("metrics", settings.metrics_port, "/metrics", metrics),
+            ("health", settings.health_port, "/healthz", healthz),
+        ):
+            application = web.Application()
+            application.router.add_get(path, answer)
+            runner = web.AppRunner(application, access_log=None, shutdown_timeout=1)
+            runners.append(runner)
+            await runner.setup()
+            await web.TCPSite(runner, None, port).start()
+            _log.info("Serving", what=name, path=path, port=_port(runner))
+        yield
+    finally:
+        for runner in runners:
+            await runner.cleanup()
+
+
+def _port(runner: web.AppRunner) -> int:
+    """The port as IPv4 has it: a free one (0) is another one for each family."""
+    addresses = sorted(runner.addresses, key=len)
+    return int(addresses[0][1])

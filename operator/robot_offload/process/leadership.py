@@ -1,0 +1,240 @@
+"""Who may write: the holder of one Lease. Two operators at once do not fight; the second waits.
+
+The holder renews; others count, on their own steady clock, how long the Lease has not moved. A holder that could not
+renew for a while stops writing before anybody else can start, and ends its process: a restart is the clean way back.
+The identity is the pod's name: a container that was killed and starts again in the same pod takes over from itself at
+once, because its predecessor is surely dead.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import datetime
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import structlog
+
+from robot_offload.controller.clock import Clock
+from robot_offload.errors import RobotOffloadError
+from robot_offload.kube.errors import ConflictError, KubeError
+from robot_offload.kube.kinds import LEASE, Kind
+from robot_offload.kube.port import KubeApi, Manifest
+
+LEASE_NAME: Final = "robot-offload-operator"
+_log = structlog.get_logger("robot_offload.leadership")
+
+
+class LostLeadershipError(RobotOffloadError):
+    """Another operator may be writing now; this one must not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """How long a Lease holds, in seconds.
+
+    Attributes:
+        duration_s: after which others may take over.
+        renew_s: how often the holder renews.
+        give_up_s: without a renewal for this long the holder stops writing; less than `duration_s`.
+    """
+
+    duration_s: float = 15.0
+    renew_s: float = 5.0
+    give_up_s: float = 10.0
+
+
+class Leadership:
+    """One candidate."""
+
+    def __init__(
+        self, api: KubeApi, namespace: str, identity: str, clock: Clock | None = None, terms: Terms | None = None
+    ) -> None:
+        self._api = api
+        self._namespace = namespace
+        self._identity = identity
+        self._clock = clock or Clock()
+        self._terms = terms or Terms()
+        self._until_s = float("-inf")
+        self._seen = ""
+        self._moved_s = self._clock.steady_s()
+        self.looked_s = self._moved_s
+        """When the loop last turned, on the steady clock: shows that it lives."""
+
+    @property
+    def held(self) -> bool:
+        """Whether this process may write now."""
+        return self._clock.steady_s() < self._until_s
+
+    def alive(self) -> float:
+        """Notes that the loop lives; returns the steady clock."""
+        self.looked_s = self._clock.steady_s()
+        return self.looked_s
+
+    async def acquire(self) -> None:
+        """Waits until this process is the leader."""
+        told = False
+        while True:
+            try:
+                holder = await self._try()
+            except KubeError as error:
+                _log.warning("Could not reach the leader's Lease", error=str(error))
+                holder = "unknown"
+            if self.held:
+                _log.info("Became leader", identity=self._identity)
+                return
+            if not told:
+                _log.info("Waiting for leadership", holder=holder, identity=self._identity)
+                told = True
+            await asyncio.sleep(self._terms.renew_s / 2)
+
+    async def hold(self) -> None:
+        """Renews for ever.
+
+        Raises:
+            LostLeadershipError: somebody else has it, or it could not be renewed in time.
+        """
+        pause_s = self._terms.renew_s
+        while True:
+            await asyncio.sleep(pause_s)
+            try:
+                holder = await self._try()
+                pause_s = self._terms.renew_s
+            except KubeError as error:
+                _log.warning("Could not renew the leader's Lease", error=str(error))
+                holder, pause_s = self._identity, min(1.0, self._terms.renew_s / 4)
+            if holder != self._identity:
+                self._until_s = float("-inf")
+                raise LostLeadershipError(f"{holder} is the leader now")
+            if not self.held:
+                raise LostLeadershipError(f"the leader's Lease could not be renewed for {self._terms.give_up_s:g} s")
+
+    async def release(self) -> None:
+        """Lets the next one start at once; best effort."""
+        if not self.held:
+            return
+        self._until_s = float("-inf")
+        try:
+            lease = await self._api.get(LEASE, self._namespace, LEASE_NAME)
+            if lease and (lease.get("spec") or {}).get("holderIdentity") == self._identity:
+                await self._write(lease, "")
+        except KubeError as error:
+            _log.info("Could not release the leader's Lease", error=str(error))
+
+    def check(self) -> None:
+        """Raises `LostLeadershipError` unless this process may write now."""
+        if not self.held:
+            raise LostLeadershipError("this operator is not the leader")
+
+    async def _try(self) -> str:
+        """One attempt to take or renew; returns who holds the Lease."""
+        began_s = self.alive()
+        lease = await self._api.get(LEASE, self._namespace, LEASE_NAME)
+        try:
+            if lease is None:
+                await self._api.create(self._lease({}, self._identity))
+            else:
+                holder = (lease.get("spec") or {}).get("holderIdentity") or ""
+                if holder not in ("", self._identity) and not self._expired(lease):
+                    return str(holder)
+                await self._write(lease, self._identity)
+        except ConflictError:
+            return "another operator"
+        # Counted from before the request: the Lease may have been written at once and the answer may have dawdled.
+        self._until_s = began_s + self._terms.give_up_s
+        return self._identity
+
+    def _expired(self, lease: Manifest) -> bool:
+        version = str(lease["metadata"].get("resourceVersion"))
+        now_s = self._clock.steady_s()
+        if version != self._seen:
+            self._seen, self._moved_s = version, now_s
+        duration_s = float((lease.get("spec") or {}).get("leaseDurationSeconds") or self._terms.duration_s)
+        return now_s - self._moved_s > duration_s
+
+    async def _write(self, lease: Manifest, holder: str) -> None:
+        spec = lease.get("spec") or {}
+        patch = {
+            "metadata": {"resourceVersion": lease["metadata"]["resourceVersion"]},
+            "spec": self._lease(spec, holder)["spec"],
+        }
+        await self._api.patch(LEASE, self._namespace, LEASE_NAME, patch)
+
+    def _lease(self, before: Mapping[str, Any], holder: str) -> Manifest:
+        now = self._clock.wall().astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        changed = before.get("holderIdentity") != holder
+        return {
+            "apiVersion": LEASE.api_version,
+            "kind": LEASE.kind,
+            "metadata": {"name": LEASE_NAME, "namespace": self._namespace},
+            "spec": {
+                "holderIdentity": holder,
+                "leaseDurationSeconds": round(self._terms.duration_s),
+                "renewTime": now,
+                "acquireTime": now if changed else before.get("acquireTime", now),
+                "leaseTransitions": int(before.get("leaseTransitions") or 0) + changed,
+            },
+        }
+
+
+class LeaderOnly:
+    """`KubeApi` that refuses to write unless this process is the leader."""
+
+    def __init__(self, api: KubeApi, leadership: Leadership) -> None:
+        self._api = api
+        self._leadership = leadership
+        self.calls: Counter[str] = Counter()
+
+    async def get(self, kind: Kind, namespace: str | None, name: str) -> Manifest | None:
+        """See `KubeApi.get`."""
+        self.calls["get"] += 1
+        return await self._api.get(kind, namespace, name)
+
+    async def list(
+        self, kind: Kind, namespace: str | None = None, labels: Mapping[str, str] | None = None
+    ) -> list[Manifest]:
+        """See `KubeApi.list`."""
+        self.calls["list"] += 1
+        return await self._api.list(kind, namespace, labels)
+
+    async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:
+        """See `KubeApi.apply`."""
+        self._count("apply")
+        return await self._api.apply(manifest, force=force)
+
+    async def create(self, manifest: Manifest) -> Manifest:
+        """See `KubeApi.create`."""
+        self._count("create")
+        return await self._api.create(manifest)
+
+    async def patch(
+        self, kind: Kind, namespace: str | None, name: str, patch: Mapping[str, Any], *, subresource: str = ""
+    ) -> Manifest:
+        """See `KubeApi.patch`."""
+        self._count("patch")
+        return await self._api.patch(kind, namespace, name, patch, subresource=subresource)
+
+    async def delete(self, kind: Kind, namespace: str | None, name: str, uid: str) -> None:
+        """See `KubeApi.delete`."""
+        self._count("delete")
+        await self._api.delete(kind, namespace, name, uid)
+
+    async def patch_status(self, manifest: Manifest) -> Manifest:
+        """See `KubeApi.patch_status`."""
+        self._count("patch status")
+        return await self._api.patch_status(manifest)
+
+    async def close(self) -> None:
+        """See `KubeApi.close`."""
+        await self._api.close()
+
+    @property
+    def writes(self) -> int:
+        """How many writes were asked for."""
+        return sum(count for verb, count in self.calls.items() if verb not in ("get", "list"))
+
+    def _count(self, verb: str) -> None:
+        self._leadership.check()
+        self.calls[verb] += 1

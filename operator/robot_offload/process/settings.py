@@ -1,0 +1,102 @@
+"""The operator's settings, from its environment; read once, at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from robot_offload.errors import InputError
+from robot_offload.objects.facts import BUILDER, Images
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How one operator runs. Times in seconds.
+
+    Attributes:
+        images: of our own programs.
+        watch_namespace: the one namespace that it serves; empty: all.
+        pod_namespace: where the leader's Lease is.
+        pod_name: its identity as leader; unique among operators.
+        resync_s: after this long every object is looked at, whatever the events said.
+        probe_s: how often the watch is compared with a list.
+        inactivity_s: a watch that is silent for this long is opened again.
+        lease_s: how long the leader's Lease holds.
+        metrics_port: of /metrics; 0: a free one, told in the log.
+        health_port: of /healthz; 0: a free one, told in the log.
+        log_level: debug, info, warning or error.
+        request_s: how long one request to the API server may take.
+        workers: how many objects are looked at at once.
+    """
+
+    images: Images
+    pod_namespace: str
+    pod_name: str
+    watch_namespace: str = ""
+    resync_s: float = 300.0
+    probe_s: float = 30.0
+    inactivity_s: float = 70.0
+    lease_s: float = 15.0
+    metrics_port: int = 8080
+    health_port: int = 8081
+    log_level: str = "info"
+    request_s: float = 15.0
+    workers: int = 4
+
+
+def from_environment(environment: Mapping[str, str]) -> Settings:
+    """The settings in an environment.
+
+    Raises:
+        InputError: a variable is missing or has no usable value; all of them are told.
+    """
+    problems: list[str] = []
+
+    def text(name: str) -> str:
+        value = environment.get(name, "")
+        if not value:
+            problems.append(f"{name} is not set")
+        return value
+
+    def number(name: str, default: float, lowest: float) -> float:
+        value = environment.get(name) or str(default)
+        try:
+            found = float(value)
+        except ValueError:
+            problems.append(f"{name} must be a number, found {value!r}")
+            return default
+        if found < lowest:
+            problems.append(f"{name} must be at least {lowest:g}, found {value}")
+        return found
+
+    settings = Settings(
+        images=Images(
+            agent=text("AGENT_IMAGE"),
+            operator=text("OPERATOR_IMAGE"),
+            discovery=text("DISCOVERY_IMAGE"),
+            router=text("ROUTER_IMAGE"),
+            builder=environment.get("BUILDER_IMAGE") or BUILDER,
+        ),
+        pod_namespace=text("POD_NAMESPACE"),
+        pod_name=text("POD_NAME"),
+        watch_namespace=environment.get("WATCH_NAMESPACE", ""),
+        resync_s=number("RESYNC_SECONDS", 300.0, 1.0),
+        probe_s=number("PROBE_SECONDS", 30.0, 0.5),
+        inactivity_s=number("WATCH_INACTIVITY_SECONDS", 70.0, 1.0),
+        lease_s=number("LEADER_LEASE_SECONDS", 15.0, 3.0),
+        metrics_port=int(number("METRICS_PORT", 8080, 0)),
+        health_port=int(number("HEALTH_PORT", 8081, 0)),
+        log_level=_level(environment.get("LOG_LEVEL") or "info", problems),
+        request_s=number("REQUEST_TIMEOUT_SECONDS", 15.0, 0.1),
+        workers=int(number("WORKERS", 4, 1)),
+    )
+    if problems:
+        raise InputError("\n".join(problems))
+    return settings
+
+
+def _level(text: str, problems: list[str]) -> str:
+    level = text.lower()
+    if level not in ("debug", "info", "warning", "error"):
+        problems.append(f"LOG_LEVEL must be debug, info, warning or error, found {text!r}")
+    return level

@@ -1,0 +1,124 @@
+"""The names that a RobotOffload gets in ROS 2, and the arguments that give a node these names.
+
+The nodes stay as they are: everything is remapping. A replica in the cloud is called `remote_NAME`; the outputs of
+duplicated nodes are published under private topics, one per side, and the collector publishes the public one.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from robot_offload.api.v1alpha1 import Node, RobotOffloadSpec, Run
+from robot_offload.api.v1alpha1.names import REMOTE_PREFIX, Side
+
+
+def private_topic(side: Side, topic: str) -> str:
+    """Where the replica of one side publishes a collected output: `/cmd_vel` -> `/offload/robot/cmd_vel`."""
+    return f"/offload/{side}{topic}"
+
+
+def replica_name(node: Node, side: Side) -> str:
+    """The ROS name of a node on one side: the replica in the cloud of a duplicated node carries the prefix."""
+    return f"{REMOTE_PREFIX}{node.name}" if side == "cloud" and node.duplicated else node.name
+
+
+def nodes_on(spec: RobotOffloadSpec, side: Side) -> tuple[Node, ...]:
+    """The nodes that run on one side, in bring-up order."""
+    placements = {"robot": ("Robot", "Duplicated"), "cloud": ("Cloud", "Duplicated")}[side]
+    return tuple(node for node in spec.nodes if node.placement in placements)
+
+
+def command(spec: RobotOffloadSpec, node: Node, side: Side, *, params_file: str | None = None) -> tuple[str, ...]:
+    """The command line of a node's replica on one side, with all ROS arguments.
+
+    Args:
+        spec: the whole specification.
+        node: the node.
+        side: where the replica runs.
+        params_file: a ROS 2 parameter file on that side; single parameters are laid over it.
+
+    Raises:
+        ValueError: the node has no `run` block, so something else must start it.
+    """
+    if node.run is None:
+        raise ValueError(f"node {node.name!r} has no run block: nothing says how to start it")
+    program = node.run.command or ("ros2", "run", str(node.run.package), str(node.run.executable))
+    file = () if params_file is None else ("--params-file", params_file)
+    # What comes later wins, so the file comes first.
+    return (*program, "--ros-args", *file, *run_arguments(spec, node, side))
+
+
+def run_arguments(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, ...]:
+    """What follows `--ros-args` for a node's replica on one side.
+
+    The node rule is always `OLD:__node:=NEW`: without OLD it would rename every node of the process. The namespace
+    rule names the new name, because ROS 2 renames first (rcl `node.c`).
+    """
+    name = replica_name(node, side)
+    arguments = ["-r", f"{node.name}:__node:={name}"]
+    if spec.robot.namespace != "/":
+        arguments += ["-r", f"{name}:__ns:={spec.robot.namespace}"]
+    for source, target in remappings(spec, node, side).items():
+        arguments += ["-r", f"{source}:={target}"]
+    for parameter, value in parameters(node.run, side).items():
+        arguments += ["-p", f"{parameter}:={parameter_text(value)}"]
+    return tuple(arguments)
+
+
+def remappings(spec: RobotOffloadSpec, node: Node, side: Side) -> dict[str, str]:
+    """Name remappings of a node: the user's own, and collected outputs to their private topics.
+
+    ROS 2 applies one rule to a name, never a second one to its result; so a user's rule that leads to an output
+    leads to the private topic at once.
+    """
+    outputs = [output.topic for output in node.outputs] if node.duplicated else []
+    own = dict(node.run.remap) if node.run else {}
+    rules = {
+        source: private_topic(side, full) if (full := _absolute(target, spec.robot.namespace)) in outputs else target
+        for source, target in own.items()
+    }
+    for topic in outputs:
+        rules.setdefault(topic, private_topic(side, topic))
+    return rules
+
+
+def _absolute(name: str, namespace: str) -> str:
+    return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
+
+
+def parameters(run: Run | None, side: Side) -> dict[str, Any]:
+    """The parameters of a replica by their dotted names; those of the cloud are laid over the common ones."""
+    if run is None:
+        return {}
+    flat = dict(_flat(run.parameters))
+    if side == "cloud":
+        flat |= dict(_flat(run.cloud_parameters))
+    return flat
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def parameter_text(value: object) -> str:
+    """A parameter's value as ROS 2 reads it back with the same type: text always quoted, numbers never."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else _not_finite(value)
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(parameter_text(item) for item in value)}]"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else str(value)
+
+
+def _not_finite(value: float) -> str:
+    if math.isnan(value):
+        return ".nan"
+    return ".inf" if value > 0 else "-.inf"

@@ -1,0 +1,31 @@
+"""Which files are generated, and their text: pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import yaml
+
+from robot_offload.api.crd import GROUP, PLURAL, crd
+from scripts.generate.reference import reference
+
+CRD_FILE: Final = f"manifests/crd/{PLURAL}.{GROUP}.yaml"
+CHART_CRD_FILE: Final = "charts/robot-offload/files/crd.yaml"
+REFERENCE_FILE: Final = "docs/reference/robotoffload.md"
+
+_HEAD: Final = "# Generated from the models in operator/robot_offload/api by `make generate`; changes here are lost.\n"
+
+
+def generated_files() -> Mapping[str, str]:
+    """Path below the repository -> text, of every generated file."""
+    definition = crd()
+    text = _HEAD + yaml.dump(definition, Dumper=_PlainDumper, sort_keys=False, width=110, allow_unicode=True)
+    return {CRD_FILE: text, CHART_CRD_FILE: text, REFERENCE_FILE: reference(definition)}
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Writes values that occur twice twice: anchors are no help to a reader of a manifest."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True

@@ -1,0 +1,55 @@
+"""What a collector remembers over its own death: who passed, and nothing that is not whole."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_offload_agent.collector.process import MEMORY_BYTES, Memory
+from robot_offload_core import collector
+from robot_offload_core.collector import Charge
+from robot_offload_core.token import Site, Token
+
+INCARNATIONS = st.text("0123456789abcdef", min_size=32, max_size=32)
+
+
+def state(charge: Charge | None, started_us: int = 0, fell_back: bool = False) -> collector.Collector:
+    empty = collector.start((), 0.15, 0.25)
+    return collector.resume(empty, charge, started_us, fell_back, 0.0) if charge else empty
+
+
+@given(
+    site=st.sampled_from(Site), robot=INCARNATIONS, epoch=st.integers(1, 2**63), cloud=INCARNATIONS | st.just(""),
+    started_us=st.integers(0, 2**63), fell_back=st.booleans(),
+)  # fmt: skip
+def test_the_next_collector_finds_what_the_dead_one_had_reached(
+    tmp_path_factory: pytest.TempPathFactory, site: Site, robot: str, epoch: int, cloud: str, started_us: int,
+    fell_back: bool,
+) -> None:  # fmt: skip
+    folder = tmp_path_factory.mktemp("run")
+    charge = Charge(site, Token(robot, epoch, cloud))
+    Memory(folder).save(state(charge, started_us, fell_back))
+    assert Memory(folder).load() == (charge, started_us, fell_back)
+
+
+def test_a_new_memory_and_one_without_a_charge_hold_nothing(tmp_path: Path) -> None:
+    memory = Memory(tmp_path)
+    assert memory.load() is None
+    memory.save(state(None))
+    assert memory.load() is None
+
+
+@given(st.binary(max_size=2 * MEMORY_BYTES))
+def test_a_file_with_anything_else_in_it_holds_nothing(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes
+) -> None:
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "collector.memory").write_bytes(content)
+    assert Memory(folder).load() is None
+
+
+def test_words_that_are_no_memory_hold_nothing(tmp_path: Path) -> None:
+    for text in (b"moon a 1 b 2 0 .", b"robot a x b 2 0 .", b"robot a 1 b y 0 .", b"robot a 1 b 2 0"):
+        (tmp_path / "collector.memory").write_bytes(text)
+        assert Memory(tmp_path).load() is None

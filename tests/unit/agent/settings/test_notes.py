@@ -1,0 +1,71 @@
+"""The notes of the two control processes: what is written is read back, and nothing else is taken for notes."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_offload_agent.settings.notes import CloudNotes, NotesError, RobotNotes, decode_cloud, decode_robot, encode
+from robot_offload_agent.settings.offer import Offer
+
+values = st.text() | st.booleans() | st.integers(-(2**53), 2**53) | st.lists(st.text())
+offers = st.builds(Offer, st.integers(0, 2**53), st.dictionaries(st.text(), values))
+robots = st.builds(
+    RobotNotes, st.integers(0, 2**53), st.text(), st.booleans(), st.text(), st.text(), st.text(),
+    st.sampled_from(["robot", "cloud"]), st.text(), st.text(),
+)  # fmt: skip
+
+
+@settings(deadline=None)
+@given(st.builds(CloudNotes, st.none() | offers, st.text()))
+def test_the_clouds_notes_are_read_back(notes: CloudNotes) -> None:
+    read = decode_cloud(encode(notes))
+    assert read == notes
+    assert (read.offer and read.offer.digest) == (notes.offer and notes.offer.digest)
+
+
+@settings(deadline=None)
+@given(robots)
+def test_the_robots_notes_are_read_back(notes: RobotNotes) -> None:
+    assert decode_robot(encode(notes)) == notes
+
+
+def test_what_a_newer_robot_says_besides_is_left_out() -> None:
+    body = {**json.loads(encode(RobotNotes(3))), "news": 1}
+    assert decode_robot(json.dumps(body)) == RobotNotes(3)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "[]", "{}", '{"leaving": 1}', '{"leaving": "", "offer": [1]}', '{"leaving": "", "offer": [true, {}]}'],
+)
+def test_what_is_none_of_the_clouds_notes_is_refused(text: str) -> None:
+    with pytest.raises(NotesError):
+        decode_cloud(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"generation": "1"}', '{"accepted": 1}', '{"site": "moon"}', '{"left": null}']
+)
+def test_what_is_none_of_the_robots_notes_is_refused(text: str) -> None:
+    with pytest.raises(NotesError):
+        decode_robot(text)
+
+
+@settings(deadline=None)
+@given(
+    st.text()
+    | st.recursive(
+        st.none() | st.integers() | st.text(),
+        lambda c: st.lists(c) | st.dictionaries(st.sampled_from(["leaving", "offer", "site"]), c),
+    ).map(json.dumps)
+)
+def test_no_text_whatever_does_any_harm(text: str) -> None:
+    for decode in (decode_cloud, decode_robot):
+        try:
+            decode(text)
+        except NotesError:
+            continue

@@ -1,0 +1,32 @@
+import pytest
+
+from robot_offload_core.settings import Settings
+from robot_offload_lab.bench.groups import alarms, commanded, cuts, latency, resources
+from robot_offload_lab.bench.resource import Case, offload
+
+CASES = (alarms.CASE, commanded.CASE, cuts.CASE, latency.CASE, resources.CASE)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_every_case_is_a_resource_whose_settings_work_together(case: Case):
+    switching = offload(case).spec.switching
+    Settings(
+        loss_timeout_s=switching.loss_timeout_ms / 1e3,
+        lease_s=switching.lease_ms / 1e3,
+        max_command_age_s=switching.max_command_age_ms / 1e3,
+        robot_period_s=switching.latency.robot_period_ms / 1e3,
+        cloud_period_s=switching.latency.cloud_period_ms / 1e3,
+        tolerance_s=switching.latency.tolerance_ms / 1e3,
+    ).check()
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_the_tolerance_allows_the_link_of_every_case(case: Case):
+    up, down = case.link.schedule().at(0.0)
+    four_sigma_ms = 4 * (up.jitter_ms**2 + down.jitter_ms**2) ** 0.5
+    assert up.delay_ms + down.delay_ms + four_sigma_ms <= offload(case).spec.switching.latency.allowed_loop_ms
+
+
+def test_a_case_is_told_in_words():
+    assert alarms.CASE.describe() == "40ms ± 5ms each way, 3% loss"
+    assert commanded.CASE.describe() == "5ms each way"

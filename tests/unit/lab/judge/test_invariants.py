@@ -1,0 +1,226 @@
+"""Each broken promise is found and told in a sentence with its time and figures; a calm run breaks none."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_offload_lab.judge.invariants import Violation, gap_limit_ms, violations
+from robot_offload_lab.judge.measures import measure
+from robot_offload_lab.judge.recording import Arrival, PlacementChange, Record, Recording
+from tests.unit.lab.judge.recordings import (
+    RUN,
+    START_S,
+    calm_run,
+    changed,
+    inhibited,
+    is_arrival,
+    later,
+    link,
+    recording,
+    stay,
+)
+
+
+def found(of: Recording) -> tuple[Violation, ...]:
+    return violations(measure(of))
+
+
+def only(of: Recording) -> Violation:
+    [violation] = found(of)
+    return violation
+
+
+def test_a_calm_run_breaks_no_promise() -> None:
+    assert found(recording(calm_run())) == ()
+
+
+def test_the_gap_limit_is_detection_activation_one_period_and_a_margin() -> None:
+    assert gap_limit_ms(recording([RUN])) == 90 + 250 + 50 + 200
+
+
+def test_a_message_that_passes_twice_is_a_violation() -> None:
+    def twice(record: Record) -> Record | list[Record]:
+        if is_arrival(record, "cloud", 5.0, 5.02):
+            assert isinstance(record, Arrival)
+            return [record, later(record, 0.005)]
+        return record
+
+    violation = only(changed(calm_run(), twice))
+    assert violation.kind == "Duplicate"
+    assert violation.t_s == pytest.approx(5.009)
+    assert violation.text == "1 message of /cmd_vel passed twice, the first, remote_controller#251, at 5.009 s."
+
+
+def test_messages_out_of_order_are_a_violation() -> None:
+    def late(record: Record) -> Record:
+        return later(record, 0.05) if is_arrival(record, "cloud", 5.0, 5.02) and isinstance(record, Arrival) else record
+
+    assert only(changed(calm_run(), late)).text == (
+        "1 message of /cmd_vel came after a later one of the same replica, the first, remote_controller#251, at "
+        "5.054 s."
+    )
+
+
+def test_the_old_side_after_the_first_message_of_the_new_one_is_a_violation() -> None:
+    extra = [arrival for arrival in stay("robot", 2.0, 2.2) if arrival.sequence > 40]
+    violation = only(recording([*calm_run(), *extra]))
+    assert violation.kind == "Interleaved"
+    assert violation.text == (
+        "4 messages of /cmd_vel from the robot passed after the cloud had taken over (epoch 2), the first, "
+        "controller#41, at 2.004 s."
+    )
+
+
+def test_a_side_that_is_not_in_charge_is_heard_long_after_the_switch() -> None:
+    extra = [arrival for arrival in stay("robot", 6.0, 6.1) if arrival.sequence > 40]
+    assert [v.kind for v in found(recording([*calm_run(), *extra]))] == ["Interleaved"]
+
+
+def test_the_old_side_may_pass_until_the_new_one_begins() -> None:
+    extra = stay("robot", 2.0, 2.3)
+    slow_cloud = changed(
+        [*calm_run(), *extra], lambda record: None if is_arrival(record, "cloud", 2.0, 2.3) else record
+    )
+    assert found(slow_cloud) == ()
+
+
+def test_an_announcement_may_lag_behind_the_messages() -> None:
+    def announced_late(record: Record) -> Record:
+        if isinstance(record, PlacementChange) and record.epoch > 1:
+            return dataclasses.replace(record, t_s=record.t_s + 0.25)
+        return record
+
+    assert found(changed(calm_run(), announced_late)) == ()
+
+
+def test_both_sides_at_once_are_a_violation_also_before_a_late_announcement() -> None:
+    def announced_late(record: Record) -> Record:
+        if isinstance(record, PlacementChange) and record.epoch == 2:
+            return dataclasses.replace(record, t_s=record.t_s + 0.25)
+        return record
+
+    late = changed([*calm_run(), *stay("robot", 2.0, 2.2)], announced_late)
+    assert "Interleaved" in [v.kind for v in found(late)]
+
+
+def test_a_message_older_than_allowed_is_a_violation() -> None:
+    def older(record: Record) -> Record:
+        if is_arrival(record, "cloud", 5.0, 5.06) and isinstance(record, Arrival):
+            return dataclasses.replace(record, sent_t_s=record.t_s - 0.1 - 0.03 * (record.sequence - 250))
+        return record
+
+    assert only(changed(calm_run(), older)).text == (
+        "2 messages of /cmd_vel from the cloud passed older than 150 ms, the first, remote_controller#252, at 5.024 s "
+        "with 160.0 ms; the oldest had 190.0 ms."
+    )
+
+
+def test_what_the_robot_itself_delays_is_counted_but_breaks_no_promise_of_the_link() -> None:
+    def older(record: Record) -> Record:
+        if is_arrival(record, "robot", 11.0, 11.05) and isinstance(record, Arrival):
+            return dataclasses.replace(record, sent_t_s=record.t_s - 0.2)
+        return record
+
+    measures = measure(changed(calm_run(), older))
+    assert len(measures.streams["/cmd_vel"].stale) == 1
+    assert violations(measures) == ()
+
+
+def test_the_age_counts_up_to_the_passing_not_to_a_late_hearing() -> None:
+    def late(record: Record) -> Record:
+        if is_arrival(record, "cloud", 5.0, 5.02) and isinstance(record, Arrival):
+            return dataclasses.replace(record, sent_t_s=record.t_s - 0.2, passed_t_s=record.t_s - 0.1)
+        return record
+
+    assert found(changed(calm_run(), late)) == ()
+
+
+def test_a_silence_that_nothing_explains_is_a_violation() -> None:
+    silent = changed(calm_run(), lambda record: None if is_arrival(record, "robot", 10.0, 11.0) else record)
+    violation = only(silent)
+    assert violation.text == (
+        "/cmd_vel was silent for 1100 ms from 9.904 s until controller#221 came; 1100 ms of it without the driver "
+        "being inhibited, more than the 590 ms that detection, activation and one period explain."
+    )
+
+
+def test_a_silence_until_the_end_is_a_violation() -> None:
+    silent = changed(calm_run(), lambda record: None if is_arrival(record, "cloud", 18.0, 21.0) else record)
+    assert only(silent).text.startswith("/cmd_vel was silent for 2016 ms from 17.984 s until the end of the run")
+
+
+def test_a_silence_with_the_driver_inhibited_is_none() -> None:
+    held = [*calm_run(), *inhibited(10.1, 11.0)]
+    silent = changed(held, lambda record: None if is_arrival(record, "robot", 10.0, 11.0) else record)
+    assert found(silent) == ()
+
+
+def test_a_driver_that_is_inhibited_too_late_excuses_nothing() -> None:
+    held = [*calm_run(), *inhibited(10.8, 11.0)]
+    silent = changed(held, lambda record: None if is_arrival(record, "robot", 10.0, 11.0) else record)
+    assert [v.kind for v in found(silent)] == ["Gap"]
+
+
+def test_a_commanded_switch_that_loses_a_message_is_a_violation() -> None:
+    lossy = changed(calm_run(), lambda record: None if is_arrival(record, "cloud", 2.1, 2.14) else record)
+    assert only(lossy).text == (
+        "The commanded switch from robot to cloud at 2.000 s lost 2 messages from the cloud over a good link."
+    )
+
+
+def test_what_the_robots_own_replica_loses_before_a_switch_is_no_loss_of_the_switch() -> None:
+    lossy = changed(calm_run(), lambda record: None if is_arrival(record, "robot", 1.7, 1.78) else record)
+    assert found(lossy) == ()
+    assert measure(lossy).switches[0].lost > 0
+
+
+def test_what_a_bad_link_loses_around_a_switch_is_no_violation() -> None:
+    calm = [record for record in calm_run() if type(record).__name__ != "LinkSample"]
+    lossy = changed(
+        [*calm, *link(20.0, [(2.0, 2.2), (9.92, 14.0)])],
+        lambda record: None if is_arrival(record, "cloud", 2.1, 2.14) else record,
+    )
+    assert found(lossy) == ()
+
+
+def test_what_a_loop_that_the_agents_found_too_slow_loses_is_no_violation() -> None:
+    def edited(record: Record) -> Record | None:
+        if isinstance(record, PlacementChange) and record.epoch == 2:
+            return dataclasses.replace(record, reason="LatencyTooHigh")
+        return None if is_arrival(record, "cloud", 2.1, 2.14) else record
+
+    assert found(changed(calm_run(), edited)) == ()
+
+
+def test_an_epoch_that_does_not_grow_is_a_violation() -> None:
+    def same_epoch(record: Record) -> Record:
+        if isinstance(record, PlacementChange) and record.epoch == 3:
+            return dataclasses.replace(record, epoch=2)
+        return record
+
+    assert only(changed(calm_run(), same_epoch)).text == (
+        "The switch from cloud to robot at 10.020 s went from epoch 2 to 2; every changeover must have a higher one."
+    )
+
+
+def test_violations_come_in_the_order_of_time() -> None:
+    extra = stay("robot", 2.0, 2.2)
+    silent = changed([*calm_run(), *extra], lambda record: None if is_arrival(record, "robot", 10.0, 11.0) else record)
+    assert [violation.kind for violation in found(silent)] == ["Interleaved", "Gap"]
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.tuples(st.floats(0, 20), st.sampled_from(["robot", "cloud"]), st.integers(0, 9)), max_size=30))
+def test_any_recording_can_be_judged(events: list[tuple[float, str, int]]) -> None:
+    records: list[Record] = [RUN]
+    for t_s, site, number in events:
+        side = "robot" if site == "robot" else "cloud"
+        records += [
+            Arrival("/cmd_vel", START_S + t_s, side, number, START_S + t_s - number / 30, side),  # type: ignore[arg-type]
+            PlacementChange(START_S + t_s / 2, side, number, "Any", "any", float(number) or None),  # type: ignore[arg-type]
+        ]
+    assert all(violation.text.endswith(".") for violation in found(recording(records)))

@@ -1,0 +1,159 @@
+"""How a run is laid out on one machine: ports, domains, what is changed in the resource, which programs run where."""
+
+import json
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robot_offload.api.files import load
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload_lab.run.system import (
+    HOST,
+    Mode,
+    NotRunnableError,
+    System,
+    adapted,
+    check_runnable,
+    environment,
+    free_domains,
+    free_ports,
+    programs,
+    wire_config,
+)
+from robot_offload_lab.wire.dds_options import DdsWireConfig, carried
+from robot_offload_lab.wire.options import LinkOptions
+from tests.unit.specs import changed
+
+ROOT = Path(__file__).parents[4]
+WHEELCHAIR = ROOT / "examples" / "wheelchair" / "robotoffload.yaml"
+
+
+def system(tmp_path: Path, mode: Mode = Mode.OFFLOAD, transport: str = "") -> System:
+    dialled, served = free_ports()
+    return System(
+        offload=adapted(load(WHEELCHAIR), mode, 7, transport),
+        source=WHEELCHAIR.parent,
+        mode=mode,
+        run="a-run",
+        out=tmp_path,
+        temporary=tmp_path,
+        domains=(221, 222),
+        link=LinkOptions(delay="5ms", outages=("4/20",)),
+        seed=7,
+        realtime=False,
+        dialled=dialled,
+        served=served,
+    )
+
+
+def names(of: System) -> set[str]:
+    return {program.name for program in programs(of)}
+
+
+def test_both_sides_run_with_a_replica_each(tmp_path: Path) -> None:
+    assert names(system(tmp_path)) == {
+        "recorder",
+        "robot-agent",
+        "robot-wheelchair_base",
+        "robot-controller",
+        "cloud-agent",
+        "cloud-remote_controller",
+    }
+
+
+def test_robot_only_has_no_cloud_side_and_is_pinned(tmp_path: Path) -> None:
+    robot_only = system(tmp_path, Mode.ROBOT_ONLY)
+    assert names(robot_only) == {"recorder", "robot-agent", "robot-wheelchair_base", "robot-controller"}
+    assert robot_only.spec.switching.pin == "Robot"
+    assert not robot_only.wired
+
+
+def test_cloud_only_has_no_replica_on_the_robot_and_is_pinned(tmp_path: Path) -> None:
+    cloud_only = system(tmp_path, Mode.CLOUD_ONLY)
+    assert "robot-controller" not in names(cloud_only)
+    assert "cloud-remote_controller" in names(cloud_only)
+    assert cloud_only.spec.switching.pin == "Cloud"
+
+
+def test_the_seed_reaches_the_nodes_that_have_one(tmp_path: Path) -> None:
+    commands = {program.name: program.command for program in programs(system(tmp_path))}
+    assert "seed:=7" in commands["robot-wheelchair_base"]
+    assert "seed:=7" not in commands["robot-controller"]
+
+
+def test_robot_and_cloud_do_not_share_a_domain_or_the_callers_network_settings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DISCOVERY_SERVER", "10.0.0.1:11811")
+    robot, cloud = (environment(system(tmp_path), side) for side in ("robot", "cloud"))
+    assert (robot["ROS_DOMAIN_ID"], cloud["ROS_DOMAIN_ID"]) == ("221", "222")
+    assert robot["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert "ROS_DISCOVERY_SERVER" not in robot
+
+
+def test_the_robot_dials_the_wire_and_the_wire_dials_the_cloud(tmp_path: Path) -> None:
+    one = system(tmp_path)
+    ways = {(forward.protocol, forward.listen, forward.target) for forward in wire_config(one).forwards}
+    for dialled, served in zip(one.dialled, one.served, strict=True):
+        for protocol in ("udp", "tcp"):
+            assert (protocol, f"{HOST}:{dialled}", f"{HOST}:{served}") in ways
+    programs(one)
+    assert f"quic/{HOST}:{one.dialled[0]}" in (tmp_path / "robot.yaml").read_text()
+    assert f"quic/{HOST}:{one.served[0]}" in (tmp_path / "cloud.yaml").read_text()
+
+
+def test_only_declared_topics_cross_a_link_of_topics(tmp_path: Path) -> None:
+    one = system(tmp_path, transport="StaticPeers")
+    assert "dds-wire" in names(one)
+    crossing = {(topic.topic, topic.direction) for topic in carried(one.spec)}
+    assert {topic for topic, direction in crossing if direction == "down"} == {
+        "/connectivity_test_remote",
+        "/offload/link/cloud/probe",
+        "/offload/link/cloud/out_cmd_vel",
+    }
+    assert ("/scan", "up") in crossing
+    assert ("/cmd_vel", "up") in crossing
+    config = DdsWireConfig((221, 222), carried(one.spec), one.link, 7)
+    assert DdsWireConfig.from_json(config.to_json()) == config
+
+
+def test_free_ports_are_four_different_ones_that_can_be_bound() -> None:
+    (a, b), (c, d) = free_ports()
+    assert len({a, b, c, d}) == 4
+    for port in (a, b, c, d):
+        for kind in (socket.SOCK_DGRAM, socket.SOCK_STREAM):
+            with socket.socket(socket.AF_INET, kind) as sock:
+                sock.bind((HOST, port))
+
+
+def test_runs_that_start_at_the_same_time_get_different_domains() -> None:
+    code = """
+import json, sys
+from robot_offload_lab.run.system import free_domains
+print(json.dumps(free_domains()), flush=True)
+sys.stdin.read()
+"""
+    command = [sys.executable, "-c", code]
+    runs = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    try:
+        claimed = [domain for run in runs if run.stdout for domain in json.loads(run.stdout.readline())]
+    finally:
+        for run in runs:
+            run.communicate()
+    assert len(set(claimed)) == 6
+
+
+def test_one_process_can_lay_out_many_runs_one_after_the_other() -> None:
+    for _ in range(30):
+        robot, cloud = free_domains()
+        assert robot != cloud
+
+
+def test_a_parameter_file_of_a_cluster_cannot_be_used_on_one_machine() -> None:
+    reference = {"configMapKeyRef": {"name": "parameters", "key": "nav2.yaml"}}
+    offload = parse_object(changed("spec.nodes.1.run.parametersFrom", reference), "spec.yaml")
+    with pytest.raises(NotRunnableError, match=r"nodes\[1\]\.run\.parametersFrom: .*use parameters"):
+        check_runnable(offload, Path("spec.yaml"))

@@ -1,0 +1,110 @@
+"""Why it is not Ready, and the next step."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from robot_offload.cli.status.explain import lines
+from robot_offload.insight.explanation import Explanation, explain
+from robot_offload.insight.observed import Observed, observe
+from tests.unit.operator.cli.resources import NOW, manifest, observed
+
+
+def explained(offload: Observed, *events: dict[str, Any], deleting: bool = False) -> Explanation:
+    return explain(offload, deleting=deleting, events=events, now=NOW)
+
+
+def test_what_is_ready_needs_no_step() -> None:
+    found = explained(observed())
+    assert (found.ready, found.headline, found.problems) == (True, "ward/wheelchair-7 is Ready", ())
+
+
+def test_the_cause_comes_first_and_has_a_next_step_with_the_real_names() -> None:
+    found = explained(
+        observed(
+            WorkloadsAvailable=("False", "ImagePullFailing", "w-controller: the image x cannot be pulled"),
+            AgentConfigCurrent=("Unknown", "NotConnected", "nobody can tell"),
+            Ready=("False", "ImagePullFailing", "WorkloadsAvailable: ..."),
+        )
+    )
+    assert found.headline == "ward/wheelchair-7 is not Ready: ImagePullFailing"
+    assert [problem.condition for problem in found.problems] == ["WorkloadsAvailable", "AgentConfigCurrent"]
+    cause = found.problems[0]
+    assert (cause.since, cause.message) == ("3m", "w-controller: the image x cannot be pulled")
+    assert "spec.nodes[].image" in cause.step
+    assert "-n ward" in cause.step
+    assert "{" not in cause.step
+
+
+def test_every_problem_of_a_specification_is_told() -> None:
+    found = explained(observed(SpecValid=("False", "TooShort", "spec.a: too short\nspec.b: too long")))
+    text = lines(found)
+    assert "  spec.a: too short" in text
+    assert "  spec.b: too long" in text
+    assert any("validate" in line for line in text)
+
+
+def test_an_object_without_status_points_at_the_operator() -> None:
+    values = manifest()
+    del values["status"]
+    found = explained(observe(values))
+    assert [problem.reason for problem in found.problems] == ["NoStatus"]
+    assert found.problems[0].since == "2h"
+
+
+def test_a_change_that_was_not_dealt_with_yet_is_not_ready() -> None:
+    found = explained(dataclasses.replace(observed(), generation=4))
+    assert (found.ready, [problem.reason for problem in found.problems]) == (False, ["InProgress"])
+
+
+def test_an_object_that_is_being_deleted_is_nothing_else() -> None:
+    broken = observed(WorkloadsAvailable=("False", "CrashLoop", "x"))
+    assert [problem.reason for problem in explained(broken, deleting=True).problems] == ["BeingDeleted"]
+
+
+def test_an_operator_that_says_no_more_than_not_ready_is_believed() -> None:
+    found = explained(observed(Ready=("False", "SomethingNew", "because")))
+    assert [(problem.reason, problem.message) for problem in found.problems] == [("SomethingNew", "because")]
+    assert "log" in found.problems[0].step
+
+
+def test_what_holds_the_application_is_noted() -> None:
+    values = manifest(SpecValid=("True", "ValidWithWarnings", "spec.x: odd"))
+    values["spec"]["switching"]["pin"] = "Robot"
+    notes = explained(observe(values)).notes
+    assert notes[0] == "It is pinned to Robot; kubectl offload pin wheelchair-7 auto lets it decide again."
+    assert "Warning: spec.x: odd" in notes
+
+
+def test_the_last_warnings_about_it_and_its_children_are_shown_once() -> None:
+    def event(name: str, message: str, minute: int, kind: str = "Warning") -> dict[str, Any]:
+        return {
+            "type": kind,
+            "reason": "Failed",
+            "message": message,
+            "involvedObject": {"kind": "Pod", "name": name},
+            "lastTimestamp": f"2026-11-21T10:0{minute}:00Z",
+        }
+
+    found = explained(
+        observed(),
+        event("wheelchair-7-agent-1", "old", 1),
+        event("wheelchair-7-agent-1", "again", 2),
+        event("wheelchair-7-agent-1", "again", 5),
+        event("wheelchair-7-agent-1", "fine", 6, "Normal"),
+        event("wheelchair-70-agent-1", "another robot", 6),
+        event("other", "not ours", 6),
+    )
+    assert found.events == (
+        "9m ago, Pod wheelchair-7-agent-1: Failed: old",
+        "5m ago, Pod wheelchair-7-agent-1: Failed: again",
+    )
+
+
+def test_only_the_last_five_warnings_are_shown() -> None:
+    many = [
+        {"type": "Warning", "reason": "R", "message": str(number), "involvedObject": {"name": "wheelchair-7"}}
+        for number in range(9)
+    ]
+    assert len(explained(observed(), *many).events) == 5
