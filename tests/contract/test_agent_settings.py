@@ -11,10 +11,11 @@ import yaml
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.objects.facts import Facts
+from robot_offload.objects.parent import Parent
 from robot_offload.render import handover
 from robot_offload.render.agent_config import RUN_TIME, RUN_TIME_INPUT, SHARED
 from robot_offload.render.bundle import BundleSecrets, bundle
-from robot_offload.render.certificates import build_certificates
+from robot_offload.render.pki import build_certificates
 from robot_offload_agent.link.zenoh_config import ZenohSettings
 from robot_offload_agent.main import main
 from robot_offload_agent.settings import liaison, offer
@@ -31,7 +32,7 @@ def configuration(text: str) -> agent.Configuration:
 
 
 def robots(resource: RobotOffload, known: Facts = KNOWN) -> agent.Configuration:
-    return configuration(bundle(resource, known, SECRETS)["agent.yaml"].decode())
+    return configuration(bundle(Parent(resource, known), SECRETS)["agent.yaml"].decode())
 
 
 def clouds(resource: RobotOffload, known: Facts = KNOWN) -> agent.Configuration:
@@ -75,7 +76,7 @@ def test_a_bundle_on_the_robots_disk_passes_the_agents_own_check(transport: str,
     made = build_certificates(robot="wheelchair-7", host_names=["edge.example"], now=now)
     secrets = BundleSecrets(made.server_ca.certificate, made.robot.certificate, made.robot.private_key)
     resource = offload(transport=TRANSPORTS[transport])
-    for path, content in bundle(resource, KNOWN, secrets, folder=str(tmp_path)).items():
+    for path, content in bundle(Parent(resource, KNOWN), secrets, folder=str(tmp_path)).items():
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_bytes(content)
     assert main(["robot", "--params", str(tmp_path / "agent.yaml"), "--check"]) == 0

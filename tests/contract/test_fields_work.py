@@ -15,6 +15,7 @@ from robot_offload.api.v1alpha1.model import Model
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.decide import issuer
 from robot_offload.decide.builds import Seen, decide
+from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.children import children
 from tests.contract.test_crd import FIELDS
@@ -226,16 +227,17 @@ def outcome(besides: dict[str, Any], path: str, value: Any) -> str:
     """All that the cluster and the robot get, as text in which numbers keep their types."""
     offload = parse_object(resource({**copy.deepcopy(besides), path: value}), "test.yaml")
     known = facts(endpoints=EVERY_ENDPOINT, user_configs=CONFIGS)
-    files = bundle(offload, known, SECRETS if transport.needs_certificates(offload.spec) else None)
+    parent = Parent(offload, known)
+    files = bundle(parent, SECRETS if transport.needs_certificates(offload.spec) else None)
     asked = certificate(offload)
-    images = decide(offload, known, Seen({}, (), frozenset(), BEGINNING), "").manifests
-    return json.dumps([children(offload, known), images, {name: text.decode() for name, text in files.items()}, asked])
+    images = decide(parent, Seen({}, (), frozenset(), BEGINNING), "").manifests
+    return json.dumps([children(parent), images, {name: text.decode() for name, text in files.items()}, asked])
 
 
 def certificate(offload: RobotOffload) -> Any:
     """What cert-manager is asked for, where an issuer is named."""
     issued = offload.spec.transport.certificates.issuer_ref is not None
-    return issuer.certificates(offload, facts()) if issued else None
+    return issuer.certificates(Parent(offload, facts())) if issued else None
 
 
 def test_the_list_here_is_the_list_of_the_fields() -> None:

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.children import children
 from tests.unit.operator.render.given import EVERY_ENDPOINT, facts
@@ -53,13 +54,13 @@ def compare(file: Path, text: str) -> None:
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_children_of_every_sample_are_as_recorded(name: str) -> None:
-    rendered = children(parse_object(SAMPLES[name], name), FACTS)
+    rendered = children(Parent(parse_object(SAMPLES[name], name), FACTS))
     compare(HERE / f"{name}.yaml", yaml.dump_all(rendered, Dumper=Dumper, sort_keys=False, width=110))
 
 
 @pytest.mark.parametrize("name", BUNDLES)
 def test_the_bundle_is_as_recorded(name: str) -> None:
-    files = bundle(parse_object(SAMPLES[name], name), FACTS, SECRETS)
+    files = bundle(Parent(parse_object(SAMPLES[name], name), FACTS), SECRETS)
     for path, content in files.items():
         compare(HERE.parent / "bundles" / name / path, content.decode())
     recorded = {str(file.relative_to(HERE.parent / "bundles" / name)) for file in walk(HERE.parent / "bundles" / name)}

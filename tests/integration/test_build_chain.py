@@ -21,6 +21,7 @@ import pytest
 
 from robot_offload.decide.build_log import failing_lines
 from robot_offload.decide.build_specs import build_plans
+from robot_offload.objects.parent import Parent
 from robot_offload.render import build_scripts as scripts
 from robot_offload.render.build_job import build_files, build_job
 from tests.integration.build_pod import BuildPod, why_not
@@ -71,12 +72,12 @@ def pod(
         {"git": {"url": f"file://{source}"}}, {"repository": f"{registry.address}/robots", "insecure": True}
     )
     [plan] = build_plans(offload, "")
-    spec = build_job(offload, facts(), plan)["spec"]["template"]["spec"]
+    spec = build_job(Parent(offload, facts()), plan)["spec"]["template"]["spec"]
     spec["initContainers"][1]["securityContext"] |= rights or {}
     made = BuildPod(
         folder,
         spec,
-        {**build_files(offload, facts(), plan)["data"], scripts.DOCKERFILE: DOCKERFILE},
+        {**build_files(Parent(offload, facts()), plan)["data"], scripts.DOCKERFILE: DOCKERFILE},
     )
     fetched = made.run("fetch")
     assert fetched.returncode == 0, fetched.stderr

@@ -16,7 +16,9 @@ from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.kube.kinds import DEPLOYMENT, SERVICE, STATEFUL_SET, Kind, kind_of
-from robot_offload.objects.facts import Endpoint, Facts, Manifest
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.facts import Endpoint, Facts
+from robot_offload.objects.parent import Parent
 from robot_offload.render.children import children
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, by_key, facts, resource
@@ -113,7 +115,7 @@ def restricted(control_plane: ControlPlane, restricted_namespace: str) -> Place:
 
 @pytest.mark.parametrize("name", RESOURCES)
 def test_every_child_is_taken_kept_and_left_alone_by_a_second_apply(restricted: Place, name: str) -> None:
-    rendered = children(*restricted.create(RESOURCES[name]))
+    rendered = children(Parent(*restricted.create(RESOURCES[name])))
     restricted.apply(*rendered)
     first = restricted.read(*rendered)
     assert [lost for key, one in by_key(rendered).items() for lost in missing(one, first[key], key)] == []
@@ -164,7 +166,7 @@ def missing(wanted: Any, found: Any, path: str) -> list[str]:
 
 def test_node_ports_that_the_cluster_chooses_become_endpoints(restricted: Place) -> None:
     offload, known = restricted.create(resource(transport={"type": "Zenoh", "expose": {"type": "NodePort"}}))
-    restricted.apply(*children(offload, known))
+    restricted.apply(*children(Parent(offload, known)))
     node = {
         "metadata": {"name": "edge-1"},
         "status": {
@@ -183,7 +185,7 @@ def test_one_node_port_cannot_serve_udp_and_tcp_in_two_services(restricted: Plac
     """Why `expose.nodePorts` has four numbers: the server gives out node ports by number alone."""
     ports = {"pulse": 31551, "data": 31552, "pulseFallback": 31553, "dataFallback": 31554}
     values = resource(transport={"type": "Zenoh", "expose": {"type": "NodePort", "nodePorts": ports}})
-    rendered = children(*restricted.create(values))
+    rendered = children(Parent(*restricted.create(values)))
     [tcp] = [one for one in rendered if one["metadata"]["name"] == "wheelchair-7-tcp"]
     tcp["spec"]["ports"][0]["nodePort"] = ports["pulse"]
     with pytest.raises(AssertionError, match="port is already allocated"):
@@ -193,14 +195,14 @@ def test_one_node_port_cannot_serve_udp_and_tcp_in_two_services(restricted: Plac
 def test_the_router_waits_for_its_address_and_then_announces_it(restricted: Place) -> None:
     offload, known = restricted.create(resource(transport={"type": "DDSRouter"}))
     name = "wheelchair-7-router"
-    restricted.apply(*children(offload, replace(known, endpoints=())))
+    restricted.apply(*children(Parent(offload, replace(known, endpoints=()))))
     assert name not in [one["metadata"]["name"] for one in restricted.list(DEPLOYMENT)]
     status = {"status": {"loadBalancer": {"ingress": [{"ip": "203.0.113.77"}]}}}
     path = SERVICE.path(restricted.namespace, name, "status")
     restricted.plane.request("PATCH", path, status, "application/merge-patch+json")
     found = transport.observed_endpoints(offload, restricted.list(SERVICE), [])
     assert found == (Endpoint("router", "TCP", "203.0.113.77", 11666),)
-    second = children(offload, replace(known, endpoints=found))
+    second = children(Parent(offload, replace(known, endpoints=found)))
     restricted.apply(*second)
     configuration = restricted.read(*second)[f"ConfigMap/{name}"]
     [wan] = [
@@ -212,7 +214,7 @@ def test_the_router_waits_for_its_address_and_then_announces_it(restricted: Plac
 
 def test_all_children_go_away_with_the_resource(restricted: Place) -> None:
     offload, known = restricted.create(resource())
-    rendered = children(offload, known)
+    rendered = children(Parent(offload, known))
     restricted.apply(*rendered)
     kubectl = restricted.plane.kubectl(restricted.namespace)
     kubectl("delete", "robotoffload", offload.metadata.name)
@@ -234,7 +236,7 @@ def test_the_type_of_the_services_can_be_changed_and_changed_back(restricted: Pl
     ]
     for expose in steps:
         offload, known = restricted.create(resource(transport={"type": "Zenoh", "expose": expose}))
-        services = [one for one in children(offload, known) if one["kind"] == "Service"]
+        services = [one for one in children(Parent(offload, known)) if one["kind"] == "Service"]
         restricted.apply(*services)
         udp = restricted.read(*services)["Service/wheelchair-7-udp"]["spec"]
         assert udp["type"] == expose["type"]
@@ -247,7 +249,7 @@ def test_the_type_of_the_services_can_be_changed_and_changed_back(restricted: Pl
 
 def test_a_transport_can_be_changed_and_changed_back(restricted: Place) -> None:
     for block in (*TRANSPORTS.values(), TRANSPORTS["Zenoh"]):
-        restricted.apply(*children(*restricted.create(resource(transport=block))))
+        restricted.apply(*children(Parent(*restricted.create(resource(transport=block)))))
     assert pods_refused(restricted) == []
 
 
@@ -256,7 +258,7 @@ def test_the_class_of_a_load_balancer_is_changed_by_way_of_another_type(restrict
 
     def show(**expose: str) -> None:
         offload, known = restricted.create(resource(transport={"type": "Zenoh", "expose": expose}))
-        restricted.apply(*[one for one in children(offload, known) if one["kind"] == "Service"])
+        restricted.apply(*[one for one in children(Parent(offload, known)) if one["kind"] == "Service"])
 
     show()
     with pytest.raises(AssertionError, match="loadBalancerClass"):

@@ -15,6 +15,7 @@ from robot_offload.api.agent_state import ANNOTATION
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.cli.main import app
 from robot_offload.objects.facts import Facts, default_images
+from robot_offload.objects.parent import Parent
 from robot_offload.render.children import children
 from robot_offload_lab.cluster.commands import Kubectl
 from robot_offload_lab.cluster.control_plane import ControlPlane
@@ -32,7 +33,7 @@ def lease(kubectl: Kubectl, namespace: str) -> str:
     """The robot's Lease and the reporter's rights as they are rendered; the Lease's name."""
     offload = parse_object(talker(), "talker")
     facts = Facts(namespace=namespace, uid="", generation=1, images=default_images("1"), nodes_wanted=True)
-    rendered = [child for child in children(offload, facts) if child["kind"] in RIGHTS]
+    rendered = [child for child in children(Parent(offload, facts)) if child["kind"] in RIGHTS]
     for child in rendered:
         del child["metadata"]["ownerReferences"]  # there is no RobotOffload here that could own them
     kubectl.apply(*rendered)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot_offload.render.certificates import build_certificates, issue_robot
+from robot_offload.render.pki import build_certificates, issue_robot
 
 
 @dataclass(frozen=True)

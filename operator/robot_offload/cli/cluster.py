@@ -19,7 +19,7 @@ from robot_offload.kube.errors import KubeError, NotFoundError
 from robot_offload.kube.kinds import ROBOT_OFFLOAD, Kind
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.kube.retry import RetryPolicy
-from robot_offload.objects.child_names import AGENT, child_name
+from robot_offload.objects.names import AGENT, child_name
 
 Result = TypeVar("Result")
 

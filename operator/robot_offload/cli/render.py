@@ -18,7 +18,9 @@ from robot_offload.cli.own_images import default_images
 from robot_offload.cli.sources import sources
 from robot_offload.decide.builds import Seen, decide
 from robot_offload.errors import InputError
-from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.facts import Facts
+from robot_offload.objects.parent import Parent
 from robot_offload.render.agent_config import AgentSite, agent_config
 from robot_offload.render.children import children
 from robot_offload.transport import discovery
@@ -89,10 +91,11 @@ def file_command(
         robot_connected=robot_connected,
         discovery_hosts=discovery.names(offload),  # their addresses are for the cluster to give
     )
+    parent = Parent(offload, facts)
     # As at the very beginning: the Secrets that builds need are there, and no image is.
     nothing = Seen({}, (), frozenset(), datetime.datetime.fromtimestamp(0, datetime.UTC))
-    builds = decide(offload, facts, nothing, "").manifests
-    manifests = [_without_owner(manifest) for manifest in (*builds, *children(offload, facts))]
+    builds = decide(parent, nothing, "").manifests
+    manifests = [_without_owner(manifest) for manifest in (*builds, *children(parent))]
     typer.echo(HEADER.format(name=offload.metadata.name), nl=False)
     typer.echo(yaml.safe_dump_all(manifests, sort_keys=False, width=120, explicit_start=True), nl=False)
 

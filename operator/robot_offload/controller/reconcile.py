@@ -41,8 +41,9 @@ from robot_offload.kube.errors import ForbiddenError, InvalidObjectError, KubeEr
 from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET, STATEFUL_SET
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.objects import labels
-from robot_offload.objects.child_names import ROBOT, child_name, discovery_child
 from robot_offload.objects.facts import Facts, Images
+from robot_offload.objects.names import ROBOT, child_name, discovery_child
+from robot_offload.objects.parent import Parent
 from robot_offload.render.children import children
 from robot_offload.transport import discovery
 
@@ -185,7 +186,7 @@ class _Pass:
         built = await self._build(facts)
         hosts = await self._show_discovery(facts)
         facts = replace(facts, certificate_hash=self._certificate_hash(), built=built.references, discovery_hosts=hosts)
-        await self._apply((*built.manifests, *children(self._offload, facts)), built.kept)
+        await self._apply((*built.manifests, *children(Parent(self._offload, facts))), built.kept)
         verdicts["ResourcesApplied"] = applied(self._done)
         found = await self._find(robot, wanted, built)
         verdicts |= {"ImageBuilt": built.verdict, **self._verdicts(found)}
@@ -225,7 +226,7 @@ class _Pass:
             return issuer.verdict({role: self._secret(role) for role in certificates.ROLES}), None
         revoke = (self._raw["metadata"].get("annotations") or {}).get(certificates.REVOKE, "")
         live = {role: self._secret(role) for role in certificates.ROLES}
-        issued = certificates.issue(self._offload, facts, live, revoke, self._clock.wall())
+        issued = certificates.issue(Parent(self._offload, facts), live, revoke, self._clock.wall())
         for role, why in issued.made:
             _log.info("Made certificate", **self._told, role=role, reason=why.reason)
         failures = len(self._done.errors) + len(self._done.obstacles)
@@ -243,7 +244,7 @@ class _Pass:
         missing = await reading.missing_secrets(self._api, self._namespace, builds.secrets_of(self._offload))
         seen = builds.Seen(self._seen.live, pods, missing, self._clock.wall())
         rebuild = (self._raw["metadata"].get("annotations") or {}).get(builds.REBUILD, "")
-        return builds.decide(self._offload, facts, seen, rebuild)
+        return builds.decide(Parent(self._offload, facts), seen, rebuild)
 
     async def _show_discovery(self, facts: Facts) -> tuple[str, ...]:
         """Applies the Services of the discovery servers before anything needs their addresses; returns these."""
@@ -252,7 +253,7 @@ class _Pass:
         names = set(discovery.names(self._offload))
         services = [
             each
-            for each in transport.of(self._offload.spec).services(self._offload, facts)
+            for each in transport.of(self._offload.spec).services(Parent(self._offload, facts))
             if each["metadata"]["name"] in names
         ]
         keys = {key_of(each) for each in services}
@@ -281,7 +282,7 @@ class _Pass:
                 # With an issuer, the authorities are not ours and the leaves are cert-manager's.
                 kept -= self._secret_keys()
                 kept |= {(SECRET, certificates.secret_name(self._name, role)) for role in ("cloud", "robot")}
-                manifests = [*issuer.certificates(self._offload, self._facts_of_owner()), *manifests]
+                manifests = [*issuer.certificates(Parent(self._offload, self._facts_of_owner())), *manifests]
         await reading.look_up(self._api, self._namespace, self._seen, manifests)
         steps = plan(manifests, self._seen.live, self._uid, self._memory.settled, kept)
         await carry_out(self._api, steps, self._seen.live, self._memory.settled, self._done)

@@ -7,8 +7,8 @@ from typing import Final, Literal
 from robot_offload.api.v1alpha1 import BuildFields, Node, NodeBuild, RobotOffload, RobotOffloadSpec
 from robot_offload.images.dockerfiles import dockerfile
 from robot_offload.images.spec import BuildSpec, GitSource, WorkspaceSource
-from robot_offload.objects.child_names import BUILD, child_name
 from robot_offload.objects.hashes import config_hash
+from robot_offload.objects.names import BUILD, child_name
 from robot_offload.render.build_job import BuildPlan
 
 SOURCE_DIR: Final = "src"

@@ -21,9 +21,8 @@ from robot_offload.decide.ownership import Key, being_deleted, belongs, controll
 from robot_offload.decide.workloads import pod_trouble
 from robot_offload.kube.kinds import CONFIG_MAP, DEPLOYMENT, JOB
 from robot_offload.kube.port import Manifest
-from robot_offload.objects.child import config_map
-from robot_offload.objects.child_names import IMAGES, child_name, node_child
-from robot_offload.objects.facts import Facts
+from robot_offload.objects.names import IMAGES, child_name, node_child
+from robot_offload.objects.parent import Parent, Part
 from robot_offload.render.build_job import BuildPlan, build_files, build_job
 
 REBUILD: Final = "robotoffload.dev/rebuild"
@@ -101,29 +100,28 @@ def secrets_of(offload: RobotOffload) -> frozenset[str]:
     return frozenset(secret.name for secret in found if secret is not None)
 
 
-def decide(offload: RobotOffload, facts: Facts, seen: Seen, rebuild: str) -> Builds:
+def decide(parent: Parent, seen: Seen, rebuild: str) -> Builds:
     """Decides about every image.
 
     Args:
-        offload: a valid RobotOffload.
-        facts: for owner, namespace and the builder's image.
+        parent: a valid RobotOffload.
         seen: what there is.
         rebuild: the text of the annotation `REBUILD`; empty: none.
     """
-    plans = build_plans(offload, rebuild)
+    plans = build_plans(parent.offload, rebuild)
     if not plans:
         return Builds()
-    ours = {key: child for key, child in seen.live.items() if belongs(child, facts.uid)}
-    name = child_name(offload.metadata.name, IMAGES)
-    images = _recorded(offload, ours, name)
-    steps = [_step(offload, facts, plan, seen, ours, images) for plan in plans]
+    ours = {key: child for key, child in seen.live.items() if belongs(child, parent.uid)}
+    name = child_name(parent.name, IMAGES)
+    images = _recorded(parent.offload, ours, name)
+    steps = [_step(parent, plan, seen, ours, images) for plan in plans]
     for plan, step in zip(plans, steps, strict=True):
         if step.built is not None:
             images |= dict.fromkeys(plan.nodes, step.built)
     record = {node: _written(built) for node, built in sorted(images.items()) if built.key}
     manifests = [manifest for step in steps for manifest in step.manifests]
     if record:
-        manifests.insert(0, config_map(offload, facts, name, "build", record))
+        manifests.insert(0, parent.config_map(Part(name, "build"), record))
     rechecks = [step.recheck_s for step in steps if step.recheck_s is not None]
     return Builds(
         tuple(manifests),
@@ -146,8 +144,7 @@ class _Step:
 
 
 def _step(
-    offload: RobotOffload,
-    facts: Facts,
+    parent: Parent,
     plan: BuildPlan,
     seen: Seen,
     ours: Mapping[Key, Manifest],
@@ -160,7 +157,7 @@ def _step(
         # Its files are of use only as long as its Job is.
         return _Step(yes("Built", _told(plan, known)), kept=kept if job is not None else (), built=known)
     if job is None:
-        return _begin(offload, facts, plan, seen, files)
+        return _begin(parent, plan, seen, files)
     pods = [pod for pod in seen.pods if (controller_of(pod) or {}).get("uid") == job["metadata"]["uid"]]
     # The newest first: one that was evicted has nothing to tell.
     pods.sort(key=lambda pod: pod["metadata"].get("creationTimestamp") or "", reverse=True)
@@ -174,22 +171,22 @@ def _step(
         return _Step(unknown("Building", f"what Job {plan.name} built is not known; {_subject(plan)} is built again"))
     if failed := _condition(job, "Failed"):
         return _Step(_failed(plan, failed, pods), kept=kept)
-    missing = () if files is not None else (build_files(offload, facts, plan),)
+    missing = () if files is not None else (build_files(parent, plan),)
     verdict, recheck_s = _under_way(plan, job, pods, seen.now)
     return _Step(verdict, missing, kept, recheck_s=recheck_s)
 
 
-def _begin(offload: RobotOffload, facts: Facts, plan: BuildPlan, seen: Seen, files: Manifest | None) -> _Step:
+def _begin(parent: Parent, plan: BuildPlan, seen: Seen, files: Manifest | None) -> _Step:
     secrets = (plan.build.git_secret, plan.registry.push_secret, plan.registry.pull_secret)
     missing = [secret.name for secret in secrets if secret is not None and secret.name in seen.secrets_missing]
     if missing:
         message = f"{_subject(plan)} cannot be built: there is no Secret {missing[0]}; create it in this namespace"
         return _Step(no("SecretMissing", message), recheck_s=SECRET_WAIT_S)
     kept = () if files is None else ((CONFIG_MAP, plan.name),)
-    made = () if files is not None else (build_files(offload, facts, plan),)
+    made = () if files is not None else (build_files(parent, plan),)
     return _Step(
         unknown("Building", f"{_subject(plan)} is about to be built by Job {plan.name}"),
-        (*made, build_job(offload, facts, plan)),
+        (*made, build_job(parent, plan)),
         kept,
     )
 

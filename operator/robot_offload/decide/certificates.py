@@ -24,11 +24,11 @@ from cryptography.x509.oid import NameOID
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.decide.decision import Verdict, no, yes
+from robot_offload.kube.kinds import SECRET
 from robot_offload.kube.port import Manifest
-from robot_offload.objects import child_names
-from robot_offload.objects.child import child
-from robot_offload.objects.facts import Facts
-from robot_offload.render import certificates as build
+from robot_offload.objects import names
+from robot_offload.objects.parent import Parent, Part
+from robot_offload.render import pki
 
 REVOKE: Final = "robotoffload.dev/revoke"
 """Annotation on the RobotOffload: any new text in it asks for a new client authority."""
@@ -63,7 +63,7 @@ class Issued:
 class _Pair:
     """A certificate with its key, taken apart."""
 
-    pem: build.KeyPair
+    pem: pki.KeyPair
     certificate: x509.Certificate
     trusted: bytes = b""
     annotations: Mapping[str, str] = field(default_factory=dict)
@@ -71,7 +71,7 @@ class _Pair:
 
 def secret_name(offload: str, role: Role) -> str:
     """The name of the Secret of a role."""
-    return child_names.child_name(offload, role)
+    return names.child_name(offload, role)
 
 
 def content_hash(secret: Manifest | None) -> str:
@@ -81,25 +81,22 @@ def content_hash(secret: Manifest | None) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16] if data else ""
 
 
-def issue(
-    offload: RobotOffload, facts: Facts, live: Mapping[Role, Manifest | None], revoke: str, now: datetime.datetime
-) -> Issued:
+def issue(parent: Parent, live: Mapping[Role, Manifest | None], revoke: str, now: datetime.datetime) -> Issued:
     """Decides about every certificate and makes those that are needed.
 
     Args:
-        offload: a valid RobotOffload.
-        facts: for owner and namespace.
+        parent: a valid RobotOffload.
         live: the Secrets that are ours, as they are.
         revoke: the text of the annotation `REVOKE`; empty: none.
         now: our wall clock, with its time zone.
     """
-    settings = offload.spec.transport.certificates
+    settings = parent.spec.transport.certificates
     life = _Life(
         days=max(1, round(settings.duration_ms / 86_400_000)),
         margin=datetime.timedelta(milliseconds=settings.renew_before_ms),
         now=now,
     )
-    name = offload.metadata.name
+    name = parent.name
     have = {role: _read(live.get(role)) for role in ROLES}
     made: list[tuple[Role, Verdict]] = []
 
@@ -110,21 +107,21 @@ def issue(
 
     server, client = have["server-ca"], have["client-ca"]
     if decide("server-ca", _unusable_authority(server, life)) or server is None:
-        server = _pair(build.build_authority(f"{name} server authority", now=now, days=AUTHORITY_DAYS))
+        server = _pair(pki.build_authority(f"{name} server authority", now=now, days=AUTHORITY_DAYS))
     if decide("client-ca", _unusable_authority(client, life) or _revoked(client, revoke)) or client is None:
-        client = _pair(build.build_authority(f"{name} client authority", now=now, days=AUTHORITY_DAYS))
-    hosts = host_names(offload, facts.namespace)
+        client = _pair(pki.build_authority(f"{name} client authority", now=now, days=AUTHORITY_DAYS))
+    hosts = host_names(parent.offload, parent.namespace)
     cloud, robot = have["cloud"], have["robot"]
     if decide("cloud", _unusable_leaf(cloud, server, life) or _other_hosts(cloud, hosts)) or cloud is None:
-        cloud = _pair(build.issue_cloud(server.pem, host_names=hosts, now=now, days=life.days))
+        cloud = _pair(pki.issue_cloud(server.pem, host_names=hosts, now=now, days=life.days))
     if decide("robot", _unusable_leaf(robot, client, life) or _other_robot(robot, name)) or robot is None:
-        robot = _pair(build.issue_robot(client.pem, robot=name, now=now, days=life.days))
+        robot = _pair(pki.issue_robot(client.pem, robot=name, now=now, days=life.days))
     answered = {REVOKED: revoke or client.annotations.get(REVOKED, "")}
     secrets = (
-        _secret(offload, facts, "server-ca", server, b"", {}),
-        _secret(offload, facts, "client-ca", client, b"", answered if answered[REVOKED] else {}),
-        _secret(offload, facts, "cloud", cloud, client.pem.certificate, {}),
-        _secret(offload, facts, "robot", robot, server.pem.certificate, {}),
+        _secret(parent, "server-ca", server, b"", {}),
+        _secret(parent, "client-ca", client, b"", answered if answered[REVOKED] else {}),
+        _secret(parent, "cloud", cloud, client.pem.certificate, {}),
+        _secret(parent, "robot", robot, server.pem.certificate, {}),
     )
     renewals = [life.renewal(pair.certificate) for pair in (server, client, cloud, robot)]
     recheck_s = max(60.0, (min(renewals) - now).total_seconds())
@@ -142,7 +139,7 @@ def _issued(cloud: _Pair, robot: _Pair) -> Verdict:
 def host_names(offload: RobotOffload, namespace: str) -> tuple[str, ...]:
     """The names in the cloud's certificate: the declared one, and the Service's own inside the cluster."""
     declared = offload.spec.transport.expose.host
-    inside = f"{child_names.child_name(offload.metadata.name, child_names.UDP)}.{namespace}.svc"
+    inside = f"{names.child_name(offload.metadata.name, names.UDP)}.{namespace}.svc"
     return (declared, inside) if declared else (inside,)
 
 
@@ -212,7 +209,7 @@ def _read(secret: Manifest | None) -> _Pair | None:
     """The pair in a Secret; None: there is none, or certificate and key do not fit."""
     data = (secret or {}).get("data") or {}
     try:
-        pem = build.KeyPair(base64.b64decode(data["tls.crt"]), base64.b64decode(data["tls.key"]))
+        pem = pki.KeyPair(base64.b64decode(data["tls.crt"]), base64.b64decode(data["tls.key"]))
         certificate = x509.load_pem_x509_certificate(pem.certificate)
         key = serialization.load_pem_private_key(pem.private_key, password=None)
         trusted = base64.b64decode(data.get("ca.crt") or "")
@@ -223,13 +220,11 @@ def _read(secret: Manifest | None) -> _Pair | None:
     return _Pair(pem, certificate, trusted, (secret or {}).get("metadata", {}).get("annotations") or {})
 
 
-def _pair(pem: build.KeyPair) -> _Pair:
+def _pair(pem: pki.KeyPair) -> _Pair:
     return _Pair(pem, x509.load_pem_x509_certificate(pem.certificate))
 
 
-def _secret(
-    offload: RobotOffload, facts: Facts, role: Role, pair: _Pair, trusted: bytes, annotations: Mapping[str, str]
-) -> Manifest:
+def _secret(parent: Parent, role: Role, pair: _Pair, trusted: bytes, annotations: Mapping[str, str]) -> Manifest:
     data = {"tls.crt": pair.pem.certificate, "tls.key": pair.pem.private_key}
     if trusted:
         data["ca.crt"] = trusted
@@ -237,8 +232,8 @@ def _secret(
         "type": "kubernetes.io/tls",
         "data": {key: base64.b64encode(value).decode() for key, value in data.items()},
     }
-    name = secret_name(offload.metadata.name, role)
-    return child(offload, facts, "v1", "Secret", name, "certificates", body, annotations)
+    name = secret_name(parent.name, role)
+    return parent.child(SECRET, Part(name, "certificates"), body, annotations)
 
 
 def _date(pair: _Pair) -> str:

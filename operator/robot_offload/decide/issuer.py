@@ -9,25 +9,27 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.decide.certificates import Role, host_names, secret_name
 from robot_offload.decide.decision import Verdict, no, yes
 from robot_offload.decide.ownership import APPLIED
+from robot_offload.kube.kinds import CERTIFICATE
 from robot_offload.kube.port import Manifest
-from robot_offload.objects.child import child
-from robot_offload.objects.facts import Facts
 from robot_offload.objects.labels import labels
+from robot_offload.objects.parent import Parent, Part
 
 WRITTEN_BY: Final = "cert-manager.io/certificate-name"
 """Annotation of cert-manager on the Secrets that it writes."""
 
 
-def certificates(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+def certificates(parent: Parent) -> tuple[Manifest, ...]:
     """The Certificates of cloud and robot; only for a RobotOffload that names an issuer."""
-    name = offload.metadata.name
-    cloud = {"usages": ["digital signature", "server auth"], "dnsNames": list(host_names(offload, facts.namespace))}
+    name = parent.name
+    cloud = {
+        "usages": ["digital signature", "server auth"],
+        "dnsNames": list(host_names(parent.offload, parent.namespace)),
+    }
     robot = {"usages": ["digital signature", "client auth"], "commonName": name}
-    return (_certificate(offload, facts, "cloud", cloud), _certificate(offload, facts, "robot", robot))
+    return (_certificate(parent, "cloud", cloud), _certificate(parent, "robot", robot))
 
 
 def verdict(secrets: Mapping[Role, Manifest | None]) -> Verdict:
@@ -44,16 +46,16 @@ def verdict(secrets: Mapping[Role, Manifest | None]) -> Verdict:
     return yes("IssuedByIssuer", "The certificates come from the named issuer, which renews them")
 
 
-def _certificate(offload: RobotOffload, facts: Facts, role: Role, usage: Mapping[str, Any]) -> Manifest:
-    settings = offload.spec.transport.certificates
+def _certificate(parent: Parent, role: Role, usage: Mapping[str, Any]) -> Manifest:
+    settings = parent.spec.transport.certificates
     assert settings.issuer_ref is not None
-    name = secret_name(offload.metadata.name, role)
+    name = secret_name(parent.name, role)
     spec: Manifest = {
         "secretName": name,
         # The Secret carries our labels and our mark, so that it is known as ours if the issuer is dropped again.
         "secretTemplate": {
-            "labels": labels(offload, "certificates"),
-            "annotations": {APPLIED: f"{facts.uid}/issuer"},
+            "labels": labels(parent.offload, "certificates"),
+            "annotations": {APPLIED: f"{parent.uid}/issuer"},
         },
         "duration": f"{settings.duration_ms // 1000}s",
         "renewBefore": f"{settings.renew_before_ms // 1000}s",
@@ -65,4 +67,4 @@ def _certificate(offload: RobotOffload, facts: Facts, role: Role, usage: Mapping
         },
         **usage,
     }
-    return child(offload, facts, "cert-manager.io/v1", "Certificate", name, "certificates", {"spec": spec})
+    return parent.child(CERTIFICATE, Part(name, "certificates"), {"spec": spec})

@@ -16,9 +16,9 @@ from robot_offload.decide.presence import Presence, Wanted
 from robot_offload.decide.workloads import pods_of, workload
 from robot_offload.kube.kinds import DEPLOYMENT
 from robot_offload.kube.port import Manifest
-from robot_offload.objects.child_names import node_child
 from robot_offload.objects.facts import Endpoint
 from robot_offload.objects.labels import selector
+from robot_offload.objects.names import node_child
 
 
 @dataclass(frozen=True, slots=True)

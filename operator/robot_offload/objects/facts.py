@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, TypeAlias
-
-Manifest: TypeAlias = dict[str, Any]
-"""A Kubernetes object as it is written in YAML."""
+from typing import Final, Literal, TypeAlias
 
 BUILDER: Final = "quay.io/buildah/stable:v1.42.2"
 """buildah as its makers publish it, with a user of its own (uid 1000) that may use further user ids."""

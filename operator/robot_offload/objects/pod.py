@@ -6,39 +6,38 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import CloudSide, RobotOffload, Toleration
+from robot_offload.kube.kinds import DEPLOYMENT
+from robot_offload.kube.port import Manifest
 from robot_offload.objects import hashes
-from robot_offload.objects.child import child
-from robot_offload.objects.facts import Facts, Manifest
-from robot_offload.objects.labels import Component, labels, selector
+from robot_offload.objects.labels import labels
+from robot_offload.objects.parent import Parent, Part
 
 TMP: Final = "/tmp"  # noqa: S108 - an emptyDir of the pod's own, mounted because the root file system is read-only
 CERTIFICATES_DIR: Final = "/etc/robot-offload/certificates"
 
 
 def pod_template(
-    offload: RobotOffload,
-    component: Component,
+    parent: Parent,
+    part: Part,
     containers: Sequence[Manifest],
     *,
     read: str,
     grace_s: int,
     volumes: Sequence[Manifest] = (),
-    extra_labels: Mapping[str, str] | None = None,
     extra: Mapping[str, Any] | None = None,
 ) -> Manifest:
-    """The template of a pod.
+    """Returns the template of a pod.
 
     Args:
-        offload: whose pod it is.
-        component: which part it is.
+        parent: whose pod it is.
+        part: which part it is.
         containers: as built by `container`.
         read: hash of what its containers read when they start, see `hashes`.
         grace_s: seconds between the wish to stop it and the kill.
         volumes: beside the one for /tmp.
-        extra_labels: beside those of every child.
         extra: further fields of the pod's specification; a `nodeSelector` is laid over that of spec.cloud.
     """
-    cloud = offload.spec.cloud
+    cloud = parent.spec.cloud
     further = dict(extra or {})
     node_selector = {**cloud.node_selector, **further.pop("nodeSelector", {})}
     spec: Manifest = {
@@ -59,7 +58,7 @@ def pod_template(
         spec["imagePullSecrets"] = [{"name": one.name} for one in cloud.image_pull_secrets]
     return {
         "metadata": {
-            "labels": {**labels(offload, component), **(extra_labels or {})},
+            "labels": {**labels(parent.offload, part.component), **part.own},
             "annotations": {hashes.ANNOTATION: read},
         },
         "spec": spec,
@@ -95,27 +94,18 @@ def container(
     return result
 
 
-def deployment(
-    offload: RobotOffload,
-    facts: Facts,
-    name: str,
-    component: Component,
-    template: Manifest,
-    *,
-    replicas: int = 1,
-    extra_selector: Mapping[str, str] | None = None,
-) -> Manifest:
-    """A Deployment of one pod at most: the old one is gone before the new one starts, never two at a time."""
+def deployment(parent: Parent, part: Part, template: Manifest, *, replicas: int = 1) -> Manifest:
+    """Returns a Deployment of one pod at most: the old one is gone before the new one starts, never two at a time."""
     body = {
         "replicas": replicas,
         "revisionHistoryLimit": 2,
         # A pod that dies again and again within these seconds is not said to be available in between.
         "minReadySeconds": 3,
         "strategy": {"type": "Recreate"},
-        "selector": {"matchLabels": {**selector(offload, component), **(extra_selector or {})}},
+        "selector": {"matchLabels": parent.selector(part)},
         "template": template,
     }
-    return child(offload, facts, "apps/v1", "Deployment", name, component, {"spec": body})
+    return parent.child(DEPLOYMENT, part, {"spec": body})
 
 
 def ros_environment(offload: RobotOffload) -> dict[str, str]:

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.objects.child import child
-from robot_offload.objects.facts import Facts, Manifest
-from robot_offload.objects.labels import Component, instance_labels, selector
+from robot_offload.kube.kinds import NETWORK_POLICY
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.labels import instance_labels
+from robot_offload.objects.parent import Parent, Part
 
 _DDS_BASE: Final = 7400
 _PORTS_PER_DOMAIN: Final = 250
@@ -18,22 +19,20 @@ _KUBERNETES_API: Final = (443, 6443, 8443, 16443)
 
 
 def policy(
-    offload: RobotOffload,
-    facts: Facts,
-    name: str,
-    component: Component,
+    parent: Parent,
+    part: Part,
     *,
     ingress: Sequence[Manifest],
     egress: Sequence[Manifest],
 ) -> Manifest:
-    """The policy of the pods of one component: both ways closed but for these rules."""
+    """Returns the policy of the pods of one part: both ways closed but for these rules."""
     spec: Manifest = {
-        "podSelector": {"matchLabels": selector(offload, component)},
+        "podSelector": {"matchLabels": parent.selector(part)},
         "policyTypes": ["Ingress", "Egress"],
     }
     # The API server drops empty lists, and would seem to have been changed for ever.
     spec |= {way: list(given) for way, given in (("ingress", ingress), ("egress", egress)) if given}
-    return child(offload, facts, "networking.k8s.io/v1", "NetworkPolicy", name, "network", {"spec": spec})
+    return parent.child(NETWORK_POLICY, Part(part.name, "network"), {"spec": spec})
 
 
 def port(protocol: str, number: int, end: int | None = None) -> Manifest:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any, Final
 
 from robot_offload import transport
-from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.objects import child_names, pod
-from robot_offload.objects.child import child, config_map
-from robot_offload.objects.child_names import child_name
-from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.kube.kinds import LEASE, ROLE, ROLE_BINDING, SERVICE, SERVICE_ACCOUNT
+from robot_offload.kube.port import Manifest
+from robot_offload.objects import names, pod
 from robot_offload.objects.hashes import config_hash
-from robot_offload.objects.labels import selector
+from robot_offload.objects.names import child_name
+from robot_offload.objects.parent import Parent, Part
 from robot_offload.render import dds_profile, handover
 from robot_offload.render.agent_config import (
     AgentSite,
@@ -35,54 +34,45 @@ _TOKEN_DIR: Final = "/var/run/secrets/kubernetes.io/serviceaccount"  # noqa: S10
 _TOKEN_LIFE_S: Final = 3607
 
 
-def agent_objects(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+def agent_objects(parent: Parent) -> tuple[Manifest, ...]:
     """Everything of the cloud agent but its Deployment, in the order in which it is applied."""
-    name = _name(offload)
-    settings = parameter_file(runtime_parameters(offload, facts.generation))
+    settings = parameter_file(runtime_parameters(parent.offload, parent.facts.generation))
     return (
-        *_rights(offload, facts),
-        _lease(offload, facts),
-        _service(offload, facts),
-        config_map(
-            offload, facts, name, "agent", {CONFIG_KEY: parameter_file(agent_parameters(offload, site(offload, facts)))}
-        ),
-        config_map(
-            offload,
-            facts,
-            child_name(offload.metadata.name, child_names.SETTINGS),
-            "settings",
-            {SETTINGS_KEY: settings},
-        ),
+        *_rights(parent),
+        _lease(parent),
+        _service(parent),
+        parent.config_map(_part(parent), {CONFIG_KEY: parameter_file(agent_parameters(parent.offload, site(parent)))}),
+        parent.config_map(Part(child_name(parent.name, names.SETTINGS), "settings"), {SETTINGS_KEY: settings}),
     )
 
 
-def agent_deployment(offload: RobotOffload, facts: Facts) -> Manifest:
+def agent_deployment(parent: Parent) -> Manifest:
     """The Deployment. It never goes to zero: somebody must hear the robot return."""
-    name = _name(offload)
+    name = _part(parent).name
     volumes = [
         pod.config_map_volume("configuration", name, [CONFIG_KEY]),
-        pod.config_map_volume("settings", child_name(offload.metadata.name, child_names.SETTINGS), [SETTINGS_KEY]),
+        pod.config_map_volume("settings", child_name(parent.name, names.SETTINGS), [SETTINGS_KEY]),
         # In memory, because the state is written every second.
         {"name": "runtime", "emptyDir": {"medium": "Memory", "sizeLimit": "16Mi"}},
         {"name": "state", "emptyDir": {}},
         _token_volume(),
-        *dds_profile.volumes(offload),
+        *dds_profile.volumes(parent.offload),
     ]
-    if transport.of(offload.spec).traits.agent_needs_certificates:
-        volumes.append(pod.certificates_volume(child_name(offload.metadata.name, child_names.CLOUD)))
+    if transport.of(parent.spec).traits.agent_needs_certificates:
+        volumes.append(pod.certificates_volume(child_name(parent.name, names.CLOUD)))
     template = pod.pod_template(
-        offload,
-        "agent",
-        [_agent(offload, facts), _reporter(offload, facts)],
-        read=config_hash(read_at_start(offload, facts)),
+        parent,
+        _part(parent),
+        [_agent(parent), _reporter(parent)],
+        read=config_hash(read_at_start(parent)),
         grace_s=handover.GRACE_S,
         volumes=volumes,
         extra={"serviceAccountName": name},
     )
-    return pod.deployment(offload, facts, name, "agent", template)
+    return pod.deployment(parent, _part(parent), template)
 
 
-def site(offload: RobotOffload, facts: Facts) -> AgentSite:
+def site(parent: Parent) -> AgentSite:
     """Where the cloud's agent runs."""
     return AgentSite(
         side="cloud",
@@ -92,53 +82,53 @@ def site(offload: RobotOffload, facts: Facts) -> AgentSite:
         private_key=f"{pod.CERTIFICATES_DIR}/tls.key",
         pulse_port=transport.PULSE_PORT,
         data_port=transport.DATA_PORT,
-        uid=facts.uid,
+        uid=parent.uid,
         runtime_dir=RUNTIME_DIR,
         state_dir=STATE_DIR,
-        generation=facts.generation,
+        generation=parent.facts.generation,
         state_file=STATE_FILE,
         settings_file=f"{SETTINGS_DIR}/{SETTINGS_KEY}",
         handover_file=HANDOVER_FILE,
     )
 
 
-def read_at_start(offload: RobotOffload, facts: Facts) -> Any:
+def read_at_start(parent: Parent) -> Any:
     """What the agent's processes read once, when they start: all but what its settings may change while it runs."""
-    certificates = facts.certificate_hash if transport.of(offload.spec).traits.agent_needs_certificates else ""
-    return [start_parameters(agent_parameters(offload, site(offload, facts))), certificates]
+    certificates = parent.facts.certificate_hash if transport.of(parent.spec).traits.agent_needs_certificates else ""
+    return [start_parameters(agent_parameters(parent.offload, site(parent))), certificates]
 
 
-def _name(offload: RobotOffload) -> str:
-    return child_name(offload.metadata.name, child_names.AGENT)
+def _part(parent: Parent) -> Part:
+    return Part(child_name(parent.name, names.AGENT), "agent")
 
 
-def _agent(offload: RobotOffload, facts: Facts) -> Manifest:
-    chosen = transport.of(offload.spec)
+def _agent(parent: Parent) -> Manifest:
+    chosen = transport.of(parent.spec)
     mounts = [
         pod.mount("configuration", CONFIG_DIR),
         pod.mount("settings", SETTINGS_DIR),
         pod.mount("runtime", RUNTIME_DIR, read_only=False),
         pod.mount("state", STATE_DIR, read_only=False),
-        *dds_profile.mounts(offload),
+        *dds_profile.mounts(parent.offload),
     ]
     if chosen.traits.agent_needs_certificates:
         mounts.append(pod.mount("certificates", pod.CERTIFICATES_DIR))
     extra: Manifest = {"lifecycle": handover.pre_stop()}
-    ports = transport.agent_ports(offload)
+    ports = transport.agent_ports(parent.offload)
     if ports:
         extra["ports"] = [
             {"name": port.name, "containerPort": port.number, "protocol": port.protocol} for port in ports
         ]
     return pod.container(
         "agent",
-        facts.images.agent,
+        parent.facts.images.agent,
         ["robot-offload-agent", "cloud", "--params", f"{CONFIG_DIR}/{CONFIG_KEY}"],
         environment={
-            **pod.ros_environment(offload),
-            **chosen.node_environment(offload, facts),
-            **dds_profile.environment(offload),
+            **pod.ros_environment(parent.offload),
+            **chosen.node_environment(parent),
+            **dds_profile.environment(parent.offload),
             # It must see the whole graph, not only what it talks to itself.
-            **({"ROS_SUPER_CLIENT": "TRUE"} if transport.discovery_servers(offload.spec) else {}),
+            **({"ROS_SUPER_CLIENT": "TRUE"} if transport.discovery_servers(parent.spec) else {}),
             handover.URL_VARIABLE: handover.url("127.0.0.1"),
         },
         mounts=mounts,
@@ -148,7 +138,7 @@ def _agent(offload: RobotOffload, facts: Facts) -> Manifest:
     )
 
 
-def _reporter(offload: RobotOffload, facts: Facts) -> Manifest:
+def _reporter(parent: Parent) -> Manifest:
     def probe(path: str, period_s: int, failures: int) -> Manifest:
         return {
             "httpGet": {"path": path, "port": "http"},
@@ -159,12 +149,12 @@ def _reporter(offload: RobotOffload, facts: Facts) -> Manifest:
 
     return pod.container(
         "reporter",
-        facts.images.operator,
+        parent.facts.images.operator,
         ["python", "-m", "robot_offload.reporter"],
         environment={
-            "NAMESPACE": facts.namespace,
-            "ROBOT_NAME": offload.metadata.name,
-            "LEASE_NAME": child_name(offload.metadata.name, child_names.ROBOT),
+            "NAMESPACE": parent.namespace,
+            "ROBOT_NAME": parent.name,
+            "LEASE_NAME": child_name(parent.name, names.ROBOT),
             "STATE_FILE": STATE_FILE,
             "HANDOVER_FILE": HANDOVER_FILE,
             "HOME": pod.TMP,
@@ -182,45 +172,37 @@ def _reporter(offload: RobotOffload, facts: Facts) -> Manifest:
     )
 
 
-def _rights(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+def _rights(parent: Parent) -> tuple[Manifest, ...]:
     """The reporter may read and change one Lease, and nothing else."""
-    name = _name(offload)
+    part = _part(parent)
     rule = {
         "apiGroups": ["coordination.k8s.io"],
         "resources": ["leases"],
-        "resourceNames": [child_name(offload.metadata.name, child_names.ROBOT)],
+        "resourceNames": [child_name(parent.name, names.ROBOT)],
         "verbs": ["get", "patch"],
     }
-    group = "rbac.authorization.k8s.io"
+    binding = {
+        "roleRef": {"apiGroup": ROLE.group, "kind": ROLE.kind, "name": part.name},
+        "subjects": [{"kind": SERVICE_ACCOUNT.kind, "name": part.name, "namespace": parent.namespace}],
+    }
     return (
-        child(offload, facts, "v1", "ServiceAccount", name, "agent", {"automountServiceAccountToken": False}),
-        child(offload, facts, f"{group}/v1", "Role", name, "agent", {"rules": [rule]}),
-        child(
-            offload,
-            facts,
-            f"{group}/v1",
-            "RoleBinding",
-            name,
-            "agent",
-            {
-                "roleRef": {"apiGroup": group, "kind": "Role", "name": name},
-                "subjects": [{"kind": "ServiceAccount", "name": name, "namespace": facts.namespace}],
-            },
-        ),
+        parent.child(SERVICE_ACCOUNT, part, {"automountServiceAccountToken": False}),
+        parent.child(ROLE, part, {"rules": [rule]}),
+        parent.child(ROLE_BINDING, part, binding),
     )
 
 
-def _lease(offload: RobotOffload, facts: Facts) -> Manifest:
+def _lease(parent: Parent) -> Manifest:
     """The robot's Lease. Who holds it and since when is the reporter's to say, so nothing of that is here."""
-    name = child_name(offload.metadata.name, child_names.ROBOT)
+    name = child_name(parent.name, names.ROBOT)
     body = {"spec": {"leaseDurationSeconds": LEASE_DURATION_S}}
-    return child(offload, facts, "coordination.k8s.io/v1", "Lease", name, "agent", body)
+    return parent.child(LEASE, Part(name, "agent"), body)
 
 
-def _service(offload: RobotOffload, facts: Facts) -> Manifest:
+def _service(parent: Parent) -> Manifest:
     port = {"name": "http", "port": handover.PORT, "targetPort": "http", "protocol": "TCP"}
-    body = {"spec": {"type": "ClusterIP", "selector": selector(offload, "agent"), "ports": [port]}}
-    return child(offload, facts, "v1", "Service", _name(offload), "agent", body)
+    body = {"spec": {"type": "ClusterIP", "selector": parent.selector(_part(parent)), "ports": [port]}}
+    return parent.child(SERVICE, _part(parent), body)
 
 
 def _token_volume() -> Manifest:

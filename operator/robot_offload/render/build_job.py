@@ -11,10 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from robot_offload.api.v1alpha1 import NodeBuild, Registry, RobotOffload, RobotOffloadSpec
+from robot_offload.api.v1alpha1 import NodeBuild, Registry, RobotOffloadSpec
+from robot_offload.kube.kinds import CONFIG_MAP, JOB
+from robot_offload.kube.port import Manifest
 from robot_offload.objects import pod
-from robot_offload.objects.child import child
-from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.objects.facts import Facts
+from robot_offload.objects.parent import Parent, Part
 from robot_offload.render import build_scripts as scripts
 
 FETCH: Final = "fetch"
@@ -62,7 +64,7 @@ class BuildPlan:
         return f"{self.registry.repository}/{self.build.package}"
 
 
-def build_files(offload: RobotOffload, facts: Facts, plan: BuildPlan) -> Manifest:
+def build_files(parent: Parent, plan: BuildPlan) -> Manifest:
     """The ConfigMap with what the build reads. It never changes: another build has another name."""
     host = plan.registry.repository.partition("/")[0]
     # A JSON text is a TOML text as well.
@@ -73,10 +75,10 @@ def build_files(offload: RobotOffload, facts: Facts, plan: BuildPlan) -> Manifes
         "immutable": True,
         "data": {scripts.DOCKERFILE: plan.dockerfile, scripts.REGISTRIES: "\n".join(registries) + "\n"},
     }
-    return child(offload, facts, "v1", "ConfigMap", plan.name, "build", body)
+    return parent.child(CONFIG_MAP, Part(plan.name, "build"), body)
 
 
-def build_job(offload: RobotOffload, facts: Facts, plan: BuildPlan) -> Manifest:
+def build_job(parent: Parent, plan: BuildPlan) -> Manifest:
     """The Job. A pod that fails is final, unless it was evicted: the same source would fail again."""
     spec = {
         "backoffLimit": 0,
@@ -85,9 +87,9 @@ def build_job(offload: RobotOffload, facts: Facts, plan: BuildPlan) -> Manifest:
         "podFailurePolicy": {
             "rules": [{"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget", "status": "True"}]}]
         },
-        "template": _template(offload, facts, plan),
+        "template": _template(parent, plan),
     }
-    return child(offload, facts, "batch/v1", "Job", plan.name, "build", {"spec": spec})
+    return parent.child(JOB, Part(plan.name, "build"), {"spec": spec})
 
 
 def build_ports(spec: RobotOffloadSpec) -> tuple[int, ...]:
@@ -111,16 +113,16 @@ def _git_port(build: NodeBuild) -> set[int]:
     return {_SSH_PORT} if build.git.over_ssh else set()
 
 
-def _template(offload: RobotOffload, facts: Facts, plan: BuildPlan) -> Manifest:
+def _template(parent: Parent, plan: BuildPlan) -> Manifest:
     return pod.pod_template(
-        offload,
-        "build",
-        [_push(facts, plan)],
+        parent,
+        Part(plan.name, "build"),
+        [_push(parent.facts, plan)],
         read=plan.key,
         grace_s=5,
         volumes=_volumes(plan),
         extra={
-            "initContainers": [_fetch(plan), _build(facts, plan)],
+            "initContainers": [_fetch(plan), _build(parent.facts, plan)],
             "restartPolicy": "Never",
             "nodeSelector": dict(plan.placed),
             "securityContext": {"runAsNonRoot": True, "fsGroup": BUILDER_USER},

@@ -12,7 +12,8 @@ import yaml
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.errors import RobotOffloadError
-from robot_offload.objects.facts import Endpoint, Facts, Purpose
+from robot_offload.objects.facts import Endpoint, Purpose
+from robot_offload.objects.parent import Parent
 from robot_offload.objects.pod import TMP
 from robot_offload.render import bundle_texts as texts
 from robot_offload.render.agent_config import AgentSite, agent_config
@@ -54,14 +55,11 @@ def default_folder(offload: RobotOffload) -> str:
     return f"/etc/robot-offload/{offload.metadata.name}"
 
 
-def bundle(
-    offload: RobotOffload, facts: Facts, secrets: BundleSecrets | None, *, folder: str = ""
-) -> Mapping[str, bytes]:
+def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -> Mapping[str, bytes]:
     """The files of the bundle by their paths in it.
 
     Args:
-        offload: the resource.
-        facts: with the endpoints that are known.
+        parent: the resource.
         secrets: None where the transport needs none.
         folder: where the bundle will lie on the robot; empty: see `default_folder`.
 
@@ -69,31 +67,31 @@ def bundle(
         AddressPendingError: an address of the cloud is not known yet.
         CertificatesPendingError: the transport needs certificates and there are none yet.
     """
-    missing = missing_purposes(offload, facts.endpoints)
+    missing = missing_purposes(parent.offload, parent.facts.endpoints)
     if missing:
         raise AddressPendingError(
-            f"{offload.metadata.name}: the cluster has given no address yet for {', '.join(missing)}; wait for the "
+            f"{parent.name}: the cluster has given no address yet for {', '.join(missing)}; wait for the "
             "load balancer, or set spec.transport.expose (see `kubectl get services`)"
         )
-    if transport.needs_certificates(offload.spec) and secrets is None:
+    if transport.needs_certificates(parent.spec) and secrets is None:
         raise CertificatesPendingError(
-            f"{offload.metadata.name}: the robot's certificate is not made yet; see the condition CertificatesReady"
+            f"{parent.name}: the robot's certificate is not made yet; see the condition CertificatesReady"
         )
-    place = folder or default_folder(offload)
-    chosen = transport.of(offload.spec)
+    place = folder or default_folder(parent.offload)
+    chosen = transport.of(parent.spec)
     files = {
-        "agent.yaml": agent_config(offload, robot_site(offload, facts, place)).encode(),
-        "environment": _environment(offload, facts).encode(),
+        "agent.yaml": agent_config(parent.offload, robot_site(parent, place)).encode(),
+        "environment": _environment(parent).encode(),
         "robot-offload-agent.service": texts.agent_unit(
-            offload, place, REALTIME_PRIORITY, _agent_environment(offload, facts)
+            parent.offload, place, REALTIME_PRIORITY, _agent_environment(parent)
         ).encode(),
-        **chosen.robot_files(offload, facts.endpoints, place),
-        **_certificates(offload, secrets),
+        **chosen.robot_files(parent.offload, parent.facts.endpoints, place),
+        **_certificates(parent.offload, secrets),
     }
-    if offload.spec.transport.type == "DDSRouter":
-        files["robot-offload-router.service"] = texts.router_unit(offload, place).encode()
-    files["compose.yaml"] = _compose(offload, facts, place).encode()
-    files["README.md"] = texts.readme(offload, place, [*files, "README.md"]).encode()
+    if parent.spec.transport.type == "DDSRouter":
+        files["robot-offload-router.service"] = texts.router_unit(parent.offload, place).encode()
+    files["compose.yaml"] = _compose(parent, place).encode()
+    files["README.md"] = texts.readme(parent.offload, place, [*files, "README.md"]).encode()
     return dict(sorted(files.items()))
 
 
@@ -104,25 +102,25 @@ def missing_purposes(offload: RobotOffload, endpoints: tuple[Endpoint, ...]) -> 
     return tuple(purpose for purpose, count in wanted.items() if known[purpose] < count)
 
 
-def robot_site(offload: RobotOffload, facts: Facts, folder: str) -> AgentSite:
+def robot_site(parent: Parent, folder: str) -> AgentSite:
     """Where the robot's agent runs."""
-    name = offload.metadata.name
-    pulse = facts.endpoints_for("pulse")
-    certified = transport.of(offload.spec).traits.agent_needs_certificates
+    name = parent.name
+    pulse = parent.facts.endpoints_for("pulse")
+    certified = transport.of(parent.spec).traits.agent_needs_certificates
     return AgentSite(
         side="robot",
         host=pulse[0].host if pulse else "",
         ca=f"{folder}/certificates/ca.pem" if certified else "",
         certificate=f"{folder}/certificates/robot.pem" if certified else "",
         private_key=f"{folder}/{PRIVATE_KEY}" if certified else "",
-        endpoints=facts.endpoints,
+        endpoints=parent.facts.endpoints,
         # Without a declared name the address may change; the authority serves this robot alone and is enough.
-        verify_name=offload.spec.transport.expose.host is not None,
-        uid=facts.uid,
+        verify_name=parent.spec.transport.expose.host is not None,
+        uid=parent.uid,
         runtime_dir=texts.runtime_dir(name),
         state_dir=texts.state_dir(name),
         realtime=True,
-        generation=facts.generation,
+        generation=parent.facts.generation,
     )
 
 
@@ -135,36 +133,36 @@ def _certificates(offload: RobotOffload, secrets: BundleSecrets | None) -> dict[
     return files
 
 
-def robot_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
+def robot_environment(parent: Parent) -> dict[str, str]:
     """Environment of the agent and of the robot's own nodes."""
-    robot = offload.spec.robot
+    robot = parent.spec.robot
     return {
         "ROS_DOMAIN_ID": str(robot.domain_id),
         "RMW_IMPLEMENTATION": robot.rmw,
-        **transport.of(offload.spec).robot_environment(offload, facts.endpoints),
+        **transport.of(parent.spec).robot_environment(parent.offload, parent.facts.endpoints),
     }
 
 
-def _agent_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
+def _agent_environment(parent: Parent) -> dict[str, str]:
     """What only the agent needs; through discovery servers it must see the whole graph."""
     values = {"HOME": TMP, "ROS_LOG_DIR": TMP}
-    by_servers = "ROS_DISCOVERY_SERVER" in robot_environment(offload, facts)
+    by_servers = "ROS_DISCOVERY_SERVER" in robot_environment(parent)
     return {**values, "ROS_SUPER_CLIENT": "TRUE"} if by_servers else values
 
 
-def _environment(offload: RobotOffload, facts: Facts) -> str:
-    values = {**robot_environment(offload, facts), texts.SETUP_VARIABLE: texts.setup_file(offload)}
+def _environment(parent: Parent) -> str:
+    values = {**robot_environment(parent), texts.SETUP_VARIABLE: texts.setup_file(parent.offload)}
     return "".join(f"{name}={value}\n" for name, value in values.items())
 
 
-def _compose(offload: RobotOffload, facts: Facts, folder: str) -> str:
-    name = offload.metadata.name
+def _compose(parent: Parent, folder: str) -> str:
+    name = parent.name
     agent = {
-        "image": facts.images.agent,
+        "image": parent.facts.images.agent,
         "command": ["robot-offload-agent", "robot", "--params", f"{folder}/agent.yaml"],
         "env_file": ["environment"],
         # The image knows its own folders; those of the robot are not in it.
-        "environment": {**_agent_environment(offload, facts), texts.SETUP_VARIABLE: ""},
+        "environment": {**_agent_environment(parent), texts.SETUP_VARIABLE: ""},
         **_container(folder),
         "cap_add": ["SYS_NICE"],
         "ulimits": {"rtprio": REALTIME_PRIORITY},
@@ -172,9 +170,9 @@ def _compose(offload: RobotOffload, facts: Facts, folder: str) -> str:
         "tmpfs": [TMP, texts.runtime_dir(name)],
     }
     services = {"agent": agent}
-    if offload.spec.transport.type == "DDSRouter":
+    if parent.spec.transport.type == "DDSRouter":
         services["router"] = {
-            "image": facts.images.router,
+            "image": parent.facts.images.router,
             "command": ["ddsrouter", "-c", f"{folder}/ddsrouter.yaml"],
             **_container(folder),
         }

@@ -6,10 +6,10 @@ from typing import Final
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.kube.port import Manifest
 from robot_offload.objects import pod
-from robot_offload.objects.child import config_map
-from robot_offload.objects.child_names import DDS, child_name
-from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.objects.names import DDS, child_name
+from robot_offload.objects.parent import Parent, Part
 
 DIRECTORY: Final = "/etc/robot-offload/dds"
 KEY: Final = "fastdds.xml"
@@ -17,10 +17,10 @@ _VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES
 """Fast DDS 2 knows the first name only, Fast DDS 3 the second one."""
 
 
-def config_maps(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+def config_maps(parent: Parent) -> tuple[Manifest, ...]:
     """The ConfigMap with the profile; none where the transport has no profile."""
-    text = _text(offload)
-    return (config_map(offload, facts, _name(offload), "settings", {KEY: text}),) if text else ()
+    text = _text(parent.offload)
+    return (parent.config_map(Part(_name(parent.offload), "settings"), {KEY: text}),) if text else ()
 
 
 def volumes(offload: RobotOffload) -> list[Manifest]:

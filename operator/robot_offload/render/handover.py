@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from robot_offload.objects.facts import Manifest
+from robot_offload.kube.port import Manifest
 
 GRACE_S: Final = 20
 """Between the wish to stop a pod and its kill: enough for the hook and for the process to end."""

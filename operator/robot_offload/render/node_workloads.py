@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 from robot_offload import transport
-from robot_offload.api.v1alpha1 import Node, RobotOffload, RobotOffloadSpec
+from robot_offload.api.v1alpha1 import Node, RobotOffloadSpec
+from robot_offload.kube.port import Manifest
 from robot_offload.objects import labels, pod
-from robot_offload.objects.child import config_map
-from robot_offload.objects.child_names import AGENT, child_name, node_child
-from robot_offload.objects.facts import Facts, Manifest
+from robot_offload.objects.facts import Facts
 from robot_offload.objects.hashes import config_hash
+from robot_offload.objects.names import AGENT, child_name, node_child
+from robot_offload.objects.parent import Parent, Part
 from robot_offload.render import dds_profile, handover
 from robot_offload.render.parameter_files import renamed
 from robot_offload.render.ros_names import command, replica_name
@@ -21,10 +22,10 @@ MISSING_IMAGE: Final = "image-not-given"
 """Stands where a node has no image; the specification is refused before it comes to a cluster, see the checks."""
 
 
-def node_deployments(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+def node_deployments(parent: Parent) -> tuple[Manifest, ...]:
     """The Deployments of all nodes with a replica in the cloud, in bring-up order; none without an image."""
-    images = ((node, _image(facts, node)) for node in offload.spec.cloud_nodes)
-    return tuple(_deployment(offload, facts, node, image) for node, image in images if image is not None)
+    images = ((node, _image(parent.facts, node)) for node in parent.spec.cloud_nodes)
+    return tuple(_deployment(parent, node, image) for node, image in images if image is not None)
 
 
 def _image(facts: Facts, node: Node) -> str | None:
@@ -42,19 +43,19 @@ def replicas(spec: RobotOffloadSpec, node: Node, facts: Facts) -> int:
     return 1
 
 
-def _deployment(offload: RobotOffload, facts: Facts, node: Node, image: str) -> Manifest:
-    name = node_child(offload.metadata.name, node.name)
-    own_label = {labels.NODE: name}
-    volumes, mounts, params_file = _parameter_file(offload, facts, node)
+def _deployment(parent: Parent, node: Node, image: str) -> Manifest:
+    name = node_child(parent.name, node.name)
+    part = Part(name, "node", {labels.NODE: name})
+    volumes, mounts, params_file = _parameter_file(parent, node)
     extra: Manifest = {"lifecycle": handover.pre_stop()} if node.duplicated else {}
     if node.image_pull_policy is not None:
         extra["imagePullPolicy"] = node.image_pull_policy
     container = pod.container(
         CONTAINER,
         image,
-        command(offload.spec, node, "cloud", params_file=params_file) if node.run else (),
-        environment=_environment(offload, facts, node),
-        mounts=[*mounts, *dds_profile.mounts(offload)],
+        command(parent.spec, node, "cloud", params_file=params_file) if node.run else (),
+        environment=_environment(parent, node),
+        mounts=[*mounts, *dds_profile.mounts(parent.offload)],
         resources={
             key: dict(values)
             for key, values in (("limits", node.resources.limits), ("requests", node.resources.requests))
@@ -66,47 +67,36 @@ def _deployment(offload: RobotOffload, facts: Facts, node: Node, image: str) -> 
     if node.runtime_class_name is not None:
         placed["runtimeClassName"] = node.runtime_class_name
     template = pod.pod_template(
-        offload,
-        "node",
+        parent,
+        part,
         [container],
-        read=config_hash(_read_at_start(node, facts)),
+        read=config_hash(_read_at_start(node, parent.facts)),
         grace_s=handover.GRACE_S,
-        volumes=[*volumes, *dds_profile.volumes(offload)],
-        extra_labels=own_label,
+        volumes=[*volumes, *dds_profile.volumes(parent.offload)],
         extra=placed,
     )
-    return pod.deployment(
-        offload,
-        facts,
-        name,
-        "node",
-        template,
-        replicas=replicas(offload.spec, node, facts),
-        extra_selector=own_label,
-    )
+    return pod.deployment(parent, part, template, replicas=replicas(parent.spec, node, parent.facts))
 
 
-def _environment(offload: RobotOffload, facts: Facts, node: Node) -> dict[str, str]:
+def _environment(parent: Parent, node: Node) -> dict[str, str]:
     own = {
-        **pod.ros_environment(offload),
-        **transport.of(offload.spec).node_environment(offload, facts),
-        **dds_profile.environment(offload),
+        **pod.ros_environment(parent.offload),
+        **transport.of(parent.spec).node_environment(parent),
+        **dds_profile.environment(parent.offload),
     }
     if node.duplicated:
-        own[handover.URL_VARIABLE] = handover.url(child_name(offload.metadata.name, AGENT))
+        own[handover.URL_VARIABLE] = handover.url(child_name(parent.name, AGENT))
     # What decides where the node belongs is ours; everything else, such as HOME, a user may set.
     fixed = {name: value for name, value in own.items() if name not in ("HOME", "ROS_LOG_DIR")}
     return {**own, **{one.name: one.value for one in node.env}, **fixed}
 
 
-def _parameter_file(
-    offload: RobotOffload, facts: Facts, node: Node
-) -> tuple[list[Manifest], list[Manifest], str | None]:
+def _parameter_file(parent: Parent, node: Node) -> tuple[list[Manifest], list[Manifest], str | None]:
     """Volumes, mounts and the path of the parameter file that a user keeps in a ConfigMap."""
     if node.run is None or node.run.parameters_from is None:
         return [], [], None
     reference = node.run.parameters_from.config_map_key_ref
-    source = node_child(offload.metadata.name, node.name) if _copied(facts, node) is not None else reference.name
+    source = node_child(parent.name, node.name) if _copied(parent.facts, node) is not None else reference.name
     volume = pod.config_map_volume("parameters", source, [reference.key])
     return [volume], [pod.mount("parameters", PARAMETERS_DIR)], f"{PARAMETERS_DIR}/{reference.key}"
 
@@ -120,15 +110,15 @@ def _copied(facts: Facts, node: Node) -> str | None:
     return None if text is None else renamed(text, node.name, replica_name(node, "cloud"))
 
 
-def parameter_copies(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+def parameter_copies(parent: Parent) -> tuple[Manifest, ...]:
     """ConfigMaps with the parameter files of replicas, see `parameter_files`."""
     found = []
-    for node in offload.spec.cloud_nodes:
-        text = _copied(facts, node)
+    for node in parent.spec.cloud_nodes:
+        text = _copied(parent.facts, node)
         if text is not None and node.run is not None and node.run.parameters_from is not None:
             key = node.run.parameters_from.config_map_key_ref.key
-            name = node_child(offload.metadata.name, node.name)
-            found.append(config_map(offload, facts, name, "node", {key: text}))
+            name = node_child(parent.name, node.name)
+            found.append(parent.config_map(Part(name, "node"), {key: text}))
     return tuple(found)
 
 

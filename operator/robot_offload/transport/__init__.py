@@ -1,6 +1,6 @@
 """The ways of connecting robot and cloud, one module each. Pure: no I/O, no clock, no environment.
 
-`of(spec)` is the transport of a specification; what it must offer stands in `port`.
+`of(spec)` is the transport of a specification; what it must offer stands in `base`.
 """
 
 from __future__ import annotations
@@ -9,15 +9,19 @@ from collections.abc import Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1 import RobotOffload, RobotOffloadSpec, TransportType
-from robot_offload.objects.facts import Endpoint, Manifest
-from robot_offload.transport import dds_router, discovery_server, static_peers, zenoh
-from robot_offload.transport.port import ContainerPort, TransportModule
-from robot_offload.transport.zenoh import DATA_PORT, PULSE_PORT
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.facts import Endpoint
+from robot_offload.transport.base import Transport
+from robot_offload.transport.dds_router import DDSRouter
+from robot_offload.transport.discovery_server import DiscoveryServer
+from robot_offload.transport.port import ContainerPort
+from robot_offload.transport.static_peers import StaticPeers
+from robot_offload.transport.zenoh import DATA_PORT, PULSE_PORT, Zenoh
 
 __all__ = [
     "DATA_PORT",
     "PULSE_PORT",
-    "TransportModule",
+    "Transport",
     "agent_ports",
     "discovery_servers",
     "needs_certificates",
@@ -25,17 +29,17 @@ __all__ = [
     "of",
 ]
 
-_MODULES: Final[dict[TransportType, TransportModule]] = {
-    "Zenoh": zenoh,
-    "DDSRouter": dds_router,
-    "DiscoveryServer": discovery_server,
-    "StaticPeers": static_peers,
+_TRANSPORTS: Final[dict[TransportType, Transport]] = {
+    "Zenoh": Zenoh(),
+    "DDSRouter": DDSRouter(),
+    "DiscoveryServer": DiscoveryServer(),
+    "StaticPeers": StaticPeers(),
 }
 
 
-def of(spec: RobotOffloadSpec) -> TransportModule:
+def of(spec: RobotOffloadSpec) -> Transport:
     """The transport that a specification asks for."""
-    return _MODULES[spec.transport.type]
+    return _TRANSPORTS[spec.transport.type]
 
 
 def agent_ports(offload: RobotOffload) -> tuple[ContainerPort, ...]:

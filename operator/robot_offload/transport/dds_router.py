@@ -8,27 +8,26 @@ robot for a certificate, so keep strangers away by the load balancer's source ra
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import yaml
 
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.kube.port import Manifest
 from robot_offload.objects import pod
 from robot_offload.objects import policy_rules as rules
-from robot_offload.objects.child import config_map
-from robot_offload.objects.child_names import CLOUD, ROUTER, child_name
-from robot_offload.objects.facts import Endpoint, Facts, Manifest, Purpose
+from robot_offload.objects.facts import Endpoint, Purpose
 from robot_offload.objects.hashes import config_hash
 from robot_offload.objects.labels import selector
-from robot_offload.objects.site import AgentSite
+from robot_offload.objects.names import CLOUD, ROUTER, child_name
+from robot_offload.objects.parent import Parent, Part
 from robot_offload.transport import carried, discovery
 from robot_offload.transport import dds_router_config as router
-from robot_offload.transport.discovery_server import agent_link as _topics_only
+from robot_offload.transport.base import Transport
 from robot_offload.transport.exposure import Exposed, addresses, service
 from robot_offload.transport.port import ContainerPort, Traits
 
 PORT: Final = ContainerPort("router", "TCP", 11666)
-traits: Final = Traits()
 
 CONFIG_DIR: Final = "/etc/robot-offload/router"
 CONFIG_KEY: Final = "router.yaml"
@@ -47,35 +46,8 @@ ssbzSibBsu/6iGtCOGEoXJf//////////wIBAg==
 """The group ffdhe2048 of RFC 7919: public and the same for everybody; without such a file there is no TLS server."""
 
 
-def purposes(offload: RobotOffload) -> tuple[Purpose, ...]:
-    """The cloud's router."""
-    return ("router",)
-
-
-def services(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
-    """The router's Service, and those of the discovery servers for the nodes."""
-    transport = offload.spec.transport
-    node_port = transport.expose.node_ports.router if transport.expose.node_ports else None
-    exposed = [Exposed(PORT, transport.dds_router.port, node_port)]
-    return (*discovery.services(offload, facts), service(offload, facts, _name(offload), "router", exposed))
-
-
-def workloads(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
-    """The discovery servers; the router as soon as their addresses are known, and the one that it has to announce."""
-    servers = discovery.stateful_sets(offload, facts)
-    announced = facts.endpoints_for("router")
-    if not announced or not facts.discovery_hosts:
-        return servers
-    data = {CONFIG_KEY: _text(cloud_config(offload, facts.discovery_hosts, announced[0])), _DH_KEY: _DH_PARAMETERS}
-    return (
-        *servers,
-        config_map(offload, facts, _name(offload), "router", data),
-        _deployment(offload, facts, config_hash(data, facts.certificate_hash)),
-    )
-
-
 def cloud_config(offload: RobotOffload, discovery_hosts: Sequence[str], announced: Endpoint) -> dict[str, Any]:
-    """The configuration of the router in the cloud."""
+    """Returns the configuration of the router in the cloud."""
     servers = [router.address(host, discovery.PORT.number, "udp") for host in discovery_hosts]
     cluster = {
         "name": router.CLUSTER,
@@ -94,7 +66,7 @@ def cloud_config(offload: RobotOffload, discovery_hosts: Sequence[str], announce
 
 
 def robot_config(offload: RobotOffload, announced: Endpoint, folder: str) -> dict[str, Any]:
-    """The configuration of the router on the robot; `folder` is where the bundle lies."""
+    """Returns the configuration of the router on the robot; `folder` is where the bundle lies."""
     spec = offload.spec
     block = spec.transport.dds_router
     domain = spec.robot.domain_id if block.domain_id is None else block.domain_id
@@ -106,59 +78,18 @@ def robot_config(offload: RobotOffload, announced: Endpoint, folder: str) -> dic
     return router.config([{"name": router.ROBOT, "kind": "local", "domain": domain}, wan], carried.topics(spec))
 
 
-def policies(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
-    """The router's: the robot may come, and it may talk to nodes and discovery servers."""
-    incoming, outgoing = rules.dds_both_ways(offload, robot=False)
-    servers = rules.going_to(selector(offload, "discovery"), rules.port(discovery.PORT.protocol, discovery.PORT.number))
-    return (
-        rules.policy(
-            offload,
-            facts,
-            _name(offload),
-            "router",
-            ingress=[rules.anybody(rules.port(PORT.protocol, PORT.number)), *incoming],
-            egress=[rules.names(), *outgoing, servers],
-        ),
-    )
-
-
-def node_environment(offload: RobotOffload, facts: Facts) -> dict[str, str]:
-    """The discovery servers."""
-    return discovery.environment(facts)
-
-
-def robot_environment(offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
-    """Nothing: the robot's nodes find the router on the robot as they find each other."""
-    return {}
-
-
-def robot_files(offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str) -> Mapping[str, bytes]:
-    """The configuration of the router on the robot."""
-    announced = next(one for one in endpoints if one.purpose == "router")
-    return {ROBOT_FILE: _text(robot_config(offload, announced, folder)).encode()}
-
-
-def agent_link(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
-    """No session of the agents' own: they talk in topics, which the routers carry."""
-    return _topics_only(offload, site)
-
-
-def observed_endpoints(
-    offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
-) -> tuple[Endpoint, ...]:
-    """The one address that the router announces."""
-    found = addresses(offload, services, nodes, _name(offload), PORT.name)
-    return tuple(Endpoint("router", "TCP", host, port) for host, port in found[:1])
-
-
 def _name(offload: RobotOffload) -> str:
     return child_name(offload.metadata.name, ROUTER)
 
 
-def _deployment(offload: RobotOffload, facts: Facts, read: str) -> Manifest:
+def _part(parent: Parent) -> Part:
+    return Part(_name(parent.offload), "router")
+
+
+def _deployment(parent: Parent, read: str) -> Manifest:
     container = pod.container(
         "router",
-        facts.images.router,
+        parent.facts.images.router,
         ["ddsrouter", "-c", f"{CONFIG_DIR}/{CONFIG_KEY}"],
         # Nothing of ROS: the router unsets some of these variables itself and stumbles over others.
         environment={"HOME": pod.TMP, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"},
@@ -170,19 +101,79 @@ def _deployment(offload: RobotOffload, facts: Facts, read: str) -> Manifest:
         },
     )
     volumes = [
-        pod.config_map_volume("configuration", _name(offload), [CONFIG_KEY, _DH_KEY]),
-        pod.certificates_volume(child_name(offload.metadata.name, CLOUD)),
+        pod.config_map_volume("configuration", _name(parent.offload), [CONFIG_KEY, _DH_KEY]),
+        pod.certificates_volume(child_name(parent.name, CLOUD)),
     ]
     template = pod.pod_template(
-        offload,
-        "router",
+        parent,
+        _part(parent),
         [container],
         read=read,
         grace_s=5,
         volumes=volumes,
     )
-    return pod.deployment(offload, facts, _name(offload), "router", template)
+    return pod.deployment(parent, _part(parent), template)
 
 
 def _text(document: Mapping[str, Any]) -> str:
     return yaml.safe_dump(dict(document), sort_keys=False, width=1000)
+
+
+class DDSRouter(Transport):
+    """Joins the sides by a DDS Router on each."""
+
+    traits: ClassVar[Traits] = Traits()
+
+    def purposes(self, offload: RobotOffload) -> tuple[Purpose, ...]:
+        """Returns the cloud's router."""
+        return ("router",)
+
+    def services(self, parent: Parent) -> tuple[Manifest, ...]:
+        """Returns the router's Service, and those of the discovery servers for the nodes."""
+        transport = parent.spec.transport
+        node_port = transport.expose.node_ports.router if transport.expose.node_ports else None
+        exposed = [Exposed(PORT, transport.dds_router.port, node_port)]
+        return (*super().services(parent), service(parent, _part(parent), exposed))
+
+    def workloads(self, parent: Parent) -> tuple[Manifest, ...]:
+        """Returns the discovery servers, and the router as soon as its own address and theirs are known."""
+        servers = super().workloads(parent)
+        announced = parent.facts.endpoints_for("router")
+        if not announced or not parent.facts.discovery_hosts:
+            return servers
+        data = {
+            CONFIG_KEY: _text(cloud_config(parent.offload, parent.facts.discovery_hosts, announced[0])),
+            _DH_KEY: _DH_PARAMETERS,
+        }
+        return (
+            *servers,
+            parent.config_map(_part(parent), data),
+            _deployment(parent, config_hash(data, parent.facts.certificate_hash)),
+        )
+
+    def policies(self, parent: Parent) -> tuple[Manifest, ...]:
+        """Returns the router's: the robot may come, and it may talk to nodes and discovery servers."""
+        incoming, outgoing = rules.dds_both_ways(parent.offload, robot=False)
+        servers = rules.going_to(
+            selector(parent.offload, "discovery"), rules.port(discovery.PORT.protocol, discovery.PORT.number)
+        )
+        return (
+            rules.policy(
+                parent,
+                _part(parent),
+                ingress=[rules.anybody(rules.port(PORT.protocol, PORT.number)), *incoming],
+                egress=[rules.names(), *outgoing, servers],
+            ),
+        )
+
+    def robot_files(self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str) -> Mapping[str, bytes]:
+        """Returns the configuration of the router on the robot."""
+        announced = next(one for one in endpoints if one.purpose == "router")
+        return {ROBOT_FILE: _text(robot_config(offload, announced, folder)).encode()}
+
+    def observed_endpoints(
+        self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
+    ) -> tuple[Endpoint, ...]:
+        """Returns the one address that the router announces."""
+        found = addresses(offload, services, nodes, _name(offload), PORT.name)
+        return tuple(Endpoint("router", "TCP", host, port) for host, port in found[:1])

@@ -14,12 +14,14 @@ from collections.abc import Iterable
 from typing import Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.kube.kinds import SERVICE, STATEFUL_SET
+from robot_offload.kube.port import Manifest
 from robot_offload.objects import pod
-from robot_offload.objects.child import child
-from robot_offload.objects.child_names import discovery_child
-from robot_offload.objects.facts import Facts, Manifest, address
+from robot_offload.objects.facts import Facts, address
 from robot_offload.objects.hashes import config_hash
 from robot_offload.objects.labels import selector
+from robot_offload.objects.names import discovery_child
+from robot_offload.objects.parent import Parent, Part
 from robot_offload.transport.port import ContainerPort
 
 PORT: Final = ContainerPort("discovery", "UDP", 11811)
@@ -52,50 +54,32 @@ def environment(facts: Facts) -> dict[str, str]:
     return {"ROS_DISCOVERY_SERVER": ";".join(address(host, PORT.number) for host in facts.discovery_hosts)}
 
 
-def server_selector(server: int) -> dict[str, str]:
-    """What tells one server's pod from the other's."""
-    return {SERVER_LABEL: str(server)}
+def part(server: int, name: str) -> Part:
+    """Returns the part that a server is: each has a pod of its own."""
+    return Part(name, "discovery", {SERVER_LABEL: str(server)})
 
 
-def services(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+def services(parent: Parent) -> tuple[Manifest, ...]:
     """The Services inside the cluster, for the transports that show them to nobody else."""
-    return tuple(
-        child(
-            offload,
-            facts,
-            "v1",
-            "Service",
-            name,
-            "discovery",
-            {
-                "spec": {
-                    "type": "ClusterIP",
-                    **FOUND_AT_ONCE,
-                    "selector": {**selector(offload, "discovery"), **server_selector(server)},
-                    "ports": [
-                        {
-                            "name": PORT.name,
-                            "port": PORT.number,
-                            "targetPort": PORT.name,
-                            "protocol": PORT.protocol,
-                        }
-                    ],
-                }
-            },
-        )
-        for server, name in enumerate(names(offload))
-    )
+    return tuple(_service(parent, part(server, name)) for server, name in enumerate(names(parent.offload)))
 
 
-def stateful_sets(offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
+def stateful_sets(parent: Parent) -> tuple[Manifest, ...]:
     """The servers. They never go to zero."""
-    return tuple(_stateful_set(offload, facts, server, name) for server, name in enumerate(names(offload)))
+    return tuple(_stateful_set(parent, server, name) for server, name in enumerate(names(parent.offload)))
 
 
-def _stateful_set(offload: RobotOffload, facts: Facts, server: int, name: str) -> Manifest:
+def _service(parent: Parent, own: Part) -> Manifest:
+    port = {"name": PORT.name, "port": PORT.number, "targetPort": PORT.name, "protocol": PORT.protocol}
+    spec = {"type": "ClusterIP", **FOUND_AT_ONCE, "selector": parent.selector(own), "ports": [port]}
+    return parent.child(SERVICE, own, {"spec": spec})
+
+
+def _stateful_set(parent: Parent, server: int, name: str) -> Manifest:
+    own = part(server, name)
     container = pod.container(
         "discovery",
-        facts.images.discovery,
+        parent.facts.images.discovery,
         ["fast-discovery-server", "-i", str(server), "-l", "0.0.0.0", "-p", str(PORT.number)],  # noqa: S104 - in a pod
         environment={"HOME": pod.TMP},
         resources={"requests": {"cpu": "20m", "memory": "32Mi"}, "limits": {"memory": "256Mi"}},
@@ -110,22 +94,21 @@ def _stateful_set(offload: RobotOffload, facts: Facts, server: int, name: str) -
         },
     )
     template = pod.pod_template(
-        offload,
-        "discovery",
+        parent,
+        own,
         [container],
         read=config_hash("discovery"),
         grace_s=5,
-        extra_labels=server_selector(server),
-        extra={"affinity": _apart(offload)},
+        extra={"affinity": _apart(parent.offload)},
     )
     spec = {
         "replicas": 1,
         "serviceName": name,
         "revisionHistoryLimit": 2,
-        "selector": {"matchLabels": {**selector(offload, "discovery"), **server_selector(server)}},
+        "selector": {"matchLabels": parent.selector(own)},
         "template": template,
     }
-    return child(offload, facts, "apps/v1", "StatefulSet", name, "discovery", {"spec": spec})
+    return parent.child(STATEFUL_SET, own, {"spec": spec})
 
 
 def _apart(offload: RobotOffload) -> Manifest:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.objects.child import child
-from robot_offload.objects.facts import Facts, Manifest
-from robot_offload.objects.labels import Component, selector
+from robot_offload.kube.kinds import SERVICE
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.parent import Parent, Part
 from robot_offload.transport.port import ContainerPort
 
 MAX_NODE_ADDRESSES: Final = 3
@@ -32,20 +32,17 @@ class Exposed:
 
 
 def service(
-    offload: RobotOffload,
-    facts: Facts,
-    name: str,
-    component: Component,
+    parent: Parent,
+    part: Part,
     ports: Sequence[Exposed],
-    extra_selector: dict[str, str] | None = None,
     extra: Manifest | None = None,
 ) -> Manifest:
     """A Service of the declared type. One protocol each: many load balancers refuse mixed ones."""
-    expose = offload.spec.transport.expose
+    expose = parent.spec.transport.expose
     spec: Manifest = {
         "type": expose.type,
         **(extra or {}),
-        "selector": {**selector(offload, component), **(extra_selector or {})},
+        "selector": parent.selector(part),
         "ports": [_port(one, with_node_port=expose.type != "ClusterIP") for one in ports],
     }
     if expose.type == "LoadBalancer":
@@ -53,7 +50,7 @@ def service(
             spec["loadBalancerIP"] = expose.address
         if expose.load_balancer_class is not None:
             spec["loadBalancerClass"] = expose.load_balancer_class
-    return child(offload, facts, "v1", "Service", name, component, {"spec": spec}, expose.annotations)
+    return parent.child(SERVICE, part, {"spec": spec}, expose.annotations)
 
 
 def _port(exposed: Exposed, *, with_node_port: bool) -> Manifest:

@@ -1,14 +1,9 @@
-"""What a transport is: the one place that knows how the two sides meet, on all levels."""
+"""What the rest of rendering knows of a transport: its ports and its traits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
-
-from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.objects.facts import Endpoint, Facts, Manifest, Purpose
-from robot_offload.objects.site import AgentSite
+from typing import Literal
 
 IpProtocol = Literal["UDP", "TCP"]
 
@@ -45,50 +40,3 @@ class Traits:
     by_discovery_servers: bool = True
     robot_speaks_dds: bool = False
     dds_profile: str = ""
-
-
-class TransportModule(Protocol):
-    """A module of this package. Everything is pure."""
-
-    @property
-    def traits(self) -> Traits:
-        """What kind of transport it is."""
-        ...
-
-    def purposes(self, offload: RobotOffload) -> tuple[Purpose, ...]:
-        """The addresses that the robot needs; the bundle waits for all of them."""
-        ...
-
-    def services(self, offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
-        """The Services of this transport."""
-        ...
-
-    def workloads(self, offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
-        """What runs in the cloud for this transport, and its configuration."""
-        ...
-
-    def policies(self, offload: RobotOffload, facts: Facts) -> tuple[Manifest, ...]:
-        """The network policies of what `workloads` returns."""
-        ...
-
-    def node_environment(self, offload: RobotOffload, facts: Facts) -> dict[str, str]:
-        """Environment of nodes and agent in the cloud: how they find each other."""
-        ...
-
-    def robot_environment(self, offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
-        """Environment of nodes and agent on the robot."""
-        ...
-
-    def robot_files(self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str) -> Mapping[str, bytes]:
-        """Files of the bundle beside those of every transport; `folder` is where the bundle lies on the robot."""
-        ...
-
-    def agent_link(self, offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
-        """The endpoints in the block `link` of an agent's configuration."""
-        ...
-
-    def observed_endpoints(
-        self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
-    ) -> tuple[Endpoint, ...]:
-        """Where the robot reaches the cloud, as far as the cluster has said so yet."""
-        ...

@@ -35,6 +35,7 @@ from robot_offload.kube.kinds import DEPLOYMENT, SECRET
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.objects.facts import Facts
 from robot_offload.objects.labels import INSTANCE
+from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import (
     PRIVATE_KEY,
     AddressPendingError,
@@ -102,8 +103,7 @@ def bundle_command(
     where = target.namespace
     with _progress() as say:
         material = target.run(lambda api: _wait(api, where, name, limit_s, say))
-    facts = facts_of(material)
-    files = bundle(material.offload, facts, material.secrets, folder=place)
+    files = bundle(Parent(material.offload, facts_of(material)), material.secrets, folder=place)
     mark = folder.Mark(where, name, material.observed.uid, material.observed.generation, tuple(files))
     folder.write(output, files, (PRIVATE_KEY,), mark, force=force)
     for line in told(material, output, place or default_folder(material.offload), files):

@@ -21,7 +21,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from robot_offload.render.certificates import (
+from robot_offload.render.pki import (
     CertificateError,
     KeyPair,
     build_authority,

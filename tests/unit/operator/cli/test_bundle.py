@@ -15,8 +15,9 @@ from robot_offload.cli.own_images import default_images, images_in_use
 from robot_offload.decide.certificates import REVOKE, REVOKED
 from robot_offload.errors import RobotOffloadError
 from robot_offload.insight.observed import observe
+from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import PRIVATE_KEY, BundleSecrets, bundle
-from robot_offload.render.certificates import build_certificates
+from robot_offload.render.pki import build_certificates
 from tests.unit.operator.cli.resources import NOW, manifest
 
 SET = build_certificates(robot="wheelchair-7", host_names=["cloud.example"], now=NOW, days=90)
@@ -84,7 +85,7 @@ def test_a_revocation_is_pending_until_the_authority_answers_it() -> None:
 
 def test_the_end_names_the_key_the_date_and_the_next_step() -> None:
     found = material()
-    files = bundle(found.offload, facts_of(found), found.secrets)
+    files = bundle(Parent(found.offload, facts_of(found)), found.secrets)
     lines = told(found, Path("out"), "/etc/robot-offload/wheelchair-7", files)
     assert lines[0] == f"out: the bundle of wheelchair-7, generation 3, {len(files) + 1} files"
     assert lines[1] == "The robot's certificate ends on 2027-02-19; write the bundle again before."

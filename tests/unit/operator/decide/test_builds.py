@@ -16,6 +16,7 @@ from robot_offload.decide.ownership import Key, key_of
 from robot_offload.decide.plan import plan
 from robot_offload.kube.kinds import CONFIG_MAP, DEPLOYMENT, JOB
 from robot_offload.kube.port import Manifest
+from robot_offload.objects.parent import Parent
 from robot_offload.render.children import children
 from tests.unit.operator.decide.worlds import FACTS, NOW, offload
 
@@ -54,13 +55,13 @@ class World:
         self.now = NOW
 
     def decide(self, wanted: RobotOffload, rebuild: str = "") -> Builds:
-        return decide(wanted, FACTS, Seen(self.live, self.pods, self.missing, self.now), rebuild)
+        return decide(Parent(wanted, FACTS), Seen(self.live, self.pods, self.missing, self.now), rebuild)
 
     def turn(self, wanted: RobotOffload, rebuild: str = "") -> Builds:
         """One pass of the operator."""
         decision = self.decide(wanted, rebuild)
         facts = dataclasses.replace(FACTS, built=decision.references)
-        steps = plan((*decision.manifests, *children(wanted, facts)), self.live, FACTS.uid, None, decision.kept)
+        steps = plan((*decision.manifests, *children(Parent(wanted, facts))), self.live, FACTS.uid, None, decision.kept)
         assert not steps.obstacles
         for step in steps.applies:
             there = self.live.get(key_of(step.manifest), {}).get("metadata", {})
@@ -145,7 +146,7 @@ def test_an_unchanged_object_leads_to_no_write() -> None:
         world.turn(built())
         decision = world.decide(built())
         facts = dataclasses.replace(FACTS, built=decision.references)
-        wanted = (*decision.manifests, *children(built(), facts))
+        wanted = (*decision.manifests, *children(Parent(built(), facts)))
         assert plan(wanted, world.live, FACTS.uid, None, decision.kept).empty
 
 
@@ -360,7 +361,7 @@ def test_a_newer_operator_with_another_builder_leaves_running_jobs_as_they_are()
     world.turn(built())
     images = dataclasses.replace(FACTS.images, builder="registry.example/buildah:2")
     newer = dataclasses.replace(FACTS, images=images)
-    decision = decide(built(), newer, Seen(world.live, (), frozenset(), NOW), "")
+    decision = decide(Parent(built(), newer), Seen(world.live, (), frozenset(), NOW), "")
     assert decision.manifests == ()
     assert {kind for kind, _ in decision.kept} == {JOB, CONFIG_MAP}
 

@@ -10,6 +10,7 @@ import pytest
 from cryptography import x509
 
 from robot_offload.decide.certificates import REVOKED, ROLES, Issued, content_hash, issue
+from robot_offload.objects.parent import Parent
 from tests.unit.operator.decide.worlds import FACTS, NOW, offload
 
 DAY = datetime.timedelta(days=1)
@@ -21,7 +22,7 @@ def again(
     """Decides again on what `before` left, less one Secret."""
     live = dict(zip(ROLES, before.secrets, strict=True)) if before else {}
     return issue(
-        offload(**spec), FACTS, {role: secret for role, secret in live.items() if role != without}, revoke, now
+        Parent(offload(**spec), FACTS), {role: secret for role, secret in live.items() if role != without}, revoke, now
     )
 
 
@@ -89,7 +90,7 @@ def test_revoking_makes_a_client_authority_and_the_robots_certificate_once_for_e
 def test_a_crash_between_authority_and_leaf_is_finished_by_the_next_look() -> None:
     first, revoked = again(), again(again(), revoke="monday")
     half = dict(zip(ROLES, first.secrets, strict=True)) | {"client-ca": revoked.secrets[1]}
-    finished = issue(offload(), FACTS, half, "monday", NOW)  # type: ignore[arg-type]
+    finished = issue(Parent(offload(), FACTS), half, "monday", NOW)  # type: ignore[arg-type]
     assert made(finished) == {"robot": "OtherAuthority"}
 
 
@@ -106,14 +107,14 @@ def test_a_damaged_secret_counts_as_missing(value: str) -> None:
     first = again()
     live = dict(zip(ROLES, first.secrets, strict=True))
     damaged = {**live["cloud"], "data": {**live["cloud"]["data"], "tls.crt": value}}
-    assert made(issue(offload(), FACTS, {**live, "cloud": damaged}, "", NOW)) == {"cloud": "Missing"}
+    assert made(issue(Parent(offload(), FACTS), {**live, "cloud": damaged}, "", NOW)) == {"cloud": "Missing"}
 
 
 def test_a_key_that_does_not_fit_its_certificate_counts_as_missing() -> None:
     first = again()
     live = dict(zip(ROLES, first.secrets, strict=True))
     mixed = {**live["cloud"], "data": {**live["cloud"]["data"], "tls.key": live["robot"]["data"]["tls.key"]}}
-    assert made(issue(offload(), FACTS, {**live, "cloud": mixed}, "", NOW)) == {"cloud": "Missing"}
+    assert made(issue(Parent(offload(), FACTS), {**live, "cloud": mixed}, "", NOW)) == {"cloud": "Missing"}
 
 
 def test_the_hash_of_a_secret_follows_its_content_only() -> None:

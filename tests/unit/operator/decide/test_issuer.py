@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from robot_offload.decide.issuer import certificates, verdict
+from robot_offload.objects.parent import Parent
 from tests.unit.operator.decide.worlds import FACTS, offload
 
 TRANSPORT = {
@@ -15,7 +16,7 @@ TRANSPORT = {
 
 
 def test_two_certificates_are_asked_for_one_for_each_side() -> None:
-    cloud, robot = certificates(offload(transport=TRANSPORT), FACTS)
+    cloud, robot = certificates(Parent(offload(transport=TRANSPORT), FACTS))
     assert cloud["spec"]["secretName"] == "walker-cloud"
     assert cloud["spec"]["dnsNames"] == ["edge.example.org", "walker-udp.fleet.svc"]
     assert "server auth" in cloud["spec"]["usages"]

@@ -8,7 +8,9 @@ from typing import Any
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
-from robot_offload.objects.facts import Endpoint, Facts, Images, Manifest
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.facts import Endpoint, Facts, Images
+from robot_offload.objects.parent import Parent
 from robot_offload.render.children import children
 from tests.unit.specs import sample
 
@@ -76,7 +78,7 @@ def _put(target: Any, path: list[str], value: Any) -> None:
 
 def rendered(wanted: RobotOffload | None = None, known: Facts | None = None) -> dict[str, Manifest]:
     """All children by `Kind/name`."""
-    return by_key(children(wanted or offload(), known or FACTS))
+    return by_key(children(Parent(wanted or offload(), known or FACTS)))
 
 
 def by_key(manifests: tuple[Manifest, ...]) -> dict[str, Manifest]:

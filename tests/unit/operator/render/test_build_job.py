@@ -12,8 +12,9 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.decide.build_specs import build_plans, from_git
 from robot_offload.errors import SpecError
-from robot_offload.objects.child_names import MAX_LENGTH
-from robot_offload.objects.facts import Manifest
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.names import MAX_LENGTH
+from robot_offload.objects.parent import Parent
 from robot_offload.render import build_scripts as scripts
 from robot_offload.render.build_job import build_files, build_job, build_ports
 from robot_offload.render.network_policies import network_policies
@@ -46,7 +47,7 @@ def built(
 
 def job(offload: RobotOffload) -> Manifest:
     [plan] = build_plans(offload, "")
-    return build_job(offload, facts(), plan)
+    return build_job(Parent(offload, facts()), plan)
 
 
 def pod_of(offload: RobotOffload) -> Manifest:
@@ -177,10 +178,10 @@ def test_a_repository_that_is_none_is_refused(repository: str) -> None:
 def test_the_settings_of_registries_are_toml_and_open_one_registry_only() -> None:
     offload = built(registry={"repository": "registry.local:5000/a", "insecure": True})
     [plan] = build_plans(offload, "")
-    text = build_files(offload, facts(), plan)["data"][scripts.REGISTRIES]
+    text = build_files(Parent(offload, facts()), plan)["data"][scripts.REGISTRIES]
     assert tomllib.loads(text)["registry"] == [{"location": "registry.local:5000", "insecure": True}]
     [safe] = build_plans(built(), "")
-    assert "registry" not in tomllib.loads(build_files(built(), facts(), safe)["data"][scripts.REGISTRIES])
+    assert "registry" not in tomllib.loads(build_files(Parent(built(), facts()), safe)["data"][scripts.REGISTRIES])
 
 
 def test_the_dockerfile_is_that_of_the_command_line_with_a_folder_in_place_of_git() -> None:
@@ -218,7 +219,7 @@ def test_names_fit_however_long_everything_is() -> None:
     offload = built({"package": "p" * 200}, name="r" * 63)
     [plan] = build_plans(offload, "")
     assert len(plan.name) <= MAX_LENGTH
-    assert len(json.dumps(build_job(offload, facts(), plan))) < 100_000
+    assert len(json.dumps(build_job(Parent(offload, facts()), plan))) < 100_000
 
 
 @pytest.mark.parametrize(
@@ -237,7 +238,7 @@ def test_builds_reach_the_ports_that_they_need(build: Any, registry: Any, ports:
 
 
 def test_nobody_may_call_a_build_and_it_may_call_declared_ports_only() -> None:
-    policies = {policy["metadata"]["name"]: policy["spec"] for policy in network_policies(built(), facts())}
+    policies = {policy["metadata"]["name"]: policy["spec"] for policy in network_policies(Parent(built(), facts()))}
     policy = policies["wheelchair-7-build"]
     assert policy["policyTypes"] == ["Ingress", "Egress"]
     assert "ingress" not in policy

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from robot_offload.errors import RobotOffloadError
+from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import AddressPendingError, BundleSecrets, CertificatesPendingError, bundle
 from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload
 
@@ -25,7 +26,7 @@ MORE = {
 
 
 def made(transport: str = "Zenoh", **more: Any) -> dict[str, str]:
-    files = bundle(offload(transport={**TRANSPORTS[transport], **more}), KNOWN, SECRETS)
+    files = bundle(Parent(offload(transport={**TRANSPORTS[transport], **more}), KNOWN), SECRETS)
     return {path: content.decode() for path, content in files.items()}
 
 
@@ -56,19 +57,19 @@ def test_with_a_declared_name_the_robot_checks_it() -> None:
 def test_while_an_address_is_pending_there_is_no_bundle(missing: str) -> None:
     known = facts(endpoints=tuple(one for one in EVERY_ENDPOINT if one.purpose != missing))
     with pytest.raises(AddressPendingError, match=missing):
-        bundle(offload(), known, SECRETS)
+        bundle(Parent(offload(), known), SECRETS)
 
 
 def test_one_of_two_discovery_servers_is_not_enough() -> None:
     known = facts(endpoints=tuple(one for one in EVERY_ENDPOINT if one.host != "203.0.113.9"))
     with pytest.raises(AddressPendingError, match="discovery"):
-        bundle(offload(transport=TRANSPORTS["DiscoveryServer"]), known, None)
+        bundle(Parent(offload(transport=TRANSPORTS["DiscoveryServer"]), known), None)
 
 
 def test_without_the_robots_certificate_there_is_no_bundle() -> None:
     with pytest.raises(CertificatesPendingError, match="CertificatesReady"):
-        bundle(offload(), KNOWN, None)
-    assert bundle(offload(transport=TRANSPORTS["StaticPeers"]), facts(), None)
+        bundle(Parent(offload(), KNOWN), None)
+    assert bundle(Parent(offload(transport=TRANSPORTS["StaticPeers"]), facts()), None)
 
 
 def test_both_are_errors_that_a_person_is_told() -> None:
@@ -114,12 +115,12 @@ def test_the_readme_says_the_remappings_and_the_way_back() -> None:
 
 
 def test_a_robot_without_collected_outputs_changes_nothing_about_its_nodes() -> None:
-    files = bundle(offload({"nodes.1.outputs": [], "nodes.1.run.remap": {}}), KNOWN, SECRETS)
+    files = bundle(Parent(offload({"nodes.1.outputs": [], "nodes.1.run.remap": {}}), KNOWN), SECRETS)
     assert b"nothing about them changes" in files["README.md"]
 
 
 def test_another_folder_is_used_everywhere() -> None:
-    files = bundle(offload(transport=TRANSPORTS["DDSRouter"]), KNOWN, SECRETS, folder="/opt/offload")
+    files = bundle(Parent(offload(transport=TRANSPORTS["DDSRouter"]), KNOWN), SECRETS, folder="/opt/offload")
     texts = {path: content.decode() for path, content in files.items()}
     assert all("/etc/robot-offload" not in text.replace("/var/lib/robot-offload", "") for text in texts.values())
     assert "/opt/offload/agent.yaml" in texts["robot-offload-agent.service"]

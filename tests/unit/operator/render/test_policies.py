@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload.objects.facts import Manifest
+from robot_offload.kube.port import Manifest
 from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload, pods, rendered
 
 DDS = ("UDP", 7400 + 250 * 42)

@@ -10,6 +10,7 @@ import yaml
 
 from robot_offload.errors import RobotOffloadError
 from robot_offload.objects.facts import Endpoint
+from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.transport import dds_router_config as router
 from tests.unit.operator.render.given import ROUTER, facts, offload, rendered
@@ -33,7 +34,7 @@ def wan(document: dict[str, Any]) -> dict[str, Any]:
 
 def on_the_robot(endpoint: Endpoint = ROUTER, **block: Any) -> dict[str, Any]:
     resource = offload(transport={"type": "DDSRouter", **block})
-    files = bundle(resource, facts(endpoints=(endpoint,)), SECRETS)
+    files = bundle(Parent(resource, facts(endpoints=(endpoint,))), SECRETS)
     found: dict[str, Any] = yaml.safe_load(files["ddsrouter.yaml"])
     return found
 

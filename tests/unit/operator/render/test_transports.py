@@ -9,7 +9,8 @@ import pytest
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.objects.facts import Endpoint, Manifest
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.facts import Endpoint
 from robot_offload.transport import carried
 from robot_offload_lab.wire import dds_options
 from tests.unit.operator.render.given import TRANSPORTS, facts, offload, rendered

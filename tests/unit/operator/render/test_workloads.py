@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload.objects.facts import Manifest
+from robot_offload.kube.port import Manifest
 from robot_offload.objects.labels import INSTANCE, MANAGED_BY
 from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, environment, facts, offload, pods, rendered
 

@@ -1,0 +1,98 @@
+"""A RobotOffload as the parent of its objects in the cluster: what all children have in common.
+
+Builders take a `Parent` (what is declared, and what is known of the cluster) and say for each child its kind, the part
+that the child belongs to and its body; name, namespace, labels and owner come from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from robot_offload.api.v1alpha1 import API_VERSION, KIND, RobotOffload, RobotOffloadSpec
+from robot_offload.kube.kinds import CONFIG_MAP, Kind
+from robot_offload.kube.port import Manifest
+from robot_offload.objects import labels
+from robot_offload.objects.facts import Facts
+from robot_offload.objects.labels import Component
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What the objects of one part of a RobotOffload are called, and by which labels its pods are found.
+
+    Attributes:
+        name: of the objects.
+        component: which labels they carry.
+        own: labels that tell the pods of this part from others of the same component.
+    """
+
+    name: str
+    component: Component
+    own: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Parent:
+    """A RobotOffload and what is known of the cluster: all that builders of its children read.
+
+    Attributes:
+        offload: what is declared, as it was accepted.
+        facts: the state of the cluster as far as the children depend on it.
+    """
+
+    offload: RobotOffload
+    facts: Facts
+
+    @property
+    def name(self) -> str:
+        """Returns the name of the RobotOffload."""
+        return self.offload.metadata.name
+
+    @property
+    def spec(self) -> RobotOffloadSpec:
+        """Returns what is declared."""
+        return self.offload.spec
+
+    @property
+    def namespace(self) -> str:
+        """Returns the Kubernetes namespace of the RobotOffload and of all its children."""
+        return self.facts.namespace
+
+    @property
+    def uid(self) -> str:
+        """Returns the uid of the RobotOffload, by which children are known as its own."""
+        return self.facts.uid
+
+    def child(
+        self, kind: Kind, part: Part, body: Mapping[str, object], annotations: Mapping[str, str] | None = None
+    ) -> Manifest:
+        """Returns an object that belongs to the RobotOffload and goes away with it."""
+        metadata: Manifest = {
+            "name": part.name,
+            "namespace": self.namespace,
+            "labels": labels.labels(self.offload, part.component),
+            "ownerReferences": [self._owner()],
+        }
+        if annotations:
+            metadata["annotations"] = dict(annotations)
+        return {"apiVersion": kind.api_version, "kind": kind.kind, "metadata": metadata, **body}
+
+    def config_map(self, part: Part, data: Mapping[str, str]) -> Manifest:
+        """Returns a ConfigMap of texts."""
+        return self.child(CONFIG_MAP, part, {"data": dict(data)})
+
+    def selector(self, part: Part) -> dict[str, str]:
+        """Returns the labels by which the pods of a part are found; they never change."""
+        return {**labels.selector(self.offload, part.component), **part.own}
+
+    def _owner(self) -> Manifest:
+        """Returns the owner reference; the cluster's own garbage collector needs nothing else."""
+        return {
+            "apiVersion": API_VERSION,
+            "kind": KIND,
+            "name": self.name,
+            "uid": self.uid,
+            "controller": True,
+            "blockOwnerDeletion": True,
+        }
