@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from robot_offload_core import link as links
+from robot_offload_core import links
 from robot_offload_core.beats import CloudReport
-from robot_offload_core.collector import GateReport
-from robot_offload_core.link import Link
-from robot_offload_core.policy import Fitness, Verdict
+from robot_offload_core.collectors import GateReport
+from robot_offload_core.links import Link
+from robot_offload_core.policies import Fitness, Verdict
 from robot_offload_core.settings import InputSpec, Settings
 from robot_offload_core.token import Site
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from robot_offload_core.beats import Beat, CloudReport, Permission
 from robot_offload_core.change import replace
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Token
 
@@ -84,11 +85,6 @@ class CloudData:
     input_ages_s: tuple[float | None, ...]
 
 
-@dataclass(frozen=True)
-class Tick:
-    """Time has passed."""
-
-
 Event = RobotBeat | CloudNodes | CloudData | Tick
 
 
@@ -101,28 +97,21 @@ class SetEgress:
 
 
 @dataclass(frozen=True)
-class SetActing:
-    """To the guardian: whether this side's duplicated nodes are to be Active."""
-
-    acting: bool
-
-
-@dataclass(frozen=True)
-class Tell:
+class SetReport:
     """To the pulse process: this side's part of the beat."""
 
     report: CloudReport
 
 
 @dataclass(frozen=True)
-class Decided:
+class StandChanged:
     """For the log and diagnostics: reason and message of a change."""
 
     reason: str
     message: str
 
 
-Command = SetEgress | SetActing | Tell | Decided
+Command = SetEgress | Acting | SetReport | StandChanged
 
 
 def step(cloud: Cloud, event: Event, now_s: float) -> tuple[Cloud, list[Command]]:
@@ -142,7 +131,7 @@ def step(cloud: Cloud, event: Event, now_s: float) -> tuple[Cloud, list[Command]
     reason, message = situation(cloud, now_s)
     if reason != cloud.reported:
         cloud = replace(cloud, reported=reason)
-        commands.append(Decided(reason, message))
+        commands.append(StandChanged(reason, message))
     return cloud, commands
 
 
@@ -220,7 +209,7 @@ def _levels(cloud: Cloud, now_s: float) -> list[Command]:
         input_ages_us=tuple(map(_us, cloud.input_ages_s)),
     )
     egress = SetEgress(token(cloud), cloud.lease_end_s) if held else SetEgress(None, 0.0)
-    return [egress, SetActing(held), Tell(report)]
+    return [egress, Acting(held), SetReport(report)]
 
 
 def _us(age_s: float | None) -> int:

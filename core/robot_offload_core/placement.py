@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_offload_core.beats import Beat, CloudReport, Permission
-from robot_offload_core.collector import Gate, GateReport
+from robot_offload_core.collectors import Gate, GateReport
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.health import Situation
-from robot_offload_core.link import Link
-from robot_offload_core.policy import Policy, Verdict
+from robot_offload_core.links import Link
+from robot_offload_core.policies import Policy, Verdict
 from robot_offload_core.settings import InputSpec, Settings
 from robot_offload_core.token import Site
 
@@ -186,11 +187,6 @@ class SetSettings:
     inputs: tuple[InputSpec, ...]
 
 
-@dataclass(frozen=True)
-class Tick:
-    """Time has passed."""
-
-
 Event = (
     CloudBeat | PulseSent | GateReported | DataReported | NodesReported | SwitchByHand | SetPin | CloudLeaving
     | SetSettings | Tick
@@ -209,15 +205,6 @@ class SetGate:
     """Level, to the collector."""
 
     gate: Gate
-
-
-@dataclass(frozen=True)
-class SetActing:
-    """Level, to the guardian, see guardian.Acting."""
-
-    acting: bool
-    outputs_flow: bool
-    in_charge: bool = True
 
 
 @dataclass(frozen=True)
@@ -256,7 +243,7 @@ class Answer:
     message: str
 
 
-Command = Permit | SetGate | SetActing | Reopen | Decided | Answer
+Command = Permit | SetGate | Acting | Reopen | Decided | Answer
 
 
 def is_good(robot: Robot, beat: Beat, arrived_s: float) -> bool:

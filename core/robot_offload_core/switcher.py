@@ -8,12 +8,11 @@ has to go back. What the shell keeps up (permission, gate, acting) is a level, t
 
 from __future__ import annotations
 
-from robot_offload_core import link as links
-from robot_offload_core import policy as policies
-from robot_offload_core import wishes
+from robot_offload_core import links, policies, wishes
 from robot_offload_core.beats import CloudReport, Permission
 from robot_offload_core.change import replace
-from robot_offload_core.collector import Charge, Gate, GateReport
+from robot_offload_core.collectors import Charge, Gate, GateReport
+from robot_offload_core.events import Acting
 from robot_offload_core.health import Frame, cloud_fault
 from robot_offload_core.placement import (
     IN_CHARGE,
@@ -31,7 +30,6 @@ from robot_offload_core.placement import (
     PulseSent,
     Reopen,
     Robot,
-    SetActing,
     SetGate,
     SetPin,
     SetSettings,
@@ -39,7 +37,7 @@ from robot_offload_core.placement import (
     Wish,
     is_good,
 )
-from robot_offload_core.policy import Verdict
+from robot_offload_core.policies import Verdict
 from robot_offload_core.pulse import PERMISSION_BEATS
 from robot_offload_core.settings import Mode, Settings
 from robot_offload_core.settling import meanwhile
@@ -382,7 +380,7 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     if robot.armed:
         following = _charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate)
     gate = Gate(robot.started_us, _charge(robot, site(robot), robot.epoch), following)
-    acting = SetActing(
+    acting = Acting(
         acting=robot.phase is not Phase.CLOUD,
         outputs_flow=_outputs_flow(robot, now_s),
         in_charge=site(robot) is Site.ROBOT,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from robot_offload_core import policy as policies
+from robot_offload_core import policies
 from robot_offload_core.change import replace
 from robot_offload_core.health import clock_fault, fitness
 from robot_offload_core.placement import IN_CHARGE, Robot
-from robot_offload_core.policy import Verdict
+from robot_offload_core.policies import Verdict
 from robot_offload_core.token import Site
 
 

@@ -22,8 +22,8 @@ from robot_offload_agent.ros import context, raw
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings import store
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import collector, envelope
-from robot_offload_core.collector import Charge, Collector, Passage
+from robot_offload_core import collectors, envelope
+from robot_offload_core.collectors import Charge, Collector, Passage
 from robot_offload_core.placement import SetGate
 from robot_offload_core.token import Site, Token
 
@@ -88,17 +88,17 @@ class CollectorProcess:
         self.bus = bus
         self.lock = threading.Lock()
         settings = store.in_force(configuration).settings()
-        self.state = collector.start(configuration.output_specs(), settings.max_command_age_s, settings.lease_s)
+        self.state = collectors.start(configuration.output_specs(), settings.max_command_age_s, settings.lease_s)
         self.memory = Memory(configuration.runtime_dir)
         remembered = self.memory.load()
         if remembered is not None:
-            self.state = collector.resume(self.state, *remembered, now_s())
+            self.state = collectors.resume(self.state, *remembered, now_s())
         self.started_s = now_s()
         self.pauses = Pauses(self.started_s)
         self.sequence = now_us()  # of the robot's messages; grows over restarts of this process
         self.detail_due_s = self.report_due_s = 0.0
         self.report_period_s = report_period_s(settings.lease_s)
-        self.reported: collector.GateReport | None = None
+        self.reported: collectors.GateReport | None = None
         self.counters: Counter[str] = Counter()
         self.problems: dict[str, tuple[str, str]] = {}
         context.init(configuration)
@@ -172,7 +172,7 @@ class CollectorProcess:
                 return
             with self.lock:
                 self.sequence += 1
-                state, passage = collector.offer_robot(self.state, index, self.sequence, now_s())
+                state, passage = collectors.offer_robot(self.state, index, self.sequence, now_s())
                 changed = self.keep(state)
                 self.publish(index, payload, passage)
             self.count("robot", index, passage)
@@ -230,7 +230,7 @@ class CollectorProcess:
         """One datagram."""
         if isinstance(message, SetGate):
             with self.lock:
-                changed = self.keep(collector.set_gate(self.state, message.gate, now_s()))
+                changed = self.keep(collectors.set_gate(self.state, message.gate, now_s()))
             if changed:
                 self.report()
         elif isinstance(message, Carried) and message.kind == ENVELOPE:
@@ -238,7 +238,7 @@ class CollectorProcess:
         elif isinstance(message, Limits):
             self.report_period_s = report_period_s(message.gate_timeout_s)
             with self.lock:
-                self.state = collector.limit(self.state, message.max_command_age_s, message.gate_timeout_s)
+                self.state = collectors.limit(self.state, message.max_command_age_s, message.gate_timeout_s)
 
     def offer_cloud(self, message: Carried) -> None:
         """A message of the cloud's replica."""
@@ -252,7 +252,7 @@ class CollectorProcess:
             self.counters["cloud_garbage"] += 1
             return
         with self.lock:
-            state, passage = collector.offer_cloud(self.state, index, header, now_s())
+            state, passage = collectors.offer_cloud(self.state, index, header, now_s())
             changed = self.keep(state)
             self.publish(index, message.payload, passage)
         self.count("cloud", index, passage)
@@ -268,9 +268,9 @@ class CollectorProcess:
         """To control; also notices that control fell silent."""
         with self.lock:
             now = now_s()
-            if self.keep(collector.turn(self.state, now)):
+            if self.keep(collectors.turn(self.state, now)):
                 log.error("Control has been silent for too long, only the robot's output passes")
-            report = collector.report(self.state, now)
+            report = collectors.report(self.state, now)
         if only_news and report == self.reported and now < self.report_due_s:
             return
         self.reported, self.report_due_s = report, now + self.report_period_s

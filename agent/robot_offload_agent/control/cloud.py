@@ -15,8 +15,9 @@ from robot_offload_agent.settings.cluster_files import ClusterFiles, wall_text
 from robot_offload_agent.settings.notes import NotesError, decode_robot, encode
 from robot_offload_agent.settings.offer import offered_limits
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import guardian, lease, link
+from robot_offload_core import guardians, lease, links
 from robot_offload_core.beats import Beat
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
@@ -33,7 +34,7 @@ class CloudControl(ControlProcess):
     def __init__(self, configuration: Configuration, bus: Bus) -> None:
         super().__init__(configuration, bus)
         self.cloud = lease.Cloud(self.incarnation, self.settings)
-        self.link = link.Link()
+        self.link = links.Link()
         self.liaison = liaison.Liaison(watched=bool(configuration["settings_file"]))
         self.noted: tuple[object, ...] = ()
         self.data_s = self.started_us / 1e6
@@ -65,7 +66,7 @@ class CloudControl(ControlProcess):
         """A beat of a robot."""
         self.step(lease.RobotBeat(beat, arrived.arrived_s), now_s())
         if beat.incarnation == self.cloud.robot:
-            self.link = link.hear(self.link, beat, self.incarnation, arrived.arrived_s, arrived.wall_us)
+            self.link = links.hear(self.link, beat, self.incarnation, arrived.arrived_s, arrived.wall_us)
 
     def take_message(self, message: Any) -> None:
         """The data process's view, and notes of the robot."""
@@ -89,7 +90,7 @@ class CloudControl(ControlProcess):
 
     def tick(self, now: float) -> None:
         """Time has passed."""
-        self.step(lease.Tick(), now)
+        self.step(Tick(), now)
         if self.sustained(now) != self.told_sustained:
             self.told_sustained = 1 - self.told_sustained
             self.report.publish_network_status(self.told_sustained)
@@ -140,18 +141,18 @@ class CloudControl(ControlProcess):
         )
         self.files.tell(state, now, lambda: liaison.figures(self.health(now)))
 
-    def health(self, now: float) -> link.Health | None:
+    def health(self, now: float) -> links.Health | None:
         """Of the link to the robot served; None when there is none."""
-        return link.health(self.link, now) if self.cloud.robot else None
+        return links.health(self.link, now) if self.cloud.robot else None
 
     def nodes_changed(self, now: float) -> None:
         """Ready means: the CORE nodes are Active and the latched inputs are the robot's."""
-        self.step(lease.CloudNodes(guardian.is_ready(self.guardian) and self.complete), now)
+        self.step(lease.CloudNodes(guardians.is_ready(self.guardian) and self.complete), now)
 
     def step(self, event: lease.Event, now: float) -> None:
         """Steps the lease and carries out its commands."""
         self.cloud, commands = lease.step(self.cloud, event, now)
-        report = next(c.report for c in commands if isinstance(c, lease.Tell))
+        report = next(c.report for c in commands if isinstance(c, lease.SetReport))
         egress = next(c for c in commands if isinstance(c, lease.SetEgress))
         # Ages change with every step and are worth telling once a beat; everything else at once.
         level = (replace(report, data_age_us=0, input_ages_us=()), egress, self.request)
@@ -161,9 +162,9 @@ class CloudControl(ControlProcess):
             words = (self.incarnation, self.cloud.robot, egress, self.node_states(), self.request)
             self.bus.send("data", Egress(*words))
         for command in commands:
-            if isinstance(command, lease.SetActing) and command.acting is not self.guardian.acting:
-                self.step_guardian(guardian.Acting(command.acting), now)
-            elif isinstance(command, lease.Decided):
+            if isinstance(command, Acting) and command.acting is not self.guardian.acting:
+                self.step_guardian(Acting(command.acting), now)
+            elif isinstance(command, lease.StandChanged):
                 log.info("%s reason=%s", command.message, command.reason)
 
     def sustained(self, now: float) -> int:

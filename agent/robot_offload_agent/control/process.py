@@ -24,7 +24,8 @@ from robot_offload_agent.ros import context
 from robot_offload_agent.ros.managed_nodes import ManagedNodes
 from robot_offload_agent.ros.report import Report
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import beats, guardian
+from robot_offload_core import beats, guardians
+from robot_offload_core.events import Tick
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
@@ -54,7 +55,7 @@ class ControlProcess(ABC):
         context.init(configuration)
         self.report = Report(configuration)
         has_driver = configuration.side is Site.ROBOT and bool(configuration["inhibit_service"])
-        self.guardian = guardian.start(configuration.node_specs(), self.settings.activation_deadline_s, has_driver)
+        self.guardian = guardians.start(configuration.node_specs(), self.settings.activation_deadline_s, has_driver)
         self.managed = ManagedNodes(configuration, self.report.guardian, self.post_guardian)
 
     def run(self) -> None:
@@ -70,7 +71,7 @@ class ControlProcess(ABC):
         self.events.put(event)
         os.eventfd_write(self.wake, 1)
 
-    def post_guardian(self, event: guardian.Event) -> None:
+    def post_guardian(self, event: guardians.Event) -> None:
         """An observation of the guardian's shell."""
         self.post(lambda now: self.step_guardian(event, now))
 
@@ -90,7 +91,7 @@ class ControlProcess(ABC):
             if now >= due_s:
                 due_s, ticked_s = now + TICK_S, now
                 self.tick(now)
-                self.step_guardian(guardian.Tick(), now)
+                self.step_guardian(Tick(), now)
                 if now >= self.report_due_s:
                     self.report_due_s = now + REPORT_PERIOD_S
                     self.publish_report(now)
@@ -126,16 +127,16 @@ class ControlProcess(ABC):
 
     # -- the guardian -------------------------------------------------------------------------------------------------
 
-    def step_guardian(self, event: guardian.Event, now: float) -> None:
+    def step_guardian(self, event: guardians.Event, now: float) -> None:
         """Steps the guardian core and carries out its commands."""
-        ready = guardian.is_ready(self.guardian)
-        self.guardian, commands = guardian.step(self.guardian, event, now)
+        ready = guardians.is_ready(self.guardian)
+        self.guardian, commands = guardians.step(self.guardian, event, now)
         for command in commands:
-            if isinstance(command, guardian.Told):
+            if isinstance(command, guardians.NodeNews):
                 log.info("Node %s: %s reason=%s", command.name, command.message, command.reason)
             else:
                 self.managed.carry_out(command)
-        if guardian.is_ready(self.guardian) is not ready:
+        if guardians.is_ready(self.guardian) is not ready:
             self.nodes_changed(now)
 
     def node_states(self) -> tuple[tuple[str, str], ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from robot_offload_core.link import Link
+from robot_offload_core.links import Link
 
 log = logging.getLogger(__name__)
 

@@ -17,15 +17,16 @@ from robot_offload_agent.settings.adopted import RobotSettings
 from robot_offload_agent.settings.liaison import LEAVING_S
 from robot_offload_agent.settings.override import Override
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import guardian, health, link, placement, switcher
+from robot_offload_core import guardians, health, links, placement, switcher
 from robot_offload_core.beats import Beat
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
 
 LEVELS_PER_LEASE = 5
-UNSEEN = guardian.State.UNKNOWN.value
+UNSEEN = guardians.State.UNKNOWN.value
 REPLICA_GRACE_S = 3.0
 """How long a replica may be on its way before it is reported missing."""
 
@@ -144,7 +145,7 @@ class RobotControl(ControlProcess):
 
     def tick(self, now: float) -> None:
         """Time has passed."""
-        self.step(placement.Tick(), now)
+        self.step(Tick(), now)
         if self.recorder is not None:
             self.recorder.flush(now)
         if self.sustained(now) != self.told_sustained:
@@ -164,7 +165,7 @@ class RobotControl(ControlProcess):
 
     def nodes_changed(self, now: float) -> None:
         """Readiness of the robot's nodes changed."""
-        self.step(placement.NodesReported(guardian.is_ready(self.guardian)), now)
+        self.step(placement.NodesReported(guardians.is_ready(self.guardian)), now)
 
     # -- commands out -------------------------------------------------------------------------------------------------
 
@@ -181,10 +182,10 @@ class RobotControl(ControlProcess):
         elif isinstance(command, placement.Permit):
             self.bus.send("pulse", Speak(self.incarnation, command.permission, now))
             self.renew("data", Orders(self.incarnation, self.robot.epoch, self.answered_cloud()), now)
-        elif isinstance(command, placement.SetActing):
+        elif isinstance(command, Acting):
             known = (self.guardian.acting, self.guardian.outputs_flow, self.guardian.in_charge)
             if known != (command.acting, command.outputs_flow, command.acting and command.in_charge):
-                acting = guardian.Acting(command.acting, command.outputs_flow, command.in_charge)
+                acting = Acting(command.acting, command.outputs_flow, command.in_charge)
                 self.step_guardian(acting, now)
         elif isinstance(command, placement.Reopen):
             for process in ("pulse", "data"):
@@ -270,7 +271,7 @@ class RobotControl(ControlProcess):
             self.counters.update(dict(data.counters) if data else {})
         problems = [p for s in (self.data_status, self.collector_status) if s for p in s.problems]
         self.report.publish_diagnostics(
-            link=link.health(self.robot.link, now),
+            link=links.health(self.robot.link, now),
             pulse=self.pulse_status,
             placement={
                 "site": switcher.site(self.robot).value, "phase": self.robot.phase.value,

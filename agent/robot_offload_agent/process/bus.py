@@ -20,7 +20,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
-from robot_offload_core import beats, collector, lease, placement
+from robot_offload_core import beats, collectors, lease, placement
 from robot_offload_core.envelope import LAYOUT
 
 log = logging.getLogger(__name__)
@@ -132,7 +132,7 @@ class DataStatus:
 class CollectorStatus:
     """collector -> control, every 20 ms; once a second with problems and counters."""
 
-    report: collector.GateReport
+    report: collectors.GateReport
     problems: tuple[tuple[str, str], ...] = ()
     counters: tuple[tuple[str, int], ...] = ()
 

@@ -15,8 +15,8 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import guardian
-from robot_offload_core.guardian import State, Transition
+from robot_offload_core import guardians
+from robot_offload_core.guardians import State, Transition
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
@@ -44,7 +44,7 @@ def replica_name(side: Site, name: str) -> str:
 class ManagedNodes:
     """Service clients of one side's managed nodes. Calls are made on the deciding thread and answered on ROS's."""
 
-    def __init__(self, configuration: Configuration, node: Node, post: Callable[[guardian.Event], None]) -> None:
+    def __init__(self, configuration: Configuration, node: Node, post: Callable[[guardians.Event], None]) -> None:
         self.configuration = configuration
         self.node = node
         self.post = post
@@ -74,15 +74,15 @@ class ManagedNodes:
     def _event(self, name: str, message: TransitionEvent) -> None:
         state = STATES.get(message.goal_state.id)
         if state is not None:
-            self.post(guardian.Observed(name, state))
+            self.post(guardians.Observed(name, state))
 
-    def carry_out(self, command: guardian.Command) -> None:
-        """One command of the core, except Told."""
-        if isinstance(command, guardian.ChangeState):
+    def carry_out(self, command: guardians.Command) -> None:
+        """One command of the core, except NodeNews."""
+        if isinstance(command, guardians.ChangeState):
             self._change(command.name, command.transition)
-        elif isinstance(command, guardian.GetState):
+        elif isinstance(command, guardians.GetState):
             self._read(command.name)
-        elif isinstance(command, guardian.Inhibit):
+        elif isinstance(command, guardians.Inhibit):
             self._inhibit(command)
 
     def _change(self, name: str, transition: Transition) -> None:
@@ -95,25 +95,25 @@ class ManagedNodes:
         def done(future: Any) -> None:
             response = future.result()
             if response is not None:
-                self.post(guardian.Answered(name, transition, response.success))
+                self.post(guardians.Answered(name, transition, response.success))
 
         self._call(client, request, done)
 
     def _read(self, name: str) -> None:
         client = self.read[name]
         if not client.service_is_ready():
-            self.post(guardian.Observed(name, State.UNKNOWN))
+            self.post(guardians.Observed(name, State.UNKNOWN))
             return
 
         def done(future: Any) -> None:
             response = future.result()
             state = STATES.get(response.current_state.id) if response is not None else None
             if state is not None:  # in transition: its end is told by the event
-                self.post(guardian.Observed(name, state))
+                self.post(guardians.Observed(name, state))
 
         self._call(client, GetState.Request(), done)
 
-    def _inhibit(self, command: guardian.Inhibit) -> None:
+    def _inhibit(self, command: guardians.Inhibit) -> None:
         assert self.inhibit is not None
         if not self.inhibit.service_is_ready():
             return  # said again until it is confirmed
@@ -125,7 +125,7 @@ class ManagedNodes:
         def done(future: Any) -> None:
             response = future.result()
             if response is not None and response.success:
-                self.post(guardian.InhibitAnswered(command.inhibit))
+                self.post(guardians.InhibitAnswered(command.inhibit))
 
         self._call(self.inhibit, SetBool.Request(data=command.inhibit), done)
 

@@ -21,9 +21,9 @@ from robot_offload_agent.settings.offer import RUN_TIME
 from robot_offload_agent.settings.override import WORDS, Override
 from robot_offload_agent.settings.parameters import GENERAL, Configuration, Parameter
 from robot_offload_core.beats import Beat
-from robot_offload_core.guardian import Node as GuardedNode
-from robot_offload_core.guardian import State
-from robot_offload_core.link import Health
+from robot_offload_core.guardians import Node as GuardedNode
+from robot_offload_core.guardians import State
+from robot_offload_core.links import Health
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)

@@ -12,7 +12,7 @@ from typing import Any
 
 from robot_offload_agent.settings.notes import CloudNotes, RobotNotes
 from robot_offload_agent.settings.offer import Offer
-from robot_offload_core.link import Health
+from robot_offload_core.links import Health
 
 LEAVING_S = 25.0
 """So long the robot does not choose a cloud whose pods are going: they are killed 20 s after the wish to stop them.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from robot_offload_core.policy import Verdict
+from robot_offload_core.policies import Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from robot_offload_core.outlook import SILENT_BEATS
+from robot_offload_core.outlooks import SILENT_BEATS
 from robot_offload_core.prior import PRIOR
 from robot_offload_core.settings import Settings
 from robot_offload_lab.links.made_up import FAMILIES, made

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from robot_offload_core import link as links
-from robot_offload_core import policy as policies
+from robot_offload_core import links, policies
 from robot_offload_core.beats import Beat, CloudReport, Echo
-from robot_offload_core.collector import GateReport
+from robot_offload_core.collectors import GateReport
 from robot_offload_core.health import Frame, Situation, cloud_fault, fitness
-from robot_offload_core.link import Link
-from robot_offload_core.outlook import Figures, Outlook
-from robot_offload_core.policy import Fitness, Policy, Verdict
+from robot_offload_core.links import Link
+from robot_offload_core.outlooks import Figures, Outlook
+from robot_offload_core.policies import Fitness, Policy, Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 

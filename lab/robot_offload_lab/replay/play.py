@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from robot_offload.errors import InputError
-from robot_offload_core.policy import Verdict
+from robot_offload_core.policies import Verdict
 from robot_offload_core.token import Site
 from robot_offload_lab.replay.contract import SwitchingPolicy
 from robot_offload_lab.replay.costs import Change

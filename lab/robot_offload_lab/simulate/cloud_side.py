@@ -6,10 +6,10 @@ from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from robot_offload_core import guardian as guardians
-from robot_offload_core import lease, pulse
+from robot_offload_core import guardians, lease, pulse
 from robot_offload_core.beats import Beat, CloudReport
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message, Node
 from robot_offload_lab.simulate.robot_side import EFFECT_S, PROBE_S, call_node, read, written
@@ -80,8 +80,8 @@ class CloudControl(Process):
         self.every(scenario.tick_s, self._tick, first_s=0.0)
 
     def _tick(self) -> None:
-        self.guard(guardians.Tick())
-        self.step(lease.Tick())
+        self.guard(Tick())
+        self.step(Tick())
 
     def robot_beat(self, beat: Beat, arrived_s: float, sent_true_s: float) -> None:
         """The pulse process hands over a robot's beat."""
@@ -98,12 +98,12 @@ class CloudControl(Process):
         if known and not self.cloud.robot:
             run.faults.entered("cloud Alone")
         for command in commands:
-            if isinstance(command, lease.SetActing):
+            if isinstance(command, Acting):
                 if command.acting is not self.guardian.acting:
-                    self.guard(guardians.Acting(command.acting))
+                    self.guard(Acting(command.acting))
             elif isinstance(command, lease.SetEgress):
                 self._set_egress(command.token, command.lease_end_s, now_s)
-            elif isinstance(command, lease.Tell):
+            elif isinstance(command, lease.SetReport):
                 run.cloud.pulse.send(self.name, run.cloud.pulse.speak, self.incarnation, command.report, now_s)
             else:
                 self.world.note("cloud", command.reason, command.message)

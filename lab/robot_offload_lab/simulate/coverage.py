@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from fnmatch import fnmatchcase
 
-from robot_offload_core import lease
-from robot_offload_core import placement as words
+from robot_offload_core import lease, placement
 from robot_offload_core.beats import Beat, CloudReport, Permission
-from robot_offload_core.collector import Collector, Gate
+from robot_offload_core.collectors import Collector, Gate
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.events import Tick
 from robot_offload_core.switcher import STALL_BEATS
 from robot_offload_core.token import Site, Token
 
@@ -22,7 +22,7 @@ Pair = tuple[str, str, str]
 ANY = "any"
 
 STATES = {
-    "robot": tuple(phase.value for phase in words.Phase),
+    "robot": tuple(phase.value for phase in placement.Phase),
     "cloud": ("Alone", "Asleep", "Waking", "Acting", "LeaseExpired", "DuplicateIdentity"),
     "collector": ("empty", "resumed", "robot", "robot, cloud next", "cloud", "cloud, robot next",
                   "fell back from robot", "fell back from cloud"),
@@ -125,7 +125,7 @@ class Coverage:
             pair = (machine, ANY, cause)
             pairs[pair] = pairs.get(pair, 0) + 1
 
-    def robot(self, robot: words.Robot, event: words.Event, now_s: float) -> None:
+    def robot(self, robot: placement.Robot, event: placement.Event, now_s: float) -> None:
         """The placement machine is about to take `event`."""
         self.met("robot", robot.phase.value, *_robot_event(robot, event, now_s))
 
@@ -184,28 +184,28 @@ def collector_state(collector: Collector) -> str:
 # -- events: (class, cause) -------------------------------------------------------------------------------------------
 
 
-def _robot_event(robot: words.Robot, event: words.Event, now_s: float) -> tuple[str, str]:
-    if isinstance(event, words.Tick):
+def _robot_event(robot: placement.Robot, event: placement.Event, now_s: float) -> tuple[str, str]:
+    if isinstance(event, Tick):
         late = robot.stepped_s is not None and now_s - robot.stepped_s > STALL_BEATS * robot.settings.beat_period_s
         return "tick: after a stall" if late else "tick", ""
-    if isinstance(event, words.CloudBeat):
+    if isinstance(event, placement.CloudBeat):
         return _cloud_beat(robot, event.beat, event.arrived_s)
-    if isinstance(event, words.PulseSent):
+    if isinstance(event, placement.PulseSent):
         return "sent: granted" if event.granted else "sent: plain", ""
-    if isinstance(event, words.GateReported):
+    if isinstance(event, placement.GateReported):
         return _gate_report(robot, event)
-    if isinstance(event, words.DataReported):
+    if isinstance(event, placement.DataReported):
         return _data_report(robot, event)
-    if isinstance(event, words.NodesReported):
+    if isinstance(event, placement.NodesReported):
         return "nodes: ready" if event.ready else "nodes: not ready", ""
-    if isinstance(event, words.SwitchByHand):
+    if isinstance(event, placement.SwitchByHand):
         return "by hand: robot" if event.site is Site.ROBOT else "by hand: cloud", ""
-    if not isinstance(event, words.SetPin):
+    if not isinstance(event, placement.SetPin):
         raise TypeError(f"the simulation does not bring about {type(event).__name__}")
     return "pin: none" if event.pin is None else f"pin: {event.pin.site.value}", ""
 
 
-def _cloud_beat(robot: words.Robot, beat: Beat, arrived_s: float) -> tuple[str, str]:
+def _cloud_beat(robot: placement.Robot, beat: Beat, arrived_s: float) -> tuple[str, str]:
     link, report, echo = robot.link, beat.body, beat.echo
     if not link.peer:
         return "beat: other cloud", "beat: first"
@@ -220,12 +220,12 @@ def _cloud_beat(robot: words.Robot, beat: Beat, arrived_s: float) -> tuple[str, 
         return "beat: not good", "beat: not served"
     if arrived_s - echo.sent_us / 1e6 > robot.settings.echo_limit_s:
         return "beat: not good", "beat: late echo"
-    if report.epoch != (robot.candidate if robot.phase is words.Phase.TO_CLOUD else robot.epoch):
+    if report.epoch != (robot.candidate if robot.phase is placement.Phase.TO_CLOUD else robot.epoch):
         return "beat: not good", "beat: other epoch"
     return ("beat: good", "") if report.acting else ("beat: not good", "beat: not acting")
 
 
-def _gate_report(robot: words.Robot, event: words.GateReported) -> tuple[str, str]:
+def _gate_report(robot: placement.Robot, event: placement.GateReported) -> tuple[str, str]:
     charge = event.report.charge
     if charge is None:
         return "gate: not ours", "gate: none"
@@ -238,7 +238,7 @@ def _gate_report(robot: words.Robot, event: words.GateReported) -> tuple[str, st
     return "gate: fell back" if event.report.fell_back else "gate: same", ""
 
 
-def _data_report(robot: words.Robot, event: words.DataReported) -> tuple[str, str]:
+def _data_report(robot: placement.Robot, event: placement.DataReported) -> tuple[str, str]:
     if not event.connected:
         return "data: not fresh", "data: disconnected"
     if event.age_s is None or event.age_s > 0.5:
@@ -247,7 +247,7 @@ def _data_report(robot: words.Robot, event: words.DataReported) -> tuple[str, st
 
 
 def _cloud_event(cloud: lease.Cloud, event: lease.Event, now_s: float) -> tuple[str, str]:
-    if isinstance(event, lease.Tick):
+    if isinstance(event, Tick):
         late = cloud.stepped_s is not None and now_s - cloud.stepped_s > lease.PAUSE_LIMIT_S
         return "tick: after a pause" if late else "tick", ""
     if isinstance(event, lease.RobotBeat):

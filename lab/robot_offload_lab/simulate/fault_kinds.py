@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
-from robot_offload_core import placement as words
+from robot_offload_core import placement
 from robot_offload_core.switcher import PREPARE_EXTRA_S
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.link_model import REPLAY_SPREAD_S, Session, Wire
@@ -221,8 +221,8 @@ def _brink(run: Chunk, fault: Fault) -> Undo:
 def _change_of_mind(run: Chunk, fault: Fault) -> Undo:
     """Somebody asks for the robot and at once for the cloud again."""
     control = run.robot.control
-    control.deliver(control.step, words.SwitchByHand(Site.ROBOT))
-    run.world.after(0.005 * fault.pick, control.deliver, control.step, words.SwitchByHand(Site.CLOUD))
+    control.deliver(control.step, placement.SwitchByHand(Site.ROBOT))
+    run.world.after(0.005 * fault.pick, control.deliver, control.step, placement.SwitchByHand(Site.CLOUD))
     return _nothing
 
 
@@ -369,8 +369,8 @@ def _hand(run: Chunk, fault: Fault) -> Undo:
     """Somebody switches or pins at the worst moment."""
     site, pick = _of((Site.ROBOT, Site.CLOUD), fault.pick)
     until_s = run.robot.host.now_s() + fault.duration_s
-    events: tuple[words.Event, ...] = (
-        words.SwitchByHand(site), words.SetPin(words.Wish(site, until_s)), words.SetPin(None),
+    events: tuple[placement.Event, ...] = (
+        placement.SwitchByHand(site), placement.SetPin(placement.Wish(site, until_s)), placement.SetPin(None),
     )  # fmt: skip
     event, _ = _of(events, pick)
     run.robot.control.deliver(run.robot.control.step, event)

@@ -10,7 +10,7 @@ import random
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from robot_offload_core import placement as words
+from robot_offload_core import placement
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.fault_kinds import KINDS, Fault
 
@@ -154,15 +154,15 @@ class Hands:
             at_s = start_s
             while (at_s := at_s + dice.expovariate(HANDS_PER_S)) < end_s:
                 if dice.random() < 0.75:
-                    run.world.at(at_s, self._tell, words.SwitchByHand(dice.choice((Site.ROBOT, Site.CLOUD))))
+                    run.world.at(at_s, self._tell, placement.SwitchByHand(dice.choice((Site.ROBOT, Site.CLOUD))))
                 else:
                     run.world.at(at_s, self._pin, dice.choice((Site.ROBOT, Site.CLOUD)), dice.uniform(0.05, 2.0))
 
-    def _tell(self, event: words.Event) -> None:
+    def _tell(self, event: placement.Event) -> None:
         self.run.world.note("by hand", event)
         self.run.robot.control.deliver(self.run.robot.control.step, event)
 
     def _pin(self, site: Site, duration_s: float) -> None:
         until_s = self.run.robot.host.now_s() + duration_s
-        self._tell(words.SetPin(words.Wish(site, until_s)))
-        self.run.world.after(duration_s * self.run.world.dice.uniform(0.5, 1.5), self._tell, words.SetPin(None))
+        self._tell(placement.SetPin(placement.Wish(site, until_s)))
+        self.run.world.after(duration_s * self.run.world.dice.uniform(0.5, 1.5), self._tell, placement.SetPin(None))

@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from robot_offload_core import collector, guardian, lease, placement, pulse, switcher
+from robot_offload_core import collectors, guardians, lease, placement, pulse, switcher
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.collector import Collector, Gate, Passage
+from robot_offload_core.collectors import Collector, Gate, Passage
 from robot_offload_core.envelope import Envelope
-from robot_offload_core.guardian import Guardian
+from robot_offload_core.guardians import Guardian
 from robot_offload_core.lease import Cloud
 from robot_offload_core.placement import CloudBeat, Robot
 from robot_offload_core.pulse import Pulse
@@ -52,7 +52,7 @@ def planted(name: str | None) -> Iterator[None]:
 # -- the fence --------------------------------------------------------------------------------------------------------
 
 _offer_cloud, _offer_robot, _set_gate, _start = (
-    collector.offer_cloud, collector.offer_robot, collector.set_gate, collector.start,
+    collectors.offer_cloud, collectors.offer_robot, collectors.set_gate, collectors.start,
 )  # fmt: skip
 
 
@@ -131,7 +131,7 @@ def _open_gate(data: CloudData) -> bool:
 # -- deciding ---------------------------------------------------------------------------------------------------------
 
 _tell, _take_over, _core_rule, _robot_hear = (
-    switcher._tell, switcher._take_over, guardian._core_rule, switcher._hear,
+    switcher._tell, switcher._take_over, guardians._core_rule, switcher._hear,
 )  # fmt: skip
 
 
@@ -164,43 +164,43 @@ def _break_before_make(robot: Robot, now_s: float, commands: list[Any]) -> Robot
     return after
 
 
-def _no_release(state: Guardian, now_s: float, commands: list[guardian.Command]) -> Guardian:
+def _no_release(state: Guardian, now_s: float, commands: list[guardians.Command]) -> Guardian:
     after = _core_rule(state, now_s, commands)
-    commands[:] = [c for c in commands if not isinstance(c, guardian.Inhibit) or c.inhibit]
+    commands[:] = [c for c in commands if not isinstance(c, guardians.Inhibit) or c.inhibit]
     return after
 
 
-def _no_inhibit(state: Guardian, now_s: float, commands: list[guardian.Command]) -> Guardian:
+def _no_inhibit(state: Guardian, now_s: float, commands: list[guardians.Command]) -> Guardian:
     after = _core_rule(state, now_s, commands)
-    commands[:] = [c for c in commands if not isinstance(c, guardian.Inhibit) or not c.inhibit]
+    commands[:] = [c for c in commands if not isinstance(c, guardians.Inhibit) or not c.inhibit]
     return after
 
 
 MUTANTS: dict[str, Mutant] = {
     "fence-off": Mutant(
-        "the collector passes any token", ("1a", "1b", "1c"), ((collector, "offer_cloud", _any_token),)
+        "the collector passes any token", ("1a", "1b", "1c"), ((collectors, "offer_cloud", _any_token),)
     ),
     "newer-for-equal": Mutant(
         "the collector takes a newer epoch for the current one", ("1a", "1c"),
-        ((collector, "offer_cloud", _newer_token),),
+        ((collectors, "offer_cloud", _newer_token),),
     ),
     "no-sequence": Mutant(
-        "the collector does not look at sequences", ("1b",), ((collector, "offer_cloud", _no_sequence),)
+        "the collector does not look at sequences", ("1b",), ((collectors, "offer_cloud", _no_sequence),)
     ),
-    "no-age": Mutant("the collector does not look at ages", ("1d",), ((collector, "start", _ageless),)),
+    "no-age": Mutant("the collector does not look at ages", ("1d",), ((collectors, "start", _ageless),)),
     "no-fallback": Mutant(
-        "the collector trusts a control that has fallen silent", ("1c", "7"), ((collector, "start", _patient),)
+        "the collector trusts a control that has fallen silent", ("1c", "7"), ((collectors, "start", _patient),)
     ),
     "no-memory": Mutant(
-        "a restarted collector forgets what it had reached", ("1a", "1b", "7"), ((collector, "resume", _forgetful),)
+        "a restarted collector forgets what it had reached", ("1a", "1b", "7"), ((collectors, "resume", _forgetful),)
     ),
     "gate-by-arrival": Mutant(
-        "a gate counts from when it was read", ("1c", "7"), ((collector, "set_gate", _unstamped),)
+        "a gate counts from when it was read", ("1c", "7"), ((collectors, "set_gate", _unstamped),)
     ),
     "partial-changeover": Mutant(
-        "the collector changes over before all outputs flow", ("4", "1a"), ((collector, "_flows", _any_flow),)
+        "the collector changes over before all outputs flow", ("4", "1a"), ((collectors, "_flows", _any_flow),)
     ),
-    "goes-back": Mutant("the collector goes back to an older epoch", ("1a",), ((collector, "set_gate", _backwards),)),
+    "goes-back": Mutant("the collector goes back to an older epoch", ("1a",), ((collectors, "set_gate", _backwards),)),
     "lease-from-arrival": Mutant(
         "the lease is counted from the arrival of the grant", ("2", "7"), ((lease, "_hear", _from_arrival),)
     ),
@@ -227,6 +227,6 @@ MUTANTS: dict[str, Mutant] = {
     "break-before-make": Mutant(
         "the old side is cut before the new one flows", ("4", "3b"), ((switcher, "_tell", _break_before_make),)
     ),
-    "never-released": Mutant("the inhibit is never released", ("5", "3d"), ((guardian, "_core_rule", _no_release),)),
-    "never-inhibited": Mutant("the driver is never inhibited", ("3b",), ((guardian, "_core_rule", _no_inhibit),)),
+    "never-released": Mutant("the inhibit is never released", ("5", "3d"), ((guardians, "_core_rule", _no_release),)),
+    "never-inhibited": Mutant("the driver is never inhibited", ("3b",), ((guardians, "_core_rule", _no_inhibit),)),
 }  # fmt: skip

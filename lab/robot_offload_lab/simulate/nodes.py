@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from robot_offload_core.guardian import GOAL, State, Transition
+from robot_offload_core.guardians import GOAL, State, Transition
 from robot_offload_core.settings import NodeSpec
 from robot_offload_lab.simulate.world import Act, Host, Process, World
 

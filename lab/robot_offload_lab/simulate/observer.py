@@ -11,12 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from robot_offload_core import placement as words
-from robot_offload_core import policy as policies
+from robot_offload_core import placement, policies
 from robot_offload_core.beats import Beat, CloudReport, Permission
-from robot_offload_core.collector import Gate
+from robot_offload_core.collectors import Gate
 from robot_offload_core.envelope import Envelope
-from robot_offload_core.guardian import INHIBIT_PERIOD_S, State
+from robot_offload_core.guardians import INHIBIT_PERIOD_S, State
 from robot_offload_core.settings import Mode
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message
@@ -118,7 +117,7 @@ class Observer:
         if gate.next is not None:
             self.named_s[gate.next.token] = self.world.now
 
-    def robot_decided(self, decided: words.Decided) -> None:
+    def robot_decided(self, decided: placement.Decided) -> None:
         """Control has told a decision. Counts changeovers; invariant 3c: no false alarm.
 
         3c: no loss is decided for silence of the link while a good beat reached the pulse process within the loss
@@ -126,7 +125,7 @@ class Observer:
         is nobody's silence.
         """
         self.world.note("robot", decided.phase.value, decided.epoch, decided.verdict.reason, decided.verdict.message)
-        if decided.phase in (words.Phase.ROBOT, words.Phase.TAKEOVER):
+        if decided.phase in (placement.Phase.ROBOT, placement.Phase.TAKEOVER):
             self.robot_since_s = self.world.now
         self.run.faults.entered("robot " + decided.phase.value)
         if not decided.switched:
@@ -278,12 +277,12 @@ class Observer:
         if self.run.faults.quiet_s() > SETTLED_S:
             self._check_order(control.robot)
 
-    def _check_detection(self, robot: words.Robot, running_s: float) -> None:
+    def _check_detection(self, robot: placement.Robot, running_s: float) -> None:
         """Invariant 3a: control, while it runs, ends a stay in the cloud a loss timeout after the last good beat.
 
         One tick and two hand-overs later at most.
         """
-        if words.IN_CHARGE[robot.phase] is not Site.CLOUD:
+        if placement.IN_CHARGE[robot.phase] is not Site.CLOUD:
             return
         silent_s = self.world.now - max(self.good_s, self.entered_s, running_s)
         if silent_s > self.settings.loss_timeout_s + self.run.scenario.tick_s + 2 * HANDOVER_S:
@@ -296,7 +295,7 @@ class Observer:
         if self.world.now > base_s + 0.1:
             self._violated("3d", "the driver is inhibited although the cloud is in charge")
 
-    def _check_stopped(self, robot: words.Robot, running_s: float) -> None:
+    def _check_stopped(self, robot: placement.Robot, running_s: float) -> None:
         """Invariant 3b: rated outputs flow or the driver is inhibited.
 
         While control runs no rated output is silent for longer than (its deadline or the loss timeout, whichever is
@@ -306,7 +305,7 @@ class Observer:
         the driver's dead man is the stop.
         """
         driver, now = self.run.driver, self.world.now
-        if driver.inhibited and words.IN_CHARGE[robot.phase] is Site.CLOUD:
+        if driver.inhibited and placement.IN_CHARGE[robot.phase] is Site.CLOUD:
             self._check_released()
         if driver.inhibited or not driver.may_move():
             return
@@ -322,7 +321,7 @@ class Observer:
             if silent_s > limit_s and now - driver.released_s > self.settings.slower_period_s + self.reaction_s:
                 self._violated("3b", f"output {index} is silent for {silent_s * 1e3:.0f} ms, the driver not inhibited")
 
-    def _check_order(self, robot: words.Robot) -> None:
+    def _check_order(self, robot: placement.Robot) -> None:
         """Invariant 5: with nothing wrong for 8 s exactly one side acts, and the cloud is used again.
 
         Every rated output flows, the driver is released, nothing leaves the cloud while the robot has been in charge
@@ -339,7 +338,7 @@ class Observer:
             self._violated("5", "long after the last fault the driver is still inhibited")
         left_s, token = self.left_s
         phase_s = now - self.robot_since_s
-        if robot.phase is words.Phase.ROBOT and phase_s > settings.lease_s + 0.1 and left_s > now - 0.02:
+        if robot.phase is placement.Phase.ROBOT and phase_s > settings.lease_s + 0.1 and left_s > now - 0.02:
             self._violated("5", f"the robot acts, and messages leave the cloud under epoch {token and token.epoch}")
         host_now_s = self.run.robot.host.now_s()
         wants = settings.prefer is Site.CLOUD and settings.pin is not Site.ROBOT and settings.mode is Mode.AUTO
@@ -347,14 +346,14 @@ class Observer:
         pinned = robot.pin is not None and robot.pin.holds(host_now_s)
         held = by_hand or pinned or host_now_s < max(robot.retry_s, robot.policy.hold_until_s)
         held = held or policies.waits(robot.policy)
-        if held or not wants or words.IN_CHARGE[robot.phase] is Site.CLOUD:
+        if held or not wants or placement.IN_CHARGE[robot.phase] is Site.CLOUD:
             self.held_until_s = now
         elif now - max(self.held_until_s, now - self.run.faults.quiet_s() + SETTLED_S) > RETURN_S:
             self._violated("5", f"nothing is wrong and the cloud is not used: {robot.decided.reason}")
 
     # -- effects that are not collected -------------------------------------------------------------------------------
 
-    def robot_effect(self, robot: words.Robot) -> None:
+    def robot_effect(self, robot: placement.Robot) -> None:
         """Invariant 7: admitted effects follow the order of stays in charge, and each stay belongs to one side.
 
         Before the robot's effect is admitted, no effect of an older stay can leave the cloud any more.

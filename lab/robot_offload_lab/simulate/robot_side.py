@@ -5,12 +5,10 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Protocol, cast
 
-from robot_offload_core import beats, pulse, switcher
-from robot_offload_core import collector as collectors
-from robot_offload_core import guardian as guardians
-from robot_offload_core import placement as words
+from robot_offload_core import beats, collectors, guardians, placement, pulse, switcher
 from robot_offload_core.beats import Beat, Permission
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.coverage import collector_state
 from robot_offload_lab.simulate.nodes import Message, Node
@@ -62,7 +60,7 @@ class RobotControl(Process):
     def __init__(self, run: Chunk, host: Host) -> None:
         super().__init__(run.world, host, "robot/control")
         self.run = run
-        self.robot = words.Robot("0" * 32, 0, run.scenario.settings)
+        self.robot = placement.Robot("0" * 32, 0, run.scenario.settings)
         self.guardian = guardians.start((), 0.0)
         self.ready = False
 
@@ -76,7 +74,7 @@ class RobotControl(Process):
         scenario = self.run.scenario
         incarnation = f"{self.world.dice.getrandbits(128):032x}"
         started_us = round(self.host.now_s() * 1e6)
-        self.robot = words.Robot(incarnation, started_us, scenario.settings, scenario.inputs)
+        self.robot = placement.Robot(incarnation, started_us, scenario.settings, scenario.inputs)
         self.guardian = guardians.start(scenario.robot_nodes, scenario.settings.activation_deadline_s, has_driver=True)
         self.ready = False
         self.run.observer.robot_started(incarnation)
@@ -84,11 +82,11 @@ class RobotControl(Process):
         self.every(EFFECT_S, self._effect)
 
     def _tick(self) -> None:
-        self.guard(guardians.Tick())
-        self.step(words.Tick())
+        self.guard(Tick())
+        self.step(Tick())
         self.run.observer.control_ticked()
 
-    def cloud_beat(self, event: words.CloudBeat) -> None:
+    def cloud_beat(self, event: placement.CloudBeat) -> None:
         """A beat of the cloud; the loss that follows it, if nothing better comes, is noticed without a tick."""
         self.step(event)
         good_s = self.robot.situation.good_s
@@ -104,7 +102,7 @@ class RobotControl(Process):
         if switcher.effects_site(self.robot, self.host.now_s()) is Site.ROBOT:
             self.run.observer.robot_effect(self.robot)
 
-    def step(self, event: words.Event) -> None:
+    def step(self, event: placement.Event) -> None:
         """One event through the placement machine."""
         now_s = self.host.now_s()
         self.run.coverage.robot(self.robot, event, now_s)
@@ -112,25 +110,25 @@ class RobotControl(Process):
         for command in commands:
             self._carry_out(command)
 
-    def _carry_out(self, command: words.Command) -> None:
+    def _carry_out(self, command: placement.Command) -> None:
         run = self.run
-        if isinstance(command, words.SetActing):
+        if isinstance(command, Acting):
             known = self.guardian
             told = (command.acting, command.outputs_flow, command.acting and command.in_charge)
             if (known.acting, known.outputs_flow, known.in_charge) != told:
-                self.guard(guardians.Acting(command.acting, command.outputs_flow, command.in_charge))
-        elif isinstance(command, words.Permit):
+                self.guard(Acting(command.acting, command.outputs_flow, command.in_charge))
+        elif isinstance(command, placement.Permit):
             run.observer.permitted(command.permission, self.incarnation)
             run.robot.pulse.send(
                 self.name, run.robot.pulse.speak, self.incarnation, command.permission, self.host.now_s()
             )
-        elif isinstance(command, words.SetGate):
+        elif isinstance(command, placement.SetGate):
             run.observer.gate_said(command.gate)
             run.robot.collector.send(self.name, run.robot.collector.set_gate, command.gate)
-        elif isinstance(command, words.Reopen):
+        elif isinstance(command, placement.Reopen):
             run.link.pulse.reopen()
             run.link.data.reopen()
-        elif isinstance(command, words.Decided):
+        elif isinstance(command, placement.Decided):
             run.observer.robot_decided(command)
 
     def guard(self, event: guardians.Event) -> None:
@@ -145,7 +143,7 @@ class RobotControl(Process):
         ready = guardians.is_ready(self.guardian)
         if ready is not self.ready:
             self.ready = ready
-            self.step(words.NodesReported(ready))
+            self.step(placement.NodesReported(ready))
 
     def _inhibited(self, life: int, value: bool) -> None:
         if life == self.life:
@@ -210,7 +208,7 @@ class RobotPulse(Process):
         run.observer.beat_sent(beat)
         target = run.cloud.pulse
         run.link.pulse.up.carry(target.deliver, target.hear, written(beat), self.world.now)
-        run.robot.control.send(self.name, run.robot.control.step, words.PulseSent(now_s, granted))
+        run.robot.control.send(self.name, run.robot.control.step, placement.PulseSent(now_s, granted))
 
     def hear(self, sent: Beat | str, _sent_s: float) -> None:
         """Something arrived on the pulse session."""
@@ -222,7 +220,7 @@ class RobotPulse(Process):
         if newer:
             run.observer.cloud_beat(beat, now_s)
             control = run.robot.control
-            control.send(self.name, control.cloud_beat, words.CloudBeat(beat, now_s, self.host.wall_us))
+            control.send(self.name, control.cloud_beat, placement.CloudBeat(beat, now_s, self.host.wall_us))
             run.robot.data.send(self.name, run.robot.data.beat_heard, beat.incarnation, beat.sent_us)
 
 
@@ -278,7 +276,7 @@ class RobotData(Process):
     def _report(self) -> None:
         age_s = None if self.probe_s is None else self.host.now_s() - self.probe_s
         control = self.run.robot.control
-        event = words.DataReported(self.run.link.data.connected, age_s, self.cloud)
+        event = placement.DataReported(self.run.link.data.connected, age_s, self.cloud)
         control.send(self.name, control.step, event)
 
     def input(self, index: int) -> None:
@@ -335,7 +333,7 @@ class Collector(Process):
 
     def _report(self) -> None:
         control = self.run.robot.control
-        control.send(self.name, control.step, words.GateReported(collectors.report(self.state, self.host.now_s())))
+        control.send(self.name, control.step, placement.GateReported(collectors.report(self.state, self.host.now_s())))
 
     def _keep(self, state: collectors.Collector) -> None:
         before, self.state = self.state, state

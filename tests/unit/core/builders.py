@@ -10,13 +10,13 @@ from typing import Any
 
 import hypothesis
 
-from robot_offload_core import link as links
+from robot_offload_core import links
 from robot_offload_core.beats import Beat, CloudReport, Echo, Permission
-from robot_offload_core.collector import Charge, GateReport
+from robot_offload_core.collectors import Charge, GateReport
 from robot_offload_core.health import Situation
-from robot_offload_core.link import Link
+from robot_offload_core.links import Link
 from robot_offload_core.placement import IN_CHARGE, Command, Phase, Robot
-from robot_offload_core.policy import Policy, Verdict
+from robot_offload_core.policies import Policy, Verdict
 from robot_offload_core.settings import InputSpec, Settings
 from robot_offload_core.token import Site, Token
 

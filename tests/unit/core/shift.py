@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from robot_offload_core import guardian as guardians
-from robot_offload_core.guardian import (
+from robot_offload_core import guardians
+from robot_offload_core.events import Acting, Tick
+from robot_offload_core.guardians import (
     GOAL,
-    Acting,
     Answered,
     ChangeState,
     Command,
@@ -13,10 +13,9 @@ from robot_offload_core.guardian import (
     Guardian,
     Inhibit,
     InhibitAnswered,
+    NodeNews,
     Observed,
     State,
-    Tick,
-    Told,
     Transition,
 )
 from robot_offload_core.settings import NodeSpec
@@ -118,7 +117,7 @@ class Shift:
 
     def reasons(self, name: str) -> list[str]:
         """Reasons told about a node."""
-        return [c.reason for _, c in self.log if isinstance(c, Told) and c.name == name]
+        return [c.reason for _, c in self.log if isinstance(c, NodeNews) and c.name == name]
 
     def forget(self) -> None:
         """Only what follows is of interest."""

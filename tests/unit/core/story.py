@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from itertools import count, pairwise
 from typing import TypeVar
 
-from robot_offload_core import beats, collector, lease, pulse, switcher
-from robot_offload_core import placement as words
+from robot_offload_core import beats, collectors, lease, placement, pulse, switcher
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.collector import Passage
+from robot_offload_core.collectors import Passage
 from robot_offload_core.envelope import Envelope
-from robot_offload_core.placement import Answer, Decided, Permit, Phase, Reopen, Robot, SetActing, SetGate
+from robot_offload_core.events import Acting
+from robot_offload_core.placement import Answer, Decided, Permit, Phase, Reopen, Robot, SetGate
 from robot_offload_core.settings import OutputSpec, Settings
 from robot_offload_core.token import Site
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, SCAN, SETTINGS, UID, us
@@ -28,7 +28,7 @@ CLOUD_AHEAD_S = 5000.0
 """The cloud's steady clock minus the robot's: nobody may ever compare them."""
 WALL_US = us(1e6)
 NEVER_S = float("inf")
-Kind = TypeVar("Kind", bound=words.Command)
+Kind = TypeVar("Kind", bound=placement.Command)
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Story:
         self.robot_pulse = pulse.Pulse(UID, Site.ROBOT, settings.beat_period_s)
         self.cloud = lease.Cloud(CLOUD, settings)
         self.cloud_pulse = pulse.Pulse(UID, Site.CLOUD, settings.beat_period_s)
-        self.gate = collector.start((OutputSpec("cmd_vel", 0.150),), settings.max_command_age_s, settings.lease_s)
+        self.gate = collectors.start((OutputSpec("cmd_vel", 0.150),), settings.max_command_age_s, settings.lease_s)
         self.robot_nodes = Nodes(0.030, settings.robot_period_s)
         self.cloud_nodes = Nodes(0.030, settings.cloud_period_s)
         self.way_s = 0.005
@@ -82,12 +82,12 @@ class Story:
         self.cloud_wall_error_s = 0.0
         self.control_runs = self.pulse_runs = self.collector_runs = True
         self.passed: list[Passed] = []
-        self.told: list[tuple[float, words.Command]] = []
+        self.told: list[tuple[float, placement.Command]] = []
         self.egress = lease.SetEgress(None, 0.0)
         self._heard_s: float | None = None
         self._ticks = 0
         self._order = count()
-        self._inbox: list[words.Event] = []
+        self._inbox: list[placement.Event] = []
         self._link: list[tuple[float, int, Callable[[], None]]] = []
 
     # -- what a test does
@@ -111,10 +111,10 @@ class Story:
 
     def hand(self, site: Site) -> Answer:
         """One of the four services is called."""
-        self.tell(words.SwitchByHand(site, key=1))
+        self.tell(placement.SwitchByHand(site, key=1))
         return self.of(Answer)[-1][1]
 
-    def tell(self, event: words.Event) -> None:
+    def tell(self, event: placement.Event) -> None:
         """An event for the placement machine; it waits in the inbox while control does not run."""
         self._inbox.append(event)
         while self.control_runs and self._inbox:
@@ -164,14 +164,14 @@ class Story:
             self._report()
         if self._ticks % 2 == 0:
             self._cloud_event(lease.CloudNodes(self.cloud_nodes.ready(self.now_s)))
-            self.tell(words.NodesReported(self.robot_nodes.ready(self.now_s)))
+            self.tell(placement.NodesReported(self.robot_nodes.ready(self.now_s)))
         self._publish()
 
     def _beat(self) -> None:
         if self.pulse_runs:
             self.robot_pulse, beat = pulse.compose(self.robot_pulse, self.now_s, WALL_US)
             granted = isinstance(beat.body, Permission) and beat.body.granted
-            self.tell(words.PulseSent(self.now_s, granted))
+            self.tell(placement.PulseSent(self.now_s, granted))
             self._send(self.up_cut, lambda: self._cloud_hears(beats.decode(beats.encode(beat))))
         wall_us = WALL_US - us(CLOUD_AHEAD_S) + us(self.cloud_wall_error_s)
         self.cloud_pulse, answer = pulse.compose(self.cloud_pulse, self.now_s + CLOUD_AHEAD_S, wall_us)
@@ -194,9 +194,9 @@ class Story:
         for command in commands:
             if isinstance(command, lease.SetEgress):
                 self.egress = command
-            elif isinstance(command, lease.SetActing):
+            elif isinstance(command, Acting):
                 self.cloud_nodes.want(command.acting, self.now_s)
-            elif isinstance(command, lease.Tell):
+            elif isinstance(command, lease.SetReport):
                 self.cloud_pulse = pulse.speak(self.cloud_pulse, CLOUD, command.report, cloud_s)
 
     def _robot_hears(self, beat: Beat) -> None:
@@ -205,20 +205,20 @@ class Story:
             return
         self.robot_pulse, newer = pulse.hear(self.robot_pulse, beat, self.now_s)
         if newer:
-            self.tell(words.CloudBeat(beat, self.now_s, WALL_US))
+            self.tell(placement.CloudBeat(beat, self.now_s, WALL_US))
 
     def _report(self) -> None:
         age_s = None if self._heard_s is None else self.now_s - self._heard_s
-        self.tell(words.DataReported(True, age_s, CLOUD if self._heard_s else ""))
+        self.tell(placement.DataReported(True, age_s, CLOUD if self._heard_s else ""))
         if self.collector_runs:
-            self.gate = collector.turn(self.gate, self.now_s)
-            self.tell(words.GateReported(collector.report(self.gate, self.now_s)))
+            self.gate = collectors.turn(self.gate, self.now_s)
+            self.tell(placement.GateReported(collectors.report(self.gate, self.now_s)))
 
     def _publish(self) -> None:
         nodes, every = self.robot_nodes, round(self.robot_nodes.period_s / TICK_S)
         if self._ticks % every == 0 and nodes.ready(self.now_s) and not nodes.mute and self.collector_runs:
             nodes.sequence += 1
-            self.gate, passage = collector.offer_robot(self.gate, 0, nodes.sequence, self.now_s)
+            self.gate, passage = collectors.offer_robot(self.gate, 0, nodes.sequence, self.now_s)
             self._consume(passage, Site.ROBOT, nodes.sequence, 0.0)
         nodes, every = self.cloud_nodes, round(self.cloud_nodes.period_s / TICK_S)
         held = self.egress.token is not None and self.now_s + CLOUD_AHEAD_S < self.egress.lease_end_s
@@ -232,7 +232,7 @@ class Story:
 
     def _collect(self, envelope: Envelope) -> None:
         if self.collector_runs:
-            self.gate, passage = collector.offer_cloud(self.gate, 0, envelope, self.now_s)
+            self.gate, passage = collectors.offer_cloud(self.gate, 0, envelope, self.now_s)
             self._consume(passage, Site.CLOUD, envelope.sequence, envelope.age_s(self.now_s))
 
     def _consume(self, passage: Passage, site: Site, sequence: int, age_s: float) -> None:
@@ -240,13 +240,13 @@ class Story:
             epoch = self.gate.charge.token.epoch if self.gate.charge else 0
             self.passed.append(Passed(self.now_s, site, epoch, sequence, age_s, self.gate.fell_back))
 
-    def _carry_out(self, command: words.Command) -> None:
+    def _carry_out(self, command: placement.Command) -> None:
         if isinstance(command, Permit):
             self.robot_pulse = pulse.speak(self.robot_pulse, ROBOT, command.permission, self.now_s)
         elif isinstance(command, SetGate):
             if self.collector_runs:
-                self.gate = collector.set_gate(self.gate, command.gate, self.now_s)
-        elif isinstance(command, SetActing):
+                self.gate = collectors.set_gate(self.gate, command.gate, self.now_s)
+        elif isinstance(command, Acting):
             self.robot_nodes.want(command.acting, self.now_s)
         elif isinstance(command, Reopen):
             self._link.clear()
@@ -266,7 +266,7 @@ def in_cloud(settings: Settings = SETTINGS, robot_hot: bool = False) -> Story:
 def on_robot(settings: Settings = SETTINGS) -> Story:
     """A story in which the robot has been in charge for a while, pinned there, beside an able cloud."""
     story = Story(settings)
-    story.tell(words.SetPin(words.Wish(Site.ROBOT)))
+    story.tell(placement.SetPin(placement.Wish(Site.ROBOT)))
     story.run(2.0)
     assert story.robot.phase is Phase.ROBOT
     story.told.clear()

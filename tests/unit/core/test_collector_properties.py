@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_core import collector
-from robot_offload_core.collector import Charge, Gate, Passage
+from robot_offload_core import collectors
+from robot_offload_core.collectors import Charge, Gate, Passage
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
@@ -89,7 +89,7 @@ class World:
 
     def __init__(self) -> None:
         self.now_s = NOW_S
-        self.state = collector.start(OUTPUTS, MAX_AGE_S, TIMEOUT_S)
+        self.state = collectors.start(OUTPUTS, MAX_AGE_S, TIMEOUT_S)
         self.wish = Gate(1, charged(1))
         self.sequence = 0
         self.charges: list[Charge] = []
@@ -109,13 +109,13 @@ class World:
         elif isinstance(what, RobotSends):
             self._said()
             self.sequence += 1
-            self.state, passage = collector.offer_robot(self.state, what.output, self.sequence, self.now_s)
+            self.state, passage = collectors.offer_robot(self.state, what.output, self.sequence, self.now_s)
             self._heard(what.output, self.sequence, self.now_s, passage)
         elif isinstance(what, CloudSends):
             self._cloud_sends(what)
         elif self.state.charge is not None:
-            was, fresh = self.state, collector.start(OUTPUTS, MAX_AGE_S, TIMEOUT_S)
-            self.state = collector.resume(fresh, was.charge, was.started_us, was.fell_back, self.now_s)  # type: ignore[arg-type]
+            was, fresh = self.state, collectors.start(OUTPUTS, MAX_AGE_S, TIMEOUT_S)
+            self.state = collectors.resume(fresh, was.charge, was.started_us, was.fell_back, self.now_s)  # type: ignore[arg-type]
             self.kept.clear()
         if self.state.charge is not None and self.state.charge not in self.charges[-1:]:
             self.charges.append(self.state.charge)
@@ -125,7 +125,7 @@ class World:
         charge = self.state.charge
         if self.state.fell_back and charge is not None and charge.site is Site.CLOUD:
             self._take(charge.token.epoch + 1, prepares=False)
-        self.state = collector.set_gate(self.state, self.wish, self.now_s)
+        self.state = collectors.set_gate(self.state, self.wish, self.now_s)
 
     def _decide(self, decision: Decide) -> None:
         """As control does it: it hears of a changeover first, and never uses an epoch for two sites."""
@@ -141,12 +141,12 @@ class World:
         token = Token(ROBOT, epoch - epoch % 2 + 2 * what.off, what.cloud)
         born_us = us(self.now_s - what.age_s)
         before = self.state
-        self.state, passage = collector.offer_cloud(before, what.output, Envelope(token, born_us, born_us), self.now_s)
+        self.state, passage = collectors.offer_cloud(before, what.output, Envelope(token, born_us, born_us), self.now_s)
         if passage.passes:
             assert self.state.charge is not None
             assert self.state.charge.token == token, "what passes carries the token that is current then"
             assert -1e-5 <= what.age_s <= MAX_AGE_S + 1e-5
-            assert not collector.tick(before, self.now_s).fell_back
+            assert not collectors.tick(before, self.now_s).fell_back
         self._heard(what.output, born_us, self.now_s - what.age_s, passage)
 
     def _heard(self, output: int, sequence: int, born_s: float, passage: Passage) -> None:
@@ -194,9 +194,9 @@ def test_no_epoch_is_entered_twice_and_none_is_gone_back_to(history: list[object
 def test_without_control_the_robot_always_passes_and_the_cloud_never(history: list[object], output: int) -> None:
     world = lived(history)
     late_s = world.now_s + TIMEOUT_S + 0.5
-    assert collector.offer_robot(world.state, output, world.sequence + 1, late_s)[1].reason == "RobotInCharge"
+    assert collectors.offer_robot(world.state, output, world.sequence + 1, late_s)[1].reason == "RobotInCharge"
     token = world.state.charge.token if world.state.charge else charged(4).token
-    assert not collector.offer_cloud(world.state, output, Envelope(token, us(late_s), us(late_s)), late_s)[1].passes
+    assert not collectors.offer_cloud(world.state, output, Envelope(token, us(late_s), us(late_s)), late_s)[1].passes
 
 
 @few
@@ -205,9 +205,9 @@ def test_at_no_moment_both_sides_pass(history: list[object]) -> None:
     world = lived(history)
     token = world.state.charge.token if world.state.charge else charged(4).token
     newest = Envelope(token, us(world.now_s), us(world.now_s))
-    robot, _ = collector.offer_robot(world.state, 0, world.sequence + 1, world.now_s)
+    robot, _ = collectors.offer_robot(world.state, 0, world.sequence + 1, world.now_s)
     both = [
-        collector.offer_robot(world.state, 0, world.sequence + 1, world.now_s)[1].reason == "RobotInCharge",
-        collector.offer_cloud(robot, 0, newest, world.now_s)[1].reason == "Current",
+        collectors.offer_robot(world.state, 0, world.sequence + 1, world.now_s)[1].reason == "RobotInCharge",
+        collectors.offer_cloud(robot, 0, newest, world.now_s)[1].reason == "Current",
     ]
     assert not all(both)

@@ -8,19 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_core import guardian as guardians
-from robot_offload_core.guardian import (
+from robot_offload_core import guardians
+from robot_offload_core.events import Acting
+from robot_offload_core.guardians import (
     GIVE_UP_S,
     READ_DEADLINE_S,
     READ_PERIOD_S,
     TRANSITION_DEADLINE_S,
-    Acting,
     Answered,
     ChangeState,
     GetState,
+    NodeNews,
     Observed,
     State,
-    Told,
     Transition,
 )
 from robot_offload_core.settings import NodeSpec
@@ -197,7 +197,7 @@ def test_after_a_minute_of_refusals_the_node_is_given_up_with_the_reason() -> No
     shift.stubborn = {"controller"}
     shift.act()
     shift.run(GIVE_UP_S + 20.0)
-    gave_up = [c for _, c in shift.log if isinstance(c, Told) and c.reason == "GaveUp"]
+    gave_up = [c for _, c in shift.log if isinstance(c, NodeNews) and c.reason == "GaveUp"]
     assert len(gave_up) == 1
     assert gave_up[0].message.startswith("activate was refused, ")
     assert gave_up[0].message.endswith("restart the node or switch again to retry")
@@ -387,7 +387,7 @@ def assert_one_at_a_time(shift: Shift) -> None:
         asked_s = [t for t, c in shift.log if isinstance(c, ChangeState) and c.name == name]
         ended_s = [
             t for t, c in shift.log
-            if isinstance(c, Told) and c.name == name and c.reason in ("StateChanged", "TransitionFailed", "GaveUp")
+            if isinstance(c, NodeNews) and c.name == name and c.reason in ("StateChanged", "TransitionFailed", "GaveUp")
         ]  # fmt: skip
         for before, after in itertools.pairwise(asked_s):
             assert any(before <= end <= after for end in ended_s)

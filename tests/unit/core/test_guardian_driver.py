@@ -6,8 +6,8 @@ import itertools
 
 import pytest
 
-from robot_offload_core import guardian as guardians
-from robot_offload_core.guardian import INHIBIT_PERIOD_S, Inhibit, InhibitAnswered, State
+from robot_offload_core import guardians
+from robot_offload_core.guardians import INHIBIT_PERIOD_S, Inhibit, InhibitAnswered, State
 from robot_offload_core.settings import NodeSpec
 from tests.unit.core.shift import GRACE_S, STEP_S, Shift
 

@@ -12,7 +12,7 @@ import pytest
 
 from robot_offload_core import health
 from robot_offload_core.health import DATA_TIMEOUT_S, Frame, Situation
-from robot_offload_core.link import Link, Offset
+from robot_offload_core.links import Link, Offset
 from robot_offload_core.placement import Phase
 from robot_offload_core.settings import InputSpec
 from robot_offload_core.token import Site

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from robot_offload_core import lease
 from robot_offload_core.beats import Beat, CloudReport, Echo
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.lease import (
     PAUSE_LIMIT_S,
     ROBOT_LIVE_S,
@@ -17,12 +18,10 @@ from robot_offload_core.lease import (
     CloudData,
     CloudNodes,
     Command,
-    Decided,
     RobotBeat,
-    SetActing,
     SetEgress,
-    Tell,
-    Tick,
+    SetReport,
+    StandChanged,
 )
 from robot_offload_core.token import Token
 from tests.unit.core.builders import (
@@ -60,13 +59,13 @@ def stepped(cloud: Cloud, to_s: float) -> Cloud:
     return cloud
 
 
-def levels(cloud: Cloud, now_s: float = NOW_S) -> tuple[SetEgress, SetActing, CloudReport]:
+def levels(cloud: Cloud, now_s: float = NOW_S) -> tuple[SetEgress, Acting, CloudReport]:
     """What is told at each step."""
     commands: list[Command] = lease.step(cloud, Tick(), now_s)[1]
     egress, active, tell = commands[:3]
     assert isinstance(egress, SetEgress)
-    assert isinstance(active, SetActing)
-    assert isinstance(tell, Tell)
+    assert isinstance(active, Acting)
+    assert isinstance(tell, SetReport)
     return egress, active, tell.report
 
 
@@ -112,7 +111,7 @@ def test_a_later_grant_that_echoes_an_older_beat_shortens_nothing() -> None:
 def test_what_is_no_grant_to_us_gives_no_lease(beat: Beat) -> None:
     cloud = heard(ASLEEP, beat)
     assert not lease.holds_lease(cloud, NOW_S)
-    assert levels(cloud)[:2] == (SetEgress(None, 0.0), SetActing(False))
+    assert levels(cloud)[:2] == (SetEgress(None, 0.0), Acting(False))
 
 
 @pytest.mark.parametrize(
@@ -235,17 +234,17 @@ def test_the_egress_is_told_the_whole_token_and_the_end_of_the_lease() -> None:
 def test_a_granted_cloud_wakes_its_nodes_but_does_not_act_before_they_are_ready() -> None:
     waking = heard(replace(ASLEEP, ready=False), robot_beat())
     egress, active, told = levels(waking)
-    assert (active, told.acting, told.ready, told.epoch) == (SetActing(True), False, False, 4)
+    assert (active, told.acting, told.ready, told.epoch) == (Acting(True), False, False, 4)
     assert egress.token is not None, "outputs of the first awake nodes are what the collector waits for"
     ready, commands = lease.step(waking, CloudNodes(True), NOW_S)
     assert levels(ready)[2].acting
-    assert Decided("Acting", "Acting under epoch 4") in commands
+    assert StandChanged("Acting", "Acting under epoch 4") in commands
 
 
 def test_when_the_lease_has_run_out_the_nodes_go_to_sleep_and_nothing_leaves() -> None:
     cloud = stepped(acting(), NOW_S + LEASE_S)
     egress, active, told = levels(cloud, NOW_S + LEASE_S)
-    assert (egress, active) == (SetEgress(None, 0.0), SetActing(False))
+    assert (egress, active) == (SetEgress(None, 0.0), Acting(False))
     assert (told.acting, told.epoch, told.serves) == (False, 4, ROBOT)
 
 
@@ -271,7 +270,7 @@ def test_each_change_is_told_once_with_its_reason() -> None:
     ]
     for after_s, event in script:
         cloud, commands = lease.step(cloud, event, NOW_S + after_s)
-        told += [command for command in commands if isinstance(command, Decided)]
+        told += [command for command in commands if isinstance(command, StandChanged)]
     assert [(decided.reason, decided.message) for decided in told] == [
         ("Waking", "Bringing up the nodes for epoch 4"),
         ("Acting", "Acting under epoch 4"),
@@ -319,4 +318,4 @@ def test_no_lease_outlives_the_beat_that_it_echoes_whatever_is_heard(
         if egress.token is not None:
             assert now_s < egress.lease_end_s <= echoed_s[egress.token] + LEASE_S + 2e-6
             assert egress.token == Token(cloud.robot, cloud.epoch, CLOUD)
-        assert commands[1] == SetActing(egress.token is not None)
+        assert commands[1] == Acting(egress.token is not None)

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_core import link as links
+from robot_offload_core import links
 from robot_offload_core.beats import Beat, Echo
-from robot_offload_core.link import OFFSET_LIFE_S, WINDOW_SAMPLES, Link, Offset
+from robot_offload_core.links import OFFSET_LIFE_S, WINDOW_SAMPLES, Link, Offset
 from tests.unit.core.builders import BEAT_S, CLOUD, NOW_S, ROBOT, STRANGER, cloud_beat, good_link, many, us
 
 ROUNDING_S = 3e-6

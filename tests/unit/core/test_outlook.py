@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_core import outlook as outlooks
-from robot_offload_core.outlook import (
+from robot_offload_core import outlooks
+from robot_offload_core.outlooks import (
     EVERYBODY,
     EXPERTS,
     FIRST,

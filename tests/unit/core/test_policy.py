@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_core import policy as policies
-from robot_offload_core.outlook import EVERYBODY, NOBODY, Outlook, Spells
-from robot_offload_core.policy import CLOUD_PREFERRED, PROVEN_S, Fitness, Policy, Verdict
+from robot_offload_core import policies
+from robot_offload_core.outlooks import EVERYBODY, NOBODY, Outlook, Spells
+from robot_offload_core.policies import CLOUD_PREFERRED, PROVEN_S, Fitness, Policy, Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 from tests.unit.core.builders import NOW_S, SETTINGS, many

@@ -9,7 +9,8 @@ import pytest
 
 from robot_offload_core import switcher
 from robot_offload_core.beats import Permission
-from robot_offload_core.collector import Gate
+from robot_offload_core.collectors import Gate
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.placement import (
     Decided,
     GateReported,
@@ -17,14 +18,12 @@ from robot_offload_core.placement import (
     Permit,
     Phase,
     Reopen,
-    SetActing,
     SetGate,
     SetPin,
     SwitchByHand,
-    Tick,
     Wish,
 )
-from robot_offload_core.policy import Verdict
+from robot_offload_core.policies import Verdict
 from robot_offload_core.settings import OutputSpec, Settings
 from robot_offload_core.switcher import PREPARE_EXTRA_S, RETRY_MAX_S
 from robot_offload_core.token import Site
@@ -122,7 +121,7 @@ def test_a_preparation_of_the_cloud_grants_a_candidate_and_the_robot_acts_on() -
     assert (robot.phase, robot.epoch, robot.candidate, robot.last_epoch) == (Phase.TO_CLOUD, 3, 4, 4)
     assert robot.deadline_s == pytest.approx(NOW_S + DEADLINE_S)
     assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US)
-    assert only(commands, SetActing) == SetActing(acting=True, outputs_flow=True, in_charge=True)
+    assert only(commands, Acting) == Acting(acting=True, outputs_flow=True, in_charge=True)
     assert only(commands, SetGate).gate.current == charge(Site.ROBOT, 3)
     assert only(commands, SetGate).gate.next is None, "the cloud is not ready yet"
     assert only(commands, Decided).verdict.reason == "ByHand"
@@ -155,7 +154,7 @@ def test_the_cloud_is_in_charge_when_the_collector_says_that_it_has_changed_over
     assert only(commands, Decided).switched
     assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US)
     assert only(commands, SetGate).gate == Gate(robot.started_us, charge(Site.CLOUD, 4), None, NOW_S)
-    assert only(commands, SetActing) == SetActing(acting=False, outputs_flow=True, in_charge=False)
+    assert only(commands, Acting) == Acting(acting=False, outputs_flow=True, in_charge=False)
 
 
 def test_a_report_of_the_old_charge_changes_nothing() -> None:
@@ -253,7 +252,7 @@ def test_a_preparation_of_the_robot_wakes_it_and_renews_the_clouds_grant() -> No
     robot, commands = switcher.step(robot_in(Phase.CLOUD), ASKED_ROBOT, NOW_S)
     assert (robot.phase, robot.epoch, robot.candidate, robot.last_epoch) == (Phase.TO_ROBOT, 4, 5, 5)
     assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US)
-    assert only(commands, SetActing) == SetActing(acting=True, outputs_flow=True, in_charge=False)
+    assert only(commands, Acting) == Acting(acting=True, outputs_flow=True, in_charge=False)
     assert only(commands, SetGate).gate.current == charge(Site.CLOUD, 4)
     assert only(commands, SetGate).gate.next is None
 

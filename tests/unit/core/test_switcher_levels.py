@@ -8,18 +8,8 @@ from itertools import pairwise
 import pytest
 
 from robot_offload_core import switcher
-from robot_offload_core.placement import (
-    GateReported,
-    Permit,
-    Phase,
-    Robot,
-    SetActing,
-    SetGate,
-    SetPin,
-    SwitchByHand,
-    Tick,
-    Wish,
-)
+from robot_offload_core.events import Acting, Tick
+from robot_offload_core.placement import GateReported, Permit, Phase, Robot, SetGate, SetPin, SwitchByHand, Wish
 from robot_offload_core.pulse import PERMISSION_BEATS
 from robot_offload_core.switcher import STALL_BEATS
 from robot_offload_core.token import Site
@@ -40,15 +30,15 @@ from tests.unit.core.story import TICK_S, in_cloud, on_robot
 # -- levels
 
 
-@pytest.mark.parametrize("kind", [Permit, SetGate, SetActing])
+@pytest.mark.parametrize("kind", [Permit, SetGate, Acting])
 @pytest.mark.parametrize("phase", Phase)
-def test_all_levels_are_told_with_the_first_step(phase: Phase, kind: type[Permit | SetGate | SetActing]) -> None:
+def test_all_levels_are_told_with_the_first_step(phase: Phase, kind: type[Permit | SetGate | Acting]) -> None:
     assert only(switcher.step(robot_in(phase), Tick(), NOW_S)[1], kind)
 
 
-@pytest.mark.parametrize("kind", [Permit, SetGate, SetActing])
+@pytest.mark.parametrize("kind", [Permit, SetGate, Acting])
 def test_levels_are_told_again_every_beat_period_although_nothing_changes(
-    kind: type[Permit | SetGate | SetActing],
+    kind: type[Permit | SetGate | Acting],
 ) -> None:
     for story in (in_cloud(), on_robot()):
         story.run(1.0)
@@ -82,7 +72,7 @@ def test_a_gate_carries_when_it_was_said() -> None:
 def test_the_robots_nodes_are_wanted_whenever_the_robot_acts_or_gets_ready(
     phase: Phase, acting: bool, in_charge: bool
 ) -> None:
-    told = only(switcher.step(robot_in(phase), Tick(), NOW_S)[1], SetActing)
+    told = only(switcher.step(robot_in(phase), Tick(), NOW_S)[1], Acting)
     assert (told.acting, told.in_charge) == (acting, in_charge)
 
 
@@ -107,8 +97,8 @@ def test_the_cloud_is_granted_its_own_epoch_while_it_acts_or_gets_ready(
 
 
 def flow(robot: Robot, now_s: float = NOW_S) -> bool:
-    told = only(switcher.step(robot, Tick(), now_s)[1], SetActing)
-    assert isinstance(told, SetActing)
+    told = only(switcher.step(robot, Tick(), now_s)[1], Acting)
+    assert isinstance(told, Acting)
     return told.outputs_flow
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from robot_offload_core import switcher
 from robot_offload_core.beats import Beat, Echo
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.placement import (
     CloudBeat,
     DataReported,
@@ -20,12 +21,10 @@ from robot_offload_core.placement import (
     Phase,
     Reopen,
     Robot,
-    SetActing,
     SetGate,
-    Tick,
     Wish,
 )
-from robot_offload_core.policy import Policy
+from robot_offload_core.policies import Policy
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 from tests.unit.core.builders import (
@@ -66,7 +65,7 @@ def test_a_hot_standby_acts_at_once() -> None:
     robot, commands = switcher.step(lost_robot(nodes_ready=True), Tick(), NOW_S)
     assert (robot.phase, robot.epoch, robot.last_epoch, robot.charged_s) == (Phase.ROBOT, 5, 5, NOW_S)
     assert only(commands, SetGate).gate.current == charge(Site.ROBOT, 5)
-    assert only(commands, SetActing) == SetActing(acting=True, outputs_flow=True, in_charge=True)
+    assert only(commands, Acting) == Acting(acting=True, outputs_flow=True, in_charge=True)
     assert not only(commands, Permit).permission.granted
 
 
@@ -74,7 +73,7 @@ def test_a_warm_standby_is_in_charge_at_once_and_acts_when_its_nodes_are_awake()
     robot, commands = switcher.step(lost_robot(nodes_ready=False), Tick(), NOW_S)
     assert robot.phase is Phase.TAKEOVER
     assert only(commands, SetGate).gate.current == charge(Site.ROBOT, 5), "the cloud is shut out meanwhile"
-    assert only(commands, SetActing).in_charge, "so that the CORE rule can stop the driver meanwhile"
+    assert only(commands, Acting).in_charge, "so that the CORE rule can stop the driver meanwhile"
     robot, _ = switcher.step(robot, NodesReported(True), NOW_S + 0.030)
     assert (robot.phase, robot.epoch) == (Phase.ROBOT, 5)
 
@@ -340,7 +339,7 @@ def test_the_time_counts_from_the_beginning_of_the_stay() -> None:
 def test_a_robot_whose_output_is_silent_is_unable_too() -> None:
     silent = gate_report(Site.ROBOT, 3, robot_flows=False)
     robot, commands = switcher.step(robot_in(policy=HELD), GateReported(silent), NOW_S)
-    assert not only(commands, SetActing).outputs_flow
+    assert not only(commands, Acting).outputs_flow
     later_s = NOW_S + DEADLINE_S + 0.010
     robot = replace(robot, situation=situation(Phase.ROBOT, later_s, gate=silent), link=good_link(later_s))
     robot, commands = switcher.step(replace(robot, stepped_s=later_s - 0.010), Tick(), later_s)

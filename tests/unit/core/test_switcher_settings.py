@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_core import switcher
-from robot_offload_core.placement import CloudLeaving, Phase, Robot, SetPin, SetSettings, SwitchByHand, Tick, Wish
+from robot_offload_core.events import Tick
+from robot_offload_core.placement import CloudLeaving, Phase, Robot, SetPin, SetSettings, SwitchByHand, Wish
 from robot_offload_core.settings import Mode, Settings, SettingsError
 from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site

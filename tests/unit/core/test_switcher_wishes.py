@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from robot_offload_core import switcher
-from robot_offload_core.link import Link, Offset
+from robot_offload_core.events import Acting, Tick
+from robot_offload_core.links import Link, Offset
 from robot_offload_core.placement import (
     IN_CHARGE,
     Answer,
@@ -19,10 +20,8 @@ from robot_offload_core.placement import (
     Phase,
     Reopen,
     Robot,
-    SetActing,
     SetPin,
     SwitchByHand,
-    Tick,
     Wish,
 )
 from robot_offload_core.settings import Mode, Settings
@@ -219,7 +218,7 @@ def test_observing_it_decides_and_says_what_it_would_do_but_never_switches() -> 
     assert story.robot.decided.message.startswith("Observing only; would act on the robot: ")
     assert story.switches() == []
     assert {permit.permission.granted for _, permit in story.of(Permit)} == {False}
-    assert {(acting.acting, acting.in_charge) for _, acting in story.of(SetActing)} == {(True, True)}
+    assert {(acting.acting, acting.in_charge) for _, acting in story.of(Acting)} == {(True, True)}
     assert story.of(Reopen) == []
     assert story.gap_s() <= SETTINGS.robot_period_s + 1e-6
 

@@ -7,16 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_agent.collector.process import MEMORY_BYTES, Memory
-from robot_offload_core import collector
-from robot_offload_core.collector import Charge
+from robot_offload_core import collectors
+from robot_offload_core.collectors import Charge
 from robot_offload_core.token import Site, Token
 
 INCARNATIONS = st.text("0123456789abcdef", min_size=32, max_size=32)
 
 
-def state(charge: Charge | None, started_us: int = 0, fell_back: bool = False) -> collector.Collector:
-    empty = collector.start((), 0.15, 0.25)
-    return collector.resume(empty, charge, started_us, fell_back, 0.0) if charge else empty
+def state(charge: Charge | None, started_us: int = 0, fell_back: bool = False) -> collectors.Collector:
+    empty = collectors.start((), 0.15, 0.25)
+    return collectors.resume(empty, charge, started_us, fell_back, 0.0) if charge else empty
 
 
 @given(

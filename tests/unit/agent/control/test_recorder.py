@@ -11,7 +11,7 @@ from robot_offload_agent.control.recorder import Recorder
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.main import recording
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.link import Link
+from robot_offload_core.links import Link
 from robot_offload_core.settings import Settings
 from robot_offload_lab.links.recorded import load_trace
 from robot_offload_lab.replay.costs import Weights

@@ -2,7 +2,7 @@
 
 Everything is counted in one currency: a second in the cloud while the link is not good enough costs 10, a second on the
 robot while it is costs 1, a change of side 0.5. Which way of weighing them is the cheapest depends on the link: on one
-with short stalls one should stay, on one with long outages leave at once and return late. So the outlook (outlook.py)
+with short stalls one should stay, on one with long outages leave at once and return late. So the outlook (outlooks.py)
 lets many rules live on this link and the policy goes where the best of them is.
 
 Two things are added. The cloud is never entered over a link that is not good enough at that moment, whatever a patient
@@ -17,10 +17,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robot_offload_core import outlook as outlooks
+from robot_offload_core import outlooks
 from robot_offload_core.change import replace
-from robot_offload_core.link import Link
-from robot_offload_core.outlook import EXPOSED_PER_S, SWITCH, WASTED_PER_S, Outlook, Seen
+from robot_offload_core.links import Link
+from robot_offload_core.outlooks import EXPOSED_PER_S, SWITCH, WASTED_PER_S, Outlook, Seen
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_offload_core.change import replace
+from robot_offload_core.events import Acting, Tick
 from robot_offload_core.settings import NodeSpec
 
 TRANSITION_DEADLINE_S = 2.0
@@ -135,27 +136,10 @@ class Answered:
 
 
 @dataclass(frozen=True)
-class Acting:
-    """The machine of this side says whether to act, and whether this side's rated outputs flow.
-
-    `in_charge` is False while this side only gets ready and the other one acts: then nothing of it stops the driver.
-    """
-
-    acting: bool
-    outputs_flow: bool = True
-    in_charge: bool = True
-
-
-@dataclass(frozen=True)
 class InhibitAnswered:
     """The driver confirmed an inhibit request."""
 
     inhibited: bool
-
-
-@dataclass(frozen=True)
-class Tick:
-    """Time has passed."""
 
 
 Event = Observed | Answered | Acting | InhibitAnswered | Tick
@@ -187,7 +171,7 @@ class Inhibit:
 
 
 @dataclass(frozen=True)
-class Told:
+class NodeNews:
     """For the log and diagnostics."""
 
     name: str
@@ -195,7 +179,7 @@ class Told:
     message: str
 
 
-Command = ChangeState | GetState | Inhibit | Told
+Command = ChangeState | GetState | Inhibit | NodeNews
 
 
 def start(specs: Iterable[NodeSpec], grace_s: float, has_driver: bool = False) -> Guardian:
@@ -270,9 +254,9 @@ def _observe(node: Node, state: State, now_s: float, commands: list[Command]) ->
     node = replace(node, state=state, state_s=now_s, read_due_s=now_s + period_s, reading_until_s=None)
     if state is before:
         return node
-    commands.append(Told(node.spec.name, "StateChanged", f"{before.value} -> {state.value}"))
+    commands.append(NodeNews(node.spec.name, "StateChanged", f"{before.value} -> {state.value}"))
     if state is State.UNCONFIGURED and before is not State.UNKNOWN:
-        commands.append(Told(node.spec.name, "NodeRestarted", "It is back in unconfigured and is brought up again"))
+        commands.append(NodeNews(node.spec.name, "NodeRestarted", "It is back in unconfigured and is brought up again"))
     fresh = state is State.UNCONFIGURED or before is State.UNKNOWN
     if fresh:  # a new process, or one found again: earlier failures say nothing about it
         node = replace(node, gave_up="", failures=0, failing_since_s=None, retry_s=0.0)
@@ -316,9 +300,11 @@ def _failed(node: Node, why: str, now_s: float, commands: list[Command]) -> Node
     )
     if now_s - since_s >= GIVE_UP_S:
         node = replace(node, gave_up=f"{why}, {node.failures} times in {now_s - since_s:.0f} s")
-        commands.append(Told(node.spec.name, "GaveUp", f"{node.gave_up}; restart the node or switch again to retry"))
+        commands.append(
+            NodeNews(node.spec.name, "GaveUp", f"{node.gave_up}; restart the node or switch again to retry")
+        )
     else:
-        commands.append(Told(node.spec.name, "TransitionFailed", f"{why}, next attempt in {wait_s:.1f} s"))
+        commands.append(NodeNews(node.spec.name, "TransitionFailed", f"{why}, next attempt in {wait_s:.1f} s"))
     return node
 
 

@@ -1,0 +1,25 @@
+"""What more than one machine takes in or gives out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Tick:
+    """Time has passed."""
+
+
+@dataclass(frozen=True)
+class Acting:
+    """Level, from the machine of a side to its guardian: whether the side's duplicated nodes are to be Active.
+
+    Attributes:
+        acting: the side is in charge or gets ready to be.
+        outputs_flow: its rated outputs flow.
+        in_charge: False while it only gets ready and the other side acts: then nothing of it stops the driver.
+    """
+
+    acting: bool
+    outputs_flow: bool = True
+    in_charge: bool = True
