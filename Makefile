@@ -78,9 +78,13 @@ images: venv ## Build our own images; ARGS="--wheels" where no container registr
 	$(PYTHON) -m robot_offload_lab.images.ours $(ARGS)
 
 ##@ Maintain
-.PHONY: venv generate install-manifest cluster-binaries pins clean
+.PHONY: venv generate golden install-manifest cluster-binaries pins clean
 generate: venv ## Write everything that is derived from the models: definition, reference
 	$(PYTHON) -m scripts.generate
+
+golden: venv ## Write the golden files of tests/golden anew; look at the difference before you commit it
+	UPDATE_GOLDEN=1 $(PYTHON) -m pytest -q tests/golden $(ARGS)
+	git diff --stat -- tests/golden ':!*.py'
 
 install-manifest: venv ## Write manifests/install.yaml from the chart (with the test cluster's helm)
 	$(PYTHON) -m scripts.install_manifest

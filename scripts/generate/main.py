@@ -11,6 +11,7 @@ from typing import Final
 
 from robot_offload.errors import InputError, RobotOffloadError
 from scripts.generate.files import generated_files
+from scripts.generate.rooms import ARCHITECTURE_FILE, with_rooms
 
 _SHOWN_LINES: Final = 20
 
@@ -43,7 +44,8 @@ def run(root: Path, *, check: bool) -> None:
     """
     if not (root / "operator" / "robot_offload" / "api").is_dir():
         raise InputError(f"{root.resolve()}: is not the repository of Robot Offload; start in its top folder")
-    files = generated_files()
+    page = (root / ARCHITECTURE_FILE).read_text(encoding="utf-8")
+    files = {**generated_files(), ARCHITECTURE_FILE: with_rooms(page)}
     if check:
         _compare(root, files)
         return

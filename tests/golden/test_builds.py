@@ -1,7 +1,4 @@
-"""What the operator makes to build the images of the sample that asks for it, as a person can read and compare it.
-
-A wanted change: `UPDATE_GOLDEN=1 pytest tests/golden/test_builds.py`, then look at the difference before committing.
-"""
+"""What the operator makes to build the images of the sample that asks for it, as a person can read and compare it."""
 
 from __future__ import annotations
 
@@ -12,7 +9,8 @@ import yaml
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.decide.builds import Seen, decide
 from robot_offload.objects.parent import Parent
-from tests.golden.test_children import FACTS, HERE, SAMPLES, Dumper, compare
+from tests.golden.recorded import compare
+from tests.golden.test_children import FACTS, HERE, SAMPLES, Dumper
 
 BEGINNING = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 

@@ -1,11 +1,7 @@
-"""All children of every sample, as files that a person can read and compare.
-
-A wanted change: `UPDATE_GOLDEN=1 pytest tests/golden/test_children.py`, then look at the difference before committing.
-"""
+"""All children of every sample, as files that a person can read and compare."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -15,6 +11,7 @@ from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.children import children
+from tests.golden.recorded import compare
 from tests.unit.operator.render.given import EVERY_ENDPOINT, facts
 
 HERE = Path(__file__).parent / "children"
@@ -42,14 +39,6 @@ def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
 
 
 Dumper.add_representer(str, _text)
-
-
-def compare(file: Path, text: str) -> None:
-    if os.environ.get("UPDATE_GOLDEN") == "1":
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
-    assert file.exists(), f"{file} is missing; write it with UPDATE_GOLDEN=1 (see the top of this file)"
-    assert text == file.read_text(), "what is rendered has changed; see the top of this file if that is wanted"
 
 
 @pytest.mark.parametrize("name", SAMPLES)

@@ -18,7 +18,9 @@ from rich.console import Console
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.bench.groups import detect as detection
 from robot_offload_lab.bench.groups import experiment
-from robot_offload_lab.bench.plan import FULL, QUICK, Amounts, Order
+from robot_offload_lab.bench.groups import lifecycle as transitions
+from robot_offload_lab.bench.options import OUT, Common, Out, measurement
+from robot_offload_lab.bench.plan import Amounts
 from robot_offload_lab.bench.results import PRIORITIES, Priority
 from robot_offload_lab.bench.session import SWITCH, WIDTH, Group, Session
 from robot_offload_lab.bench.store import Store
@@ -33,13 +35,7 @@ EXAMPLES: Final = (
     "robot-offload bench switch --only cuts --cuts 20",
     "robot-offload bench all --quick --docs docs --resume",
 )
-
-
-def _case(known: Sequence[str]) -> Any:
-    """An option that picks some cases of a command."""
-    return typer.Option(metavar="CASE", help=f"Only this one of {', '.join(known)}; more than once.")
-
-
+LIFECYCLE_CASES: Final = tuple(case.name for case in transitions.CASES)
 app = typer.Typer(
     help=HELP,
     epilog="\n".join(["\b", "Examples:", *(f"  {example}" for example in EXAMPLES)]),
@@ -48,17 +44,12 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-Full = Annotated[bool, typer.Option("--full/--quick", help="The long form (hours for some), or a look in minutes.")]
-Realtime = Annotated[bool, typer.Option("--realtime/--normal", help="Priority of agents and nodes.")]
-Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder of results.json, samples (CSV), pictures and logs.")]
-Docs = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Also refresh benchmarks.md and images/ in this folder.")
-]
-Resume = Annotated[bool, typer.Option("--resume", help="Leave out what this folder holds of today, measured alike.")]
-Seed = Annotated[int, typer.Option(help="Of the links' chances and of the moments.")]
-Domains = Annotated[str, typer.Option(metavar="ROBOT/CLOUD", help="ROS domains. Default: free ones.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print results.json on standard output at the end.")]
-OUT: Final = Path("out/bench")
+Only = Annotated[list[Group] | None, typer.Option(help="Group of figures to measure; more than once. Default: all.")]
+
+
+def _case(known: Sequence[str]) -> Any:
+    """An option that picks some cases of a command."""
+    return typer.Option(metavar="CASE", help=f"Case to measure: {', '.join(known)}; more than once. Default: all.")
 
 
 @app.callback()
@@ -70,133 +61,92 @@ def bench() -> None:
 
 
 @app.command()
+@measurement
 def latency(
+    common: Common,
     *,
-    full: Full = False,
-    realtime: Realtime = True,
-    messages: Annotated[int | None, typer.Option(min=10, help="Another number from each publisher.")] = None,
+    messages: Annotated[int | None, typer.Option(min=10, help="Messages of each publisher.")] = None,
     case: Annotated[list[str] | None, _case(experiment.CASES)] = None,
-    out: Out = OUT,
-    docs: Docs = None,
-    resume: Resume = False,
-    seed: Seed = 1,
-    domains: Domains = "",
-    as_json: AsJson = False,
 ) -> None:
     """Latency of ten topics at 10 Hz: one host, bridge, two hosts, robot to cloud; processor time beside it."""
-    amounts = _amounts(full)
-    order = _order(replace(amounts, messages=messages or amounts.messages), out, seed, domains)
-    order = _only(order, case, experiment.CASES)
-    _run([Group.EXPERIMENT], _one(realtime), order, docs, resume, as_json)
+    amounts = replace(common.amounts, messages=messages or common.amounts.messages)
+    _run(common, [Group.EXPERIMENT], amounts, case, experiment.CASES)
 
 
 @app.command()
+@measurement
 def lifecycle(
+    common: Common,
     *,
-    full: Full = False,
-    realtime: Realtime = True,
-    rounds: Annotated[int | None, typer.Option(min=1, help="Another number of rounds in each case.")] = None,
-    out: Out = OUT,
-    docs: Docs = None,
-    resume: Resume = False,
-    seed: Seed = 1,
-    domains: Domains = "",
-    as_json: AsJson = False,
+    rounds: Annotated[int | None, typer.Option(min=1, help="Rounds in each case.")] = None,
+    case: Annotated[list[str] | None, _case(LIFECYCLE_CASES)] = None,
 ) -> None:
     """Activation and deactivation as a manager sees them: alone, among others, heavy, ten at once, over the link."""
-    amounts = _amounts(full)
-    order = _order(replace(amounts, rounds=rounds or amounts.rounds), out, seed, domains)
-    _run([Group.LIFECYCLE], _one(realtime), order, docs, resume, as_json)
+    amounts = replace(common.amounts, rounds=rounds or common.amounts.rounds)
+    _run(common, [Group.LIFECYCLE], amounts, case, LIFECYCLE_CASES)
 
 
 @app.command()
+@measurement
 def switch(
+    common: Common,
     *,
-    full: Full = False,
-    realtime: Annotated[
-        bool | None, typer.Option("--realtime/--normal", help="One priority only. Default: both, one after the other.")
-    ] = None,
-    only: Annotated[list[Group] | None, typer.Option(help="One group of figures only; more than once.")] = None,
-    switches: Annotated[int | None, typer.Option(min=1, help="Another number of commanded switches.")] = None,
-    cuts: Annotated[int | None, typer.Option(min=1, help="Another number of 2 s cuts of both directions.")] = None,
-    minutes: Annotated[float | None, typer.Option(min=0.1, help="Another length of each watch for alarms.")] = None,
-    out: Out = OUT,
-    docs: Docs = None,
-    resume: Resume = False,
-    seed: Seed = 1,
-    domains: Domains = "",
-    as_json: AsJson = False,
+    only: Only = None,
+    switches: Annotated[int | None, typer.Option(min=1, help="Commanded switches.")] = None,
+    cuts: Annotated[int | None, typer.Option(min=1, help="Cuts of both directions, 2 s each.")] = None,
+    minutes: Annotated[float | None, typer.Option(min=0.1, help="Minutes of each watch for false alarms.")] = None,
 ) -> None:
     """Commanded switches, sudden cuts, false alarms, latency by size and cost, against their limits."""
-    amounts = _amounts(full)
+    chosen = common.amounts
     amounts = replace(
-        amounts, switches=switches or amounts.switches, cuts=cuts or amounts.cuts, minutes=minutes or amounts.minutes
+        chosen,
+        switches=switches or chosen.switches,
+        cuts=cuts or chosen.cuts,
+        minutes=minutes or chosen.minutes,
     )
-    priorities = PRIORITIES if realtime is None else _one(realtime)
-    _run(only or SWITCH, priorities, _order(amounts, out, seed, domains), docs, resume, as_json)
+    priorities = PRIORITIES if common.realtime is None else (common.priority,)
+    _run(common, only or SWITCH, amounts, priorities=priorities)
 
 
 @app.command()
+@measurement
 def detect(
+    common: Common,
     *,
-    full: Full = False,
-    realtime: Realtime = True,
-    cuts: Annotated[int | None, typer.Option(min=1, help="Another number of cuts in each case.")] = None,
-    quiet: Annotated[float | None, typer.Option(min=1, metavar="SECONDS", help="Without a cut, before them.")] = None,
+    cuts: Annotated[int | None, typer.Option(min=1, help="Cuts in each case.")] = None,
+    quiet: Annotated[
+        float | None, typer.Option(min=1, metavar="SECONDS", help="Seconds to watch before the first cut.")
+    ] = None,
     case: Annotated[list[str] | None, _case(detection.CASES)] = None,
-    out: Out = OUT,
-    docs: Docs = None,
-    resume: Resume = False,
-    seed: Seed = 1,
-    domains: Domains = "",
-    as_json: AsJson = False,
 ) -> None:
     """How soon a lost link is noticed, by standby, heartbeat and link; false alarms; DDS liveliness and bond beside."""
-    amounts = _amounts(full)
-    amounts = replace(amounts, detections=cuts or amounts.detections, quiet_s=quiet or amounts.quiet_s)
-    order = _only(_order(amounts, out, seed, domains), case, detection.CASES)
-    _run([Group.DETECT], _one(realtime), order, docs, resume, as_json)
+    chosen = common.amounts
+    amounts = replace(chosen, detections=cuts or chosen.detections, quiet_s=quiet or chosen.quiet_s)
+    _run(common, [Group.DETECT], amounts, case, detection.CASES)
 
 
 @app.command()
+@measurement
 def collector(
+    common: Common,
     *,
-    full: Full = False,
-    realtime: Realtime = True,
-    seconds: Annotated[float | None, typer.Option(min=0.5, help="Another length of each stage.")] = None,
-    out: Out = OUT,
-    docs: Docs = None,
-    resume: Resume = False,
-    seed: Seed = 1,
-    domains: Domains = "",
-    as_json: AsJson = False,
+    seconds: Annotated[float | None, typer.Option(min=0.5, help="Seconds of each stage of size and rate.")] = None,
 ) -> None:
     """What the collector in front of the consumers adds, and how much passes it, by size and rate."""
-    amounts = _amounts(full)
-    order = _order(replace(amounts, stage_s=seconds or amounts.stage_s), out, seed, domains)
-    _run([Group.COLLECTOR], _one(realtime), order, docs, resume, as_json)
+    _run(common, [Group.COLLECTOR], replace(common.amounts, stage_s=seconds or common.amounts.stage_s))
 
 
 @app.command("all")
-def everything(
-    *,
-    full: Full = False,
-    realtime: Realtime = True,
-    only: Annotated[list[Group] | None, typer.Option(help="One group of figures only; more than once.")] = None,
-    out: Out = OUT,
-    docs: Docs = None,
-    resume: Resume = False,
-    seed: Seed = 1,
-    domains: Domains = "",
-    as_json: AsJson = False,
-) -> None:
+@measurement
+def everything(common: Common, *, only: Only = None) -> None:
     """Everything; with --quick in less than ten minutes on an idle machine."""
-    order = _order(_amounts(full), out, seed, domains)
-    _run(only or list(Group), _one(realtime), order, docs, resume, as_json)
+    _run(common, only or list(Group), common.amounts)
 
 
 @app.command()
-def page(out: Out = OUT, docs: Annotated[Path, typer.Option(metavar="DIR")] = Path("docs")) -> None:
+def page(
+    out: Out = OUT, docs: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the page.")] = Path("docs")
+) -> None:
     """Write the page and its pictures anew from results that were measured before."""
     try:
         Session(_console(), Store(out), docs).show()
@@ -204,45 +154,26 @@ def page(out: Out = OUT, docs: Annotated[Path, typer.Option(metavar="DIR")] = Pa
         raise _stop(error) from error
 
 
-def _only(order: Order, cases: Sequence[str] | None, known: Sequence[str]) -> Order:
-    unknown = [case for case in cases or () if case not in known]
-    if unknown:
-        raise _stop(InputError(f"--case: there is no {unknown[0]!r}; known are {', '.join(known)}"))
-    return replace(order, cases=tuple(cases or ()))
-
-
-def _amounts(full: bool) -> Amounts:
-    return FULL if full else QUICK
-
-
-def _one(realtime: bool) -> tuple[Priority, ...]:
-    return ("realtime",) if realtime else ("normal",)
-
-
-def _order(amounts: Amounts, out: Path, seed: int, domains: str) -> Order:
-    try:
-        return Order(amounts, "realtime", out, seed, _domains(domains), lambda _: None)
-    except InputError as error:
-        raise _stop(error) from error
-
-
 def _run(
+    common: Common,
     groups: Sequence[Group],
-    priorities: Sequence[Priority],
-    order: Order,
-    docs: Path | None,
-    resume: bool,
-    as_json: bool,
+    amounts: Amounts,
+    cases: Sequence[str] | None = None,
+    known: Sequence[str] = (),
+    priorities: Sequence[Priority] = (),
 ) -> None:
-    session = Session(_console(stderr=as_json), Store(order.out), docs)
+    """Measures, shows what there is, and ends the command with the code that its help names."""
     try:
+        _check_cases(cases or (), known)
+        order = common.order(amounts, cases or ())
+        session = Session(_console(stderr=common.as_json), Store(common.out), common.docs)
         try:
-            failed = session.run(groups, priorities, order, resume=resume)
+            failed = session.run(groups, priorities or (common.priority,), order, resume=common.resume)
         finally:
             session.show()  # also when it was interrupted: what was measured is worth seeing
     except RobotOffloadError as error:
         raise _stop(error) from error
-    if as_json:
+    if common.as_json:
         typer.echo(json.dumps(session.store.document(), indent=2))
     for line in failed:
         typer.echo(f"Not measured: {line}", err=True)
@@ -250,22 +181,21 @@ def _run(
         raise typer.Exit(1)
 
 
+def _check_cases(cases: Sequence[str], known: Sequence[str]) -> None:
+    """Refuses a case that the command does not have."""
+    unknown = [case for case in cases if case not in known]
+    if unknown:
+        raise InputError(f"--case: there is no {unknown[0]!r}; known are {', '.join(known)}")
+
+
 def _console(*, stderr: bool = False) -> Console:
-    """Standard output, or standard error where results go to the other; wide where nobody looks at a screen."""
+    """A console on standard output, or on standard error if results go to standard output. Wide unless a terminal."""
     console = Console(stderr=stderr)
     return console if console.is_terminal else Console(stderr=stderr, width=WIDTH)
 
 
-def _domains(text: str) -> tuple[int, int] | None:
-    if not text:
-        return None
-    numbers = [int(part) for part in text.split("/") if part.isdecimal()]
-    if len(numbers) != 2 or max(numbers) > 232 or numbers[0] == numbers[1]:
-        raise InputError(f"--domains: {text!r}: write two different numbers from 0 to 232, for example 81/82")
-    return numbers[0], numbers[1]
-
-
 def _stop(error: RobotOffloadError) -> typer.Exit:
+    """Prints what is wrong; returns the end of the command with the error's exit code."""
     for line in error.lines:
         typer.echo(line, err=True)
     return typer.Exit(error.exit_code)

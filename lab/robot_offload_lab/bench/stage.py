@@ -20,8 +20,8 @@ from typing import Any, Final, Self
 
 from robot_offload_lab.bench.pipes import Pipes
 from robot_offload_lab.run.demo import StartError
+from robot_offload_lab.run.free import free_domains
 from robot_offload_lab.run.processes import Processes, Program
-from robot_offload_lab.run.system import free_domains
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.two_hosts import TwoHosts
 

@@ -29,15 +29,13 @@ from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.recording import Recording
 from robot_offload_lab.run.certificates import client_paths
 from robot_offload_lab.run.demo import StartError
+from robot_offload_lab.run.free import HOST, free_domains, free_ports
 from robot_offload_lab.run.processes import Processes, Program
 from robot_offload_lab.run.system import (
-    HOST,
     RECORDER,
     Mode,
     System,
     environment,
-    free_domains,
-    free_ports,
     programs,
     run_info,
     wire_config,

@@ -31,6 +31,7 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.recording import LinkSample
+from robot_offload_lab.run.free import free_domains, free_ports
 from robot_offload_lab.run.processes import Processes, Program
 from robot_offload_lab.run.system import (
     DDS_WIRE,
@@ -39,8 +40,6 @@ from robot_offload_lab.run.system import (
     System,
     adapted,
     check_runnable,
-    free_domains,
-    free_ports,
     programs,
     run_info,
     wire_config,

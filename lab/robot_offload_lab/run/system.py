@@ -6,18 +6,13 @@ through the emulated wire on loopback. The robot dials the wire's ports, the clo
 
 from __future__ import annotations
 
-import atexit
 import dataclasses
 import datetime
-import itertools
 import json
 import os
-import random
 import shutil
-import socket
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -25,17 +20,17 @@ from typing import Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffload, RobotOffloadSpec
 from robot_offload.api.v1alpha1.names import Side
-from robot_offload.errors import InputError, RobotOffloadError
+from robot_offload.errors import InputError
 from robot_offload.render import ros_names
 from robot_offload.render.agent_config import AgentSite, agent_config
 from robot_offload_lab.judge.recording import RunInfo, of_run
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
+from robot_offload_lab.run.free import HOST
 from robot_offload_lab.run.processes import Program
 from robot_offload_lab.wire.dds_options import DdsWireConfig, carried
 from robot_offload_lab.wire.options import Forward, LinkOptions, WireConfig
 from robot_offload_lab.wire.process import REALTIME_PRIORITY
 
-HOST: Final = "127.0.0.1"
 RECORDER: Final = "recorder"
 DDS_WIRE: Final = "dds-wire"
 NODE_PRIORITY: Final = 3
@@ -51,11 +46,6 @@ class Mode(StrEnum):
     CLOUD_ONLY = "cloud-only"
 
 
-_DOMAINS: Final = range(215, 232)
-"""The domains whose ports (7400 + 250 * domain) lie above Linux's ephemeral ones (32768 to 60999)."""
-_PORTS_PER_DOMAIN: Final = 250
-_PORTS: Final = range(20_000, 32_000)
-"""Below the ephemeral ports, so that nobody gets ours by chance between our look and the agents' start."""
 _FOREIGN: Final = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "FASTRTPS_DEFAULT_PROFILES_FILE",
                    "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_ENVIRONMENT_FILE", "CYCLONEDDS_URI")  # fmt: skip
 """Variables of the caller that would join or tear apart the sides."""
@@ -320,72 +310,3 @@ def wire_config(system: System) -> WireConfig:
         log=str(system.logs / "wire.jsonl"),
         realtime=system.realtime,
     )
-
-
-def free_ports() -> tuple[tuple[int, int], tuple[int, int]]:
-    """Two pairs of loopback ports that nobody uses, neither with UDP nor with TCP.
-
-    Raises:
-        RobotOffloadError: there are too few.
-    """
-    found: list[int] = []
-    with ExitStack() as stack:
-        for port in random.sample(_PORTS, len(_PORTS)):
-            if _is_free(port, stack):
-                found.append(port)
-            if len(found) == 4:
-                return (found[0], found[1]), (found[2], found[3])
-    raise RobotOffloadError(f"of the ports {_PORTS.start} to {_PORTS.stop - 1} fewer than four are free")
-
-
-def _is_free(port: int, stack: ExitStack) -> bool:
-    """Whether both protocols can be bound; `stack` keeps them until all are found."""
-    for kind in (socket.SOCK_DGRAM, socket.SOCK_STREAM):
-        sock = stack.enter_context(socket.socket(socket.AF_INET, kind))
-        try:
-            sock.bind((HOST, port))
-        except OSError:
-            return False
-    return True
-
-
-def free_domains() -> tuple[int, int]:
-    """Two ROS domains that no process of this machine uses, kept from other runs while this process lives.
-
-    Raises:
-        RobotOffloadError: there are none.
-    """
-    used = {(port - 7400) // _PORTS_PER_DOMAIN for port in _bound_udp_ports()}
-    free = (domain for domain in random.sample(_DOMAINS, len(_DOMAINS)) if domain not in used and _claim(domain))
-    found = tuple(itertools.islice(free, 2))
-    if len(found) < 2:
-        raise RobotOffloadError(
-            f"of the ROS domains {_DOMAINS.start} to {_DOMAINS.stop - 1} fewer than two are free; end other runs, or "
-            "give two with --domains"
-        )
-    return found[0], found[1]
-
-
-_claims: dict[int, socket.socket] = {}
-"""Domains of this process. A run that has not opened its ports yet could not be told from none otherwise."""
-
-
-def _claim(domain: int) -> bool:
-    """Whether no other process has claimed a domain. A name in the abstract namespace ends with its process."""
-    if domain not in _claims:
-        sock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        try:
-            sock.bind(f"\0robot-offload-domain-{domain}")
-        except OSError:
-            sock.close()
-            return False
-        _claims[domain] = sock
-        atexit.register(sock.close)
-    return True
-
-
-def _bound_udp_ports() -> Iterable[int]:
-    for table in ("udp", "udp6"):
-        path = Path("/proc/net") / table
-        for line in path.read_text().splitlines()[1:] if path.exists() else ():
-            yield int(line.split()[1].rpartition(":")[2], 16)

@@ -12,7 +12,6 @@ from robot_offload.images.spec import BuildSpec, OverlaySpec, parse
 
 HERE: Final = Path(__file__).parent
 CASES: Final = tuple(sorted(path.parent.name for path in HERE.glob("*/spec.yaml")))
-REWRITE: Final = "python -m tests.golden.dockerfiles.rewrite"
 
 
 def spec_of(case: str) -> BuildSpec | OverlaySpec:

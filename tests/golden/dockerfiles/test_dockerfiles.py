@@ -11,7 +11,8 @@ import pytest
 from robot_offload.images.distros import DISTROS
 from robot_offload.images.features import NODE_FEATURES, OVERLAY_FEATURES
 from robot_offload.images.spec import BuildSpec
-from tests.golden.dockerfiles.cases import CASES, REWRITE, generated, golden_path, spec_of
+from tests.golden.dockerfiles.cases import CASES, generated, golden_path, spec_of
+from tests.golden.recorded import compare
 from tests.unit.operator.images import parsed
 
 IGNORED = {
@@ -27,7 +28,7 @@ IGNORED = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_specification_gives_the_committed_dockerfile_byte_for_byte(case: str) -> None:
-    assert generated(case) == golden_path(case).read_text(encoding="utf-8"), f"if that is meant: {REWRITE}"
+    compare(golden_path(case), generated(case))
 
 
 def test_every_distribution_has_a_golden_dockerfile() -> None:

@@ -19,7 +19,8 @@ from robot_offload_lab.bench.plan import Amounts, Order
 from robot_offload_lab.bench.results import Outcome
 from robot_offload_lab.bench.stage import Stage
 from robot_offload_lab.run.certificates import make_certificates
-from robot_offload_lab.run.system import HOST, Mode, System, agent, environment, free_domains, free_ports
+from robot_offload_lab.run.free import HOST, free_domains, free_ports
+from robot_offload_lab.run.system import Mode, System, agent, environment
 from robot_offload_lab.wire.options import LinkOptions
 
 LARGE: Final = "LARGE_DATA?max_msg_size=2MB&sockets_size=4MB"

@@ -25,7 +25,7 @@ from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.measures import Interval
 from robot_offload_lab.judge.recording import Arrival, RunInfo
 from robot_offload_lab.run import marked
-from robot_offload_lab.run.system import free_domains
+from robot_offload_lab.run.free import free_domains
 from robot_offload_lab.wire.dds_options import Carried, DdsWireConfig
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions

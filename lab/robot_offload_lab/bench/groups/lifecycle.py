@@ -37,25 +37,36 @@ def steps(_amounts: Amounts) -> float:
 
 
 def run(order: Order) -> Outcome:
-    """The cases on this host one after the other, then two hosts."""
+    """Measures the cases on this host one after the other, then the one on two hosts."""
     found = []
     with _stage(order, "lifecycle") as stage:
-        found.append(_measure(stage, order, ALONE, _started(stage, [(LIGHT,)])))
-        heavy = ("heavy",)
-        found.append(_measure(stage, order, HEAVY, _started(stage, [heavy], "--work", WORK_MS)))
-        stage.end(heavy[0])
-        share = len(OTHERS) // OTHER_PROCESSES
-        groups = [OTHERS[first : first + share] for first in range(0, len(OTHERS), share)]
-        _started(stage, groups, "--active")
-        found.append(_measure(stage, order, AMONG, (LIGHT,)))
-        for group in groups:
-            stage.end(group[0])
-        found.append(_measure(stage, order, TOGETHER, _started(stage, [(name,) for name in TEN])))
-    why = TwoHosts.refusal()
-    if not why:
+        if order.wants(ALONE.name):
+            found.append(_measure(stage, order, ALONE, _started(stage, [(LIGHT,)])))
+        if order.wants(HEAVY.name):
+            heavy = ("heavy",)
+            found.append(_measure(stage, order, HEAVY, _started(stage, [heavy], "--work", WORK_MS)))
+            stage.end(heavy[0])
+        if order.wants(AMONG.name):
+            found.append(_measure_among(stage, order))
+        if order.wants(TOGETHER.name):
+            found.append(_measure(stage, order, TOGETHER, _started(stage, [(name,) for name in TEN])))
+    why = TwoHosts.refusal() if order.wants(ACROSS.name) else ""
+    if order.wants(ACROSS.name) and not why:
         with TwoHosts(LINK, order.seed) as hosts, _stage(order, "lifecycle-hosts", hosts) as stage:
             found.append(_measure(stage, order, ACROSS, _started(stage, [(LIGHT,)])))
     return lifecycle.outcome(order.priority, found, {ACROSS.title: why} if why else {})
+
+
+def _measure_among(stage: Stage, order: Order) -> Rounds:
+    """Measures one node while others are active beside it."""
+    light = (LIGHT,) if LIGHT in stage.said else _started(stage, [(LIGHT,)])
+    share = len(OTHERS) // OTHER_PROCESSES
+    groups = [OTHERS[first : first + share] for first in range(0, len(OTHERS), share)]
+    _started(stage, groups, "--active")
+    rounds = _measure(stage, order, AMONG, light)
+    for group in groups:
+        stage.end(group[0])
+    return rounds
 
 
 def _stage(order: Order, name: str, hosts: TwoHosts | None = None) -> Stage:

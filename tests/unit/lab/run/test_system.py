@@ -10,6 +10,7 @@ import pytest
 
 from robot_offload.api.files import load
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload_lab.run.free import free_domains, free_ports
 from robot_offload_lab.run.system import (
     HOST,
     Mode,
@@ -18,8 +19,6 @@ from robot_offload_lab.run.system import (
     adapted,
     check_runnable,
     environment,
-    free_domains,
-    free_ports,
     programs,
     wire_config,
 )
@@ -132,7 +131,7 @@ def test_free_ports_are_four_different_ones_that_can_be_bound() -> None:
 def test_runs_that_start_at_the_same_time_get_different_domains() -> None:
     code = """
 import json, sys
-from robot_offload_lab.run.system import free_domains
+from robot_offload_lab.run.free import free_domains
 print(json.dumps(free_domains()), flush=True)
 sys.stdin.read()
 """

@@ -1,0 +1,61 @@
+"""One small real measurement: nodes, manager, store, pictures, page. `make bench` measures everything."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import secrets
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+MARK = "ROBOT_OFFLOAD_BENCH_TEST"
+ROUNDS = 2
+SECONDS = 120
+
+
+@pytest.mark.ros
+def test_a_short_bench_writes_results_samples_pictures_and_the_page_and_leaves_no_process(tmp_path: Path):
+    run = secrets.token_hex(8)
+    command = [
+        sys.executable, "-m", "robot_offload", "bench", "lifecycle", "--rounds", str(ROUNDS), "--case", "alone",
+        "--case", "heavy", "--out", str(tmp_path / "out"), "--docs", str(tmp_path / "docs"), "--domains", "83/84",
+        "--json",
+    ]  # fmt: skip
+    environment = {**os.environ, MARK: run}
+    try:
+        ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=SECONDS, check=False)
+        assert ended.returncode == 0, ended.stderr
+    finally:
+        left = marked(run)
+        for pid in left:
+            os.kill(pid, signal.SIGKILL)
+    assert not left
+
+    document = json.loads(ended.stdout)
+    assert document == json.loads((tmp_path / "out" / "results.json").read_text())
+    figures = {figure["name"]: figure for figure in document["groups"]["lifecycle"]["realtime"]["figures"]}
+    assert figures["refused"]["value"] == 0
+    assert figures["alone_activate_p50"]["count"] == ROUNDS
+    assert figures["alone_activate_p50"]["value"] > 0
+    assert figures["heavy_activate_p50"]["value"] >= 50.0  # the work in its callback
+    assert "among_activate_p50" not in figures
+    with (tmp_path / "out" / "lifecycle-realtime.csv").open(newline="") as file:
+        assert {row["case"] for row in csv.DictReader(file)} == {"alone", "heavy"}
+    assert (tmp_path / "out" / "bench-lifecycle-spread.png").exists()
+    assert "a heavy node" in (tmp_path / "docs" / "benchmarks.md").read_text()
+
+
+def marked(run: str) -> list[int]:
+    """The processes that carry the mark of a run, whoever started them."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        with suppress(OSError):  # it may end while we look
+            if folder.name.isdigit() and f"{MARK}={run}".encode() in (folder / "environ").read_bytes().split(b"\0"):
+                found.append(int(folder.name))
+    return found
