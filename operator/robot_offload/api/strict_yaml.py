@@ -1,17 +1,19 @@
 """YAML as Kubernetes people write it, read strictly and without surprises: text in, plain values out.
 
-Beyond what a YAML library checks: a key given twice is an error (the first one would be lost silently),
-nothing but text, numbers, truth values, lists and mappings comes out (no dates, no tags, no `10:30` as a
-number), keys are always text, and a file of nested aliases cannot blow up memory. Lists come out as tuples.
+PyYAML scans, parses and composes; this is what it leaves open. A key given twice is an error (the first one would be
+lost silently), nothing but text, numbers, truth values, lists and mappings comes out, keys are always text, a file of
+nested aliases cannot blow up memory, and scalars are what kubectl makes of them (`scalars`). Lists come out as tuples.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from typing import Final, TypeAlias
+from collections.abc import Callable, Mapping
+from typing import Final, TypeAlias, TypeVar
 
 import yaml
+
+from robot_offload.api import scalars
 
 Value: TypeAlias = "bool | int | float | str | tuple[Value, ...] | dict[str, Value] | None"
 
@@ -25,15 +27,10 @@ MAX_DEPTH: Final = 50
 
 _TOO_DEEP = f"lists or mappings are nested too deeply; at most {MAX_DEPTH} levels are read"
 _TAG = "tag:yaml.org,2002:"
-_TRUTH = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
-_NULL = re.compile(r"~|null|Null|NULL|")
-_BOOL = re.compile(r"yes|Yes|YES|no|No|NO|true|True|TRUE|false|False|FALSE|on|On|ON|off|Off|OFF")
-# At most 18 digits, so that every integer fits the 64 bits of a ROS parameter and of JSON readers.
-_INT = re.compile(r"[-+]?(?:0x[0-9a-fA-F]{1,15}|0|[1-9][0-9]{0,17})")
-_FLOAT = re.compile(
-    r"[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?[0-9]+[eE][-+]?[0-9]+"
-    r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
-)
+_KINDS: Final[Mapping[type, str]] = {type(None): "null", bool: "bool", int: "int", float: "float"}
+_Read = TypeVar("_Read")
+_PLAIN = f"{_TAG}plain"
+"""The tag of what has neither quotes nor a tag of its own."""
 
 
 class YamlError(ValueError):
@@ -62,15 +59,7 @@ class _Loader(yaml.reader.Reader, yaml.scanner.Scanner, yaml.parser.Parser, yaml
         yaml.resolver.BaseResolver.__init__(self)
 
 
-def _resolve(name: str, pattern: re.Pattern[str]) -> None:
-    _Loader.add_implicit_resolver(f"{_TAG}{name}", re.compile(rf"(?:{pattern.pattern})\Z"), None)
-
-
-_resolve("null", _NULL)
-_resolve("bool", _BOOL)
-_resolve("int", _INT)
-_resolve("float", _FLOAT)
-_resolve("merge", re.compile("<<"))
+_Loader.add_implicit_resolver(_PLAIN, re.compile(""), None)
 
 
 def parse(text: str) -> Value:
@@ -148,29 +137,38 @@ class _Builder:
             where = _position(key.start_mark)
             if not isinstance(key, yaml.ScalarNode):
                 raise YamlError("a key must be text, not a list or a mapping", where)
-            if key.tag == f"{_TAG}merge":
+            if key.tag == f"{_TAG}merge" or (key.tag == _PLAIN and key.value == "<<"):
                 raise YamlError("merge keys (<<) are not read; write the fields out", where)
-            if key.value in values:
-                raise YamlError(f"the key {key.value!r} is given twice; remove one", where)
-            values[key.value] = self.build(child)
+            name = _key(key)
+            if name in values:
+                raise YamlError(f"the key {name!r} is given twice; remove one", where)
+            values[name] = self.build(child)
         return values
 
 
 def _scalar(node: yaml.ScalarNode) -> Value:
     """The value of a scalar; a tag written by hand must fit its text."""
-    text = str(node.value)
-    kind = node.tag.removeprefix(_TAG)
-    if kind in {"str", "merge"}:
+    text, kind = str(node.value), node.tag.removeprefix(_TAG)
+    if kind == "str":
         return text
-    if kind == "null" and _NULL.fullmatch(text):
-        return None
-    if kind == "bool" and _BOOL.fullmatch(text):
-        return _TRUTH[text.lower()]
-    if kind == "int" and _INT.fullmatch(text):
-        return int(text, 0)
-    if kind == "float" and (_FLOAT.fullmatch(text) or _INT.fullmatch(text)):
-        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    value = _checked(scalars.read, node)
+    if node.tag == _PLAIN or kind == _KINDS.get(type(value)):
+        return value
+    if kind == "float" and type(value) is int:
+        return float(value)
     raise _unsupported_tag(node)
+
+
+def _key(node: yaml.ScalarNode) -> str:
+    """The text of a key, the same for kubectl."""
+    return _checked(scalars.read_key, node) if node.tag == _PLAIN else str(node.value)
+
+
+def _checked(read: Callable[[str], _Read], node: yaml.ScalarNode) -> _Read:
+    try:
+        return read(str(node.value))
+    except scalars.ScalarError as error:
+        raise YamlError(str(error), _position(node.start_mark)) from error
 
 
 def _unsupported_tag(node: yaml.Node) -> YamlError:

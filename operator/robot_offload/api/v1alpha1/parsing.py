@@ -20,6 +20,11 @@ from robot_offload.errors import SpecError
 from robot_offload.findings import Finding
 
 Location = tuple[int | str, ...]
+_SERVER_WRITTEN: Final = (
+    "uid", "resourceVersion", "generation", "creationTimestamp", "managedFields", "selfLink", "deletionTimestamp",
+    "deletionGracePeriodSeconds", "finalizers", "ownerReferences",
+)  # fmt: skip
+"""Fields of metadata that a cluster writes, not the author of a file."""
 Unknown: TypeAlias = Literal["forbid", "ignore"]
 """What happens to fields that no model has: people are told, the operator goes on without them, so that it can be
 rolled back while newer objects exist."""
@@ -84,7 +89,7 @@ def parse_object(
         message = f"must be a mapping with apiVersion, kind, metadata and spec, found {_kind_of(value)}"
         raise SpecError(source, [Finding("", "WrongType", message)])
     try:
-        offload = RobotOffload.model_validate(freeze(value), by_alias=True, by_name=False, extra=unknown)
+        offload = RobotOffload.model_validate(freeze(_as_applied(value)), by_alias=True, by_name=False, extra=unknown)
     except RecursionError:
         raise SpecError(source, [Finding("", "Invalid", "lists or mappings are nested too deeply")]) from None
     except ValidationError as error:
@@ -93,6 +98,15 @@ def parse_object(
     if errors:
         raise SpecError(source, errors)
     return offload
+
+
+def _as_applied(value: Mapping[Any, Any]) -> Mapping[Any, Any]:
+    """What the author of an object wrote: one that a cluster keeps (it has a uid) carries more."""
+    metadata = value.get("metadata")
+    if not isinstance(metadata, Mapping) or not metadata.get("uid"):
+        return value
+    kept = {name: it for name, it in metadata.items() if name not in _SERVER_WRITTEN}
+    return {**{name: it for name, it in value.items() if name != "status"}, "metadata": kept}
 
 
 def findings_of(error: ValidationError, root: type[Model] = RobotOffload) -> list[Finding]:
@@ -115,6 +129,8 @@ def _finding(detail: ErrorDetails, root: type[Model]) -> Finding:
     kind, location, given = detail["type"], detail["loc"], detail["input"]
     context = detail.get("ctx", {})
     path = path_of(location)
+    if kind == "extra_forbidden" and location[0] == "metadata" and location[-1] in _SERVER_WRITTEN:
+        return Finding(path, "ServerWritten", "is for the cluster's own programs to write; remove it from the file")
     if kind == "extra_forbidden":
         return Finding(path, "UnknownField", f"is not a known field{_instead(location, root)}")
     if kind == "missing":

@@ -8,7 +8,7 @@ from robot_offload.api.strict_yaml import YamlError, freeze, parse, thaw
 
 
 def test_scalars_become_what_kubernetes_tools_make_of_them() -> None:
-    text = "{a: 1, b: 1.5, c: yes, d: ~, e: text, f: 0x10, g: 1e-3, h: '7', i: .inf, j: 2024-01-01, k: 10:30, l: 007}"
+    text = "{a: 1, b: 1.5, c: True, d: ~, e: text, f: 0x10, g: 1e-3, h: '7', j: 2024-01-01, k: 10:30, l: '007', m: -0}"
     assert parse(text) == {
         "a": 1,
         "b": 1.5,
@@ -18,15 +18,50 @@ def test_scalars_become_what_kubernetes_tools_make_of_them() -> None:
         "f": 16,
         "g": 0.001,
         "h": "7",
-        "i": float("inf"),
         "j": "2024-01-01",
         "k": "10:30",
         "l": "007",
+        "m": 0,
     }
 
 
+@pytest.mark.parametrize(
+    ("text", "column", "advice"),
+    [
+        ("{x: 1.5, y: 2.5}", 10, "write 'y' in quotes: kubectl reads this key as true"),
+        ("{On: 1}", 2, "write 'On' in quotes: kubectl reads this key as true"),
+        ("{0x10: 1}", 2, "write '0x10' in quotes: kubectl reads this key as 16"),
+        ("{~: 1}", 2, "write '~' in quotes: kubectl reads this key as null"),
+        ("{a: n}", 5, "write 'n' in quotes, or false: kubectl reads n as false"),
+        ("{a: yes}", 5, "write 'yes' in quotes, or true: kubectl reads yes as true"),
+        ("[0777]", 2, "write '0777' in quotes, or the number as 511: kubectl reads 0777 as 511"),
+        ("[-0b11]", 2, "write '-0b11' in quotes, or the number as -3: kubectl reads -0b11 as -3"),
+        ("[1_000]", 2, "or the number as 1000"),
+        ("[1_000.5]", 2, "or the number as 1000.5"),
+        ("[08]", 2, "or the number as 8"),
+        ("[9223372036854775808]", 2, "does not fit into 64 bits"),
+        (f"[{'9' * 6000}]", 2, "does not fit into 64 bits"),
+        (f"{{{'9' * 600}: 1}}", 2, "write this key in quotes"),
+        ("[.inf]", 2, "JSON has finite numbers only"),
+        ("[-.Inf]", 2, "JSON has finite numbers only"),
+        ("[1e400]", 2, "kubectl reads 1e400 as text"),
+    ],
+)
+def test_what_kubectl_reads_as_something_else_is_refused_with_the_text_to_write(
+    text: str, column: int, advice: str
+) -> None:
+    with pytest.raises(YamlError) as caught:
+        parse(text)
+    assert (caught.value.position, caught.value.problem[-200:]) == (f"line 1, column {column}", caught.value.problem)
+    assert advice in caught.value.problem
+
+
 def test_keys_are_always_text() -> None:
-    assert parse("{1: a, on: b, ~: c}") == {"1": "a", "on": "b", "~": "c"}
+    assert parse("{1: a, 'on': b, '~': c, true: d}") == {"1": "a", "on": "b", "~": "c", "true": "d"}
+
+
+def test_a_tag_by_hand_must_fit_its_text() -> None:
+    assert parse("{a: !!str 1, b: !!float 1, c: !!int '2', d: !!bool true}") == {"a": "1", "b": 1.0, "c": 2, "d": True}
 
 
 def test_an_alias_stands_for_its_value() -> None:

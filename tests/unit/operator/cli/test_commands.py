@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+import typer
 import yaml
 from typer.testing import CliRunner, Result
 
 from robot_offload.api.crd import crd
-from robot_offload.cli.main import app
+from robot_offload.cli.lazy import LazyCommand
+from robot_offload.cli.main import Program, app
 from robot_offload.cli.pin import told
 from robot_offload.insight.observed import observe
 from tests.unit.operator.cli.resources import manifest
@@ -46,6 +50,37 @@ def test_the_first_page_names_every_command_and_hides_the_operator() -> None:
     assert all(f"\n  {command} " in page for command in COMMANDS)
     assert "\n  operator " not in page
     assert run("operator", "--help").exit_code == 0
+
+
+def test_the_first_page_shows_the_first_sentence_of_each_command() -> None:
+    context = typer.Context(typer.main.get_command(app))
+    for entry in Program.entries:
+        command = LazyCommand(entry).load()
+        assert (entry.help, entry.hidden) == (command.get_short_help_str(200), command.hidden)
+        assert command.name == entry.name
+    assert [entry.name for entry in Program.entries] == Program(name="x").list_commands(context)
+
+
+@pytest.mark.parametrize("words", [("--help",), ("--version",), ("completion", "bash"), ("validate", "--help")])
+def test_a_command_imports_no_other_ones_libraries(words: tuple[str, ...]) -> None:
+    foreign = ("kubernetes", "aiohttp", "kopf", "jinja2", "cryptography", "robot_offload_lab")
+    code = (
+        "import sys; from typer.testing import CliRunner; from robot_offload.cli.main import app\n"
+        f"assert CliRunner().invoke(app, {list(words)!r}).exit_code == 0\n"
+        f"print([name for name in {foreign!r} if name in sys.modules])\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert ended.stdout == "[]\n"
+
+
+def test_the_version_is_the_packages() -> None:
+    assert run("--version").stdout == f"robot-offload {importlib.metadata.version('robot-offload')}\n"
+
+
+def test_a_mistyped_command_is_refused_with_the_one_that_was_meant() -> None:
+    done = run("vaildate", "x.yaml")
+    assert done.exit_code == 2
+    assert "Did you mean 'validate'" in done.stderr
 
 
 def test_the_definition_is_the_generated_one() -> None:

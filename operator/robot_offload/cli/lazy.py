@@ -1,0 +1,65 @@
+"""Commands that are imported when they are used: a command line starts with what it needs and nothing else."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import typer
+from typer.core import TyperCommand
+
+from robot_offload.cli import lab
+from robot_offload.cli.app import Commands, commands
+
+ROOM: Final = "robot_offload.cli"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One command of the first page.
+
+    Attributes:
+        name: what is typed.
+        module: where its `add_to(app)` is, below `robot_offload.cli`; empty: the lab's.
+        help: the first sentence of its own help.
+        hidden: whether the first page leaves it out.
+    """
+
+    name: str
+    module: str
+    help: str
+    hidden: bool = False
+
+
+class LazyCommand(TyperCommand):
+    """Stands for a command on the first page and in completions, until it is chosen."""
+
+    def __init__(self, entry: Entry) -> None:
+        super().__init__(entry.name, help=entry.help, hidden=entry.hidden)
+        self._entry = entry
+
+    def load(self) -> Any:
+        """Imports the command itself."""
+        entry, app = self._entry, commands("")
+        if entry.module:
+            importlib.import_module(f"{ROOM}.{entry.module}").add_to(app)
+        else:
+            lab.add_to(app, entry.name)
+        return typer.main.get_group(app).commands[entry.name]
+
+
+class LazyCommands(Commands):
+    """A group that shows its commands from a table and imports the one that is chosen."""
+
+    entries: Sequence[Entry] = ()
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = {entry.name: LazyCommand(entry) for entry in self.entries}
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Finds the command that is meant and imports it."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command.load() if isinstance(command, LazyCommand) else command, rest
