@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
+import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import NoneType, UnionType
@@ -25,6 +26,7 @@ from robot_offload.api.v1alpha1.status import RobotOffloadStatus
 from robot_offload.errors import SpecError
 from scripts.generate.files import CHART_CRD_FILE, CRD_FILE, generated_files
 from scripts.generate.main import OutOfDateError, main, run
+from scripts.generate.rooms import ARCHITECTURE_FILE
 from tests.contract.rule_examples import BROKEN, BUILD, KEPT, Example, example_values
 from tests.contract.structural import KNOWN_KEYS, defaulted, problems
 from tests.unit.specs import MINIMAL, changed, sample
@@ -82,6 +84,8 @@ def test_the_committed_files_are_what_the_models_say() -> None:
 
 def test_a_file_that_is_out_of_date_is_told_with_the_difference(tmp_path: Path, capsys: Any) -> None:
     (tmp_path / "operator/robot_offload/api").mkdir(parents=True)
+    (tmp_path / "docs").mkdir()
+    shutil.copy(ROOT / ARCHITECTURE_FILE, tmp_path / ARCHITECTURE_FILE)
     assert main(["--root", str(tmp_path)]) == 0
     assert main(["--root", str(tmp_path), "--check"]) == 0
     written = tmp_path / CRD_FILE
