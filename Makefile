@@ -9,6 +9,8 @@ unexport PYTHONDONTWRITEBYTECODE
 ##@ Start
 .PHONY: help demo simulate
 help: ## Show this list
+	@printf "%-10s %-42s %-7s %s\n" core/ "the pure switching core" agent/ "on the robot and in the cloud pod" \
+	  operator/ "in the cluster, and the command line" lab/ "demo, simulation, benches, test cluster"
 	@awk 'BEGIN {FS = ":.*## "} /^##@/ {printf "\n\033[1m%s\033[0m\n", substr($$0, 5)} /^[a-z-]+:.*## / {printf "  \033[36m%-16s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 demo: venv ## A wheelchair in a corridor while its link fails; ARGS="--mode cloud-only --no-ui"

@@ -46,7 +46,12 @@ Traces = Annotated[
     ),
 ]
 PolicyName = Annotated[
-    str, _option("policy", "NAME", f"One of {', '.join(POLICIES)}, or module:function for your own (docs/policies.md).")
+    str,
+    _option(
+        "policy",
+        "NAME",
+        f"One of {', '.join(POLICIES)}, or module:function for your own (docs/how-to/try-a-policy.md).",
+    ),
 ]
 Tolerance = Annotated[str, _option("tolerance", "TIME", "How much slower the loop through the cloud may be.")]
 RobotPeriod = Annotated[str, _option("robot-period", "TIME", "Time between two outputs of the robot's replica.")]

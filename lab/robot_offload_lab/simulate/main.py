@@ -17,7 +17,8 @@ from robot_offload_lab.simulate.mutants import MUTANTS
 
 EPILOG = (
     "The real switching core, both sides, runs against a modelled link, modelled processes and nodes; the invariants "
-    "of docs/simulation.md are checked after every event. Exit code 1 on a violation, with a command that replays it."
+    "of docs/explanation/simulation.md are checked after every event. Exit code 1 on a violation, with a command that "
+    "replays it."
 )
 app = typer.Typer(add_completion=False)
 

@@ -38,7 +38,7 @@ def test_a_wrong_name_is_told_with_the_right_one() -> None:
 
 
 def test_the_policy_of_the_docs_works_as_it_stands_there(here: Path) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "policies.md").read_text(), re.DOTALL)
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "how-to" / "try-a-policy.md").read_text(), re.DOTALL)
     (here / "docs_policy.py").write_text(code)
     subject = example("corridor-wifi.txt")
     found = outcome(find("docs_policy:make"), subject)
