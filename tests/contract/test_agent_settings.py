@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+from cryptography import x509
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.objects.facts import Facts
@@ -95,6 +96,7 @@ def test_the_endpoints_of_both_sides_are_ones_that_zenoh_takes() -> None:
                 ca="ca",
                 certificate="c",
                 private_key="k",
+                peer_name=found["link.peer_name"],
             )
 
 
@@ -136,3 +138,14 @@ def test_what_only_a_new_bundle_brings_is_told(path: str) -> None:
 
 def test_a_robot_stays_away_from_pods_that_stop_until_they_are_killed_and_little_longer() -> None:
     assert handover.GRACE_S < liaison.LEAVING_S <= handover.GRACE_S + 10.0
+
+
+def test_the_cloud_lets_in_the_robot_by_the_name_in_the_robots_certificate() -> None:
+    resource = offload()
+    made = build_certificates(
+        robot=resource.metadata.name, host_names=["h"], now=datetime.datetime.now(datetime.UTC), days=1
+    )
+    for agents, certificate in ((clouds(resource), made.robot), (robots(resource), made.cloud)):
+        subject = x509.load_pem_x509_certificate(certificate.certificate).subject
+        assert [part.value for part in subject] == [agents["link.peer_name"]]
+        assert agents["link.observers"] == ["none"]

@@ -68,9 +68,9 @@ def test_a_cloud_under_another_name_passes_only_where_its_common_name_is_checked
     ends.open(make_settings(paths, "cloud", port))
     never_connects(ends.open(make_settings(paths, "robot", port)), None)
     connected(ends.open(make_settings(paths, "robot", port, verify_name=False)))
-    other = ends.open(make_settings(paths, "robot", port, verify_name=False, peer_name="somebody else"))
+    other = ends.open(make_settings(paths, "robot", port, verify_name=False, peer_name="somebody-else"))
     never_connects(other, None)
-    assert "its certificate names cloud, not somebody else" in other.link.status().message
+    assert "its certificate names cloud, not somebody-else" in other.link.status().message
 
 
 @pytest.mark.parametrize("name", ["ca", "certificate", "private_key"])

@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -80,14 +80,15 @@ def make_settings(paths: CertificatePaths, side: str, port: int, **changes: Any)
         "ca": str(own.ca),
         "certificate": str(own.certificate),
         "private_key": str(own.private_key),
+        "peer_name": "cloud" if side == "robot" else "wheelchair-7",
         "lease_ms": 1000,
     }
     return ZenohSettings(**{**values, **changes})
 
 
-def new_certificates(directory: Path, host: str = HOST) -> CertificatePaths:
+def new_certificates(directory: Path, host: str = HOST, clients: Sequence[str] = ()) -> CertificatePaths:
     now = datetime.datetime.now(datetime.UTC)
-    return make_certificates(directory, robot="wheelchair-7", host_names=[host], now=now)
+    return make_certificates(directory, robot="wheelchair-7", host_names=[host], now=now, clients=clients)
 
 
 def eventually(condition: Callable[[], Any], what: str = "") -> None:

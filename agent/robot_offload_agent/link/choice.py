@@ -94,7 +94,9 @@ def zenoh_settings(configuration: Configuration, session: str) -> ZenohSettings:
         ca=configuration["link.ca"],
         certificate=configuration["link.certificate"],
         private_key=configuration["link.private_key"],
+        peer_name=configuration["link.peer_name"],
         verify_name=configuration["link.verify_name"],
+        observers=tuple(listed(configuration["link.observers"])),
         lease_ms=SESSION_LEASE_MS[session],
         fallback_after_ms=round(configuration["link.fallback_after_ms"]),
     )

@@ -12,14 +12,20 @@ from typing import Any
 from robot_offload_agent.errors import ConfigurationError
 
 KEY_PREFIX = "robot_offload"
+MAX_SESSIONS = 4
+"""At the cloud: the one in use, one that takes over from it, and two that ended without a goodbye and have their lease
+still, as happens on a path that is cut again and again."""
 BULK_BYTES = 1000
 """Header + payload above this do not fit in one QUIC datagram (about 1150 bytes) together with their key."""
 
 _UID = re.compile(r"[A-Za-z0-9._-]{1,63}")
+_COMMON_NAME = re.compile(r"[A-Za-z0-9._-]{1,64}")  # `*` would be a pattern to the wheel
 _CHANNEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*(/[A-Za-z0-9._-]+)*")  # one that begins with _ is the link's own
 _ADDRESS = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[^\s\[\]:/?#]+):(\d{1,5})")
 _QUEUE_BATCHES = 16  # the wheel's maximum; with the default of 2, 0.1 % is lost on a link that loses nothing
 _WAIT_BEFORE_DROP_US = 20_000  # a full queue holds a sender up for no longer than this
+_SAID = ["put", "delete"]
+_ASKED_FOR = ["declare_subscriber"]
 _NEVER_MS = 3_600_000
 _POSITIVE = (
     "lease_ms", "open_timeout_ms", "slow_open_timeout_ms", "retry_ms", "fallback_after_ms", "primary_retry_s",
@@ -42,11 +48,14 @@ class ZenohSettings:
             dials, but by a listener only once: a cloud with new files is started anew.
         private_key: PEM file of its key.
         fallback: TLS over TCP, `tls/host:port`, for networks without UDP; empty for none. The cloud listens on both.
+        peer_name: the common name of the other side's certificate. The cloud lets the sessions of this robot speak
+            and hear, and no others. The robot checks it where `verify_name` is off: the wheel trusts all public
+            authorities beside `ca`, so without this check any valid certificate of the internet would pass for the
+            cloud. So the cloud's must be a name that no public authority certifies, such as one without a dot.
         verify_name: the cloud's certificate must name the host that the robot dials; otherwise it must carry
             `peer_name`.
-        peer_name: the common name of the cloud's certificate where `verify_name` is off. The wheel trusts all public
-            authorities beside `ca`: without this check any valid certificate of the internet would pass for the
-            cloud. So it must be a name that no public authority certifies, such as one without a dot.
+        observers: common names of certificates that may listen to everything at the cloud and say nothing; for
+            measurements from outside.
         lease_ms: a session that hears nothing for this long ends. The end is the only thing that discards stale
             messages in the transport, so it is short: 500 for the pulse, 1000 for data.
         open_timeout_ms: of one attempt to open a session. Opening takes about three round trips.
@@ -67,9 +76,10 @@ class ZenohSettings:
     ca: str
     certificate: str
     private_key: str
+    peer_name: str
     fallback: tuple[str, ...] = ()
     verify_name: bool = True
-    peer_name: str = "cloud"
+    observers: tuple[str, ...] = ()
     lease_ms: int = 500
     open_timeout_ms: int = 500
     slow_open_timeout_ms: int = 3000
@@ -86,6 +96,8 @@ class ZenohSettings:
             raise ConfigurationError(f"session {self.session!r}: say pulse or data")
         if not _UID.fullmatch(self.uid):
             raise ConfigurationError(f"uid {self.uid!r}: use 1 to 63 letters, digits, '.', '_' and '-'")
+        _check_common_names("peer_name", self.peer_name)
+        _check_common_names("observers", *self.observers)
         if not self.endpoints:
             raise ConfigurationError(f"{self.session} endpoints: at least one quic/HOST:PORT is needed")
         for name in _POSITIVE:
@@ -105,6 +117,12 @@ class ZenohSettings:
     def other_side(self) -> str:
         """Whose keys are heard."""
         return "cloud" if self.dials else "robot"
+
+
+def _check_common_names(parameter: str, *names: str) -> None:
+    for name in names:
+        if not _COMMON_NAME.fullmatch(name):
+            raise ConfigurationError(f"{parameter} {name!r}: give the common name that is in the certificate")
 
 
 def _check_endpoint(endpoint: str, protocol: str) -> None:
@@ -152,6 +170,7 @@ def session_config(
     """
     certified = "connect" if settings.dials else "listen"
     config: dict[str, Any] = {
+        "access_control": access_control(settings),
         "mode": "client" if settings.dials else "router",
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "listen": {"endpoints": []},
@@ -161,6 +180,7 @@ def session_config(
                 "open_timeout": open_timeout_ms or settings.open_timeout_ms,
                 "accept_timeout": settings.slow_open_timeout_ms,
                 "max_links": 1,
+                "max_sessions": MAX_SESSIONS + len(settings.observers),
             },
             "link": {
                 "protocols": ["quic", "tls"],
@@ -186,6 +206,47 @@ def session_config(
         listened = [f"{e}?mixed_rel=auto" for e in settings.endpoints]
         config["listen"] = {"endpoints": [*listened, *settings.fallback]}
     return config
+
+
+def access_control(settings: ZenohSettings) -> dict[str, Any]:
+    """Returns who may say and hear what in a session; everything else is denied, also queries and liveliness.
+
+    The cloud routes between its clients. Without these rules whoever holds a certificate of the robot, such as a copy
+    of its bundle, speaks to the robot as if it were the cloud, and hears the robot.
+    """
+    prefix = f"{KEY_PREFIX}/{settings.uid}"
+
+    def allowed(name: str, messages: list[str], flow: str, keys: str) -> dict[str, Any]:
+        return {"id": name, "permission": "allow", "messages": messages, "flows": [flow], "key_exprs": [keys]}
+
+    own, others = (f"{prefix}/{side}/{settings.session}/**" for side in (settings.side, settings.other_side))
+    peer = [
+        allowed("heard", _SAID, "ingress", others),
+        allowed("said", _SAID, "egress", own),
+        allowed("asked for", _ASKED_FOR, "ingress", own),
+        allowed("ask for", _ASKED_FOR, "egress", others),
+    ]
+    observer = [
+        allowed("shown", _SAID, "egress", f"{prefix}/**"),
+        allowed("watched", _ASKED_FOR, "ingress", f"{prefix}/**"),
+    ]
+    # The robot has one connection, and has checked whose certificate is at its end.
+    subjects: list[dict[str, Any]] = [{"id": "peer"} if settings.dials else _named("peer", (settings.peer_name,))]
+    rules = {"peer": peer}
+    if settings.observers and not settings.dials:
+        subjects.append(_named("observer", settings.observers))
+        rules["observer"] = observer
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [rule for group in rules.values() for rule in group],
+        "subjects": subjects,
+        "policies": [{"subjects": [who], "rules": [rule["id"] for rule in group]} for who, group in rules.items()],
+    }
+
+
+def _named(subject: str, names: tuple[str, ...]) -> dict[str, Any]:
+    return {"id": subject, "cert_common_names": list(names)}
 
 
 def _queue() -> dict[str, Any]:

@@ -57,8 +57,10 @@ class ZenohSession:
 
     Attributes:
         fallback: the robot dialled the fallback.
-        connections: to the other side, now. A robot's is 1 and then 0 for ever: nothing reconnects within a session.
+        connections: to the other side, now; who shows another certificate is not counted. A robot's is 1 and then 0
+            for ever: nothing reconnects within a session.
         opened: how many connections there have been.
+        strangers: common names of the certificates of the others that are connected, "" for none.
         malformed: how many messages arrived that are none of ours.
     """
 
@@ -78,6 +80,8 @@ class ZenohSession:
         self.fallback = fallback
         self.connections = self.opened = 0
         self.malformed = 0
+        self.strangers: frozenset[str] = frozenset()
+        self._peers: dict[str, str] = {}  # of the cloud: session -> common name
         self._outlets: dict[str, _Outlet] = {}
         self._lock = threading.Lock()
         self._declared: list[Any] = []
@@ -136,10 +140,12 @@ class ZenohSession:
 
         def changed(event: Any) -> None:
             up = event.kind == zenoh.SampleKind.PUT
-            if up and settings.dials:
-                return  # the one it was opened with
-            self.connections = max(0, self.connections + (1 if up else -1))
-            self.opened += up
+            if settings.dials:
+                if up:
+                    return  # the one it was opened with
+                self.connections = 0
+            else:
+                self._count_peer(str(event.transport.zid), up)
             on_connection(self)
 
         if settings.dials:
@@ -147,6 +153,18 @@ class ZenohSession:
         self._declared.append(self._session.info.declare_transport_events_listener(changed, history=True))
         if settings.dials and not self.protocols():
             self.connections = 0  # lost before anybody listened
+
+    def _count_peer(self, session: str, up: bool) -> None:
+        """Notes that somebody came or went at the cloud."""
+        if up:
+            names = {link.auth_identifier or "" for link in self._session.info.links() if str(link.zid) == session}
+            self._peers[session] = min(names, default="")
+            self.opened += self._peers[session] == self.settings.peer_name
+        else:
+            self._peers.pop(session, None)
+        known = (self.settings.peer_name, *self.settings.observers)
+        self.connections = sum(name == self.settings.peer_name for name in self._peers.values())
+        self.strangers = frozenset(name for name in self._peers.values() if name not in known)
 
     def _make_outlet(self, channel: Channel) -> _Outlet:
         settings = self.settings

@@ -110,6 +110,10 @@ GENERAL: dict[str, Parameter] = {
     "link.ca": Parameter("", "PEM file of the certificate authority of the other side"),
     "link.certificate": Parameter("", "PEM file of this side's certificate"),
     "link.private_key": Parameter("", "PEM file of this side's private key"),
+    "link.peer_name": Parameter(
+        "cloud", "common name of the other side's certificate", pattern=r"[A-Za-z0-9._-]{1,64}"
+    ),
+    "link.observers": Parameter(["none"], "common names of certificates that may listen at the cloud, say nothing"),
     "link.verify_name": Parameter(True, "check that the cloud's certificate names the address dialled"),
 }
 NODE: dict[str, Parameter] = {

@@ -216,7 +216,7 @@ def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]
     return (
         recorder(system),
         *([dds_wire(system)] if system.joined_by_topics else []),
-        *(agent(system, side, certificates) for side in system.sides),
+        *(agent(system, side, certificates, clients) for side in system.sides),
         *(program for side in system.sides for program in _nodes(system, side)),
     )
 
@@ -242,8 +242,8 @@ def dds_wire(system: System) -> Program:
     return Program(DDS_WIRE, command, system.out, environment(system, "robot"), piped=True, priority=priority)
 
 
-def agent(system: System, side: Side, certificates: CertificatePaths) -> Program:
-    """The agent of one side."""
+def agent(system: System, side: Side, certificates: CertificatePaths, observers: Sequence[str] = ()) -> Program:
+    """Returns the agent of one side, and writes its file; `observers` may listen at the cloud's."""
     files = certificates.robot if side == "robot" else certificates.cloud
     ports = system.dialled if side == "robot" else system.served
     site = AgentSite(
@@ -258,6 +258,7 @@ def agent(system: System, side: Side, certificates: CertificatePaths) -> Program
         domain_id=_domain(system, side),
         runtime_dir=str(system.temporary / side),
         realtime=system.realtime,
+        observers=tuple(observers),
     )
     file = system.out / f"{side}.yaml"
     file.write_text(agent_config(system.offload, site), encoding="utf-8")

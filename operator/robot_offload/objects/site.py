@@ -21,6 +21,7 @@ class AgentSite:
         certificate: file with this side's certificate.
         private_key: file with its key.
         endpoints: robot: where the cloud is reached, purpose by purpose; empty: `host` and the ports.
+        observers: cloud: common names of certificates that may listen to everything and say nothing; the laboratory's.
         verify_name: whether the robot checks that the cloud's certificate names `host`.
         uid: identity of the RobotOffload between the agents; empty = its name.
         domain_id: ROS_DOMAIN_ID of this side; None = the resource's.
@@ -51,3 +52,4 @@ class AgentSite:
     state_file: str = ""
     settings_file: str = ""
     handover_file: str = ""
+    observers: tuple[str, ...] = ()

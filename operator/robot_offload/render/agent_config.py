@@ -7,7 +7,7 @@ of service carry `auto` (read from the running system). Durations are floats in 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import yaml
@@ -80,11 +80,11 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         **_switching(spec.switching),
         "inhibit_service": spec.driver.inhibit_service or "",
         "link": _link(offload, site),
-        "nodes": [node.name for node in nodes] or NONE,
+        "nodes": _listed(node.name for node in nodes),
         "node": {node.name: _node(node) for node in nodes},
-        "outputs": [identifier(output.topic) for _, output in outputs] or NONE,
+        "outputs": _listed(identifier(output.topic) for _, output in outputs),
         "output": {identifier(output.topic): _output(node, output) for node, output in outputs},
-        "inputs": [identifier(topic.name) for topic in inputs] or NONE,
+        "inputs": _listed(identifier(topic.name) for topic in inputs),
         "input": {identifier(topic.name): _input(topic) for topic in inputs},
     }
 
@@ -153,8 +153,15 @@ def _link(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         "ca": site.ca,
         "certificate": site.certificate,
         "private_key": site.private_key,
+        "peer_name": "cloud" if site.side == "robot" else offload.metadata.name,
+        "observers": _listed(site.observers),
         "verify_name": site.verify_name,
     }
+
+
+def _listed(names: Iterable[str]) -> list[str]:
+    """Returns a list of its own each time: YAML writes a second mention of the same one as an alias, ROS reads none."""
+    return list(names) or list(NONE)
 
 
 def _node(node: Node) -> dict[str, Any]:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Knocks at the door of a robot's cloud with somebody's certificate, and listens to all that the robot's data carry.
+"""Knocks at the door of a robot's cloud with somebody's certificate, and listens to all that the cloud shows it.
 
     knocking.py AGENT_YAML CERTIFICATES [--fallback] [--patience SECONDS]
 
@@ -23,7 +23,7 @@ from robot_offload_agent.settings.parameters import load
 LISTEN_S = 5.0
 
 
-def knock(config: zenoh.Config, patience_s: float) -> dict[str, object]:
+def knock(config: zenoh.Config, prefix: str, patience_s: float) -> dict[str, object]:
     """Opens a session and listens in it; tries again for as long as the patience lasts."""
     end_s = time.monotonic() + patience_s
     while True:
@@ -35,7 +35,8 @@ def knock(config: zenoh.Config, patience_s: float) -> dict[str, object]:
                 return {"opened": False, "heard": [], "why": str(error)}
             time.sleep(0.2)
     keys: set[str] = set()
-    session.declare_subscriber(f"{KEY_PREFIX}/**", lambda sample: keys.add(str(sample.key_expr)))
+    for wanted in (f"{KEY_PREFIX}/**", f"{prefix}/cloud/data/**", f"{prefix}/robot/data/**"):
+        session.declare_subscriber(wanted, lambda sample: keys.add(str(sample.key_expr)))
     time.sleep(LISTEN_S)
     session.close()  # type: ignore[no-untyped-call]  # the wheel's stubs have no type for it
     return {"opened": True, "heard": sorted(keys), "why": ""}
@@ -56,8 +57,10 @@ def main() -> None:
         private_key=str(chosen.certificates / "robot.key"),
         open_timeout_ms=2000,
     )
-    config = zenoh.Config.from_json5(json.dumps(session_config(settings, fallback=chosen.fallback)))
-    found = knock(config, chosen.patience)
+    wanted = session_config(settings, fallback=chosen.fallback)
+    del wanted["access_control"]  # who comes with bad intent has no rules of ours
+    config = zenoh.Config.from_json5(json.dumps(wanted))
+    found = knock(config, f"{KEY_PREFIX}/{settings.uid}", chosen.patience)
     sys.stdout.write(json.dumps(found) + "\n")
     sys.stdout.flush()
 

@@ -25,6 +25,7 @@ def settings(**changes: Any) -> ZenohSettings:
         "ca": "ca.pem",
         "certificate": "robot.pem",
         "private_key": "robot.key",
+        "peer_name": "cloud",
     }
     return ZenohSettings(**{**values, **changes})
 
@@ -52,6 +53,9 @@ def test_acknowledgements_have_a_key_that_no_channel_can_have() -> None:
         ({"uid": "x" * 64}, "uid"),
         ({"side": "edge"}, "side"),
         ({"session": "video"}, "session"),
+        ({"peer_name": ""}, "peer_name"),
+        ({"peer_name": "*"}, "peer_name"),
+        ({"observers": ("a b",)}, "a b"),
         ({"endpoints": ()}, "endpoints"),
         ({"endpoints": ("udp/0.0.0.0:7447",)}, "udp/0.0.0.0:7447"),
         ({"endpoints": ("tcp/0.0.0.0:7447",)}, "tcp/0.0.0.0:7447"),
