@@ -10,11 +10,15 @@ from setuptools import find_packages, setup
 
 HERE = Path(__file__).parent
 NAME = "robot_offload_agent"
+CORE = "robot_offload_core"
 
 setup(
-    packages=[*find_packages(str(HERE), include=[NAME, f"{NAME}.*"]), "robot_offload_core"],
-    package_dir={NAME: NAME, "robot_offload_core": "../core/robot_offload_core"},
-    package_data={NAME: ["py.typed"], "robot_offload_core": ["py.typed"]},
+    packages=[
+        *find_packages(str(HERE), include=[NAME, f"{NAME}.*"]),
+        *find_packages(str(HERE / "../core"), include=[CORE, f"{CORE}.*"]),
+    ],
+    package_dir={NAME: NAME, CORE: f"../core/{CORE}"},
+    package_data={NAME: ["py.typed"], CORE: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

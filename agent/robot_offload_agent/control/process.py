@@ -1,4 +1,4 @@
-"""What the control processes of both sides share: one thread that decides, one that spins ROS.
+"""What the control processes' shells of both sides share: one thread that decides, one that spins ROS.
 
 Everything that happens becomes an event on the deciding thread: datagrams of the other processes, answers to service
 calls, ticks. It reads all that has arrived before it ticks, so that its own delay is never taken for silence.
@@ -18,15 +18,15 @@ from collections.abc import Callable
 from typing import Any
 
 from robot_offload_agent.process import realtime
-from robot_offload_agent.process.bus import Arrived, Bus, Fatal, PulseStatus
-from robot_offload_agent.process.clock import now_s, now_us
+from robot_offload_agent.process.bus import Bus
+from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.managed_nodes import ManagedNodes
 from robot_offload_agent.ros.report import Report
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import beats, guardians
-from robot_offload_core.events import Tick
-from robot_offload_core.token import Site
+from robot_offload_core.process.control import ControlProcess
+from robot_offload_core.process.messages import Arrived, Fatal, Notes, PulseStatus
 
 log = logging.getLogger(__name__)
 
@@ -39,23 +39,25 @@ SWITCH_INTERVAL_S = 0.001
 """The interpreter changes threads this often at most: the deciding thread must not wait 5 ms for the spinning one."""
 
 
-class ControlProcess(ABC):
-    """Base of both sides."""
+class ControlShell(ABC):
+    """Base of both sides.
+
+    Attributes:
+        process: the core's control process, set by the subclass before `run`.
+    """
+
+    process: ControlProcess
 
     def __init__(self, configuration: Configuration, bus: Bus) -> None:
         self.configuration = configuration
         self.bus = bus
         self.incarnation = secrets.token_hex(16)
-        self.started_us = now_us()
-        self.settings = configuration.settings()
         self.events: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
         self.wake = os.eventfd(0, os.EFD_NONBLOCK)
         self.pulse_status: PulseStatus | None = None
         self.report_due_s = 0.0
         context.init(configuration)
         self.report = Report(configuration)
-        has_driver = configuration.side is Site.ROBOT and bool(configuration["inhibit_service"])
-        self.guardian = guardians.start(configuration.node_specs(), self.settings.activation_deadline_s, has_driver)
         self.managed = ManagedNodes(configuration, self.report.guardian, self.post_guardian)
 
     def run(self) -> None:
@@ -72,16 +74,16 @@ class ControlProcess(ABC):
         os.eventfd_write(self.wake, 1)
 
     def post_guardian(self, event: guardians.Event) -> None:
-        """An observation of the guardian's shell."""
-        self.post(lambda now: self.step_guardian(event, now))
+        """Hands an observation of the guardian's shell to the deciding thread."""
+        self.post(lambda _now: self.process.guard(event))
 
     def decide(self) -> None:
-        """The deciding thread: events, then a tick, over and over."""
-        due_s = ticked_s = now_s()
+        """Takes events, then a turn, over and over (the deciding thread)."""
+        due_s = turned_s = now_s()
         sources: list[Any] = [self.bus, self.wake]
         while True:
-            wake_s, deadline_s = due_s + SLACK_S, self.next_deadline_s()
-            if deadline_s > ticked_s:  # each once, or one that changes nothing would be ticked for ever
+            wake_s, deadline_s = due_s + SLACK_S, self.process.next_deadline_s()
+            if deadline_s > turned_s:  # each once, or one that changes nothing would be met for ever
                 due_s, wake_s = min(due_s, deadline_s), min(wake_s, deadline_s)
             readable, _, _ = select.select(sources, [], [], max(0.0, wake_s - now_s()))
             if self.wake in readable:
@@ -89,15 +91,15 @@ class ControlProcess(ABC):
             self.drain()
             now = now_s()
             if now >= due_s:
-                due_s, ticked_s = now + TICK_S, now
-                self.tick(now)
-                self.step_guardian(Tick(), now)
+                due_s, turned_s = now + TICK_S, now
+                self.process.turn()
+                self.turned(now)
                 if now >= self.report_due_s:
                     self.report_due_s = now + REPORT_PERIOD_S
                     self.publish_report(now)
 
     def drain(self) -> None:
-        """All that has arrived."""
+        """Takes all that has arrived."""
         while (message := self.bus.receive()) is not None:
             self.take(message)
         while True:
@@ -108,74 +110,71 @@ class ControlProcess(ABC):
             event(now_s())
 
     def take(self, message: Any) -> None:
-        """One datagram."""
+        """Takes one datagram."""
         if isinstance(message, Arrived):
             try:
                 beat = beats.decode(message.text)
             except beats.BeatError:
                 return
             if message.sent is not None:
-                self.take_message(message.sent)
-            self.take_beat(beat, message)
+                self.process.handle(message.sent)
+            self.process.arrived(beat, message.arrived_s, message.wall_us)
             self.report.mirror_beat(message.text, beat)
         elif isinstance(message, PulseStatus):
             self.pulse_status = message
             if message.realtime not in ("fifo", "normal"):
                 self.report.note("realtime", ("RealtimeRefused", message.realtime))
+        elif isinstance(message, Notes):
+            self.take_notes(message, now_s())
         else:
-            self.take_message(message)
+            self.process.handle(message)
 
-    # -- the guardian -------------------------------------------------------------------------------------------------
+    # -- what the core's process needs --------------------------------------------------------------------------------
 
-    def step_guardian(self, event: guardians.Event, now: float) -> None:
-        """Steps the guardian core and carries out its commands."""
-        ready = guardians.is_ready(self.guardian)
-        self.guardian, commands = guardians.step(self.guardian, event, now)
-        for command in commands:
-            if isinstance(command, guardians.NodeNews):
-                log.info("Node %s: %s reason=%s", command.name, command.message, command.reason)
-            else:
-                self.managed.carry_out(command)
-        if guardians.is_ready(self.guardian) is not ready:
-            self.nodes_changed(now)
+    def now_s(self) -> float:
+        """Returns the steady clock, seconds."""
+        return now_s()
 
-    def node_states(self) -> tuple[tuple[str, str], ...]:
-        """(node, lifecycle state) of this side."""
-        return tuple((n.spec.name, n.state.value) for n in self.guardian.nodes if n.spec.lifecycle)
+    def send(self, to: str, message: object) -> bool:
+        """Sends a message to another process of this agent."""
+        return self.bus.send(to, message)
+
+    def carry_out(self, command: guardians.Command) -> None:
+        """Calls a lifecycle service or the driver, or logs what the guardian reports."""
+        if isinstance(command, guardians.NodeNews):
+            log.info("Node %s: %s reason=%s", command.name, command.message, command.reason)
+        else:
+            self.managed.carry_out(command)
+
+    def network_status(self, sustained: int) -> None:
+        """Publishes whether the link sustains the cloud."""
+        self.report.publish_network_status(sustained)
 
     def fail_start(self, message: str) -> None:
         """Ends the agent with a message."""
         self.bus.send("supervisor", Fatal("control", message))
 
-    def next_deadline_s(self) -> float:
-        """When a tick is worth more than at the next period; infinite when there is nothing to wait for."""
-        return float("inf")
-
     # -- what each side does in its own way ---------------------------------------------------------------------------
 
     @abstractmethod
-    def take_beat(self, beat: beats.Beat, arrived: Arrived) -> None:
-        """A beat of the other side."""
+    def answer(self, key: int, accepted: bool, message: str) -> None:
+        """Answers a switch by hand."""
 
     @abstractmethod
-    def take_message(self, message: Any) -> None:
-        """Any other datagram."""
+    def take_notes(self, message: Notes, now: float) -> None:
+        """Takes notes of the other side's control."""
 
     @abstractmethod
-    def tick(self, now: float) -> None:
-        """Time has passed."""
-
-    @abstractmethod
-    def nodes_changed(self, now: float) -> None:
-        """Readiness of this side's nodes changed."""
+    def turned(self, now: float) -> None:
+        """Follows each turn of the process."""
 
     @abstractmethod
     def publish_report(self, now: float) -> None:
-        """Diagnostics, once a second."""
+        """Publishes diagnostics, once a second."""
 
 
-def start(configuration: Configuration, process: type[ControlProcess]) -> None:
+def start(configuration: Configuration, shell: type[ControlShell]) -> None:
     """Entry of the process."""
-    started = process(configuration, Bus(configuration.runtime_dir, "control"))
+    started = shell(configuration, Bus(configuration.runtime_dir, "control"))
     realtime.request(configuration["realtime"], realtime.DEFAULT_PRIORITY)
     started.run()

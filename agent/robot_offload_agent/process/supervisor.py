@@ -23,8 +23,9 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from robot_offload_agent.errors import AgentError, AlreadyRunningError, ConfigurationError
-from robot_offload_agent.process.bus import Bus, Fatal
+from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
+from robot_offload_core.process.messages import Fatal
 
 log = logging.getLogger(__name__)
 

@@ -14,11 +14,12 @@ from collections import Counter
 from robot_offload_agent.link.choice import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel, LinkStatus
 from robot_offload_agent.process import realtime
-from robot_offload_agent.process.bus import Arrived, Bus, Heard, PulseStatus, Speak
+from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s, wall_us
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import beats, pulse
 from robot_offload_core.placement import PulseSent, Reopen
+from robot_offload_core.process.messages import Arrived, Heard, PulseStatus, Speak
 
 log = logging.getLogger(__name__)
 

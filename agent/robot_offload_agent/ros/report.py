@@ -15,7 +15,6 @@ from rclpy.parameter import Parameter as NodeParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, Int32, String
 
-from robot_offload_agent.process.bus import PulseStatus
 from robot_offload_agent.ros import services
 from robot_offload_agent.settings.offer import RUN_TIME
 from robot_offload_agent.settings.override import WORDS, Override
@@ -24,6 +23,7 @@ from robot_offload_core.beats import Beat
 from robot_offload_core.guardians import Node as GuardedNode
 from robot_offload_core.guardians import State
 from robot_offload_core.links import Health
+from robot_offload_core.process.messages import PulseStatus
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)

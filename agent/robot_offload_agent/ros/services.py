@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.task import Future
@@ -18,20 +18,13 @@ CLOUD = {"guardian_activate_cloud_nodes": Site.CLOUD, "guardian_deactivate_cloud
 
 
 class SwitchServices:
-    """Serves a set of the four names; answers come from the deciding thread.
-
-    Attributes:
-        cloud_answer: `0 or 1|message` of the last answer to a request that came from the cloud.
-    """
-
-    FROM_CLOUD: ClassVar[int] = 0
+    """Serves a set of the four names; answers come from the deciding thread. Keys count from 1."""
 
     def __init__(self, node: Node, names: Mapping[str, Site], ask: Callable[[Site, int], None]) -> None:
         self.ask = ask
         self.keys = itertools.count(1)
         self.waiting: dict[int, Future] = {}
         self.lock = threading.Lock()
-        self.cloud_answer = ""
         self.servers = [node.create_service(Trigger, name, self.handler(site)) for name, site in names.items()]
         self.node = node
 
@@ -50,10 +43,7 @@ class SwitchServices:
         return handle
 
     def answer(self, key: int, accepted: bool, message: str) -> None:
-        """Called on the deciding thread."""
-        if key == self.FROM_CLOUD:
-            self.cloud_answer = f"{int(accepted)}|{message}"
-            return
+        """Answers a call (deciding thread)."""
         with self.lock:
             future = self.waiting.pop(key, None)
         if future is not None and self.node.executor is not None:

@@ -6,11 +6,11 @@ import logging
 import threading
 from collections.abc import Callable
 
-from robot_offload_agent.process.bus import Limits
 from robot_offload_agent.settings import store
 from robot_offload_agent.settings.notes import NotesError, RobotNotes, decode_cloud, encode
 from robot_offload_agent.settings.offer import Judgement, Offer, input_limits, judge
 from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.process.messages import Limits
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)

@@ -12,6 +12,7 @@ from functools import partial
 from robot_offload_lab.simulate import coverage
 from robot_offload_lab.simulate.chunk import CHUNK_S, Chunk, Outcome
 from robot_offload_lab.simulate.coverage import Pair
+from robot_offload_lab.simulate.mutant_list import MUTANTS
 from robot_offload_lab.simulate.mutants import planted
 
 
@@ -67,7 +68,7 @@ def chunks_for(hours: float) -> int:
 
 def live(seed: int, mutant: str | None, index: int) -> tuple[int, Outcome]:
     """One stretch; the same seed and index give the same stretch on any machine."""
-    with planted(mutant):
+    with planted(MUTANTS[mutant] if mutant else None):
         outcome = Chunk(seed, index).live()
     gc.collect()  # a world is one big cycle; it is collected once, at its end
     return index, outcome

@@ -48,4 +48,4 @@ class Driver(Process):
             self.world.note("driver inhibited" if value else "driver released")
             self.released_s = self.world.now
         self.inhibited = value
-        client.send(self.name, answered, value)
+        client.post(self.name, answered, value)

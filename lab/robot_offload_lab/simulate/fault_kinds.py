@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
-from robot_offload_core import placement
+from robot_offload_core import envelope, placement
 from robot_offload_core.switcher import PREPARE_EXTRA_S
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.link_model import REPLAY_SPREAD_S, Session, Wire
 from robot_offload_lab.simulate.nodes import Node
 from robot_offload_lab.simulate.strangers import OtherRobot, babble, other_cloud
+from robot_offload_lab.simulate.system import System
 from robot_offload_lab.simulate.world import Process
-
-if TYPE_CHECKING:
-    from robot_offload_lab.simulate.chunk import Chunk
 
 Undo = Callable[[], None]
 T = TypeVar("T")
@@ -44,7 +42,7 @@ class Kind:
 
     weight: float
     lasts_s: tuple[float, float]
-    apply: Callable[[Chunk, Fault], Undo]
+    apply: Callable[[System, Fault], Undo]
     tail_s: float = 0.0
 
 
@@ -54,7 +52,7 @@ def _of(options: list[T] | tuple[T, ...], pick: float) -> tuple[T, float]:
     return options[int(scaled)], scaled - int(scaled)
 
 
-def _wires(run: Chunk, pick: float) -> tuple[list[Wire], float]:
+def _wires(run: System, pick: float) -> tuple[list[Wire], float]:
     """Some wires: one direction or both, of pulse, data or (mostly) both."""
     both = [run.link.pulse, run.link.data]
     sessions: list[list[Session]] = [both, both, [run.link.pulse], [run.link.data]]
@@ -64,7 +62,7 @@ def _wires(run: Chunk, pick: float) -> tuple[list[Wire], float]:
     return wires, pick
 
 
-def _cut(run: Chunk, fault: Fault) -> Undo:
+def _cut(run: System, fault: Fault) -> Undo:
     wires, pick = _wires(run, fault.pick)
     held = pick < 0.5
     for wire in wires:
@@ -80,7 +78,7 @@ def _cut(run: Chunk, fault: Fault) -> Undo:
     return undo
 
 
-def _loss(run: Chunk, fault: Fault) -> Undo:
+def _loss(run: System, fault: Fault) -> Undo:
     wires, pick = _wires(run, fault.pick)
     share = 0.05 + 0.7 * pick
     for wire in wires:
@@ -93,7 +91,7 @@ def _loss(run: Chunk, fault: Fault) -> Undo:
     return undo
 
 
-def _data_loss(run: Chunk, fault: Fault) -> Undo:
+def _data_loss(run: System, fault: Fault) -> Undo:
     """The data session breaks, or nothing of it arrives."""
     session = run.link.data
     session.reopen()
@@ -105,17 +103,17 @@ def _data_loss(run: Chunk, fault: Fault) -> Undo:
     return undo
 
 
-def _slow(run: Chunk, fault: Fault) -> Undo:
+def _slow(run: System, fault: Fault) -> Undo:
     wires, pick = _wires(run, fault.pick)
     return _raised(wires, "extra_s", 0.01 + 0.25 * pick)
 
 
-def _double(run: Chunk, fault: Fault) -> Undo:
+def _double(run: System, fault: Fault) -> Undo:
     wires, pick = _wires(run, fault.pick)
     return _raised(wires, "doubled", 0.1 + 0.4 * pick)
 
 
-def _reorder(run: Chunk, fault: Fault) -> Undo:
+def _reorder(run: System, fault: Fault) -> Undo:
     return _raised(_wires(run, fault.pick)[0], "reordering", 1)
 
 
@@ -134,23 +132,23 @@ def _nothing() -> None:
     """For faults that end by themselves."""
 
 
-def _agents(run: Chunk) -> list[Process]:
+def _agents(run: System) -> list[Process]:
     return [*run.robot.processes, *run.cloud.processes]
 
 
-def _kill(run: Chunk, fault: Fault) -> Undo:
+def _kill(run: System, fault: Fault) -> Undo:
     process, _ = _of(_agents(run), fault.pick)
     process.kill(fault.duration_s)
     return _nothing
 
 
-def _stop(run: Chunk, fault: Fault) -> Undo:
+def _stop(run: System, fault: Fault) -> Undo:
     process, _ = _of(_agents(run), fault.pick)
     process.stop_for(fault.duration_s)
     return _nothing
 
 
-def _stop_and_kill(run: Chunk, fault: Fault) -> Undo:
+def _stop_and_kill(run: System, fault: Fault) -> Undo:
     """One process stands still while another of the same host is killed and comes back."""
     side, pick = _of((run.robot.processes, run.cloud.processes), fault.pick)
     stopped, pick = _of((side[0], side[0], side[0], *side), pick)  # mostly control
@@ -160,45 +158,45 @@ def _stop_and_kill(run: Chunk, fault: Fault) -> Undo:
     return _nothing
 
 
-def _named(run: Chunk, name: str) -> Process:
+def _named(run: System, name: str) -> Process:
     return next(process for process in _agents(run) if process.name == name)
 
 
-def _stall(name: str) -> Callable[[Chunk, Fault], Undo]:
+def _stall(name: str) -> Callable[[System, Fault], Undo]:
     """One process stands still for about as long as the time limits are."""
 
-    def apply(run: Chunk, fault: Fault) -> Undo:
+    def apply(run: System, fault: Fault) -> Undo:
         _named(run, name).stop_for(fault.duration_s)
         return _nothing
 
     return apply
 
 
-def _end(name: str) -> Callable[[Chunk, Fault], Undo]:
+def _end(name: str) -> Callable[[System, Fault], Undo]:
     """One process is killed and back as fast as the supervisor can."""
 
-    def apply(run: Chunk, fault: Fault) -> Undo:
+    def apply(run: System, fault: Fault) -> Undo:
         _named(run, name).kill(fault.duration_s)
         return _nothing
 
     return apply
 
 
-def _outlived_gate(run: Chunk, fault: Fault) -> Undo:
+def _outlived_gate(run: System, fault: Fault) -> Undo:
     """Control and collector stand still together; the collector goes on first, with old gates in its inbox."""
     run.robot.collector.stop_for(fault.duration_s)
     run.robot.control.stop_for(fault.duration_s + 0.3)
     return _nothing
 
 
-def _robot_hangs(run: Chunk, fault: Fault) -> Undo:
+def _robot_hangs(run: System, fault: Fault) -> Undo:
     """Everything that the user runs on the robot stands still."""
     for node in run.robot.nodes.values():
         node.stop_for(fault.duration_s)
     return _nothing
 
 
-def _late_changeover(run: Chunk, fault: Fault) -> Undo:
+def _late_changeover(run: System, fault: Fault) -> Undo:
     """The robot's outputs flow just before a preparation's deadline, and the collector notices just behind it."""
     silent_s = run.scenario.settings.activation_deadline_s + PREPARE_EXTRA_S - fault.at_s - 0.06
     _hush(run, 1)
@@ -207,18 +205,18 @@ def _late_changeover(run: Chunk, fault: Fault) -> Undo:
     return _nothing
 
 
-def _hush(run: Chunk, sign: int) -> None:
+def _hush(run: System, sign: int) -> None:
     for node in run.robot.nodes.values():
         node.hung += sign
 
 
-def _brink(run: Chunk, fault: Fault) -> Undo:
+def _brink(run: System, fault: Fault) -> Undo:
     """The robot's control stands still for almost exactly a lease."""
     run.robot.control.stop_for(run.scenario.settings.lease_s - 0.02 * fault.pick)
     return _nothing
 
 
-def _change_of_mind(run: Chunk, fault: Fault) -> Undo:
+def _change_of_mind(run: System, fault: Fault) -> Undo:
     """Somebody asks for the robot and at once for the cloud again."""
     control = run.robot.control
     control.deliver(control.step, placement.SwitchByHand(Site.ROBOT))
@@ -226,7 +224,7 @@ def _change_of_mind(run: Chunk, fault: Fault) -> Undo:
     return _nothing
 
 
-def _amnesia(run: Chunk, fault: Fault) -> Undo:
+def _amnesia(run: System, fault: Fault) -> Undo:
     """A pulse process is killed and back at once, in the middle of losses and repetitions of its beats."""
     process, pick = _of((run.robot.pulse, run.cloud.pulse), fault.pick)
     wires = (run.link.pulse.up, run.link.pulse.down)
@@ -244,48 +242,49 @@ def _amnesia(run: Chunk, fault: Fault) -> Undo:
     return undo
 
 
-def _replay(run: Chunk, fault: Fault) -> Undo:
+def _replay(run: System, fault: Fault) -> Undo:
     """Messages and effects that once left the cloud arrive again, mostly those of earlier epochs."""
     data = run.robot.data
     old = list(run.cloud.data.sent)
     if fault.pick < 0.6:
-        old = [m for m in old if m[1].token != run.cloud.data.token] or old
-    for number, (index, envelope, message, left_s) in enumerate(old[-12:]):
-        run.world.after(number * fault.duration_s / 12, data.deliver, data.envelope, index, envelope, message, left_s)
+        old = [m for m in old if envelope.decode(m[1]).token != run.cloud.data.token] or old
+    for number, sent in enumerate(old[-12:]):
+        run.world.after(number * fault.duration_s / 12, data.deliver, data.arrived, *sent)
     if old:
-        run.world.after(fault.duration_s / 2, data.deliver, data.effect, old[0][1].token)
+        token = envelope.decode(old[0][1]).token
+        run.world.after(fault.duration_s / 2, data.deliver, data.arrived, "effect", b"", token)
     return _nothing
 
 
-def _late_nodes(run: Chunk, fault: Fault) -> Undo:
+def _late_nodes(run: System, fault: Fault) -> Undo:
     """The transitions of one side's nodes take about as long as a preparation may."""
     side, pick = _of((run.robot.nodes, run.robot.nodes, run.cloud.nodes), fault.pick)
     slow_s = run.scenario.settings.activation_deadline_s + PREPARE_EXTRA_S - 0.06 + 0.06 * pick
     return _raised([node for node in side.values() if node.spec.duplicated], "slow_s", slow_s)
 
 
-def _late_cloud(run: Chunk, fault: Fault) -> Undo:
+def _late_cloud(run: System, fault: Fault) -> Undo:
     """The cloud's nodes take their time to wake, within the deadline."""
     nodes = [node for node in run.cloud.nodes.values() if node.spec.duplicated]
     return _raised(nodes, "slow_s", 0.1 + 0.1 * fault.pick)
 
 
-def _freeze(run: Chunk, fault: Fault) -> Undo:
+def _freeze(run: System, fault: Fault) -> Undo:
     host, _ = _of((run.robot.host, run.cloud.host), fault.pick)
     host.freeze()
     return host.thaw
 
 
-def _node(run: Chunk, pick: float) -> Node:
+def _node(run: System, pick: float) -> Node:
     return _of([*run.robot.nodes.values(), *run.cloud.nodes.values()], pick)[0]
 
 
-def _crash(run: Chunk, fault: Fault) -> Undo:
+def _crash(run: System, fault: Fault) -> Undo:
     _node(run, fault.pick).kill(fault.duration_s)
     return _nothing
 
 
-def _hang(run: Chunk, fault: Fault) -> Undo:
+def _hang(run: System, fault: Fault) -> Undo:
     node = _node(run, fault.pick)
     if fault.pick * 97 % 1 < 0.5:
         node.stop_for(fault.duration_s)
@@ -298,7 +297,7 @@ def _hang(run: Chunk, fault: Fault) -> Undo:
     return undo
 
 
-def _troubled(run: Chunk, fault: Fault) -> Undo:
+def _troubled(run: System, fault: Fault) -> Undo:
     """The transitions of one side's nodes are slow, refused, or succeed without a reply."""
     side, pick = _of((run.robot.nodes, run.cloud.nodes), fault.pick)
     how, pick = _of(("slow", "refusing", "mute"), pick)
@@ -312,7 +311,7 @@ def _troubled(run: Chunk, fault: Fault) -> Undo:
     return _raised(nodes, attribute, by)
 
 
-def _clock_step(run: Chunk, fault: Fault) -> Undo:
+def _clock_step(run: System, fault: Fault) -> Undo:
     host, pick = _of((run.robot.host, run.cloud.host), fault.pick)
     step_us = round((pick - 0.5) * 2e6)
     host.wall_us += step_us
@@ -323,7 +322,7 @@ def _clock_step(run: Chunk, fault: Fault) -> Undo:
     return undo
 
 
-def _driver(run: Chunk, fault: Fault) -> Undo:
+def _driver(run: System, fault: Fault) -> Undo:
     if fault.pick < 0.5:
         run.driver.kill(fault.duration_s)
         return _nothing
@@ -335,21 +334,21 @@ def _driver(run: Chunk, fault: Fault) -> Undo:
     return undo
 
 
-def _input_silent(run: Chunk, fault: Fault) -> Undo:
+def _input_silent(run: System, fault: Fault) -> Undo:
     index = _of(list(range(len(run.scenario.inputs))), fault.pick)[0]
     run.silent_inputs.append(index)
     return lambda: run.silent_inputs.remove(index)
 
 
-def _other_robot(run: Chunk, fault: Fault) -> Undo:
+def _other_robot(run: System, fault: Fault) -> Undo:
     return OtherRobot(run, fault.pick).leave
 
 
-def _other_cloud(run: Chunk, fault: Fault) -> Undo:
+def _other_cloud(run: System, fault: Fault) -> Undo:
     return other_cloud(run, fault.duration_s, fault.pick)
 
 
-def _bare(run: Chunk, fault: Fault) -> Undo:
+def _bare(run: System, fault: Fault) -> Undo:
     """The cloud's beats arrive without their content, as those of a foreign heartbeat publisher would."""
     del fault
     pulse = run.cloud.pulse
@@ -361,11 +360,11 @@ def _bare(run: Chunk, fault: Fault) -> Undo:
     return undo
 
 
-def _babble(run: Chunk, fault: Fault) -> Undo:
+def _babble(run: System, fault: Fault) -> Undo:
     return babble(run, fault.duration_s)
 
 
-def _hand(run: Chunk, fault: Fault) -> Undo:
+def _hand(run: System, fault: Fault) -> Undo:
     """Somebody switches or pins at the worst moment."""
     site, pick = _of((Site.ROBOT, Site.CLOUD), fault.pick)
     until_s = run.robot.host.now_s() + fault.duration_s

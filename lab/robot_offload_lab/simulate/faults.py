@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from robot_offload_core import placement
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.fault_kinds import KINDS, Fault
-
-if TYPE_CHECKING:
-    from robot_offload_lab.simulate.chunk import Chunk
+from robot_offload_lab.simulate.system import System
 
 STORMS = ((3.0, 18.0), (32.0, 47.0))
 """True times between which faults start, in a stretch of 60 s."""
@@ -108,7 +105,7 @@ class Faults:
         active: faults at work. ended_s: true time when the last one ended. injected: how many so far, by kind.
     """
 
-    def __init__(self, run: Chunk, faults: tuple[Fault, ...], ambushes: Ambushes) -> None:
+    def __init__(self, run: System, faults: tuple[Fault, ...], ambushes: Ambushes) -> None:
         self.run = run
         self.ambushes = ambushes
         self.active = 0
@@ -148,7 +145,7 @@ class Faults:
 class Hands:
     """People: switches by hand and pins on the robot. No faults; legal at any time."""
 
-    def __init__(self, run: Chunk, dice: random.Random) -> None:
+    def __init__(self, run: System, dice: random.Random) -> None:
         self.run = run
         for start_s, end_s in HANDS:
             at_s = start_s

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from robot_offload_lab.simulate.world import Act, World
+from robot_offload_lab.simulate.world import Act, Process, World
 
 HELD_LIMIT = 400
 """Messages that a cut path buffers at most."""
@@ -27,7 +27,10 @@ class Wire:
         extra_s: delay added by faults. losses: shares of the loss faults at work.
         doubled: share of messages that arrive twice. reordering: faults that let messages overtake.
         cut_lost, cut_held: how many cuts are at work that lose or hold.
+        target: the process at the other end, and what it does with an arrival.
     """
+
+    target: tuple[Process, Act]
 
     def __init__(self, world: World, session: Session, base_s: float, jitter_s: float, ordered: bool) -> None:
         self.world = world
@@ -41,16 +44,16 @@ class Wire:
         self.reordering = 0
         self.cut_lost = 0
         self.cut_held = 0
-        self._held: list[tuple[Act, tuple[Any, ...]]] = []
+        self._held: list[tuple[Any, ...]] = []
         self._tail_s = 0.0
 
-    def carry(self, act: Act, *args: Any) -> None:
-        """Sends: `act(*args)` happens at the other end, later, perhaps."""
+    def carry(self, *args: Any) -> None:
+        """Sends: the target gets `args`, later, perhaps."""
         if not self.session.connected or self.cut_lost:
             return
         if self.cut_held:
             if len(self._held) < HELD_LIMIT:
-                self._held.append((act, args))
+                self._held.append(args)
             return
         world = self.world
         dice = world.dice
@@ -66,14 +69,15 @@ class Wire:
         if self.ordered and not self.reordering:
             arrival_s = max(arrival_s, self._tail_s + 1e-9)
             self._tail_s = arrival_s
-        world.at(arrival_s, self._arrive, self.session.life, act, args)
+        world.at(arrival_s, self._arrive, self.session.life, args)
         if self.doubled and dice.random() < self.doubled:
             again_s = arrival_s + dice.random() ** 3 * REPLAY_SPREAD_S
-            world.at(again_s, self._arrive, self.session.life, act, args)
+            world.at(again_s, self._arrive, self.session.life, args)
 
-    def _arrive(self, life: int, act: Act, args: tuple[Any, ...]) -> None:
+    def _arrive(self, life: int, args: tuple[Any, ...]) -> None:
         if life == self.session.life:
-            act(*args)
+            process, act = self.target
+            process.deliver(act, *args)
 
     def release(self) -> None:
         """What the last holding cut kept arrives in a burst."""
@@ -81,8 +85,8 @@ class Wire:
             return
         held, self._held = self._held, []
         start_s = self.world.now + self.base_s
-        for index, (act, args) in enumerate(held):
-            self.world.at(start_s + index * BURST_GAP_S, self._arrive, self.session.life, act, args)
+        for index, args in enumerate(held):
+            self.world.at(start_s + index * BURST_GAP_S, self._arrive, self.session.life, args)
         self._tail_s = max(self._tail_s, start_s + len(held) * BURST_GAP_S)
 
     def forget(self) -> None:

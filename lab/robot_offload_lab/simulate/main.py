@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -13,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from robot_offload_lab.simulate import campaign
 from robot_offload_lab.simulate.campaign import Total
 from robot_offload_lab.simulate.chunk import CHUNK_S
-from robot_offload_lab.simulate.mutants import MUTANTS
+from robot_offload_lab.simulate.mutant_list import MUTANTS
 
 EPILOG = (
     "The real switching core, both sides, runs against a modelled link, modelled processes and nodes; the invariants "
@@ -30,12 +32,19 @@ def simulate(
     chunk: Annotated[int, typer.Option(min=-1, help=f"Only this stretch of {CHUNK_S:g} s; -1: all.")] = -1,
     mutant: Annotated[str, typer.Option(help=f"Plant a fault: {', '.join(MUTANTS)}.")] = "",
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    commit: Annotated[
+        str, typer.Option(help="Commit that the run is expected to be of; another one is warned about.")
+    ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Figures as JSON on standard output.")] = False,
 ) -> None:
     """Run the switching protocol in virtual time and check its invariants after every event."""
     if mutant and mutant not in MUTANTS:
         sys.stderr.write(f"--mutant {mutant}: no such mutant; there are {', '.join(MUTANTS)}\n")
         raise typer.Exit(2)
+    if commit and not commit.startswith(present := present_commit()):
+        sys.stderr.write(
+            f"--commit {commit}: this is {present or 'no checkout'}; the same seed lives another story here\n"
+        )
     indices = range(campaign.chunks_for(hours)) if chunk < 0 else range(chunk, chunk + 1)
     total = Total()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -52,9 +61,21 @@ def simulate(
 
 
 def replay_command(seed: int, index: int, mutant: str = "") -> str:
-    """The command that lives through one stretch again."""
+    """Returns the command that lives through one stretch again: on another commit the seed plays another story."""
     planted = f" --mutant {mutant}" if mutant else ""
-    return f'make simulate ARGS="--seed {seed} --chunk {index}{planted}"'
+    commit = present_commit()
+    named = f" --commit {commit}" if commit else ""
+    return f'make simulate ARGS="--seed {seed} --chunk {index}{planted}{named}"'
+
+
+def present_commit() -> str:
+    """Returns the short name of this checkout's commit; "" where there is none."""
+    asked = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short=10", "HEAD"]
+    try:
+        done = subprocess.run(asked, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return done.stdout.strip()
 
 
 def figures(total: Total) -> dict[str, Any]:

@@ -7,10 +7,12 @@ crash and come back Unconfigured as a new process.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from robot_offload_core.guardians import GOAL, State, Transition
 from robot_offload_core.settings import NodeSpec
+from robot_offload_lab.simulate.scenario import Replica
 from robot_offload_lab.simulate.world import Act, Host, Process, World
 
 FROM = {
@@ -50,15 +52,13 @@ class Node(Process):
         awake: its first process is Active already: somebody started it before the agent.
         transition_s: longest normal transition. slow_s: added to each by faults.
         refusing, mute, hung: how many faults of that kind are at work.
+        activations: grows with every change of state.
     """
 
-    def __init__(
-        self, world: World, host: Host, spec: NodeSpec, period_s: float, output: int | None, sink: Sink
-    ) -> None:
+    def __init__(self, world: World, host: Host, spec: NodeSpec, replica: Replica, sink: Sink) -> None:
         super().__init__(world, host, f"{host.name}/{spec.name}")
         self.spec = spec
-        self.period_s = period_s
-        self.output = output
+        self.replica = replica
         self.sink = sink
         self.awake = False
         self.transition_s = 0.015
@@ -67,21 +67,30 @@ class Node(Process):
         self.mute = 0
         self.hung = 0
         self.state = State.UNCONFIGURED
+        self.activations = 0
         self._sequence = 0
         self._busy_until_s = 0.0
 
     def boot(self) -> None:
-        """A new process: Unconfigured, its timer runs from now on in every state."""
+        """Starts a new process: Unconfigured, its timer runs from now on in every state, or from activation on."""
         self.state = State.ACTIVE if self.awake and self.life == 1 else State.UNCONFIGURED
         self._sequence = 0
         self._busy_until_s = self.world.now
-        if self.output is not None:
-            self.every(self.period_s, self._timer)
+        self.activations += 1
+        if self.replica.output is not None and not self.replica.on_activate:
+            self.every(self.replica.period_s, self._timer)
 
     def _timer(self) -> None:
-        if self.state is State.ACTIVE and not self.hung and self.output is not None:
+        output = self.replica.output
+        if self.state is State.ACTIVE and not self.hung and output is not None:
             self._sequence += 1
-            self.sink(self.name, self.output, Message(self.name, self.life, self._sequence, self.world.now))
+            self.sink(self.name, output, Message(self.name, self.life, self._sequence, self.world.now))
+
+    def _timer_of(self, activation: int) -> None:
+        """Publishes on a timer that was made at an activation, and ends with it."""
+        if activation == self.activations:
+            self._timer()
+            self.once(self.replica.period_s, partial(self._timer_of, activation))
 
     def change_state(self, transition: Transition, client: Process, answered: Act) -> None:
         """The service: `answered(transition, success)` happens at the client, unless the reply is lost."""
@@ -110,12 +119,15 @@ class Node(Process):
         legal = self.state is FROM[transition] and not self.refusing
         if legal:
             self.state = GOAL[transition]
+            self.activations += 1
+            if self.replica.on_activate and self.state is State.ACTIVE:
+                self.once(self.replica.period_s, partial(self._timer_of, self.activations))
             self.world.note(self.name, "is", self.state.value)
         if not self.mute:
-            client.send(self.name, answered, transition, legal)
+            client.post(self.name, answered, transition, legal)
 
     def _read(self, client: Process, answered: Act) -> None:
         if self._busy_until_s > self.world.now:
             self.world.at(self._busy_until_s, self.deliver, self._read, client, answered)
             return
-        client.send(self.name, answered, self.state)
+        client.post(self.name, answered, self.state)

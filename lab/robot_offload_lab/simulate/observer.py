@@ -8,20 +8,19 @@ control process (10 ms). A method's docstring is the definition that is checked.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from robot_offload_core import placement, policies
 from robot_offload_core.beats import Beat, CloudReport, Permission
 from robot_offload_core.collectors import Gate
-from robot_offload_core.envelope import Envelope
+from robot_offload_core.envelope import Envelope, decode
 from robot_offload_core.guardians import INHIBIT_PERIOD_S, State
 from robot_offload_core.settings import Mode
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message
-
-if TYPE_CHECKING:
-    from robot_offload_lab.simulate.chunk import Chunk
+from robot_offload_lab.simulate.ports import Payload
+from robot_offload_lab.simulate.system import System
 
 DRIFT = 4.1e-4
 """Two clocks of up to 200 ppm each."""
@@ -68,8 +67,9 @@ class Observer:
         passed_messages: per side. alarms: sudden losses by reason.
     """
 
-    def __init__(self, run: Chunk) -> None:
+    def __init__(self, run: System, quiet_s: Callable[[], float]) -> None:
         self.run = run
+        self.quiet_s = quiet_s
         self.world = run.world
         settings = run.scenario.settings
         self.settings = settings
@@ -127,7 +127,7 @@ class Observer:
         self.world.note("robot", decided.phase.value, decided.epoch, decided.verdict.reason, decided.verdict.message)
         if decided.phase in (placement.Phase.ROBOT, placement.Phase.TAKEOVER):
             self.robot_since_s = self.world.now
-        self.run.faults.entered("robot " + decided.phase.value)
+        self.run.around.entered("robot " + decided.phase.value)
         if not decided.switched:
             return
         if decided.site is Site.CLOUD:
@@ -148,7 +148,7 @@ class Observer:
 
     # -- what passes --------------------------------------------------------------------------------------------------
 
-    def passed(self, site: Site, index: int, message: Message, envelope: Envelope | None, left_s: float) -> None:
+    def passed(self, index: int, payload: Payload) -> None:
         """Invariant 1, at the consumer of a collected output.
 
         1a: the rank of its stay in charge (start of control, epoch, fallback) never decreases, over all outputs.
@@ -157,6 +157,8 @@ class Observer:
         1d: a message of the cloud left it at most `max_command_age_s` ago.
         """
         now = self.world.now
+        site, message, left_s = payload.site, payload.message, payload.left_s
+        envelope = decode(payload.header) if payload.header else None
         rank = self._rank_of(envelope)
         if rank < self.rank:
             self._violated("1a", f"a {site.value} message of stay {rank} passed after stay {self.rank}")
@@ -202,7 +204,7 @@ class Observer:
         any rated output. Jitter: three times the wire's typical one, the timers' and the hand-overs'.
         """
         commanded = self.flip_s is not None and now - self.flip_s <= self.settings.slower_period_s + self.reaction_s
-        if not commanded or self.run.faults.quiet_s() < 1.0 or self.run.scenario.outputs[index].deadline_s == 0:
+        if not commanded or self.quiet_s() < 1.0 or self.run.scenario.outputs[index].deadline_s == 0:
             return
         jitter_s = 3 * self.run.scenario.jitter_s + 2 * HANDOVER_S
         gap_s = now - lane.passed_s
@@ -211,7 +213,7 @@ class Observer:
 
     def _check_lost(self, lane: Lane, last: Message, message: Message) -> None:
         """Invariant 4: within one stay and with nothing wrong since 1 s before, no sequence is missing."""
-        if self.run.faults.quiet_s() > self.world.now - lane.passed_s + 1.0:
+        if self.quiet_s() > self.world.now - lane.passed_s + 1.0:
             self._violated(
                 "4", f"{message.producer}: {message.sequence} passed after {last.sequence}, the rest is lost"
             )
@@ -274,7 +276,7 @@ class Observer:
             self.alone_s = self.world.now
         self._check_detection(control.robot, control.running_since_s)
         self._check_stopped(control.robot, control.running_since_s)
-        if self.run.faults.quiet_s() > SETTLED_S:
+        if self.quiet_s() > SETTLED_S:
             self._check_order(control.robot)
 
     def _check_detection(self, robot: placement.Robot, running_s: float) -> None:
@@ -348,7 +350,7 @@ class Observer:
         held = held or policies.waits(robot.policy)
         if held or not wants or placement.IN_CHARGE[robot.phase] is Site.CLOUD:
             self.held_until_s = now
-        elif now - max(self.held_until_s, now - self.run.faults.quiet_s() + SETTLED_S) > RETURN_S:
+        elif now - max(self.held_until_s, now - self.quiet_s() + SETTLED_S) > RETURN_S:
             self._violated("5", f"nothing is wrong and the cloud is not used: {robot.decided.reason}")
 
     # -- effects that are not collected -------------------------------------------------------------------------------
@@ -361,8 +363,9 @@ class Observer:
         rank = (self.order[robot.incarnation], robot.epoch)
         self._admit(rank, Site.ROBOT)
         data = self.run.cloud.data
-        token = data.token
-        if token is None or not data.alive or data.host.now_s() >= data.end_s or token.robot not in self.order:
+        egress = data.process.egress.egress
+        token, may_leave = egress.token, data.host.now_s() < egress.lease_end_s
+        if token is None or not data.alive or not may_leave or token.robot not in self.order:
             return
         if (self.order[token.robot], token.epoch) < rank:
             self._violated("7", f"a robot effect of stay {rank} while the cloud may send under epoch {token.epoch}")
@@ -378,3 +381,14 @@ class Observer:
                 "7", f"an effect of the {site.value}, stay {rank}, after one of the {held}, {self.effect_rank}"
             )
         self.effect_rank, self.effect_site = rank, site
+
+    # -- consumers in the cloud, inputs, people -----------------------------------------------------------------------
+
+    def heard_in_cloud(self, index: int, payload: Payload) -> None:
+        """A message reached the consumer of an output in the cloud."""
+
+    def input_heard(self, name: str, age_s: float) -> None:
+        """A message of an input reached the cloud's replicas."""
+
+    def answered(self, key: int, accepted: bool, message: str) -> None:
+        """A switch by hand was answered."""

@@ -1,395 +1,385 @@
-"""The robot's four processes around the real core functions: control, pulse, data, collector."""
+"""The robot's four processes: the core's own classes, driven by virtual time instead of sockets and threads."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import Any
 
-from robot_offload_core import beats, collectors, guardians, placement, pulse, switcher
+from robot_offload_core import collectors, envelope, placement, pulse, switcher
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.envelope import Envelope
-from robot_offload_core.events import Acting, Tick
+from robot_offload_core.collectors import Charge, Passage
+from robot_offload_core.guardians import Command, Guardian, Inhibit, InhibitAnswered
+from robot_offload_core.process.collector import CollectorPlan, CollectorProcess
+from robot_offload_core.process.messages import Carried, Heard, Limits, Notes, Speak
+from robot_offload_core.process.robot_control import RobotControlProcess, RobotPlan
+from robot_offload_core.process.robot_data import RobotDataProcess
+from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.coverage import collector_state
 from robot_offload_lab.simulate.nodes import Message, Node
+from robot_offload_lab.simulate.ports import Payload, Surroundings
 from robot_offload_lab.simulate.scenario import UID
+from robot_offload_lab.simulate.shells import EFFECT_S, DataShell, Shell, call_node, read, written
 from robot_offload_lab.simulate.world import Host, Process
 
-if TYPE_CHECKING:
-    from robot_offload_lab.simulate.chunk import Chunk
-
-DEADLINE_MARGIN_S = 0.0005
-PROBE_S = 0.100
-EFFECT_S = 0.037
-TEXT_EVERY = 8
-"""Every eighth beat crosses as text through the real codec, the others as objects: this keeps the simulation fast."""
+LEAVING_S = 25.0
+"""As the agent's: so long the robot does not choose a cloud whose pods are going."""
+LIMITS_S = 1.0
 
 
 class RobotSide:
     """The robot: its host, processes, nodes and inputs."""
 
-    def __init__(self, run: Chunk, host: Host) -> None:
+    def __init__(self, around: Surroundings, host: Host) -> None:
+        self.around = around
         self.host = host
-        self.control = RobotControl(run, host)
-        self.pulse = RobotPulse(run, host)
-        self.data = RobotData(run, host)
-        self.collector = Collector(run, host)
-        sources, period_s = run.scenario.sources, run.scenario.settings.robot_period_s
+        peers: dict[str, Shell] = {}
+        self.control = RobotControl(around, host, peers)
+        self.pulse = RobotPulse(around, host, peers)
+        self.data = RobotData(around, host, peers)
+        self.collector = Collector(around, host, peers)
+        self.processes: tuple[Process, ...] = (self.control, self.pulse, self.data, self.collector)
+        scenario = around.scenario
         self.nodes = {
-            spec.name: Node(run.world, host, spec, period_s, sources.get(spec.name), self._publish)
-            for spec in run.scenario.robot_nodes
+            spec.name: Node(around.world, host, spec, scenario.replicas[spec.name], self._publish)
+            for spec in scenario.robot_nodes
         }
         for node in self.nodes.values():
-            node.transition_s = run.scenario.transition_s
-            node.awake = run.scenario.awake
-        self.processes = (self.control, self.pulse, self.data, self.collector)
+            node.transition_s = scenario.transition_s
+            node.awake = scenario.awake
+        self.control.nodes = self.nodes
+        around.link.pulse.down.target = self.pulse, self.pulse.hear
+        around.link.data.down.target = self.data, self.data.arrived
 
     def _publish(self, name: str, index: int, message: Message) -> None:
-        self.collector.send(name, self.collector.robot_message, index, message)
+        self.collector.post(name, self.collector.robot_message, index, message)
 
     def start(self) -> None:
         """Starts everything, the user's nodes first."""
         for process in (*self.nodes.values(), self.collector, self.data, self.pulse):
             process.start()
-        self.control.world.after(self.control.run.scenario.late_s[0], self.control.start)
+        self.around.world.after(self.around.scenario.late_s[0], self.control.start)
 
 
-class RobotControl(Process):
-    """Placement and guardian: drains what has arrived, ticks every 10 ms."""
+class WatchedControl(RobotControlProcess):
+    """The core's class; every event of its machine counts for coverage."""
 
-    def __init__(self, run: Chunk, host: Host) -> None:
-        super().__init__(run.world, host, "robot/control")
-        self.run = run
-        self.robot = placement.Robot("0" * 32, 0, run.scenario.settings)
-        self.guardian = guardians.start((), 0.0)
-        self.ready = False
+    watch: Any
+
+    def step(self, event: placement.Event) -> None:
+        """Counts the event, then takes it."""
+        self.watch(self.robot, event, self.ports.now_s())
+        super().step(event)
+
+
+class RobotControl(Shell):
+    """The robot's control in virtual time.
+
+    Attributes:
+        in_force: settings that hold; as on the robot's disk they outlive the process.
+    """
+
+    def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
+        super().__init__(around, host, "control", peers)
+        self.nodes: dict[str, Node] = {}
+        self.in_force: Settings = around.scenario.settings
+        self.process = self._made("0" * 32)
+        self.deadline_s = 0.0
 
     @property
-    def incarnation(self) -> str:
-        """Of the present life; the other processes of the side read it."""
-        return self.robot.incarnation
+    def robot(self) -> placement.Robot:
+        """Returns the state of the placement machine."""
+        return self.process.robot
+
+    @property
+    def guardian(self) -> Guardian:
+        """Returns the state of the guardian."""
+        return self.process.guardian
+
+    def _made(self, incarnation: str) -> WatchedControl:
+        scenario = self.around.scenario
+        plan = RobotPlan(scenario.settings, self.in_force, scenario.input_specs, scenario.robot_nodes, has_driver=True)
+        process = WatchedControl(plan, self, incarnation, round(self.host.now_s() * 1e6))
+        process.watch = self.around.coverage.robot
+        return process
 
     def boot(self) -> None:
-        """A new incarnation that knows nothing."""
-        scenario = self.run.scenario
+        """Starts a new incarnation that knows nothing."""
         incarnation = f"{self.world.dice.getrandbits(128):032x}"
-        started_us = round(self.host.now_s() * 1e6)
-        self.robot = placement.Robot(incarnation, started_us, scenario.settings, scenario.inputs)
-        self.guardian = guardians.start(scenario.robot_nodes, scenario.settings.activation_deadline_s, has_driver=True)
-        self.ready = False
-        self.run.observer.robot_started(incarnation)
-        self.every(scenario.tick_s, self._tick, first_s=0.0)
+        self.process = self._made(incarnation)
+        self.around.witness.robot_started(incarnation)
+        self.every(self.around.scenario.tick_s, self.turn, first_s=0.0)
         self.every(EFFECT_S, self._effect)
+        self.every(LIMITS_S, self._limits)
 
-    def _tick(self) -> None:
-        self.guard(Tick())
-        self.step(Tick())
-        self.run.observer.control_ticked()
+    def turn(self) -> None:
+        """Takes a turn."""
+        self.process.turn()
+        self.around.witness.control_ticked()
 
-    def cloud_beat(self, event: placement.CloudBeat) -> None:
-        """A beat of the cloud; the loss that follows it, if nothing better comes, is noticed without a tick."""
-        self.step(event)
-        good_s = self.robot.situation.good_s
-        if good_s is not None and switcher.site(self.robot) is Site.CLOUD:
-            due_s = good_s + self.robot.settings.loss_timeout_s + DEADLINE_MARGIN_S - self.host.now_s()
-            self.world.after(max(0.0, due_s), self._deadline, self.life, good_s)
+    def take(self, message: object) -> None:
+        """Takes a datagram."""
+        if isinstance(message, Notes):
+            if message.incarnation == self.robot.link.peer:
+                self.process.announce_leaving(message.text, self.host.now_s() + LEAVING_S)
+            return
+        self.process.handle(message)
 
-    def _deadline(self, life: int, good_s: float) -> None:
-        if life == self.life and not self.stops and self.robot.situation.good_s == good_s:
-            self._tick()
+    def beat(self, beat: Beat, arrived_s: float, wall_us: int, sent: placement.PulseSent | None) -> None:
+        """Takes a beat of the cloud; the loss that may follow is noticed to the millisecond."""
+        if sent is not None:
+            self.process.handle(sent)
+        self.process.arrived(beat, arrived_s, wall_us)
+        deadline_s = self.process.next_deadline_s()
+        if deadline_s != self.deadline_s and deadline_s < float("inf"):
+            self.deadline_s = deadline_s
+            self.world.after(max(0.0, deadline_s - self.host.now_s()), self._deadline, self.life, deadline_s)
+
+    def _deadline(self, life: int, deadline_s: float) -> None:
+        if life == self.life and not self.stops and self.process.next_deadline_s() == deadline_s:
+            self.turn()
 
     def _effect(self) -> None:
         if switcher.effects_site(self.robot, self.host.now_s()) is Site.ROBOT:
-            self.run.observer.robot_effect(self.robot)
+            self.around.witness.robot_effect(self.robot)
 
     def step(self, event: placement.Event) -> None:
-        """One event through the placement machine."""
-        now_s = self.host.now_s()
-        self.run.coverage.robot(self.robot, event, now_s)
-        self.robot, commands = switcher.step(self.robot, event, now_s)
-        for command in commands:
-            self._carry_out(command)
+        """Takes what a person does."""
+        self.process.step(event)
 
-    def _carry_out(self, command: placement.Command) -> None:
-        run = self.run
-        if isinstance(command, Acting):
-            known = self.guardian
-            told = (command.acting, command.outputs_flow, command.acting and command.in_charge)
-            if (known.acting, known.outputs_flow, known.in_charge) != told:
-                self.guard(Acting(command.acting, command.outputs_flow, command.in_charge))
-        elif isinstance(command, placement.Permit):
-            run.observer.permitted(command.permission, self.incarnation)
-            run.robot.pulse.send(
-                self.name, run.robot.pulse.speak, self.incarnation, command.permission, self.host.now_s()
-            )
-        elif isinstance(command, placement.SetGate):
-            run.observer.gate_said(command.gate)
-            run.robot.collector.send(self.name, run.robot.collector.set_gate, command.gate)
-        elif isinstance(command, placement.Reopen):
-            run.link.pulse.reopen()
-            run.link.data.reopen()
-        elif isinstance(command, placement.Decided):
-            run.observer.robot_decided(command)
+    def adopt(self, settings: Settings) -> None:
+        """Takes settings that were changed at run time, and passes the limits on."""
+        self.in_force = settings
+        self.process.adopt(settings, self.around.scenario.input_specs)
+        self._limits()
 
-    def guard(self, event: guardians.Event) -> None:
-        """One event through the guardian; a change of readiness goes to the placement machine."""
-        self.guardian, commands = guardians.step(self.guardian, event, self.host.now_s())
-        for command in commands:
-            if isinstance(command, guardians.Inhibit):
-                answered = partial(self._inhibited, self.life)
-                self.run.driver.inhibit(command.inhibit, self, answered)
-            else:
-                call_node(self, self.run.robot.nodes, command)
-        ready = guardians.is_ready(self.guardian)
-        if ready is not self.ready:
-            self.ready = ready
-            self.step(placement.NodesReported(ready))
+    def _limits(self) -> None:
+        settings, inputs = self.in_force, self.around.scenario.inputs
+        limits = Limits(
+            settings.max_command_age_s, settings.lease_s, tuple((i.name, i.max_age_ms, i.rate_hz) for i in inputs)
+        )
+        for process in ("collector", "data"):
+            self.send(process, limits)
+
+    # -- ports of the core's process ----------------------------------------------------------------------------------
+
+    def send(self, to: str, message: object) -> bool:
+        """Sends a datagram; permissions and gates are shown."""
+        if isinstance(message, Speak) and isinstance(message.body, Permission):
+            self.around.witness.permitted(message.body, message.incarnation)
+        elif isinstance(message, placement.SetGate):
+            self.around.witness.gate_said(message.gate)
+        return super().send(to, message)
+
+    def carry_out(self, command: Command) -> None:
+        """Calls a node or the driver."""
+        if isinstance(command, Inhibit):
+            self.around.driver.inhibit(command.inhibit, self, partial(self._inhibited, self.life))
+        else:
+            call_node(self, self.process.guard, self.nodes, command)
 
     def _inhibited(self, life: int, value: bool) -> None:
         if life == self.life:
-            self.guard(guardians.InhibitAnswered(value))
+            self.process.guard(InhibitAnswered(value))
+
+    def answer(self, key: int, accepted: bool, message: str) -> None:
+        """Shows the answer to a switch by hand."""
+        self.around.witness.answered(key, accepted, message)
+
+    def network_status(self, sustained: int) -> None:
+        """Publishes nothing here."""
+
+    def decided(self, decided: placement.Decided) -> None:
+        """Shows a decision."""
+        self.process.take_effects()
+        self.around.witness.robot_decided(decided)
+
+    def effects_changed(self) -> None:
+        """Takes note of who is admitted."""
+        self.process.take_effects()
 
 
-class Guard(Protocol):
-    """What `call_node` needs of a control process."""
-
-    def guard(self, event: guardians.Event) -> None:
-        """One event through the guardian."""
-
-
-def call_node(control: Process, nodes: dict[str, Node], command: guardians.Command) -> None:
-    """Calls a node's lifecycle service; an answer to an earlier life of control, or after the deadline, is lost."""
-    life, world = control.life, control.world
-    guard = cast(Guard, control).guard
-
-    if isinstance(command, guardians.ChangeState):
-        until_s = world.now + command.deadline_s
-
-        def changed(transition: guardians.Transition, success: bool) -> None:
-            if control.life == life and world.now <= until_s:
-                guard(guardians.Answered(command.name, transition, success))
-
-        nodes[command.name].change_state(command.transition, control, changed)
-    elif isinstance(command, guardians.GetState):
-        until_s = world.now + command.deadline_s
-
-        def read(state: guardians.State) -> None:
-            if control.life == life and world.now <= until_s:
-                guard(guardians.Observed(command.name, state))
-
-        nodes[command.name].get_state(control, read)
-
-
-class RobotPulse(Process):
+class RobotPulse(Shell):
     """Beats only."""
 
-    def __init__(self, run: Chunk, host: Host) -> None:
-        super().__init__(run.world, host, "robot/pulse")
-        self.run = run
-        self.state = pulse.Pulse(UID, Site.ROBOT, run.scenario.settings.beat_period_s)
+    def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
+        super().__init__(around, host, "pulse", peers)
+        self.period_s = around.scenario.settings.beat_period_s
+        self.state = pulse.Pulse(UID, Site.ROBOT, self.period_s)
+        self.sent: placement.PulseSent | None = None
+        self.told_sent_s = 0.0
 
     def boot(self) -> None:
-        """Knows no permission and has heard nobody."""
-        period_s = self.run.scenario.settings.beat_period_s
-        self.state = pulse.Pulse(UID, Site.ROBOT, period_s)
+        """Starts without a permission, and has heard nobody."""
+        self.state = pulse.Pulse(UID, Site.ROBOT, self.period_s)
+        self.sent, self.told_sent_s = None, 0.0
         if self.life > 1:
-            self.run.link.pulse.reopen()
-        self.every(period_s, self._beat, first_s=0.0)
+            self.around.link.pulse.reopen()
+        self.every(self.period_s, self._beat, first_s=0.0)
 
-    def speak(self, incarnation: str, permission: Permission, said_s: float) -> None:
-        """Control has renewed its permission."""
-        self.state = pulse.speak(self.state, incarnation, permission, said_s)
+    def take(self, message: object) -> None:
+        """Takes what control wants said."""
+        if isinstance(message, Speak):
+            self.state = pulse.speak(self.state, message.incarnation, message.body, message.said_s)
+        elif isinstance(message, placement.Reopen):
+            self.around.link.pulse.reopen()
 
     def _beat(self) -> None:
-        run, now_s = self.run, self.host.now_s()
+        now_s = self.host.now_s()
         self.state, beat = pulse.compose(self.state, now_s, self.host.wall_us)
-        body = beat.body
-        granted = isinstance(body, Permission) and body.granted
-        run.observer.beat_sent(beat)
-        target = run.cloud.pulse
-        run.link.pulse.up.carry(target.deliver, target.hear, written(beat), self.world.now)
-        run.robot.control.send(self.name, run.robot.control.step, placement.PulseSent(now_s, granted))
+        self.around.witness.beat_sent(beat)
+        self.around.link.pulse.up.carry(written(beat), self.world.now)
+        self.sent = placement.PulseSent(now_s, isinstance(beat.body, Permission) and beat.body.granted)
+        if now_s - self.told_sent_s > self.period_s:  # else a beat that arrives brings it along
+            self.told_sent_s = now_s
+            self.send("control", self.sent)
 
     def hear(self, sent: Beat | str, _sent_s: float) -> None:
-        """Something arrived on the pulse session."""
+        """Takes what arrived on the pulse session."""
         beat = read(sent)
         if beat is None:
             return
-        run, now_s = self.run, self.host.now_s()
+        now_s = self.host.now_s()
         self.state, newer = pulse.hear(self.state, beat, now_s)
         if newer:
-            run.observer.cloud_beat(beat, now_s)
-            control = run.robot.control
-            control.send(self.name, control.cloud_beat, placement.CloudBeat(beat, now_s, self.host.wall_us))
-            run.robot.data.send(self.name, run.robot.data.beat_heard, beat.incarnation, beat.sent_us)
+            self.around.witness.cloud_beat(beat, now_s)
+            self.told_sent_s = now_s
+            control = self.peers["control"]
+            assert isinstance(control, RobotControl)
+            control.post(self.name, control.beat, beat, now_s, self.host.wall_us, self.sent)
+            partner = pulse.partner(self.state)
+            if partner is not None:
+                self.send("data", Heard(partner.incarnation, partner.sent_us, partner.arrived_s))
 
 
-def written(beat: Beat) -> Beat | str:
-    """What crosses the link for a beat."""
-    return beats.encode(beat) if beat.sequence % TEXT_EVERY == 0 else beat
-
-
-def read(sent: Beat | str) -> Beat | None:
-    """What arrived, None for garbage."""
-    if isinstance(sent, Beat):
-        return sent
-    try:
-        return beats.decode(sent)
-    except beats.BeatError:
-        return None
-
-
-class RobotData(Process):
+class RobotData(DataShell):
     """Inputs out, envelopes in."""
 
-    def __init__(self, run: Chunk, host: Host) -> None:
-        super().__init__(run.world, host, "robot/data")
-        self.run = run
-        self.heard_us: dict[str, int] = {}
-        self.cloud = ""
-        self.probe_s: float | None = None
-        self.sequences = [0] * len(run.scenario.inputs)
+    process: RobotDataProcess
+
+    def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
+        super().__init__(around, host, "data", peers)
+        self.process = RobotDataProcess(around.scenario.data_plan, self)
 
     def boot(self) -> None:
-        """Has heard nothing."""
-        self.heard_us = {}
-        self.cloud = ""
-        self.probe_s = None
-        self.sequences = [0] * len(self.sequences)
+        """Starts anew; a new process opens a new session."""
+        self.process = RobotDataProcess(self.around.scenario.data_plan, self)
         if self.life > 1:
-            self.run.link.data.reopen()
-        self.every(PROBE_S, self._probe)
-        self.every(self.run.scenario.report_s, self._report)
+            self.around.link.data.reopen()
+        self.boot_timers()
 
-    def beat_heard(self, incarnation: str, sent_us: int) -> None:
-        """The pulse process heard a beat: the echo reference of what we send."""
-        self.heard_us = {incarnation: sent_us}
+    def input(self, name: str, payload: bytes) -> None:
+        """Takes a message of an input from the robot's sensors."""
+        self.process.forward(name, payload)
 
-    def _probe(self) -> None:
-        target = self.run.cloud.data
-        self.run.link.data.up.carry(target.deliver, target.probe, self.run.robot.control.incarnation)
+    def cross(self, channel: str, header: bytes, payload: Any) -> bool:
+        """Sends over the data session."""
+        session = self.around.link.data
+        session.up.carry(channel, header, (payload, self.world.now) if channel.startswith("in/") else payload)
+        return session.connected
 
-    def probe(self, cloud: str) -> None:
-        """A probe of the cloud's data process."""
-        self.cloud, self.probe_s = cloud, self.host.now_s()
-
-    def _report(self) -> None:
-        age_s = None if self.probe_s is None else self.host.now_s() - self.probe_s
-        control = self.run.robot.control
-        event = placement.DataReported(self.run.link.data.connected, age_s, self.cloud)
-        control.send(self.name, control.step, event)
-
-    def input(self, index: int) -> None:
-        """A message of an input arrived from the robot's sensors."""
-        self.sequences[index] += 1
-        cloud, echo_us = next(iter(self.heard_us.items()), ("", 0))
-        token = Token(self.run.robot.control.incarnation, 0, cloud)
-        target = self.run.cloud.data
-        envelope = Envelope(token, self.sequences[index], echo_us)
-        self.run.link.data.up.carry(target.deliver, target.input, index, envelope)
-
-    def envelope(self, index: int, envelope: Envelope, message: Message, left_s: float) -> None:
-        """A message of the cloud; it goes to the collector."""
-        collector = self.run.robot.collector
-        collector.send(self.name, collector.cloud_message, index, envelope, message, left_s)
-
-    def effect(self, token: Token) -> None:
-        """A request of the cloud for an effect that is not collected."""
-        collector = self.run.robot.collector
-        collector.send(self.name, collector.cloud_effect, token)
+    def arrived(self, channel: str, header: bytes, payload: Any) -> None:
+        """Takes a message from the link, or a request of the cloud for an effect."""
+        if channel == "effect":
+            collector = self.peers["collector"]
+            assert isinstance(collector, Collector)
+            collector.post(self.name, collector.cloud_effect, payload)
+        else:
+            self.process.arrived(channel, header, payload)
 
 
-class Collector(Process):
-    """The gate; keeps (charge, started_us, fell_back) over its own restarts."""
+class WatchedCollector(CollectorProcess):
+    """The core's class; its passages count for coverage, a change of who passes is shown."""
 
-    def __init__(self, run: Chunk, host: Host) -> None:
-        super().__init__(run.world, host, "robot/collector")
-        self.run = run
-        self.kept: tuple[collectors.Charge, int, bool] | None = None
-        self.sequence = 0
-        self.held: dict[int, tuple[Message, Envelope | None, float]] = {}
-        self.state = self._fresh()
+    around: Surroundings
 
-    def _fresh(self) -> collectors.Collector:
-        scenario = self.run.scenario
-        return collectors.start(scenario.outputs, scenario.settings.max_command_age_s, scenario.settings.lease_s)
+    def _count(self, side: str, index: int, passage: Passage) -> None:
+        self.around.coverage.passage(Site(side), passage.reason)
+        super()._count(side, index, passage)
+
+    def _publish(self, index: int, payload: Any, passage: Passage) -> None:
+        if passage.reason == "ChangedOver":
+            self.around.witness.flipped()
+        super()._publish(index, payload, passage)
+
+    def _keep(self, state: collectors.Collector) -> bool:
+        before = self.state
+        if (state.charge, state.next, state.fell_back) != (before.charge, before.next, before.fell_back):
+            self.around.entered("collector " + collector_state(state))
+        if state.charge != before.charge and (charge := state.charge) is not None:
+            self.around.world.note("collector passes", charge.site.value, charge.token.epoch)
+        return super()._keep(state)
+
+
+class Collector(Shell):
+    """The gate. `kept`: its memory file, which outlives the process."""
+
+    def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
+        super().__init__(around, host, "collector", peers)
+        scenario = around.scenario
+        self.plan = CollectorPlan(
+            scenario.outputs, tuple(o.mirrored for o in scenario.data_plan.outputs),
+            scenario.settings.max_command_age_s, scenario.settings.lease_s,
+        )  # fmt: skip
+        self.kept: tuple[Charge, int, bool] | None = None
+        self.process = WatchedCollector(self.plan, self)
+
+    @property
+    def state(self) -> collectors.Collector:
+        """Returns the state of the machine."""
+        return self.process.state
 
     def boot(self) -> None:
         """Takes up what an earlier life had kept."""
-        self.sequence = 0
-        self.held.clear()
-        self.state = self._fresh()
+        self.process = WatchedCollector(self.plan, self, self.kept)
+        self.process.around = self.around
         if self.kept is not None:
-            self.state = collectors.resume(self.state, *self.kept, self.host.now_s())
-            self.run.faults.entered("collector resumed")
-        self.every(self.run.scenario.report_s, self._tick)
+            self.around.entered("collector resumed")
+        self.every(self.around.scenario.report_s, self._turn)
 
-    def _tick(self) -> None:
-        state = collectors.turn(self.state, self.host.now_s())
-        silent = state.fell_back and not self.state.fell_back
-        self.run.coverage.collector(self.state, "tick: control silent" if silent else "tick")
-        self._keep(state)
-        self._report()
+    def _turn(self) -> None:
+        self.process.woke()
+        state = self.process.state
+        silent = collectors.turn(state, self.host.now_s()).fell_back and not state.fell_back
+        self.around.coverage.collector(state, "tick: control silent" if silent else "tick")
+        self.process.report(only_news=True)
 
-    def _report(self) -> None:
-        control = self.run.robot.control
-        control.send(self.name, control.step, placement.GateReported(collectors.report(self.state, self.host.now_s())))
-
-    def _keep(self, state: collectors.Collector) -> None:
-        before, self.state = self.state, state
-        if state.charge is not None:
-            self.kept = (state.charge, state.started_us, state.fell_back)
-        if state is not before and (state.charge, state.next, state.fell_back) != (
-            before.charge, before.next, before.fell_back
-        ):  # fmt: skip
-            self.run.faults.entered("collector " + collector_state(state))
-        if state.charge is not before.charge and state.charge != before.charge:
-            charge = state.charge
-            self.run.world.note("collector passes", charge and charge.site.value, charge and charge.token.epoch)
-            self._report()
-
-    def set_gate(self, gate: collectors.Gate) -> None:
-        """Control's wish."""
-        self.run.coverage.gate(self.state, gate)
-        self._keep(collectors.set_gate(self.state, gate, self.host.now_s()))
+    def take(self, message: object) -> None:
+        """Takes a datagram."""
+        self.process.woke()
+        coverage = self.around.coverage
+        if isinstance(message, placement.SetGate):
+            coverage.gate(self.process.state, message.gate)
+        elif isinstance(message, Carried):
+            coverage.cloud_message(
+                self.process.state, message.index, envelope.decode(message.header), self.host.now_s()
+            )
+        self.process.handle(message)
 
     def robot_message(self, index: int, message: Message) -> None:
-        """The robot's replica has published."""
-        self.sequence += 1
-        before = self.state
-        self.run.coverage.collector(before, "robot message")
-        state, passage = collectors.offer_robot(before, index, self.sequence, self.host.now_s())
-        self._keep(state)
-        self._pass(Site.ROBOT, index, passage, (message, None, self.world.now))
-
-    def cloud_message(self, index: int, envelope: Envelope, message: Message, left_s: float) -> None:
-        """A message of the cloud's replica has arrived."""
-        before, now_s = self.state, self.host.now_s()
-        self.run.coverage.cloud_message(before, index, envelope, now_s)
-        state, passage = collectors.offer_cloud(before, index, envelope, now_s)
-        self._keep(state)
-        self._pass(Site.CLOUD, index, passage, (message, envelope, left_s))
-
-    def _pass(
-        self, site: Site, index: int, passage: collectors.Passage, offered: tuple[Message, Envelope | None, float]
-    ) -> None:
-        """Publishes what passes, keeps what may pass at the changeover."""
-        self.run.coverage.passage(site, passage.reason)
-        if passage.reason == "NotAllReady":
-            self.held[index] = offered
-        passing = [(index, offered)] if passage.passes else []
-        if passage.reason == "ChangedOver":
-            passing = [*((i, self.held[i]) for i in passage.also), *passing]
-            self.held.clear()
-            self.run.observer.flipped()
-        for at, (message, envelope, left_s) in passing:
-            if at == 0:
-                self.run.driver.command()
-            self.run.observer.passed(site, at, message, envelope, left_s)
+        """Takes what the robot's replica has published."""
+        self.around.coverage.collector(self.process.state, "robot message")
+        self.process.offer_robot(index, Payload(Site.ROBOT, message, b"", self.world.now))
 
     def cloud_effect(self, token: Token) -> None:
-        """A request of the cloud: admitted from the holder of the token only."""
-        self.run.coverage.effect(self.state, token)
-        passage = collectors.admits_effect(self.state, token, self.host.now_s())
-        if passage.passes:
-            self.run.observer.cloud_effect(token)
+        """Takes a request of the cloud: it is admitted from the holder of the token only."""
+        self.around.coverage.effect(self.process.state, token)
+        if collectors.admits_effect(self.process.state, token, self.host.now_s()).passes:
+            self.around.witness.cloud_effect(token)
+
+    # -- ports of the core's process ----------------------------------------------------------------------------------
+
+    def publish(self, index: int, payload: Payload) -> None:
+        """Publishes to the consumers; output 0 drives the wheels."""
+        if index == 0:
+            self.around.driver.command()
+        self.around.witness.passed(index, payload)
+
+    def save(self, state: collectors.Collector) -> None:
+        """Keeps who passes."""
+        if state.charge is not None:
+            self.kept = (state.charge, state.started_us, state.fell_back)
+
+    def fell_silent(self) -> None:
+        """Keeps a note for the story."""
+        self.world.note("collector: control is silent")

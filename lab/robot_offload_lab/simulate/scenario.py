@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass, replace
+from functools import cached_property
 
+from robot_offload_core.process.data import DataPlan, InputPlan, OutputPlan
 from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 
@@ -12,39 +14,68 @@ UID = "wheelchair-7"
 
 
 @dataclass(frozen=True)
+class Replica:
+    """What a node of the user publishes.
+
+    Attributes:
+        output: index of its output; None: it publishes nothing.
+        period_s: of its timer. on_activate: the timer is made at activation, so the first message comes a period later.
+    """
+
+    output: int | None = None
+    period_s: float = 1.0
+    on_activate: bool = False
+
+
+@dataclass(frozen=True)
 class Scenario:
     """A world before anything happens.
 
     Attributes:
-        settings: valid (checked) settings of the switch.
-        outputs: collected outputs; output 0 drives the wheels, each is published by the node of the same place.
-        inputs: topics to the cloud, with their periods.
-        robot_nodes, cloud_nodes: managed nodes of each side; `sources` gives each node's output.
+        settings: valid (checked) settings of the switch, on the robot; cloud_settings: as the cloud was told.
+        outputs: collected outputs; output 0 drives the wheels. mirrored: those with consumers in the cloud.
+        inputs: topics to the cloud; input_periods_s: of each, on the robot.
+        robot_nodes, cloud_nodes: managed nodes of each side, in bring-up order.
+        replicas, cloud_replicas: what each node publishes.
         inbox: datagrams that wait for a stopped process (10 by default on many kernels, 512 with systemd).
         awake: the robot's nodes run already when its agent starts.
         late_s: how much later than the other processes of its side each control starts.
         transition_s: longest normal lifecycle transition.
-        tick_s, report_s: how often control ticks, and how often collector and data report to it.
+        tick_s, report_s: how often control ticks, and how often the collector looks for news.
         delay_s, jitter_s: one way.
         drops: reopening a session discards what is under way in it.
     """
 
     settings: Settings
+    cloud_settings: Settings
     outputs: tuple[OutputSpec, ...]
-    inputs: tuple[InputSpec, ...]
-    input_period_s: float
+    mirrored: tuple[int, ...]
+    inputs: tuple[InputPlan, ...]
+    input_periods_s: tuple[float, ...]
     robot_nodes: tuple[NodeSpec, ...]
     cloud_nodes: tuple[NodeSpec, ...]
-    sources: dict[str, int]
-    inbox: int
-    awake: bool
-    late_s: tuple[float, float]
-    transition_s: float
-    tick_s: float
-    report_s: float
-    delay_s: float
-    jitter_s: float
-    drops: bool
+    replicas: dict[str, Replica]
+    cloud_replicas: dict[str, Replica]
+    inbox: int = 64
+    awake: bool = False
+    late_s: tuple[float, float] = (0.0, 0.0)
+    transition_s: float = 0.015
+    tick_s: float = 0.010
+    report_s: float = 0.020
+    delay_s: float = 0.005
+    jitter_s: float = 0.0005
+    drops: bool = True
+
+    @cached_property
+    def input_specs(self) -> tuple[InputSpec, ...]:
+        """Returns the inputs as the core judges them."""
+        return tuple(InputSpec(i.name, i.max_age_ms / 1e3) for i in self.inputs)
+
+    @cached_property
+    def data_plan(self) -> DataPlan:
+        """Returns what the data processes need."""
+        outputs = tuple(OutputPlan(o.name, o.deadline_s > 0, i in self.mirrored) for i, o in enumerate(self.outputs))
+        return DataPlan(self.inputs, outputs)
 
     @property
     def reaction_s(self) -> float:
@@ -62,14 +93,23 @@ def draw(dice: random.Random) -> Scenario:
     planner = NodeSpec("planner")
     wheels = NodeSpec("wheels", duplicated=False, core=True)
     duplicated = (controller, *((arm,) if two else ()), planner)
+    settings = _settings(dice)
+    periods_s = settings.robot_period_s, settings.cloud_period_s
+    replicas, cloud_replicas = (
+        {"wheels": Replica(), **{node.name: Replica(i, period_s) for i, node in enumerate(duplicated)}}
+        for period_s in periods_s
+    )
     return Scenario(
-        settings=_settings(dice),
+        settings=settings,
+        cloud_settings=settings,
         outputs=outputs,
-        inputs=(InputSpec("scan", 0.3), InputSpec("map", 0.0)),
-        input_period_s=0.05,
+        mirrored=(0,),
+        inputs=(InputPlan("scan", 300), InputPlan("map", latched=True)),
+        input_periods_s=(0.05, 5.0),
         robot_nodes=(wheels, *(replace(n, hot=hot_robot) for n in duplicated)),
         cloud_nodes=tuple(replace(n, hot=hot_cloud) for n in duplicated),
-        sources={node.name: index for index, node in enumerate(duplicated)},
+        replicas=replicas,
+        cloud_replicas=cloud_replicas,
         inbox=dice.choice((10, 10, 64, 512)),
         awake=dice.random() < 0.3,
         late_s=(dice.choice((0.0, 0.7)) * dice.random(), dice.choice((0.0, 0.7)) * dice.random()),

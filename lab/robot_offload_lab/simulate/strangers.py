@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from robot_offload_core import pulse
 from robot_offload_core.beats import Beat, CloudReport, Permission
@@ -12,10 +11,8 @@ from robot_offload_core.token import Site
 from robot_offload_lab.simulate.cloud_side import CloudSide
 from robot_offload_lab.simulate.robot_side import RobotSide
 from robot_offload_lab.simulate.scenario import UID
+from robot_offload_lab.simulate.system import System
 from robot_offload_lab.simulate.world import Host
-
-if TYPE_CHECKING:
-    from robot_offload_lab.simulate.chunk import Chunk
 
 GARBAGE = ("", "1", "2 x", "1 wheelchair-7 r", "\0" * 40, "1 " * 200, "1 wheelchair-7 q - 1 1 1 1 - - - -")
 
@@ -23,7 +20,7 @@ GARBAGE = ("", "1", "2 x", "1 wheelchair-7 r", "\0" * 40, "1 " * 200, "1 wheelch
 class OtherRobot:
     """A copied bundle: another robot with our uid that grants leases of its own to the same cloud."""
 
-    def __init__(self, run: Chunk, pick: float) -> None:
+    def __init__(self, run: System, pick: float) -> None:
         self.run = run
         self.host = Host(run.world, "other robot")
         self.incarnation = f"{run.world.dice.getrandbits(128):032x}"
@@ -53,7 +50,7 @@ class OtherRobot:
         run.world.after(self.period_s, self._beat)
 
 
-def other_cloud(run: Chunk, duration_s: float, pick: float) -> Callable[[], None]:
+def other_cloud(run: System, duration_s: float, pick: float) -> Callable[[], None]:
     """A second cloud agent (two pods with one name) whose beats reach the robot too; it may even claim to act."""
     host = Host(run.world, "other cloud")
     incarnation = f"{run.world.dice.getrandbits(128):032x}"
@@ -79,7 +76,7 @@ def other_cloud(run: Chunk, duration_s: float, pick: float) -> Callable[[], None
     return lambda: None
 
 
-def babble(run: Chunk, duration_s: float) -> Callable[[], None]:
+def babble(run: System, duration_s: float) -> Callable[[], None]:
     """Garbage, beats of foreign deployments, and bare beats in the names of the two sides."""
     end_s = run.world.now + duration_s
     foreign = pulse.Pulse("somebody-else", Site.CLOUD, 0.02)
@@ -101,5 +98,5 @@ def babble(run: Chunk, duration_s: float) -> Callable[[], None]:
 
 def _bare(side: RobotSide | CloudSide) -> Beat:
     """A beat that says nothing: it proves no round trip and renews nothing."""
-    own = Pulse(UID, Site.ROBOT if isinstance(side, RobotSide) else Site.CLOUD, 0.02, side.control.incarnation)
+    own = Pulse(UID, Site.ROBOT if isinstance(side, RobotSide) else Site.CLOUD, 0.02, side.control.process.incarnation)
     return pulse.compose(own, side.host.now_s(), side.host.wall_us)[1]

@@ -56,6 +56,11 @@ class World:
         """Keeps words for the story; they are put into text only when the story is told."""
         self.trace.append((self.now, words))
 
+    def story(self, length: int) -> tuple[str, ...]:
+        """Returns the latest notes as lines of text."""
+        notes = list(self.trace)[-length:]
+        return tuple(f"{time_s:9.4f}  " + " ".join(str(word) for word in words) for time_s, words in notes)
+
     def run(self, until_s: float) -> None:
         """Lives up to `until_s`."""
         heap = self._heap
@@ -125,7 +130,7 @@ class Process:
         self.life = 0
         self.running_since_s = 0.0
         self._inbox: deque[tuple[Act, tuple[Any, ...]]] = deque()
-        self._overdue: list[tuple[float, Act]] = []
+        self._overdue: list[tuple[float | None, Act]] = []
         self._tails: dict[str, float] = {}
         host.processes.append(self)
 
@@ -200,13 +205,18 @@ class Process:
         delay_s = self.world.dice.random() * period_s if first_s is None else first_s
         self.world.after(delay_s, self._fire, self.life, period_s, act)
 
-    def _fire(self, life: int, period_s: float, act: Act) -> None:
+    def once(self, delay_s: float, act: Act) -> None:
+        """Plans `act` once in this life."""
+        self.world.after(delay_s, self._fire, self.life, None, act)
+
+    def _fire(self, life: int, period_s: float | None, act: Act) -> None:
         if life != self.life:
             return
         if self.stops:
             self._overdue.append((period_s, act))
             return
-        self.world.after(period_s + self.world.dice.random() * 1e-4, self._fire, life, period_s, act)
+        if period_s is not None:
+            self.world.after(period_s + self.world.dice.random() * 1e-4, self._fire, life, period_s, act)
         act()
 
     def deliver(self, act: Act, *args: Any) -> None:
@@ -218,8 +228,8 @@ class Process:
         elif len(self._inbox) < self.world.inbox_limit:
             self._inbox.append((act, args))
 
-    def send(self, sender: str, act: Act, *args: Any) -> None:
-        """A local datagram from `sender`: short random delay, order kept per sender."""
+    def post(self, sender: str, act: Act, *args: Any) -> None:
+        """Hands over a local datagram from `sender`: short random delay, order kept per sender."""
         world = self.world
         arrival_s = world.now + IPC_LEAST_S + world.dice.random() ** 4 * IPC_SPREAD_S
         tail_s = self._tails.get(sender, 0.0)

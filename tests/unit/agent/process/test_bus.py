@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_agent.process import bus
-from robot_offload_agent.process.bus import ENVELOPE, MAX_DATAGRAM, PASSED, Bus, Carried, Fatal, plain, typed
+from robot_offload_agent.process.bus import MAX_DATAGRAM, Bus, plain, typed
 from robot_offload_core import beats, envelope
+from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, Fatal, Speak
 from robot_offload_core.token import Token
 
 HEADER = envelope.encode(envelope.Envelope(Token("ab" * 16, 3, "cd" * 16), 7, 8))
@@ -42,9 +43,9 @@ def test_messages_arrive_in_order_and_typed(pair: tuple[Bus, Bus]) -> None:
     one, two = pair
     for number in range(3):
         assert one.send("two", Fatal("one", f"message {number}"))
-    assert one.send("two", bus.Speak("ab" * 16, beats.CloudReport(input_ages_us=(1, -1)), 5.0))
+    assert one.send("two", Speak("ab" * 16, beats.CloudReport(input_ages_us=(1, -1)), 5.0))
     assert [two.receive() for _ in range(3)] == [Fatal("one", f"message {n}") for n in range(3)]
-    assert two.receive() == bus.Speak("ab" * 16, beats.CloudReport(input_ages_us=(1, -1)), 5.0)
+    assert two.receive() == Speak("ab" * 16, beats.CloudReport(input_ages_us=(1, -1)), 5.0)
     assert two.receive() is None
 
 

@@ -150,7 +150,7 @@ def test_a_second_supervisor_of_the_same_folder_is_refused_and_the_first_goes_on
 
 def test_children_outlive_their_supervisor_and_the_next_one_ends_them_and_starts_anew(family: Family) -> None:
     first = family.start("one=sleep")
-    assert until(lambda: family.lives("one"))
+    assert until(lambda: family.lives("one") and family.pid("one"))
     stray = family.pid("one")
     first.kill()
     first.wait(PATIENCE_S)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_agent.data import probe
+from robot_offload_core.process import probe
 
 TABLES = st.dictionaries(st.text(), st.text())
 

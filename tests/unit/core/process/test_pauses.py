@@ -1,6 +1,6 @@
 """A process that did not run for a while must not take what waited for new."""
 
-from robot_offload_agent.process.pauses import DRAIN_S, LIMIT_S, Pauses
+from robot_offload_core.process.pauses import DRAIN_S, LIMIT_S, Pauses
 
 
 def test_a_process_that_runs_all_the_time_takes_everything_for_new() -> None:

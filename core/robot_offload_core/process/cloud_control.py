@@ -1,0 +1,123 @@
+"""What the cloud's control process does around the lease: levels out, requests by hand to the robot."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from robot_offload_core import guardians, lease, links
+from robot_offload_core.beats import Beat
+from robot_offload_core.change import replace
+from robot_offload_core.events import Acting, Tick
+from robot_offload_core.process.control import ControlPorts, ControlProcess
+from robot_offload_core.process.messages import DataStatus, Egress, Speak
+from robot_offload_core.settings import NodeSpec, Settings
+from robot_offload_core.token import Site
+
+REQUEST_LIFE_S = 2.0
+"""How long a switch asked for here is offered to the robot before it is refused."""
+
+
+class CloudControlPorts(ControlPorts, Protocol):
+    """What the shell does for the cloud's control process besides."""
+
+    def decided(self, reason: str, message: str) -> None:
+        """Logs a decision."""
+
+
+class CloudControlProcess(ControlProcess):
+    """See the module.
+
+    Attributes:
+        cloud: state of the lease machine. link: health of the link to the robot served.
+        complete: the latched inputs are the robot's. data_s: when the data process last reported.
+        data_status: its newest report with details.
+        request: the switch by hand that is offered to the robot; "" for none.
+    """
+
+    def __init__(
+        self, settings: Settings, nodes: tuple[NodeSpec, ...], ports: CloudControlPorts, incarnation: str
+    ) -> None:
+        super().__init__(ports, incarnation, guardians.start(nodes, settings.activation_deadline_s))
+        self.ports: CloudControlPorts = ports
+        self.settings = settings
+        self.cloud = lease.Cloud(incarnation, settings)
+        self.link = links.Link()
+        self.data_s = ports.now_s()
+        self.data_status: DataStatus | None = None
+        self.complete = False
+        self.request = ""
+        self.requests = 0
+        self.request_key = 0
+        self.request_until_s = 0.0
+        self.told: tuple[object, ...] = ()
+        self.told_s = 0.0
+
+    def ask(self, site: Site, key: int) -> None:
+        """Asks the robot for a switch by hand: it decides, the request travels with our probes."""
+        self.requests += 1
+        self.request = f"{site.value}:{self.incarnation[:8]}.{self.requests}"
+        self.request_until_s = self.ports.now_s() + REQUEST_LIFE_S
+        self.request_key = key
+
+    def arrived(self, beat: Beat, arrived_s: float, wall_us: int) -> None:
+        """Takes a beat of a robot."""
+        self.step(lease.RobotBeat(beat, arrived_s))
+        if beat.incarnation == self.cloud.robot:
+            self.link = links.hear(self.link, beat, self.incarnation, arrived_s, wall_us)
+
+    def handle(self, message: object) -> None:
+        """Takes the data process's report."""
+        if not isinstance(message, DataStatus) or message.cloud_data is None:
+            return
+        self.data_s = self.ports.now_s()
+        if message.counters:
+            self.data_status = message
+        if message.complete is not self.complete:
+            self.complete = message.complete
+            self.ready_changed(self.is_ready())
+        request, _, answer = message.word.partition("|")
+        if request and request == self.request:
+            accepted, _, text = answer.partition("|")
+            self.ports.answer(self.request_key, accepted == "1", text)
+            self.request = ""
+        self.step(message.cloud_data)
+
+    def tick(self) -> None:
+        """Lets time pass for the lease machine."""
+        self.check_ready()
+        self.step(Tick())
+        if self.request and self.ports.now_s() >= self.request_until_s:
+            self.ports.answer(self.request_key, False, "Refused (RobotUnheard): the robot did not answer")
+            self.request = ""
+
+    def ready_changed(self, ready: bool) -> None:
+        """Takes readiness: the CORE nodes are Active and the latched inputs are the robot's."""
+        self.step(lease.CloudNodes(ready and self.complete))
+
+    def step(self, event: lease.Event) -> None:
+        """Steps the lease and carries out its commands."""
+        now_s = self.ports.now_s()
+        self.cloud, commands = lease.step(self.cloud, event, now_s)
+        report = next(c.report for c in commands if isinstance(c, lease.SetReport))
+        egress = next(c for c in commands if isinstance(c, lease.SetEgress))
+        # Ages change with every step and are worth sending once a beat; everything else at once.
+        level = (replace(report, data_age_us=0, input_ages_us=()), egress, self.request)
+        if level != self.told or now_s - self.told_s >= self.settings.beat_period_s:
+            self.told, self.told_s = level, now_s
+            self.ports.send("pulse", Speak(self.incarnation, report, now_s))
+            words = (self.incarnation, self.cloud.robot, egress, self.node_states(), self.request)
+            self.ports.send("data", Egress(*words))
+        for command in commands:
+            if isinstance(command, Acting) and command.acting is not self.guardian.acting:
+                self.guard(Acting(command.acting))
+            elif isinstance(command, lease.StandChanged):
+                self.ports.decided(command.reason, command.message)
+
+    def health(self) -> links.Health | None:
+        """Returns the health of the link to the robot served; None when there is none."""
+        return links.health(self.link, self.ports.now_s()) if self.cloud.robot else None
+
+    def sustained(self) -> int:
+        """Returns 1 while a robot is heard."""
+        alive = self.ports.now_s() - self.cloud.robot_s <= self.settings.loss_timeout_s
+        return int(bool(self.cloud.robot) and alive)

@@ -1,0 +1,163 @@
+"""What the cloud's data process does: inputs to the replicas, and the egress, where the lease is read per message."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import Any, Protocol
+
+from robot_offload_core import envelope
+from robot_offload_core.envelope import Envelope
+from robot_offload_core.lease import CloudData, SetEgress
+from robot_offload_core.process import probe
+from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
+from robot_offload_core.process.messages import DataStatus, Egress, Limits
+from robot_offload_core.process.probe import Probe
+from robot_offload_core.token import Token
+
+CLOSED = Egress("", "", SetEgress(None, 0.0))
+MAX_LATCHED = 32
+"""Values kept per latched input."""
+
+
+class CloudDataPorts(DataPorts, Protocol):
+    """What the shell does for the cloud's data process besides."""
+
+    def publish_output(self, index: int, payload: Any) -> None:
+        """Publishes a message of output `index` to its consumers in the cloud."""
+
+    def publish_input(self, name: str, payload: Any) -> bool:
+        """Publishes a message of an input to the replicas; returns False while its type is not known."""
+
+
+class CloudDataProcess(DataProcess):
+    """See the module.
+
+    Attributes:
+        egress: what may leave, from control.
+        sequence: newest of each output under its present token.
+        accepted: arrival of the newest message of each input, and the bound of its age then.
+        wanted: hash that the robot holds of each latched input. known_types: of inputs, as the robot says.
+    """
+
+    def __init__(self, plan: DataPlan, ports: CloudDataPorts) -> None:
+        super().__init__(plan, ports)
+        self.ports: CloudDataPorts = ports
+        self.egress = CLOSED
+        self.sequence: dict[tuple[int, Token], int] = defaultdict(int)
+        self.required = [i.name for i in plan.inputs if i.max_age_ms > 0]
+        self.max_age_ms = {i.name: i.max_age_ms for i in plan.inputs}
+        self.index = {output.name: index for index, output in enumerate(plan.outputs)}
+        self.accepted: dict[str, tuple[float, float]] = {}
+        self.wanted: dict[str, str] = {}
+        self.known_types: dict[str, str] = {}
+
+    # -- towards the robot --------------------------------------------------------------------------------------------
+
+    def leave(self, index: int, payload: Any) -> None:
+        """Lets a message of a replica leave, only under a valid lease, read at this very moment."""
+        output = self.plan.outputs[index]
+        if self.pauses.waited(self.ports.now_s()) and output.rated:
+            self.counters[f"{output.name}.waited"] += 1
+            return
+        egress, heard = self.egress.egress, self.heard
+        if egress.token is None or self.ports.now_s() >= egress.lease_end_s:
+            self.counters[f"{output.name}.held_back"] += 1
+            return
+        echo_us = heard.sent_us if heard and heard.incarnation == egress.token.robot else 0
+        key = (index, egress.token)
+        if key not in self.sequence:
+            for old in [k for k in self.sequence if k[0] == index]:
+                del self.sequence[old]
+        self.sequence[key] += 1
+        header = envelope.encode(Envelope(egress.token, self.sequence[key], echo_us))
+        if self.ports.now_s() >= egress.lease_end_s:  # stopped between the first look and here
+            self.counters[f"{output.name}.held_back"] += 1
+            return
+        sent = self.ports.cross(f"out/{output.name}", header, payload)
+        self.counters[f"{output.name}.{'sent' if sent else 'unsent'}"] += 1
+        if output.mirrored and self.plan.carried:
+            self.ports.publish_output(index, payload)
+
+    # -- from the robot -----------------------------------------------------------------------------------------------
+
+    def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
+        """Takes an input, or what has passed at the robot's collector."""
+        del header
+        if opened.token.robot != self.egress.robot or not opened.token.robot:
+            self.counters[f"{name}.foreign"] += 1
+            return
+        if kind == "mirror":
+            if name in self.index:
+                self.ports.publish_output(self.index[name], payload)
+            return
+        if kind != "in" or name not in self.max_age_ms:
+            return
+        now_s = self.ports.now_s()
+        known = opened.token.cloud == self.egress.incarnation  # else the echo is of another host's clock
+        age_s = opened.age_s(now_s) if known else float("inf")
+        if self.max_age_ms[name] and age_s * 1e3 > self.max_age_ms[name]:
+            self.counters[f"{name}.too_old"] += 1
+            return
+        with self.ports.lock:
+            self.accepted[name] = (now_s, age_s)
+            if name in self.latched:
+                self._keep_latched(name, payload)
+        published = self.ports.publish_input(name, payload)
+        self.counters[f"{name}.{'published' if published else 'no_type'}"] += 1
+
+    def _keep_latched(self, name: str, payload: Any) -> None:
+        """Keeps the values that make up the robot's hash: the newest ones, as many as give it."""
+        values = [v for v in self.latched[name] if v != payload] + [payload]
+        target = self.wanted.get(name, "")
+        for start_at in range(len(values)):
+            if probe.digest(values[start_at:]) == target:
+                values = values[start_at:]
+                break
+        self.latched[name] = values[-MAX_LATCHED:]
+
+    def watch(self, name: str) -> None:
+        """Notes that an input arrived by itself, as on DDS transports; only its silence can be judged there."""
+        self.accepted[name] = (self.ports.now_s(), 0.0)
+
+    # -- levels -------------------------------------------------------------------------------------------------------
+
+    def order(self, message: object) -> None:
+        """Takes the lease from control."""
+        if isinstance(message, Egress):
+            self.egress = message
+
+    def limit(self, limits: Limits) -> None:
+        """Takes the oldest age of each input."""
+        self.max_age_ms.update({name: age_ms for name, age_ms, _ in limits.inputs})
+
+    def make_probe(self) -> Probe:
+        """Returns identity, hashes held, types found in the graph, node states and a request."""
+        egress = self.egress
+        return Probe(egress.incarnation, self.digests(), self.ports.types(), dict(egress.nodes), egress.word)
+
+    def knows(self, incarnation: str) -> bool:
+        """Returns True for the robot served: a second one of the same identity must not disturb the first."""
+        return bool(incarnation) and incarnation == self.egress.robot
+
+    def probed(self, received: Probe) -> None:
+        """Takes types and wanted hashes from the robot."""
+        self.wanted = received.latched
+        for name, type_name in received.types.items():
+            self.known_types.setdefault(name, type_name)
+
+    def complete(self) -> bool:
+        """Returns whether the latched inputs are the robot's."""
+        with self.ports.lock:
+            return all(self.latched.get(n) and probe.digest(self.latched[n]) == h for n, h in self.wanted.items())
+
+    def report(self, now_s: float, detailed: bool) -> None:
+        """Reports to control."""
+        _, endpoint = self.ports.link_status()
+        ages = tuple(
+            None if name not in self.accepted else now_s - self.accepted[name][0] + self.accepted[name][1]
+            for name in self.required
+        )
+        data = CloudData(self.probe_age_s(now_s), ages)
+        problems, counters = self.details(detailed)
+        word = self.probe.word if self.probe else ""
+        self.ports.send("control", DataStatus(None, data, self.complete(), endpoint, word, (), problems, counters))

@@ -1,0 +1,201 @@
+"""What the collector process does with each message and each word of control.
+
+Not safe for several threads by itself: the shell holds one lock around every call.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from robot_offload_core import collectors, envelope
+from robot_offload_core.collectors import Charge, Collector, Passage
+from robot_offload_core.envelope import Envelope, EnvelopeError
+from robot_offload_core.placement import SetGate
+from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CollectorStatus, Limits
+from robot_offload_core.process.pauses import Pauses
+from robot_offload_core.settings import OutputSpec
+from robot_offload_core.token import Token
+
+TURN_S = 0.020
+"""How often the process looks whether anything has changed that control must know."""
+REPORTS_PER_LEASE = 3
+"""Control gets a report this often in any case, ten times a second at least."""
+DETAIL_PERIOD_S = 1.0
+"""Problems and counters go to control this often; a report in between carries none."""
+
+
+class CollectorPorts(Protocol):
+    """What the shell does for the collector."""
+
+    def now_s(self) -> float:
+        """Returns the steady clock, seconds."""
+
+    def send(self, to: str, message: object) -> bool:
+        """Sends a message to another process of this agent."""
+
+    def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
+        """Sends an output's message with its header to another process of this agent."""
+
+    def publish(self, index: int, payload: Any) -> None:
+        """Publishes a message to the consumers of output `index`."""
+
+    def save(self, state: Collector) -> None:
+        """Keeps who passes now, for the next life of this process."""
+
+    def fell_silent(self) -> None:
+        """Logs that control has been silent for too long."""
+
+
+@dataclass(frozen=True)
+class CollectorPlan:
+    """What the configuration says of the collector.
+
+    Attributes:
+        outputs: the collected outputs; mirrored: whether consumers in the cloud get what passes, per output.
+        max_age_s, lease_s: see `collectors.Collector`.
+    """
+
+    outputs: tuple[OutputSpec, ...]
+    mirrored: tuple[bool, ...]
+    max_age_s: float
+    lease_s: float
+
+
+class CollectorProcess:
+    """The collector and what surrounds its machine: held messages, the mirror, pauses, reports.
+
+    Attributes:
+        state: of the machine. held: newest message per output of the side that gets ready.
+        sequence: of the robot's messages; grows over restarts of this process.
+        problems: by key, for diagnostics. counters: per output, side and reason.
+    """
+
+    def __init__(
+        self, plan: CollectorPlan, ports: CollectorPorts, remembered: tuple[Charge, int, bool] | None = None
+    ) -> None:
+        now_s = ports.now_s()
+        self.plan = plan
+        self.ports = ports
+        self.state = collectors.start(plan.outputs, plan.max_age_s, plan.lease_s)
+        if remembered is not None:
+            self.state = collectors.resume(self.state, *remembered, now_s)
+        self.pauses = Pauses(now_s)
+        self.sequence = round(now_s * 1e6)
+        self.held: dict[int, Any] = {}
+        self.counters: Counter[str] = Counter()
+        self.problems: dict[str, tuple[str, str]] = {}
+        self.detail_due_s = self.report_due_s = 0.0
+        self.report_period_s = report_period_s(plan.lease_s)
+        self.reported: collectors.GateReport | None = None
+
+    def note(self, key: str, problem: tuple[str, str] | None) -> None:
+        """Keeps or clears a problem for diagnostics."""
+        if problem is None:
+            self.problems.pop(key, None)
+        else:
+            self.problems[key] = problem
+
+    # -- messages of the two replicas ---------------------------------------------------------------------------------
+
+    def offer_robot(self, index: int, payload: Any) -> None:
+        """Takes a message of the robot's replica; one of a rated output that waited through a pause is dropped."""
+        now_s = self.ports.now_s()
+        spec = self.plan.outputs[index]
+        if self.pauses.waited(now_s) and spec.deadline_s:
+            self.counters[f"{spec.name}.robot.waited"] += 1
+            return
+        self.sequence += 1
+        state, passage = collectors.offer_robot(self.state, index, self.sequence, now_s)
+        changed = self._keep(state)
+        self._publish(index, payload, passage)
+        self._count("robot", index, passage)
+        if changed:
+            self.report()
+        if passage.passes and self.plan.mirrored[index]:
+            charge = self.state.charge
+            token = charge.token if charge is not None else Token("", 0, "")
+            header = envelope.encode(Envelope(token, self.sequence, 0))
+            self.ports.carry("data", PASSED, index, header, payload)
+
+    def offer_cloud(self, message: Carried) -> None:
+        """Takes a message of the cloud's replica, which the data process carried here."""
+        index = message.index
+        try:
+            header = envelope.decode(message.header)
+        except EnvelopeError:
+            self.counters["cloud_garbage"] += 1
+            return
+        if index >= len(self.plan.outputs):
+            self.counters["cloud_garbage"] += 1
+            return
+        state, passage = collectors.offer_cloud(self.state, index, header, self.ports.now_s())
+        changed = self._keep(state)
+        self._publish(index, message.payload, passage)
+        self._count("cloud", index, passage)
+        if changed:
+            self.report()
+
+    def _publish(self, index: int, payload: Any, passage: Passage) -> None:
+        """Publishes a message, or holds it for the changeover, as the machine says."""
+        if passage.reason == "NotAllReady":
+            self.held[index] = payload
+        if not passage.passes:
+            return
+        for other in passage.also:
+            if other in self.held:
+                self.ports.publish(other, self.held[other])
+        if passage.reason == "ChangedOver":
+            self.held.clear()
+        self.ports.publish(index, payload)
+
+    def _count(self, side: str, index: int, passage: Passage) -> None:
+        name = self.plan.outputs[index].name
+        self.counters[f"{name}.{side}.{'passed' if passage.passes else passage.reason}"] += 1
+
+    def _keep(self, state: Collector) -> bool:
+        """Takes over the next state; returns whether who passes has changed, which is remembered."""
+        before, self.state = self.state, state
+        changed = (before.charge, before.fell_back) != (state.charge, state.fell_back)
+        if changed:
+            self.ports.save(state)
+        return changed
+
+    # -- words of control ---------------------------------------------------------------------------------------------
+
+    def handle(self, message: object) -> None:
+        """Takes one datagram of another process."""
+        if isinstance(message, SetGate):
+            if self._keep(collectors.set_gate(self.state, message.gate, self.ports.now_s())):
+                self.report()
+        elif isinstance(message, Carried) and message.kind == ENVELOPE:
+            self.offer_cloud(message)
+        elif isinstance(message, Limits):
+            self.report_period_s = report_period_s(message.gate_timeout_s)
+            self.state = collectors.limit(self.state, message.max_command_age_s, message.gate_timeout_s)
+
+    def woke(self) -> None:
+        """Notes a sign of life of the process: a long silence of ours is a pause."""
+        self.pauses.waited(self.ports.now_s())
+
+    def report(self, *, only_news: bool = False) -> None:
+        """Reports to control, and notices that control fell silent."""
+        now_s = self.ports.now_s()
+        if self._keep(collectors.turn(self.state, now_s)):
+            self.ports.fell_silent()
+        report = collectors.report(self.state, now_s)
+        if only_news and report == self.reported and now_s < self.report_due_s:
+            return
+        self.reported, self.report_due_s = report, now_s + self.report_period_s
+        problems: tuple[tuple[str, str], ...] = ()
+        counters: tuple[tuple[str, int], ...] = ()
+        if now_s >= self.detail_due_s:
+            self.detail_due_s = now_s + DETAIL_PERIOD_S
+            problems, counters = tuple(self.problems.values()), tuple(sorted(self.counters.items()))
+        self.ports.send("control", CollectorStatus(report, problems, counters))
+
+
+def report_period_s(lease_s: float) -> float:
+    """Returns how often control gets a report in any case, seconds."""
+    return min(0.1, lease_s / REPORTS_PER_LEASE)

@@ -1,0 +1,104 @@
+"""What the control processes of both sides do alike: the guardian, and which level is sent again when.
+
+All calls come from one thread, the deciding one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Protocol
+
+from robot_offload_core import guardians
+from robot_offload_core.beats import Beat
+from robot_offload_core.events import Tick
+from robot_offload_core.guardians import Guardian
+
+
+class ControlPorts(Protocol):
+    """What the shell does for a control process."""
+
+    def now_s(self) -> float:
+        """Returns the steady clock, seconds."""
+
+    def send(self, to: str, message: object) -> bool:
+        """Sends a message to another process of this agent."""
+
+    def carry_out(self, command: guardians.Command) -> None:
+        """Calls a lifecycle service or the driver, or logs what the guardian reports."""
+
+    def answer(self, key: int, accepted: bool, message: str) -> None:
+        """Answers a switch by hand."""
+
+    def network_status(self, sustained: int) -> None:
+        """Publishes that the link sustains the cloud (1), or does not any more (0)."""
+
+
+class ControlProcess(ABC):
+    """Base of both sides.
+
+    Attributes:
+        guardian: state of its machine. told_ready: the readiness of this side's nodes that was taken into account.
+    """
+
+    def __init__(self, ports: ControlPorts, incarnation: str, guard: Guardian) -> None:
+        self.ports = ports
+        self.incarnation = incarnation
+        self.guardian = guard
+        self.told_ready: bool | None = None
+        self.told_sustained = 0
+
+    def guard(self, event: guardians.Event) -> None:
+        """Steps the guardian and has its commands carried out."""
+        self.guardian, commands = guardians.step(self.guardian, event, self.ports.now_s())
+        for command in commands:
+            self.ports.carry_out(command)
+        self.check_ready()
+
+    def check_ready(self) -> None:
+        """Takes the readiness of this side's nodes into account when it changed, and once at the start."""
+        ready = self.is_ready()
+        if ready is not self.told_ready:
+            self.told_ready = ready
+            self.ready_changed(ready)
+
+    def is_ready(self) -> bool:
+        """Returns whether this side's CORE nodes are Active."""
+        return guardians.is_ready(self.guardian)
+
+    def node_states(self) -> tuple[tuple[str, str], ...]:
+        """Returns (node, lifecycle state) of this side."""
+        return tuple((n.spec.name, n.state.value) for n in self.guardian.nodes if n.spec.lifecycle)
+
+    def turn(self) -> None:
+        """Lets time pass: the machine's tick, the guardian's, and the network status."""
+        self.tick()
+        self.guard(Tick())
+        if self.sustained() != self.told_sustained:
+            self.told_sustained = 1 - self.told_sustained
+            self.ports.network_status(self.told_sustained)
+
+    def next_deadline_s(self) -> float:
+        """Returns when a turn is worth more than at the next period; infinite when there is nothing to wait for."""
+        return float("inf")
+
+    # -- what each side does in its own way ---------------------------------------------------------------------------
+
+    @abstractmethod
+    def arrived(self, beat: Beat, arrived_s: float, wall_us: int) -> None:
+        """Takes a beat of the other side."""
+
+    @abstractmethod
+    def handle(self, message: object) -> None:
+        """Takes any other datagram."""
+
+    @abstractmethod
+    def tick(self) -> None:
+        """Lets time pass for the machine."""
+
+    @abstractmethod
+    def ready_changed(self, ready: bool) -> None:
+        """Takes the changed readiness of this side's nodes."""
+
+    @abstractmethod
+    def sustained(self) -> int:
+        """Returns 1 while the link sustains the cloud."""

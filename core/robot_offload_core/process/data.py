@@ -1,0 +1,242 @@
+"""What the data processes of both sides do alike: probes out and in, notes passed on, reports.
+
+Several threads may call: those of the link (`arrived`), of ROS (messages of the user's nodes) and the bus (the rest).
+Levels are read once per call, what is changed by two threads is guarded by the lock of the shell.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from robot_offload_core import envelope
+from robot_offload_core.envelope import Envelope, EnvelopeError
+from robot_offload_core.placement import Reopen
+from robot_offload_core.process import probe
+from robot_offload_core.process.messages import Heard, Limits, Notes
+from robot_offload_core.process.pauses import Pauses
+from robot_offload_core.process.probe import Probe, ProbeError
+
+STATUS_PERIOD_S = 0.040
+DETAIL_PERIOD_S = 1.0
+
+
+class DataPorts(Protocol):
+    """What the shell does for a data process."""
+
+    @property
+    def lock(self) -> AbstractContextManager[Any]:
+        """Returns what guards state that several threads change."""
+
+    def now_s(self) -> float:
+        """Returns the steady clock, seconds."""
+
+    def send(self, to: str, message: object) -> bool:
+        """Sends a message to another process of this agent."""
+
+    def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
+        """Sends an output's message with its header to another process of this agent."""
+
+    def cross(self, channel: str, header: bytes, payload: Any) -> bool:
+        """Sends over the link; returns False when the message was certainly not sent."""
+
+    def link_status(self) -> tuple[bool, str]:
+        """Returns whether the data session is connected, and its endpoint."""
+
+    def reopen(self, reason: str) -> None:
+        """Drops the data session and opens a new one."""
+
+    def types(self) -> dict[str, str]:
+        """Returns the interface types that this side has found in the graph, by input or output."""
+
+    def warn(self, message: str) -> None:
+        """Logs a warning."""
+
+
+@dataclass(frozen=True)
+class InputPlan:
+    """An input as the data processes need it.
+
+    Attributes:
+        name: of the input. max_age_ms: oldest message that the replicas get; 0: any, and the input is not required.
+        rate_hz: most messages a second to the cloud; 0: all. latched: last values are kept and exchanged.
+    """
+
+    name: str
+    max_age_ms: float = 0.0
+    rate_hz: float = 0.0
+    latched: bool = False
+
+
+@dataclass(frozen=True)
+class OutputPlan:
+    """An output as the data processes need it: its silence is judged (`rated`), it has consumers in the cloud."""
+
+    name: str
+    rated: bool = True
+    mirrored: bool = False
+
+
+@dataclass(frozen=True)
+class DataPlan:
+    """What the configuration says of data; `carried`: the agents carry inputs and mirrored outputs (Zenoh)."""
+
+    inputs: tuple[InputPlan, ...]
+    outputs: tuple[OutputPlan, ...]
+    carried: bool = True
+
+
+class DataProcess(ABC):
+    """Base of both sides.
+
+    Attributes:
+        heard: the newest beat of the partner, for echo references.
+        probe, probe_s: the newest probe of the other side, and its arrival.
+        latched: last values of each latched input that this side holds.
+        notes: of our control, for the other side.
+        problems: by key, for diagnostics. counters: by name.
+    """
+
+    def __init__(self, plan: DataPlan, ports: DataPorts) -> None:
+        self.plan = plan
+        self.ports = ports
+        self.pauses = Pauses(ports.now_s())
+        self.heard: Heard | None = None
+        self.probe: Probe | None = None
+        self.probe_s: float | None = None
+        self.latched: dict[str, list[Any]] = {i.name: [] for i in plan.inputs if i.latched}
+        self.notes = ""
+        self.notes_passed: tuple[str, str] = ("", "")
+        self.notes_due_s = 0.0
+        self.counters: Counter[str] = Counter()
+        self.problems: dict[str, tuple[str, str]] = {}
+        self.status_due_s = self.probe_due_s = self.detail_due_s = ports.now_s()
+
+    # -- the bus ------------------------------------------------------------------------------------------------------
+
+    def handle(self, message: object) -> None:
+        """Takes one datagram of another process."""
+        if isinstance(message, Heard):
+            self.heard = message
+        elif isinstance(message, Reopen):
+            self.ports.reopen(message.reason)
+        elif isinstance(message, Notes):
+            self.notes = message.text
+        elif isinstance(message, Limits):
+            self.limit(message)
+        else:
+            self.order(message)
+
+    def woke(self) -> None:
+        """Notes a sign of life of the process: a long silence of ours is a pause."""
+        self.pauses.waited(self.ports.now_s())
+
+    @property
+    def due_s(self) -> float:
+        """When `turn` has something to do."""
+        return min(self.status_due_s, self.probe_due_s)
+
+    def turn(self) -> None:
+        """Sends the probe and the report that are due."""
+        now_s = self.ports.now_s()
+        if now_s >= self.probe_due_s:
+            self.probe_due_s = now_s + probe.PERIOD_S
+            self.ports.cross("probe", b"-", probe.encode(replace(self.make_probe(), notes=self.notes)))
+        if now_s >= self.status_due_s:
+            self.status_due_s = now_s + STATUS_PERIOD_S
+            detailed = now_s >= self.detail_due_s
+            self.detail_due_s = now_s + DETAIL_PERIOD_S if detailed else self.detail_due_s
+            self.report(now_s, detailed)
+
+    def note(self, key: str, problem: tuple[str, str] | None) -> None:
+        """Keeps or clears a problem for diagnostics."""
+        if problem is None:
+            self.problems.pop(key, None)
+        else:
+            self.problems[key] = problem
+
+    def details(self, detailed: bool) -> tuple[tuple[tuple[str, str], ...], tuple[tuple[str, int], ...]]:
+        """Returns problems and counters for a detailed report, nothing otherwise."""
+        if not detailed:
+            return (), ()
+        return tuple(self.problems.values()), tuple(sorted(self.counters.items()))
+
+    # -- the link -----------------------------------------------------------------------------------------------------
+
+    def arrived(self, channel: str, header: bytes, payload: Any) -> None:
+        """Takes a message of the other side."""
+        if channel == "probe":
+            self._probe_arrived(payload)
+            return
+        kind, _, name = channel.partition("/")
+        try:
+            opened = envelope.decode(header)
+        except EnvelopeError:
+            self.counters["garbage"] += 1
+            return
+        self.carried_in(kind, name, opened, header, payload)
+
+    def _probe_arrived(self, payload: bytes) -> None:
+        try:
+            received = probe.decode(payload)
+        except ProbeError as error:
+            self.counters["garbage"] += 1
+            if self.counters["garbage"] == 1:
+                self.ports.warn(f"Ignoring a foreign probe ({error}); more of them are only counted")
+            return
+        if not self.knows(received.incarnation):
+            self.counters["probe.foreign"] += 1
+            return
+        with self.ports.lock:
+            self.probe, self.probe_s = received, self.ports.now_s()
+        self.probed(received)
+        self._pass_notes(received)
+
+    def _pass_notes(self, received: Probe) -> None:
+        """Passes notes of the other side's control to ours: at changes, and once a second because ours may be new."""
+        notes, now_s = (received.incarnation, received.notes), self.ports.now_s()
+        if received.notes and (notes != self.notes_passed or now_s >= self.notes_due_s):
+            self.notes_passed, self.notes_due_s = notes, now_s + DETAIL_PERIOD_S
+            self.ports.send("control", Notes(*notes))
+
+    def probe_age_s(self, now_s: float) -> float | None:
+        """Returns seconds since the other side was last heard on the data session; None: never."""
+        return None if self.probe_s is None else now_s - self.probe_s
+
+    def digests(self) -> dict[str, str]:
+        """Returns the hash of the values held of each latched input."""
+        with self.ports.lock:
+            return {name: probe.digest(values) for name, values in self.latched.items() if values}
+
+    # -- what each side does in its own way ---------------------------------------------------------------------------
+
+    @abstractmethod
+    def order(self, message: object) -> None:
+        """Takes a message of control or of the collector."""
+
+    @abstractmethod
+    def limit(self, limits: Limits) -> None:
+        """Takes limits that control has changed."""
+
+    @abstractmethod
+    def make_probe(self) -> Probe:
+        """Returns what this side says in its probes."""
+
+    @abstractmethod
+    def knows(self, incarnation: str) -> bool:
+        """Returns whether a probe of that incarnation of the other side is for us."""
+
+    @abstractmethod
+    def probed(self, received: Probe) -> None:
+        """Takes a probe of the other side."""
+
+    @abstractmethod
+    def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
+        """Takes a message of the other side that arrived on channel kind/name."""
+
+    @abstractmethod
+    def report(self, now_s: float, detailed: bool) -> None:
+        """Reports to control."""

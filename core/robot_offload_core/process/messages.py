@@ -1,0 +1,160 @@
+"""The messages that the processes of one agent exchange. Each is a level: losing one loses nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from robot_offload_core import beats, collectors, lease, placement
+
+ENVELOPE = b"e"
+"""A `Carried` message of the cloud's replica on its way to the collector."""
+PASSED = b"p"
+"""A `Carried` message that has passed at the collector, on its way to consumers in the cloud."""
+
+
+@dataclass(frozen=True)
+class Speak:
+    """control -> pulse: what to say in this side's beats, said at `said_s`; renewed with every beat period."""
+
+    incarnation: str
+    body: beats.Permission | beats.CloudReport
+    said_s: float
+
+
+@dataclass(frozen=True)
+class Arrived:
+    """pulse -> control: a newer beat arrived; and our own newest beat, which saves control a wake-up."""
+
+    text: str
+    arrived_s: float
+    wall_us: int
+    sent: placement.PulseSent | None
+
+
+@dataclass(frozen=True)
+class Heard:
+    """pulse -> data: the newest beat of the partner, to refer to in envelopes."""
+
+    incarnation: str
+    sent_us: int
+    arrived_s: float
+
+
+@dataclass(frozen=True)
+class PulseStatus:
+    """pulse -> control, once a second and at changes: the session and what was not understood."""
+
+    connected: bool
+    endpoint: str
+    fallback: bool
+    sessions: int
+    message: str
+    garbage: tuple[tuple[str, int], ...]
+    realtime: str
+
+
+@dataclass(frozen=True)
+class Orders:
+    """control -> data (robot): identity for headers and probes, renewed with every beat period.
+
+    `word` answers a switch by hand that was asked for in the cloud: `REQUEST|0 or 1|message`, "" for none.
+    """
+
+    incarnation: str
+    epoch: int
+    word: str = ""
+
+
+@dataclass(frozen=True)
+class Egress:
+    """control -> data (cloud), renewed with every beat heard: what may leave.
+
+    Attributes:
+        incarnation: of our control process.
+        robot: incarnation of the robot served; inputs of others are refused.
+        egress: token and end of the lease; token None closes.
+        nodes: (node, lifecycle state) here, for the robot's guardian.
+        word: a switch by hand asked for here, `SITE:number`; "" for none.
+    """
+
+    incarnation: str
+    robot: str
+    egress: lease.SetEgress
+    nodes: tuple[tuple[str, str], ...] = ()
+    word: str = ""
+
+
+@dataclass(frozen=True)
+class DataStatus:
+    """data -> control: the data session and its counters.
+
+    Attributes:
+        report: for the robot's machine; None in the cloud.
+        cloud_data: for the cloud's machine; None on the robot.
+        complete: the last values of all latched inputs are the robot's (cloud only).
+        word: what the other side's control says (see Orders and Egress).
+        replicas: (node, lifecycle state) of the other side.
+        problems: (reason, message) for diagnostics.
+        counters: (name, value) for diagnostics.
+    """
+
+    report: placement.DataReported | None
+    cloud_data: lease.CloudData | None
+    complete: bool
+    endpoint: str
+    word: str = ""
+    replicas: tuple[tuple[str, str], ...] = ()
+    problems: tuple[tuple[str, str], ...] = ()
+    counters: tuple[tuple[str, int], ...] = ()
+
+
+@dataclass(frozen=True)
+class CollectorStatus:
+    """collector -> control, every 20 ms; once a second with problems and counters."""
+
+    report: collectors.GateReport
+    problems: tuple[tuple[str, str], ...] = ()
+    counters: tuple[tuple[str, int], ...] = ()
+
+
+@dataclass(frozen=True)
+class Notes:
+    """control <-> data, once a second and at changes: notes for the other side, and notes of the other side.
+
+    `incarnation` is of the control process that wrote them.
+    """
+
+    incarnation: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Limits:
+    """control -> collector and data, once a second and at changes: limits that can change at run time.
+
+    `inputs` holds (input, oldest age in ms, most messages a second) of each input.
+    """
+
+    max_command_age_s: float
+    gate_timeout_s: float
+    inputs: tuple[tuple[str, float, float], ...]
+
+
+@dataclass(frozen=True)
+class Fatal:
+    """any -> supervisor: the start must fail with this message and exit code."""
+
+    process: str
+    message: str
+    exit_code: int = 4
+
+
+@dataclass(frozen=True)
+class Carried:
+    """An output's message with its header; `kind` is ENVELOPE or PASSED. The payload is opaque here."""
+
+    kind: bytes
+    index: int
+    header: bytes
+    payload: Any

@@ -1,0 +1,225 @@
+"""What the robot's control process does around the placement machine: levels out, reports in, requests of the cloud."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from robot_offload_core import guardians, health, placement, switcher
+from robot_offload_core.beats import Beat
+from robot_offload_core.change import replace
+from robot_offload_core.events import Acting, Tick
+from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
+from robot_offload_core.process.control import ControlPorts, ControlProcess
+from robot_offload_core.process.messages import CollectorStatus, DataStatus, Orders, Speak
+from robot_offload_core.settings import InputSpec, NodeSpec, Settings
+from robot_offload_core.settling import meanwhile
+from robot_offload_core.token import Site
+
+LEVELS_PER_LEASE = 5
+UNSEEN = guardians.State.UNKNOWN.value
+REPLICA_GRACE_S = 3.0
+"""How long a replica may be on its way before it is reported missing."""
+DEADLINE_MARGIN_S = 0.0005
+"""Behind a deadline, so that one turn finds it passed."""
+FROM_CLOUD = 0
+"""Key of a switch by hand that was asked for in the cloud."""
+
+
+class RobotControlPorts(ControlPorts, Protocol):
+    """What the shell does for the robot's control process besides."""
+
+    def decided(self, decided: Decided) -> None:
+        """Logs a decision and publishes the placement."""
+
+    def effects_changed(self) -> None:
+        """Publishes the placement again: another side's effects are admitted now."""
+
+
+@dataclass(frozen=True)
+class RobotPlan:
+    """What the configuration says of the robot's control.
+
+    Attributes:
+        settings: of the robot's file. asked: settings in force, which may have been changed since.
+        inputs: topics to the cloud. nodes: managed here. has_driver: there is an inhibit service.
+        pin: of a person on the robot.
+    """
+
+    settings: Settings
+    asked: Settings
+    inputs: tuple[InputSpec, ...]
+    nodes: tuple[NodeSpec, ...]
+    has_driver: bool = False
+    pin: Wish | None = None
+
+
+class RobotControlProcess(ControlProcess):
+    """See the module.
+
+    Attributes:
+        robot: state of the placement machine.
+        data_status, collector_status: newest reports with details. replicas: (node, state) in the cloud.
+        levels: what was sent last to each process, and when.
+        asked_in_cloud, cloud_answer: newest request from the cloud, and the answer, `0 or 1|message`.
+        left: (cloud, its last announced end), as far as obeyed.
+        effects: the side whose effects were admitted at the last look.
+        refused_words: how many requests from the cloud were none.
+    """
+
+    def __init__(self, plan: RobotPlan, ports: RobotControlPorts, incarnation: str, started_us: int) -> None:
+        guard = guardians.start(plan.nodes, plan.asked.activation_deadline_s, plan.has_driver)
+        super().__init__(ports, incarnation, guard)
+        self.ports: RobotControlPorts = ports
+        started_s = started_us / 1e6
+        # Until the cloud has stopped for sure the longest lease that an earlier process may have granted counts.
+        self.robot = Robot(
+            incarnation, started_us, meanwhile(plan.settings, plan.asked), plan.inputs,
+            since_s=started_s, charged_s=started_s, pin=plan.pin, asked=plan.asked,
+        )  # fmt: skip
+        self.settings = plan.asked
+        self.data_status: DataStatus | None = None
+        self.collector_status: CollectorStatus | None = None
+        self.levels: dict[str, tuple[SetGate | Orders, float]] = {}
+        self.replicas: dict[str, str] = {}
+        self.complete_s = started_s
+        self.effects: Site | None = None
+        self.asked_in_cloud = ""
+        self.cloud_answer = ""
+        self.left = ("", "")
+        self.refused_words = 0
+
+    # -- events in ----------------------------------------------------------------------------------------------------
+
+    def arrived(self, beat: Beat, arrived_s: float, wall_us: int) -> None:
+        """Takes a beat of the cloud."""
+        self.step(CloudBeat(beat, arrived_s, wall_us))
+
+    def handle(self, message: object) -> None:
+        """Takes reports of pulse, collector and data."""
+        if isinstance(message, placement.PulseSent):
+            self.step(message)
+        elif isinstance(message, CollectorStatus):
+            if message.counters:
+                self.collector_status = message
+            self.step(placement.GateReported(message.report))
+        elif isinstance(message, DataStatus) and message.report is not None:
+            if message.counters or message.replicas:
+                self.data_status = message
+            if message.replicas:
+                self.replicas = dict(message.replicas)
+            self.step(message.report)
+            self._ask_for_cloud(message.word)
+
+    def adopt(self, settings: Settings, inputs: tuple[InputSpec, ...]) -> None:
+        """Takes settings that were changed at run time."""
+        self.settings = settings
+        self.guardian = replace(self.guardian, grace_s=settings.activation_deadline_s)
+        self.step(placement.SetSettings(settings, inputs))
+
+    def announce_leaving(self, leaving: str, until_s: float) -> bool:
+        """Takes what the present cloud said of its end (`leaving`, "" for nothing); returns whether that was new."""
+        cloud = self.robot.link.peer
+        if not leaving or (cloud, leaving) == self.left:
+            return False
+        self.left = cloud, leaving
+        self.step(placement.CloudLeaving(cloud, until_s))
+        return True
+
+    def _ask_for_cloud(self, word: str) -> None:
+        """Carries out a switch by hand asked for in the cloud; each request once."""
+        if not word or word == self.asked_in_cloud:
+            return
+        self.asked_in_cloud = word
+        site, _, _ = word.partition(":")
+        if site in (Site.ROBOT.value, Site.CLOUD.value):
+            self.step(placement.SwitchByHand(Site(site), FROM_CLOUD))
+        else:
+            self.refused_words += 1
+            self.cloud_answer = "0|Refused (NotUnderstood): the robot's agent does not know this request"
+
+    def tick(self) -> None:
+        """Lets time pass for the placement machine."""
+        self.check_ready()
+        self.step(Tick())
+        if switcher.effects_site(self.robot, self.ports.now_s()) is not self.effects:
+            self.ports.effects_changed()
+
+    def next_deadline_s(self) -> float:
+        """Returns when the loss of the cloud is certain: it is noticed to the millisecond, not at the next turn."""
+        good_s = self.robot.situation.good_s
+        if good_s is None or switcher.site(self.robot) is not Site.CLOUD:
+            return float("inf")
+        return good_s + self.settings.loss_timeout_s + DEADLINE_MARGIN_S
+
+    def ready_changed(self, ready: bool) -> None:
+        """Takes the changed readiness of the robot's nodes."""
+        self.step(placement.NodesReported(ready))
+
+    # -- commands out -------------------------------------------------------------------------------------------------
+
+    def step(self, event: placement.Event) -> None:
+        """Steps the placement machine and carries out its commands."""
+        self.robot, commands = switcher.step(self.robot, event, self.ports.now_s())
+        for command in commands:
+            self._carry_out(command)
+
+    def _carry_out(self, command: placement.Command) -> None:
+        if isinstance(command, SetGate):
+            self._renew("collector", command)
+        elif isinstance(command, placement.Permit):
+            self.ports.send("pulse", Speak(self.incarnation, command.permission, self.ports.now_s()))
+            self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud()))
+        elif isinstance(command, Acting):
+            known = (self.guardian.acting, self.guardian.outputs_flow, self.guardian.in_charge)
+            if known != (command.acting, command.outputs_flow, command.acting and command.in_charge):
+                self.guard(Acting(command.acting, command.outputs_flow, command.in_charge))
+        elif isinstance(command, placement.Reopen):
+            for process in ("pulse", "data"):
+                self.ports.send(process, command)
+        elif isinstance(command, placement.Answer):
+            if command.key == FROM_CLOUD:
+                self.cloud_answer = f"{int(command.accepted)}|{command.message}"
+            else:
+                self.ports.answer(command.key, command.accepted, command.message)
+        elif isinstance(command, Decided):
+            self.ports.decided(command)
+
+    def _renew(self, process: str, message: SetGate | Orders) -> None:
+        """Sends a level at once when it changed, else five times in a lease: the others live with an older one."""
+        now_s = self.ports.now_s()
+        told, told_s = self.levels.get(process, (None, 0.0))
+        if message != told or now_s - told_s >= self.settings.lease_s / LEVELS_PER_LEASE:
+            self.levels[process] = message, now_s
+            self.ports.send(process, message)
+
+    def _answered_cloud(self) -> str:
+        """Returns the answer to the last request from the cloud, a level in our probes."""
+        return f"{self.asked_in_cloud}|{self.cloud_answer}" if self.asked_in_cloud else ""
+
+    # -- what is shown ------------------------------------------------------------------------------------------------
+
+    def take_effects(self) -> Site | None:
+        """Returns the side whose effects are admitted now, and remembers it as published."""
+        self.effects = switcher.effects_site(self.robot, self.ports.now_s())
+        return self.effects
+
+    def sustained(self) -> int:
+        """Returns 1 while the link sustains the cloud."""
+        now_s, heard_s = self.ports.now_s(), self.robot.link.heard_s
+        alive = heard_s is not None and now_s - heard_s <= self.settings.loss_timeout_s
+        return int(alive and health.fitness(self.robot.link, self.settings, now_s).ok)
+
+    def missing_replicas(self) -> tuple[str, str] | None:
+        """Returns a problem when the cloud, while it is connected, has not seen a duplicated node for a while."""
+        now_s = self.ports.now_s()
+        report = self.data_status.report if self.data_status else None
+        unseen = [
+            n.spec.name for n in self.guardian.nodes
+            if n.spec.duplicated and self.replicas.get(n.spec.name, UNSEEN) == UNSEEN
+        ]  # fmt: skip
+        if not unseen or report is None or not report.connected or not self.replicas:
+            self.complete_s = now_s
+        if now_s - self.complete_s < REPLICA_GRACE_S:
+            return None
+        return "ReplicaMissing", f"No replica in the cloud of: {', '.join(unseen)}"

@@ -1,0 +1,114 @@
+"""What the robot's data process does: inputs to the cloud, the cloud's envelopes to the collector."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from robot_offload_core import envelope
+from robot_offload_core.envelope import Envelope
+from robot_offload_core.placement import DataReported
+from robot_offload_core.process import probe
+from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
+from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, DataStatus, Limits, Orders
+from robot_offload_core.process.probe import Probe
+from robot_offload_core.token import Token
+
+RESEND_PERIOD_S = 0.5
+"""Latched values are sent again this often until the cloud shows that it holds them."""
+MAX_LATCHED = 32
+"""Values kept per latched topic; one per publisher, several for topics such as /tf_static."""
+EARLY_SHARE = 0.8
+"""Share of the least distance of two messages after which one passes: publishers jitter, not every second may fall."""
+
+
+class RobotDataProcess(DataProcess):
+    """See the module. `sequence`, `sent_s`: of each input; `least_s`: least distance of two messages of it."""
+
+    def __init__(self, plan: DataPlan, ports: DataPorts) -> None:
+        super().__init__(plan, ports)
+        self.orders = Orders("", 0)
+        self.sequence: dict[str, int] = {}
+        self.sent_s: dict[str, float] = {}
+        self.resent_s: dict[str, float] = {}
+        self.index = {output.name: index for index, output in enumerate(plan.outputs)}
+        self.aged = {i.name for i in plan.inputs if i.max_age_ms > 0}
+        self.least_s: dict[str, float] = {}
+        self._limit_rates((i.name, i.max_age_ms, i.rate_hz) for i in plan.inputs)
+
+    def forward(self, name: str, payload: Any, publishers: int = 1) -> None:
+        """Sends an input's message to the cloud; `publishers` of a latched topic: as many values are kept."""
+        now_s = self.ports.now_s()
+        if self.pauses.waited(now_s) and name in self.aged:
+            self.counters[f"{name}.waited"] += 1
+            return
+        if now_s - self.sent_s.get(name, 0.0) < EARLY_SHARE * self.least_s[name]:
+            self.counters[f"{name}.rate_limited"] += 1
+            return
+        self.sent_s[name] = now_s
+        if name in self.latched:
+            with self.ports.lock:
+                values = [v for v in self.latched[name] if v != payload]
+                self.latched[name] = [*values, payload][-min(MAX_LATCHED, max(1, publishers)) :]
+        self.send_input(name, payload)
+
+    def send_input(self, name: str, payload: Any) -> None:
+        """Sends with a header that lets the cloud bound the message's age."""
+        heard = self.heard
+        with self.ports.lock:
+            sequence = self.sequence[name] = self.sequence.get(name, 0) + 1
+        token = Token(self.orders.incarnation, self.orders.epoch, heard.incarnation if heard else "")
+        header = envelope.encode(Envelope(token, sequence, heard.sent_us if heard else 0))
+        sent = self.ports.cross(f"in/{name}", header, payload)
+        self.counters[f"{name}.{'sent' if sent else 'unsent'}"] += 1
+
+    def order(self, message: object) -> None:
+        """Takes the identity from control, and what has passed from the collector, for consumers in the cloud."""
+        if isinstance(message, Orders):
+            self.orders = message
+        elif isinstance(message, Carried) and message.kind == PASSED and self.plan.carried:
+            name = self.plan.outputs[message.index].name
+            self.ports.cross(f"mirror/{name}", message.header, message.payload)
+
+    def limit(self, limits: Limits) -> None:
+        """Takes the rates of the inputs."""
+        self._limit_rates(limits.inputs)
+
+    def _limit_rates(self, limits: Iterable[tuple[str, float, float]]) -> None:
+        self.least_s.update({name: 1 / rate_hz if rate_hz else 0.0 for name, _, rate_hz in limits})
+
+    def make_probe(self) -> Probe:
+        """Returns identity, hashes of latched inputs, types found in the graph, and the answer to a request."""
+        return Probe(self.orders.incarnation, self.digests(), self.ports.types(), word=self.orders.word)
+
+    def knows(self, incarnation: str) -> bool:
+        """Returns True for any cloud: control compares it with the one that the pulse hears."""
+        return bool(incarnation)
+
+    def probed(self, received: Probe) -> None:
+        """Sends latched values again that the cloud does not hold (a new session, a restarted agent)."""
+        now_s = self.ports.now_s()
+        for name, values in self.latched.items():
+            if not values or received.latched.get(name) == probe.digest(values):
+                continue
+            if now_s - self.resent_s.get(name, 0.0) >= RESEND_PERIOD_S:
+                self.resent_s[name] = now_s
+                for value in list(values):
+                    self.send_input(name, value)
+
+    def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
+        """Hands a message of the cloud's replica to the collector, which decides."""
+        del opened
+        if kind == "out" and name in self.index:
+            delivered = self.ports.carry("collector", ENVELOPE, self.index[name], header, payload)
+            self.counters[f"{name}.{'arrived' if delivered else 'undelivered'}"] += 1
+
+    def report(self, now_s: float, detailed: bool) -> None:
+        """Reports to control."""
+        connected, endpoint = self.ports.link_status()
+        received = self.probe
+        report = DataReported(connected, self.probe_age_s(now_s), received.incarnation if received else "")
+        replicas = tuple(sorted(received.nodes.items())) if received and detailed else ()
+        word = received.word if received else ""
+        problems, counters = self.details(detailed)
+        self.ports.send("control", DataStatus(report, None, True, endpoint, word, replicas, problems, counters))

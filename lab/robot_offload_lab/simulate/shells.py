@@ -1,0 +1,142 @@
+"""What the shells of both sides do alike in virtual time: datagrams between processes, beats as text, service calls."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+from robot_offload_core import beats, guardians
+from robot_offload_core.beats import Beat
+from robot_offload_core.process.data import DataProcess
+from robot_offload_core.process.messages import Carried
+from robot_offload_lab.simulate.nodes import Node
+from robot_offload_lab.simulate.ports import Surroundings
+from robot_offload_lab.simulate.world import Host, Process
+
+EFFECT_S = 0.037
+TEXT_EVERY = 8
+"""Every eighth beat crosses as text through the real codec, the others as objects: this keeps the simulation fast."""
+SLACK_S = 0.010
+"""As in the agent: what is due waits so long for a datagram to come with."""
+
+
+class Shell(Process):
+    """A process of the agent around one of the core's classes.
+
+    Attributes:
+        peers: the other processes of this side by name; those that are absent get nothing.
+    """
+
+    def __init__(self, around: Surroundings, host: Host, name: str, peers: dict[str, Shell]) -> None:
+        super().__init__(around.world, host, f"{host.name}/{name}")
+        self.around = around
+        self.peers = peers
+        peers[name] = self
+
+    @abstractmethod
+    def take(self, message: object) -> None:
+        """Takes a datagram of another process."""
+
+    def now_s(self) -> float:
+        """Returns the steady clock of this host."""
+        return self.host.now_s()
+
+    def send(self, to: str, message: object) -> bool:
+        """Sends a datagram to another process of this side."""
+        peer = self.peers.get(to)
+        if peer is None or not peer.alive:
+            return False
+        peer.post(self.name, peer.take, message)
+        return True
+
+    def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
+        """Sends an output's message to another process of this side."""
+        return self.send(to, Carried(kind, index, header, payload))
+
+
+class DataShell(Shell):
+    """A data process: turns when something is due, the data session below."""
+
+    process: DataProcess
+
+    @property
+    def lock(self) -> AbstractContextManager[Any]:
+        """Returns a lock that locks nothing: there is one thread."""
+        return nullcontext()
+
+    def boot_timers(self) -> None:
+        """Plans the first turn."""
+        self.once(self.world.dice.random() * 0.04, self._turn)
+
+    def _turn(self) -> None:
+        process = self.process
+        process.woke()
+        process.turn()
+        slack_s = self.world.dice.random() * SLACK_S
+        self.once(max(0.0, process.due_s - self.host.now_s()) + slack_s, self._turn)
+
+    def take(self, message: object) -> None:
+        """Takes a datagram of another process."""
+        self.process.woke()
+        self.process.handle(message)
+
+    def arrived(self, channel: str, header: bytes, payload: Any) -> None:
+        """Takes a message from the link."""
+        self.process.arrived(channel, header, payload)
+
+    def link_status(self) -> tuple[bool, str]:
+        """Returns the state of the data session."""
+        return self.around.link.data.connected, "quic"
+
+    def reopen(self, _reason: str) -> None:
+        """Opens a new data session."""
+        self.around.link.data.reopen()
+
+    def types(self) -> dict[str, str]:
+        """Returns no types: payloads here have none."""
+        return {}
+
+    def warn(self, message: str) -> None:
+        """Keeps a warning for the story."""
+        self.world.note(self.name, message)
+
+
+def written(beat: Beat) -> Beat | str:
+    """Returns what crosses the link for a beat."""
+    return beats.encode(beat) if beat.sequence % TEXT_EVERY == 0 else beat
+
+
+def read(sent: Beat | str) -> Beat | None:
+    """Returns what arrived, None for garbage."""
+    if isinstance(sent, Beat):
+        return sent
+    try:
+        return beats.decode(sent)
+    except beats.BeatError:
+        return None
+
+
+def call_node(
+    control: Process, guard: Callable[[guardians.Event], None], nodes: dict[str, Node], command: guardians.Command
+) -> None:
+    """Calls a node's lifecycle service; an answer to an earlier life of control, or after the deadline, is lost."""
+    life, world = control.life, control.world
+
+    if isinstance(command, guardians.ChangeState):
+        until_s = world.now + command.deadline_s
+
+        def changed(transition: guardians.Transition, success: bool) -> None:
+            if control.life == life and world.now <= until_s:
+                guard(guardians.Answered(command.name, transition, success))
+
+        nodes[command.name].change_state(command.transition, control, changed)
+    elif isinstance(command, guardians.GetState):
+        until_s = world.now + command.deadline_s
+
+        def read_back(state: guardians.State) -> None:
+            if control.life == life and world.now <= until_s:
+                guard(guardians.Observed(command.name, state))
+
+        nodes[command.name].get_state(control, read_back)

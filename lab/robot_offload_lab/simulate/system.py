@@ -1,0 +1,50 @@
+"""The whole world of a stretch or a story: both sides, the link between them, the driver and the sensors."""
+
+from __future__ import annotations
+
+from robot_offload_lab.simulate.cloud_side import CloudSide
+from robot_offload_lab.simulate.coverage import Coverage
+from robot_offload_lab.simulate.driver import Driver
+from robot_offload_lab.simulate.link_model import Link
+from robot_offload_lab.simulate.ports import Surroundings
+from robot_offload_lab.simulate.robot_side import RobotSide
+from robot_offload_lab.simulate.scenario import Scenario
+from robot_offload_lab.simulate.world import Host, World
+
+
+class System:
+    """Everything wired together, at rest.
+
+    Attributes:
+        silent_inputs: indices of inputs that faults keep silent, once per fault.
+    """
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        self.scenario = scenario
+        self.world = World(name)
+        self.world.inbox_limit = scenario.inbox
+        self.coverage = Coverage()
+        self.link = Link(self.world, base_s=scenario.delay_s, jitter_s=scenario.jitter_s, drops=scenario.drops)
+        robot_host, cloud_host = Host(self.world, "robot"), Host(self.world, "cloud")
+        self.driver = Driver(self.world, robot_host)
+        self.around = Surroundings(self.world, scenario, self.coverage, self.link, self.driver)
+        self.robot = RobotSide(self.around, robot_host)
+        self.cloud = CloudSide(self.around, cloud_host)
+        self.silent_inputs: list[int] = []
+        self.inputs_sent = 0
+
+    def start(self) -> None:
+        """Starts both sides, the driver and the sensors."""
+        self.driver.start()
+        self.robot.start()
+        self.cloud.start()
+        for index in range(len(self.scenario.inputs)):
+            self._sense(index)
+
+    def _sense(self, index: int) -> None:
+        spec = self.scenario.inputs[index]
+        if index not in self.silent_inputs:
+            self.inputs_sent += 1
+            payload = self.inputs_sent.to_bytes(8, "big") if spec.latched else b"scan"
+            self.robot.data.post("sensors", self.robot.data.input, spec.name, payload)
+        self.world.after(self.scenario.input_periods_s[index], self._sense, index)
