@@ -14,7 +14,7 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.model import Model
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.decide import issuer
-from robot_offload.decide.builds import Seen, decide
+from robot_offload.decide.builds import Before, decide
 from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.children import children
@@ -230,7 +230,7 @@ def outcome(besides: dict[str, Any], path: str, value: Any) -> str:
     parent = Parent(offload, known)
     files = bundle(parent, SECRETS if transport.needs_certificates(offload.spec) else None)
     asked = certificate(offload)
-    images = decide(parent, Seen({}, (), frozenset(), BEGINNING), "").manifests
+    images = decide(parent, Before({}, (), frozenset(), BEGINNING), "").manifests
     return json.dumps([children(parent), images, {name: text.decode() for name, text in files.items()}, asked])
 
 

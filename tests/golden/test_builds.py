@@ -7,7 +7,7 @@ import datetime
 import yaml
 
 from robot_offload.api.v1alpha1.parsing import parse_object
-from robot_offload.decide.builds import Seen, decide
+from robot_offload.decide.builds import Before, decide
 from robot_offload.objects.parent import Parent
 from tests.golden.recorded import compare
 from tests.golden.test_children import FACTS, HERE, SAMPLES, Dumper
@@ -17,6 +17,6 @@ BEGINNING = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
 def test_the_build_of_the_sample_is_as_recorded() -> None:
     offload = parse_object(SAMPLES["built"], "built")
-    made = decide(Parent(offload, FACTS), Seen({}, (), frozenset(), BEGINNING), "").manifests
+    made = decide(Parent(offload, FACTS), Before({}, (), frozenset(), BEGINNING), "").manifests
     text = yaml.dump_all(made, Dumper=Dumper, sort_keys=False, width=110)
     compare(HERE.parent / "builds" / "built.yaml", text)

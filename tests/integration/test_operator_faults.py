@@ -297,7 +297,7 @@ def test_a_leader_that_is_robbed_of_its_lease_ends_its_process_before_it_writes_
     proxy.fault = lambda asked: Answer.refusal(500, "InternalError") if asked.leader else None
     eventually(lambda: operator.exit_code is not None, "the process to end")
     assert operator.exit_code == 1
-    assert operator.said("Ended", reason="LostLeadershipError")
+    assert operator.said("Ended", reason="NotLeaderError")
     count = len(proxy.writes())
     place.create(ROBOT_OFFLOAD, walker())
     assert proxy.writes()[count:] == []

@@ -7,6 +7,8 @@ robot's Lease (without the live numbers) and through the reporter's `/state`, so
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -18,6 +20,15 @@ FRESH_S: Final = 5.0
 """How long a state counts: the agent writes each second, so five missing ones mean that it has stopped."""
 ANNOTATION: Final = "robotoffload.dev/state"
 """On the robot's Lease: the state as compact JSON."""
+MAX_TEXT: Final = 16_384
+"""Characters of a whole state. A state of 64 nodes has about 5,000."""
+MAX_SENTENCE: Final = 1024
+MAX_NODES: Final = 64
+"""As many as a specification may have."""
+UNREADABLE: Final = "Unreadable"
+"""Stands in place of a reason that is no single word."""
+_REASON: Final = re.compile(r"[A-Za-z]{1,64}")
+_INT64: Final = range(-(2**63), 2**63)
 _LIVE_FIELDS: Final = ("written", "round_trip_ms")
 """What changes all the time; it is in the metrics and never in the Lease."""
 
@@ -83,12 +94,16 @@ class AgentState:
 def parse_state(text: str) -> AgentState:
     """Reads a state; unknown fields are left alone, because a newer agent may say more.
 
+    What the robot's side wrote is bounded here, at its first reader: reasons are single words, sentences are cut.
+
     Raises:
-        StateError: it is no JSON object of a version that we know, or a field has the wrong type.
+        StateError: it is no JSON object of a version that we know, is too long, or a field has the wrong type or size.
     """
     values = _object(text)
     if values.get("version") != VERSION:
-        raise StateError(f"the agent's state has version {values.get('version')!r}, this reporter reads {VERSION}")
+        raise StateError(
+            f"the agent's state has version {_shown(values.get('version'))}, this reporter reads {VERSION}"
+        )
     round_trip = _part(values, "round_trip_ms")
     settings = _part(values, "settings")
     return AgentState(
@@ -97,16 +112,16 @@ def parse_state(text: str) -> AgentState:
         since=_of(values, "since", str, ""),
         site=_of(values, "site", str, "unknown"),
         epoch=_of(values, "epoch", int, 0),
-        reason=_of(values, "reason", str, ""),
-        message=_of(values, "message", str, ""),
+        reason=_reason(values),
+        message=_sentence(values),
         round_trip_p50_ms=_number(round_trip, "p50"),
         round_trip_p99_ms=_number(round_trip, "p99"),
         nodes=_nodes(values),
         settings=Settings(
             robot_generation=_of(settings, "robot_generation", int, None),
             accepted=_of(settings, "accepted", bool, None),
-            reason=_of(settings, "reason", str, ""),
-            message=_of(settings, "message", str, ""),
+            reason=_reason(settings),
+            message=_sentence(settings),
         ),
         ready=_of(values, "ready", bool, False),
         handover=_of(values, "handover", str, ""),
@@ -125,9 +140,11 @@ def lasting(text: str) -> str:
 
 
 def _object(text: str) -> dict[str, Any]:
+    if len(text) > MAX_TEXT:
+        raise StateError(f"the agent's state has {len(text)} characters, more than {MAX_TEXT}")
     try:
         values = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise StateError(f"the agent's state is no JSON: {error}") from error
     if not isinstance(values, dict):
         raise StateError("the agent's state is no JSON object")
@@ -146,8 +163,26 @@ def _of(values: Mapping[str, Any], name: str, kind: type, default: object) -> An
     if value is None:
         return default
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise StateError(f"{name} of the agent's state is {value!r}, not {kind.__name__}")
+        raise StateError(f"{name} of the agent's state is {_shown(value)}, not {kind.__name__}")
+    if kind is int and value not in _INT64:
+        raise StateError(f"{name} of the agent's state is too large")
     return value
+
+
+def _reason(values: Mapping[str, Any]) -> str:
+    reason: str = _of(values, "reason", str, "")
+    return reason if not reason or _REASON.fullmatch(reason) else UNREADABLE
+
+
+def _sentence(values: Mapping[str, Any]) -> str:
+    message: str = _of(values, "message", str, "")
+    return message if len(message) <= MAX_SENTENCE else f"{message[: MAX_SENTENCE - 3]}..."
+
+
+def _shown(value: object) -> str:
+    """Returns a value as an error message shows it."""
+    text = ascii(value)
+    return text if len(text) <= 64 else f"{text[:61]}..."
 
 
 def _number(values: Mapping[str, Any], name: str) -> float | None:
@@ -155,15 +190,25 @@ def _number(values: Mapping[str, Any], name: str) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise StateError(f"{name} of the agent's state is {value!r}, not a number")
-    return float(value)
+        raise StateError(f"{name} of the agent's state is {_shown(value)}, not a number")
+    try:
+        number = float(value)
+    except OverflowError as error:
+        raise StateError(f"{name} of the agent's state is too large") from error
+    return number if math.isfinite(number) else None
 
 
 def _nodes(values: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     nodes = values.get("nodes") or []
     if not isinstance(nodes, list) or not all(isinstance(node, Mapping) for node in nodes):
         raise StateError("nodes of the agent's state is no list of mappings")
-    return tuple((str(node.get("name", "")), str(node.get("state", ""))) for node in nodes)
+    if len(nodes) > MAX_NODES:
+        raise StateError(f"the agent's state names {len(nodes)} nodes; {MAX_NODES} at most can be declared")
+    return tuple((_word(node, "name"), _word(node, "state")) for node in nodes)
+
+
+def _word(values: Mapping[str, Any], name: str) -> str:
+    return str(values.get(name, ""))[:253]
 
 
 # -- how old it is ------------------------------------------------------------------------------------------------

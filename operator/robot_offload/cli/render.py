@@ -16,7 +16,7 @@ from robot_offload.api.v1alpha1.parsing import parse_text
 from robot_offload.cli.app import CommandsWithDefault, commands, example_text
 from robot_offload.cli.own_images import default_images
 from robot_offload.cli.sources import sources
-from robot_offload.decide.builds import Seen, decide
+from robot_offload.decide.builds import Before, decide
 from robot_offload.errors import InputError
 from robot_offload.kube.port import Manifest
 from robot_offload.objects.facts import Facts
@@ -93,7 +93,7 @@ def file_command(
     )
     parent = Parent(offload, facts)
     # As at the very beginning: the Secrets that builds need are there, and no image is.
-    nothing = Seen({}, (), frozenset(), datetime.datetime.fromtimestamp(0, datetime.UTC))
+    nothing = Before({}, (), frozenset(), datetime.datetime.fromtimestamp(0, datetime.UTC))
     builds = decide(parent, nothing, "").manifests
     manifests = [_without_owner(manifest) for manifest in (*builds, *children(parent))]
     typer.echo(HEADER.format(name=offload.metadata.name), nl=False)

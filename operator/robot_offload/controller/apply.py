@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from robot_offload.decide.decision import Verdict, no, yes
-from robot_offload.decide.drift import Settled, settle
+from robot_offload.controller.clock import Clock
 from robot_offload.decide.ownership import Key, key_of
-from robot_offload.decide.plan import Obstacle, Plan
+from robot_offload.decide.plan import History, Obstacle, Plan
+from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.errors import (
     ForbiddenError,
     KubeError,
@@ -24,8 +24,8 @@ _NO_USE_TO_GO_ON = (UnreachableError, TooManyError, UnauthorizedError)
 
 
 @dataclass(slots=True)
-class Done:
-    """What became of one or more plans.
+class Applied:
+    """What became of one plan, or of all plans of a pass.
 
     Attributes:
         errors: refusals, in order.
@@ -40,36 +40,51 @@ class Done:
     writes: int = 0
 
     @property
-    def failed(self) -> bool:
-        """Whether it must be tried again without any event."""
-        return bool(self.errors)
+    def complete(self) -> bool:
+        """Returns whether everything is as the plan wants it."""
+        return not (self.errors or self.obstacles or self.stopped)
+
+    @property
+    def recheck_s(self) -> float | None:
+        """Returns the seconds after which a new attempt may succeed though nothing happens; None: an event tells."""
+        return min((one.recheck_s for one in self.obstacles if one.recheck_s is not None), default=None)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Returns whether all children are as declared, for the condition ResourcesApplied."""
+        messages = [obstacle.message for obstacle in self.obstacles] + [str(error) for error in self.errors]
+        if self.obstacles:
+            lasting: Sequence[Obstacle] = [obstacle for obstacle in self.obstacles if not obstacle.passing]
+            return no((lasting or self.obstacles)[0].reason, "; ".join(messages))
+        if self.errors:
+            return no(self.errors[0].reason, "; ".join(messages))
+        return yes("Applied", "All objects in the cluster are as declared")
+
+    def add(self, other: Applied) -> None:
+        """Takes in what became of a further plan."""
+        self.errors += other.errors
+        self.obstacles += other.obstacles
+        self.stopped = self.stopped or other.stopped
+        self.writes += other.writes
 
 
-async def carry_out(
-    api: KubeApi, plan: Plan, live: dict[Key, Manifest], settled: dict[Key, Settled], done: Done
-) -> None:
-    """Carries out a plan; `live`, `settled` and `done` are brought up to date."""
-    done.obstacles += plan.obstacles
+async def carry_out(api: KubeApi, plan: Plan, live: dict[Key, Manifest], history: History, clock: Clock) -> Applied:
+    """Carries out a plan; brings `live` and `history` up to date."""
+    done = Applied(obstacles=list(plan.obstacles))
     for step in plan.applies:
         if done.stopped:
-            return
+            return done
         try:
-            answer = await api.apply(step.manifest, force=step.force)
+            answer = await api.apply(step.body, force=step.force)
         except KubeError as error:
             _note(error, step.manifest, done)
             continue
         done.writes += 1
-        key = key_of(step.manifest)
-        live[key] = answer
-        step.manifest["metadata"].pop("uid", None)
-        kept = settle(step.manifest, answer)
-        if kept is None:
-            settled.pop(key, None)
-        else:
-            settled[key] = kept
+        live[key_of(step.manifest)] = answer
+        history.remember(step, answer, clock.steady_s())
     for child in plan.deletes:
         if done.stopped:
-            return
+            return done
         metadata = child["metadata"]
         try:
             await api.delete(kind_of(child), metadata.get("namespace"), metadata["name"], metadata["uid"])
@@ -78,21 +93,11 @@ async def carry_out(
             continue
         done.writes += 1
         live.pop(key_of(child), None)
-        settled.pop(key_of(child), None)
+        history.forget(key_of(child))
+    return done
 
 
-def applied(done: Done) -> Verdict:
-    """Whether all children are as declared, for the condition ResourcesApplied."""
-    messages = [obstacle.message for obstacle in done.obstacles] + [str(error) for error in done.errors]
-    if done.obstacles:
-        lasting: Sequence[Obstacle] = [obstacle for obstacle in done.obstacles if not obstacle.passing]
-        return no((lasting or done.obstacles)[0].reason, "; ".join(messages))
-    if done.errors:
-        return no(done.errors[0].reason, "; ".join(messages))
-    return yes("Applied", "All objects in the cluster are as declared")
-
-
-def _note(error: KubeError, manifest: Manifest, done: Done) -> None:
+def _note(error: KubeError, manifest: Manifest, done: Applied) -> None:
     if kind_of(manifest) == CERTIFICATE and isinstance(error, NotFoundError | ForbiddenError):
         help_text = (
             "install cert-manager or remove spec.transport.certificates.issuerRef"

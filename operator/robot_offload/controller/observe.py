@@ -9,16 +9,27 @@ from dataclasses import dataclass, field
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.decide.issuer import WRITTEN_BY
-from robot_offload.decide.ownership import Key, key_of
+from robot_offload.decide.ownership import Key, belongs, key_of
 from robot_offload.kube.errors import ForbiddenError, NotFoundError
-from robot_offload.kube.kinds import CERTIFICATE, CHILD_KINDS, CONFIG_MAP, NODE, POD, SECRET, SERVICE, Kind
+from robot_offload.kube.kinds import (
+    CERTIFICATE,
+    CHILD_KINDS,
+    CONFIG_MAP,
+    DEPLOYMENT,
+    NODE,
+    POD,
+    SECRET,
+    SERVICE,
+    STATEFUL_SET,
+    Kind,
+)
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.objects import labels
 
 
 @dataclass(slots=True)
-class Observed:
-    """The cluster as far as one RobotOffload is concerned.
+class Snapshot:
+    """The cluster as far as one RobotOffload is concerned, as it was when it was read.
 
     Attributes:
         live: objects with the labels of its children, and whoever else bears the name of one.
@@ -41,27 +52,45 @@ class Observed:
         return {entry: "" if text is None else _hash(text) for entry, text in self.configs.items()}
 
     @property
-    def services(self) -> list[Manifest]:
-        """The Services among the live objects."""
-        return [manifest for (kind, _), manifest in self.live.items() if kind == SERVICE]
+    def versions(self) -> dict[str, str]:
+        """Returns the resourceVersions of all live objects by uid."""
+        metadata = [child["metadata"] for child in self.live.values()]
+        return {found["uid"]: found["resourceVersion"] for found in metadata}
+
+    def ours(self, kind: Kind, name: str, uid: str) -> Manifest | None:
+        """Returns a child of the RobotOffload with this uid; None: it is missing or somebody else's."""
+        child = self.live.get((kind, name))
+        return child if child is not None and belongs(child, uid) else None
+
+    def children(self, uid: str) -> dict[Key, Manifest]:
+        """Returns all children of the RobotOffload with this uid."""
+        return {key: child for key, child in self.live.items() if belongs(child, uid)}
+
+    def services(self, uid: str) -> list[Manifest]:
+        """Returns its Services."""
+        return [child for (kind, _), child in self.children(uid).items() if kind == SERVICE]
+
+    def workloads(self, uid: str) -> list[Manifest]:
+        """Returns its Deployments and StatefulSets."""
+        return [child for (kind, _), child in self.children(uid).items() if kind in (DEPLOYMENT, STATEFUL_SET)]
 
 
-async def observe(api: KubeApi, namespace: str, offload: RobotOffload) -> Observed:
-    """Reads all that the next decisions need."""
+async def cluster(api: KubeApi, namespace: str, offload: RobotOffload) -> Snapshot:
+    """Reads all that the next decisions need of the cluster."""
     lists = [api.list(kind, namespace, _labels(offload)) for kind in CHILD_KINDS]
     children, nodes, configs = await asyncio.gather(
         asyncio.gather(*lists), _nodes(api, offload), _configs(api, namespace, offload)
     )
-    seen = Observed({key_of(child): child for found in children for child in found}, nodes, configs)
+    seen = Snapshot({key_of(child): child for found in children for child in found}, nodes, configs)
     if _issuer_matters(offload, seen):
         found = await _certificates(api, namespace, offload)
         seen.live.update({key_of(certificate): certificate for certificate in found})
     return seen
 
 
-async def look_up(api: KubeApi, namespace: str, seen: Observed, wanted: Iterable[Manifest]) -> None:
+async def look_up(api: KubeApi, namespace: str, seen: Snapshot, wanted: Iterable[Key]) -> None:
     """Asks for wanted children that carry no label of ours: somebody else may have their names."""
-    missing = [key for key in map(key_of, wanted) if key not in seen.live]
+    missing = [key for key in wanted if key not in seen.live]
     found = await asyncio.gather(*(_get(api, kind, namespace, name) for kind, name in missing))
     seen.live.update({key: manifest for key, manifest in zip(missing, found, strict=True) if manifest is not None})
 
@@ -127,7 +156,7 @@ def _hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _issuer_matters(offload: RobotOffload, seen: Observed) -> bool:
+def _issuer_matters(offload: RobotOffload, seen: Snapshot) -> bool:
     """Whether objects of cert-manager are, or were, among the children."""
     if offload.spec.transport.certificates.issuer_ref is not None:
         return True

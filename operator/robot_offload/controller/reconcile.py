@@ -1,16 +1,18 @@
-"""The five steps for one RobotOffload: load -> observe -> desired -> apply -> status.
+"""The five steps for one RobotOffload: load -> observe -> desired -> apply -> publish.
 
-Level-triggered: any event calls `Controller.reconcile` with a name, which reads everything anew. It may be called at
+Level-triggered: any event calls `Controller.reconcile` with a name, which looks at everything anew. It may be called at
 any time and any number of times; a crash between two of its writes is repaired by the next call. The status is worked
 out in every pass, whatever the steps before it met, and written only when it differs.
+
+Children are applied in three waves, because each needs what the one before has led to: the Secrets with certificates,
+the Services of the discovery servers, the rest.
 """
 
 from __future__ import annotations
 
-import secrets
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import structlog
 
@@ -18,39 +20,31 @@ from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS, check
 from robot_offload.api.v1alpha1.parsing import parse_object
-from robot_offload.controller import observe as reading
-from robot_offload.controller.apply import Done, applied, carry_out
+from robot_offload.controller import observe
+from robot_offload.controller.apply import Applied, carry_out
 from robot_offload.controller.clock import Clock
+from robot_offload.controller.failures import Step, verdict_of
 from robot_offload.controller.memory import Memory, summary
-from robot_offload.decide import (
-    agent,
-    builds,
-    certificates,
-    conditions,
-    issuer,
-    presence,
-    status,
-    transitions,
-    workloads,
-)
-from robot_offload.decide.decision import Verdict, yes
-from robot_offload.decide.ownership import Key, being_deleted, belongs, key_of
+from robot_offload.controller.publish import publish
+from robot_offload.controller.subject import Subject
+from robot_offload.decide import agent, builds, certificates, conditions, issuer, presence, status, workloads
+from robot_offload.decide.ownership import Key, being_deleted, key_of
 from robot_offload.decide.plan import plan
+from robot_offload.decide.verdicts import Verdict, yes
 from robot_offload.errors import SpecError
-from robot_offload.kube.errors import ForbiddenError, InvalidObjectError, KubeError, NotFoundError
-from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET, STATEFUL_SET
+from robot_offload.kube.errors import KubeError, NotLeaderError
+from robot_offload.kube.kinds import LEASE, ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi, Manifest
-from robot_offload.objects import labels
-from robot_offload.objects.facts import Facts, Images
-from robot_offload.objects.names import ROBOT, child_name, discovery_child
+from robot_offload.objects.facts import Endpoint, Facts, Images
+from robot_offload.objects.names import ROBOT, child_name
 from robot_offload.objects.parent import Parent
 from robot_offload.render.children import children
 from robot_offload.transport import discovery
 
 Name: TypeAlias = tuple[str, str]
 """Namespace and name of a RobotOffload."""
-COMPONENT: Final = "robot-offload-operator"
-_STALE_S: Final = 1.0
+PATIENCE: Final = 3
+"""Passes in a row that a passing trouble of the API server may break off before the status says so."""
 _log = structlog.get_logger("robot_offload.controller")
 
 
@@ -79,31 +73,38 @@ class Controller:
         self.memories: dict[Name, Memory] = {}
 
     async def reconcile(self, name: Name) -> Result:
-        """One pass. Calls for the same name must not overlap; the queue sees to that."""
+        """Makes one pass. Calls for the same name must not overlap; the queue sees to that."""
         raw = await self._load(name)
         if raw is None:
             return Result()
         memory = self._memory(name, raw)
-        generation = int(raw["metadata"].get("generation") or 0)
-        if generation < memory.generation:
-            # An answer from the past must not undo what a newer one has led to.
-            return Result(again_s=_STALE_S)
-        memory.generation = generation
         memory.status = summary(raw.get("status") or {})
+        subject = Subject(raw)
+        found = _Findings()
         try:
             offload = parse_object(raw, "/".join(name), unknown="ignore", rules=CLUSTER_CHECKS)
+            found.verdicts["SpecValid"] = conditions.spec_valid((), check(offload.spec, CLUSTER_CHECKS))
+            await _Pass(self._api, self._images, self._clock, subject, offload, memory, found).run()
         except SpecError as error:
-            return await self._refuse(raw, memory, error)
-        return await _Pass(self._api, self._images, self._clock, raw, offload, memory).run()
+            # Every problem is reported, nothing is touched, and the next pass waits for a change.
+            found.verdicts["SpecValid"] = conditions.spec_valid(error.findings)
+        except NotLeaderError:
+            raise
+        except Exception as error:
+            self._note_failure(error, found, memory, subject)
+        return await self._publish(subject, found, memory)
 
     def news(self, name: Name, manifest: Manifest) -> bool:
-        """Whether an event tells anything that the last pass has not read or written itself."""
+        """Returns whether an event carries anything that the last pass has not read or written itself."""
         memory = self.memories.get(name)
         metadata = manifest["metadata"]
         return memory is None or memory.versions.get(metadata["uid"]) != metadata.get("resourceVersion")
 
     def saw_lease(self, name: Name, lease: Manifest) -> float | None:
-        """A robot's Lease has moved. Returns the seconds for which that settles matters, None when a pass is needed."""
+        """Notes that a robot's Lease has moved.
+
+        Returns the seconds until the next pass, or None if one is needed now.
+        """
         memory = self.memories.get(name)
         if memory is None or memory.sighting is None or memory.lease is None:
             return None
@@ -129,290 +130,269 @@ class Controller:
             memory = self.memories[name] = Memory(uid)
         return memory
 
-    async def _refuse(self, raw: Manifest, memory: Memory, error: SpecError) -> Result:
-        """An invalid specification: say every problem, touch nothing, wait for a change."""
-        verdicts = {"SpecValid": conditions.spec_valid(error.findings)}
-        before = raw.get("status") or {}
-        after = status.build(before, raw["metadata"].get("generation") or 0, verdicts, self._clock.wall())
-        writes = await write_status(self._api, raw, after, memory, self._clock)
-        return Result(writes=writes)
+    def _note_failure(self, error: Exception, found: _Findings, memory: Memory, subject: Subject) -> None:
+        """Turns what broke a step off into a verdict.
+
+        Raises:
+            KubeError: the API server is in passing trouble, and has not been for long.
+        """
+        memory.failures += 1
+        if isinstance(error, KubeError) and error.retriable and memory.failures <= PATIENCE:
+            raise error
+        found.verdicts["ResourcesApplied"] = verdict_of(error, found.step)
+        found.broken = True
+        _log.error("A step broke", **subject.words, step=found.step.value, exc_info=error)
+
+    async def _publish(self, subject: Subject, found: _Findings, memory: Memory) -> Result:
+        before = subject.status
+        after = status.build(
+            before, subject.generation, found.verdicts, self._clock.wall(), found.offload, found.status
+        )
+        writes = await publish(self._api, subject.raw, after, memory, self._clock)
+        memory.versions |= found.versions
+        if not found.broken:
+            memory.failures = 0
+        return Result(found.again_s, self._worth_a_retry(found, memory), found.applied.writes + writes)
+
+    @staticmethod
+    def _worth_a_retry(found: _Findings, memory: Memory) -> bool:
+        """Returns whether trying again soon may help: not when the same was refused for good twice in a row."""
+        errors = found.applied.errors
+        before, memory.refusals = memory.refusals, frozenset(map(str, errors))
+        if found.broken or any(error.retriable for error in errors):
+            return True
+        return bool(errors) and memory.refusals != before
+
+
+class _Findings:
+    """What a pass finds out for the status and for the queue, however far it comes.
+
+    Attributes:
+        step: which step is under way.
+        verdicts: by type of condition.
+        applied: what became of all writes so far.
+        offload: the RobotOffload, once it is known as valid.
+        status: what is known beside the conditions; None: the cluster could not be read to the end.
+        versions: resourceVersions of the children by uid.
+        again_s: seconds after which time alone may change something; None: never.
+        broken: whether a step was broken off.
+    """
+
+    def __init__(self) -> None:
+        self.step = Step.READ
+        self.verdicts: dict[str, Verdict] = {}
+        self.applied = Applied()
+        self.offload: RobotOffload | None = None
+        self.status: status.Found | None = None
+        self.versions: dict[str, str] = {}
+        self.again_s: float | None = None
+        self.broken = False
 
 
 class _Pass:
-    """One pass over a valid RobotOffload: the steps share what the earlier ones found."""
+    """One pass over a valid RobotOffload."""
 
     def __init__(
-        self, api: KubeApi, images: Images, clock: Clock, raw: Manifest, offload: RobotOffload, memory: Memory
+        self,
+        api: KubeApi,
+        images: Images,
+        clock: Clock,
+        subject: Subject,
+        offload: RobotOffload,
+        memory: Memory,
+        found: _Findings,
     ) -> None:
         self._api = api
         self._images = images
         self._clock = clock
-        self._raw = raw
+        self._subject = subject
         self._offload = offload
         self._memory = memory
-        self._namespace: str = raw["metadata"]["namespace"]
-        self._uid: str = raw["metadata"]["uid"]
-        self._name: str = raw["metadata"]["name"]
-        self._before: Mapping[str, Any] = raw.get("status") or {}
-        self._done = Done()
-        self._seen = reading.Observed()
-        self._handled: set[Key] = set()  # children that an earlier step of this pass has dealt with
+        self._found = found
+        self._snapshot = observe.Snapshot()
 
-    async def run(self) -> Result:
-        """All steps; what the API server refuses to show or take for good is told in the status."""
-        verdicts = {"SpecValid": conditions.spec_valid((), check(self._offload.spec, CLUSTER_CHECKS))}
-        found, again_s = None, None
-        try:
-            found, again_s = await self._steps(verdicts)
-        except (ForbiddenError, InvalidObjectError, NotFoundError) as error:
-            self._done.errors.append(error)
-            verdicts["ResourcesApplied"] = applied(self._done)
-        generation = int(self._raw["metadata"].get("generation") or 0)
-        after = status.build(self._before, generation, verdicts, self._clock.wall(), self._offload, found)
-        writes = await write_status(self._api, self._raw, after, self._memory, self._clock)
-        self._memory.versions |= {
-            child["metadata"]["uid"]: child["metadata"]["resourceVersion"] for child in self._seen.live.values()
-        }
-        return Result(again_s, self._done.failed, self._done.writes + writes)
+    async def run(self) -> None:
+        """Observes, decides and applies; what is found out goes to the findings as soon as it is known."""
+        found, spec = self._found, self._offload.spec
+        found.offload = self._offload
 
-    async def _steps(self, verdicts: dict[str, Verdict]) -> tuple[status.Found, float | None]:
-        """Observe, desired, apply; adds to `verdicts`. Also returns when time alone may change the outcome."""
-        self._memory.config_maps = frozenset(name for name, _ in reading.config_maps(self._offload))
-        self._seen = await reading.observe(self._api, self._namespace, self._offload)
-        robot = self._robot()
-        wanted = presence.wanted(self._offload.spec, robot, self._clock.wall())
-        facts = self._facts(robot, wanted)
-        verdicts["CertificatesReady"], certificates_s = await self._certify(facts)
-        built = await self._build(facts)
-        hosts = await self._show_discovery(facts)
-        facts = replace(facts, certificate_hash=self._certificate_hash(), built=built.references, discovery_hosts=hosts)
-        await self._apply((*built.manifests, *children(Parent(self._offload, facts))), built.kept)
-        verdicts["ResourcesApplied"] = applied(self._done)
-        found = await self._find(robot, wanted, built)
-        verdicts |= {"ImageBuilt": built.verdict, **self._verdicts(found)}
-        times = (robot.recheck_s, wanted.recheck_s, certificates_s, built.recheck_s)
-        again = [after_s for after_s in times if after_s is not None]
-        return found, min(again, default=None)
+        found.step = Step.OBSERVE
+        self._memory.config_maps = frozenset(name for name, _ in observe.config_maps(self._offload))
+        self._snapshot = await observe.cluster(self._api, self._subject.namespace, self._offload)
+        lease = self._snapshot.ours(LEASE, child_name(self._subject.name, ROBOT), self._subject.uid)
+        robot = self._robot(lease)
+        wanted = presence.wanted(spec, robot, self._clock.wall())
+        parent = Parent(self._offload, self._facts(robot, wanted))
 
-    def _robot(self) -> presence.Presence:
-        """The robot's presence; its Lease counts only when it is ours."""
+        found.step = Step.SECRETS  # the first wave
+        secrets = await self._secrets(parent)
+        found.verdicts["CertificatesReady"] = secrets.verdict
+
+        found.step = Step.BUILDS
+        built = await self._builds(parent)
+        found.verdicts["ImageBuilt"] = built.verdict
+
+        found.step = Step.DISCOVERY  # the second wave
+        servers = await self._discovery(parent)
+
+        found.step = Step.RENDER
+        facts = replace(
+            parent.facts, certificate_hash=secrets.hash, built=built.references, discovery_hosts=servers.hosts
+        )
+        manifests = (*secrets.issuer, *built.manifests, *children(Parent(self._offload, facts)))
+        rest = [manifest for manifest in manifests if key_of(manifest) not in servers.keys]
+
+        found.step = Step.APPLY  # the third wave: everything else, and what is not wanted any more goes
+        prunable = self._prunable(secrets.kept | built.kept | servers.keys) if servers.known else frozenset()
+        await self._apply(rest, prunable)
+        found.verdicts["ResourcesApplied"] = found.applied.verdict
+
+        found.step = Step.JUDGE
+        await self._judge(robot, wanted, built, lease)
+        found.versions = self._snapshot.versions
+        times = (robot.recheck_s, wanted.recheck_s, secrets.recheck_s, built.recheck_s, found.applied.recheck_s)
+        found.again_s = min((after_s for after_s in times if after_s is not None), default=None)
+
+    def _robot(self, lease: Manifest | None) -> presence.Presence:
+        """Returns the robot's presence; its Lease counts only when it is ours."""
         now_s = self._clock.steady_s()
-        lease = self._ours(LEASE, child_name(self._name, ROBOT))
         self._memory.lease = presence.meaning(lease) if lease is not None else None
         self._memory.sighting = presence.look(self._memory.sighting, lease, now_s)
-        before = self._before.get("robot") or {}
+        before = self._subject.status.get("robot") or {}
         return presence.presence(lease, self._memory.sighting, before, now_s, self._clock.wall())
 
     def _facts(self, robot: presence.Presence, wanted: presence.Wanted) -> Facts:
-        services = [service for service in self._seen.services if belongs(service, self._uid)]
         return Facts(
-            namespace=self._namespace,
-            uid=self._uid,
-            generation=int(self._raw["metadata"].get("generation") or 0),
+            namespace=self._subject.namespace,
+            uid=self._subject.uid,
+            generation=self._subject.generation,
             images=self._images,
             nodes_wanted=wanted.nodes,
             robot_connected=robot.connected,
-            endpoints=transport.observed_endpoints(self._offload, services, self._seen.nodes),
-            user_config_hashes=self._seen.config_hashes,
-            user_configs=self._seen.config_texts,
+            endpoints=self._endpoints(),
+            user_config_hashes=self._snapshot.config_hashes,
+            user_configs=self._snapshot.config_texts,
         )
 
-    async def _certify(self, facts: Facts) -> tuple[Verdict, float | None]:
-        """Brings the Secrets up to date before anything reads them."""
-        if not transport.needs_certificates(self._offload.spec):
-            return yes("NotNeeded", "This transport uses no certificates"), None
-        await reading.look_up(self._api, self._namespace, self._seen, self._secret_stubs())
-        if self._offload.spec.transport.certificates.issuer_ref is not None:
-            return issuer.verdict({role: self._secret(role) for role in certificates.ROLES}), None
-        revoke = (self._raw["metadata"].get("annotations") or {}).get(certificates.REVOKE, "")
-        live = {role: self._secret(role) for role in certificates.ROLES}
-        issued = certificates.issue(Parent(self._offload, facts), live, revoke, self._clock.wall())
+    def _endpoints(self) -> tuple[Endpoint, ...]:
+        services = self._snapshot.services(self._subject.uid)
+        return transport.observed_endpoints(self._offload, services, self._snapshot.nodes)
+
+    async def _secrets(self, parent: Parent) -> _Secrets:
+        """Brings the Secrets with certificates up to date before anything reads them."""
+        if not transport.needs_certificates(parent.spec):
+            return _Secrets(yes("NotNeeded", "This transport uses no certificates"))
+        keys = certificates.secret_keys(parent.name)
+        await observe.look_up(self._api, self._subject.namespace, self._snapshot, keys.values())
+        live = {role: self._snapshot.ours(*key, self._subject.uid) for role, key in keys.items()}
+        if parent.spec.transport.certificates.issuer_ref is not None:
+            # The authorities are not ours then, and the leaves are cert-manager's.
+            leaves = frozenset({keys["cloud"], keys["robot"]})
+            content = certificates.content_hash(live["cloud"])
+            return _Secrets(issuer.verdict(live), leaves, content, issuer=issuer.certificates(parent))
+        revoke = self._subject.annotation(certificates.REVOKE)
+        issued = certificates.issue(parent, live, revoke, self._clock.wall())
         for role, why in issued.made:
-            _log.info("Made certificate", **self._told, role=role, reason=why.reason)
-        failures = len(self._done.errors) + len(self._done.obstacles)
-        await self._apply_among(self._secret_keys(), issued.secrets)
-        if len(self._done.errors) + len(self._done.obstacles) > failures:
-            refused = applied(self._done)
-            return refused, None
-        return issued.verdict, issued.recheck_s
+            _log.info("Made certificate", **self._subject.words, role=role, reason=why.reason)
+        applied = await self._apply(issued.secrets)
+        content = certificates.content_hash(self._snapshot.ours(*keys["cloud"], self._subject.uid))
+        verdict = issued.verdict if applied.complete else applied.verdict
+        return _Secrets(verdict, frozenset(keys.values()), content, issued.recheck_s if applied.complete else None)
 
-    async def _build(self, facts: Facts) -> builds.Builds:
+    async def _builds(self, parent: Parent) -> builds.Builds:
         """Decides about the images that are built here; what there is of them is only read when there are any."""
-        if not self._offload.spec.built_nodes:
+        if not parent.spec.built_nodes:
             return builds.Builds()
-        pods = await reading.build_pods(self._api, self._namespace, self._offload)
-        missing = await reading.missing_secrets(self._api, self._namespace, builds.secrets_of(self._offload))
-        seen = builds.Seen(self._seen.live, pods, missing, self._clock.wall())
-        rebuild = (self._raw["metadata"].get("annotations") or {}).get(builds.REBUILD, "")
-        return builds.decide(Parent(self._offload, facts), seen, rebuild)
+        pods = await observe.build_pods(self._api, self._subject.namespace, self._offload)
+        missing = await observe.missing_secrets(self._api, self._subject.namespace, builds.secrets_of(self._offload))
+        before = builds.Before(self._snapshot.live, pods, missing, self._clock.wall())
+        return builds.decide(parent, before, self._subject.annotation(builds.REBUILD))
 
-    async def _show_discovery(self, facts: Facts) -> tuple[str, ...]:
-        """Applies the Services of the discovery servers before anything needs their addresses; returns these."""
-        if not transport.discovery_servers(self._offload.spec):
-            return ()
+    async def _discovery(self, parent: Parent) -> _Servers:
+        """Applies the Services of the discovery servers before anything needs their addresses."""
+        if not transport.discovery_servers(parent.spec):
+            return _Servers()
         names = set(discovery.names(self._offload))
-        services = [
-            each
-            for each in transport.of(self._offload.spec).services(Parent(self._offload, facts))
-            if each["metadata"]["name"] in names
-        ]
-        keys = {key_of(each) for each in services}
-        await reading.look_up(self._api, self._namespace, self._seen, services)
-        await self._apply_among(keys, services)
-        self._handled |= keys
-        found = discovery.hosts(self._offload, [each for key in keys if (each := self._ours(*key)) is not None])
-        if not found:
-            # What is there goes on as it is: it must not be pruned because it cannot be rendered now.
-            self._handled |= set(self._seen.live)
-        return found
+        services = transport.of(parent.spec).services(parent)
+        wanted = [service for service in services if service["metadata"]["name"] in names]
+        keys = frozenset(map(key_of, wanted))
+        await self._apply(wanted)
+        ours = [self._snapshot.ours(*key, self._subject.uid) for key in keys]
+        hosts = discovery.hosts(self._offload, [service for service in ours if service is not None])
+        # Without them what is there goes on as it is: it must not be pruned because it cannot be rendered now.
+        return _Servers(keys, hosts, known=bool(hosts))
 
-    async def _apply_among(self, keys: Iterable[Key], wanted: Iterable[Manifest]) -> None:
-        """Applies some children ahead of the others; no other child than those of these keys is looked at."""
-        live = {key: self._seen.live[key] for key in keys if key in self._seen.live}
-        steps = plan(wanted, live, self._uid, self._memory.settled)
-        await carry_out(self._api, steps, self._seen.live, self._memory.settled, self._done)
+    def _prunable(self, kept: frozenset[Key]) -> frozenset[Key]:
+        """Returns which children may go when they are not wanted: all that this pass has not dealt with otherwise."""
+        return frozenset(self._snapshot.live) - kept
 
-    async def _apply(self, wanted: Iterable[Manifest], unchanged: Iterable[Key]) -> None:
-        """Applies the children in their order and prunes what is no longer one, but for those that stay unchanged."""
-        manifests = [manifest for manifest in wanted if key_of(manifest) not in self._handled]
-        kept = set(unchanged) | self._handled
-        if transport.needs_certificates(self._offload.spec):
-            kept |= self._secret_keys()
-            if self._offload.spec.transport.certificates.issuer_ref is not None:
-                # With an issuer, the authorities are not ours and the leaves are cert-manager's.
-                kept -= self._secret_keys()
-                kept |= {(SECRET, certificates.secret_name(self._name, role)) for role in ("cloud", "robot")}
-                manifests = [*issuer.certificates(Parent(self._offload, self._facts_of_owner())), *manifests]
-        await reading.look_up(self._api, self._namespace, self._seen, manifests)
-        steps = plan(manifests, self._seen.live, self._uid, self._memory.settled, kept)
-        await carry_out(self._api, steps, self._seen.live, self._memory.settled, self._done)
-        if self._done.writes:
-            _log.info("Applied", **self._told, writes=self._done.writes, errors=len(self._done.errors))
+    async def _apply(self, wanted: Iterable[Manifest], prunable: Iterable[Key] = ()) -> Applied:
+        """Applies children in their order, then prunes."""
+        manifests, live, uid = list(wanted), self._snapshot.live, self._subject.uid
+        await observe.look_up(self._api, self._subject.namespace, self._snapshot, map(key_of, manifests))
+        now_s = self._clock.steady_s()
+        steps = plan(manifests, live, uid, prunable=prunable, history=self._memory.history, now_s=now_s)
+        applied = await carry_out(self._api, steps, live, self._memory.history, self._clock)
+        self._found.applied.add(applied)
+        if applied.writes:
+            _log.info("Applied", **self._subject.words, writes=applied.writes, errors=len(applied.errors))
+        return applied
 
-    async def _find(self, robot: presence.Presence, wanted: presence.Wanted, built: builds.Builds) -> status.Found:
-        lease = self._ours(LEASE, child_name(self._name, ROBOT))
-        state, problem = agent.state_of(lease)
-        services = [service for service in self._seen.services if belongs(service, self._uid)]
+    async def _judge(
+        self, robot: presence.Presence, wanted: presence.Wanted, built: builds.Builds, lease: Manifest | None
+    ) -> None:
+        """Works out from what is live now the rest of the status and the conditions that follow."""
+        uid, generation = self._subject.uid, self._subject.generation
         pods: tuple[Manifest, ...] = ()
-        if not all(workloads.workload(child).holds for child in self._workloads()):
-            pods = await reading.pods(self._api, self._namespace, self._offload)
-        return status.Found(
+        if not all(workloads.workload(child).holds for child in self._snapshot.workloads(uid)):
+            pods = await observe.pods(self._api, self._subject.namespace, self._offload)
+        state, problem = agent.state_of(lease)
+        self._found.status = status.Found(
             robot=robot,
             robot_generation=state.settings.robot_generation if state is not None else None,
             placement=agent.placement(state, problem, connected=robot.connected),
-            endpoints=transport.observed_endpoints(self._offload, services, self._seen.nodes),
+            endpoints=self._endpoints(),
             wanted=wanted,
-            live={key: child for key, child in self._seen.live.items() if belongs(child, self._uid)},
+            live=self._snapshot.children(uid),
             pods=pods,
             commits={node: image.commit for node, image in built.images.items()},
         )
-
-    def _verdicts(self, found: status.Found) -> dict[str, Verdict]:
-        """The conditions that follow from what is live."""
-        lease = self._ours(LEASE, child_name(self._name, ROBOT))
-        state, _ = agent.state_of(lease)
-        servers = transport.discovery_servers(self._offload.spec)
-        names = [discovery_child(self._name, server) for server in range(servers)]
-        sets = [found.live[key] for name in names if (key := (STATEFUL_SET, name)) in found.live]
-        deployments = [child for (kind, _), child in found.live.items() if kind == DEPLOYMENT]
-        judged = [workloads.workload(child, workloads.pods_of(child, found.pods)) for child in deployments]
-        fine = yes("Available", "All workloads are available")
-        if not found.wanted.nodes:
-            fine = yes(found.wanted.verdict.reason, found.wanted.verdict.message)
-        generation = int(self._raw["metadata"].get("generation") or 0)
-        return {
-            "DiscoveryReady": conditions.discovery_ready(
-                servers, [workloads.workload(child, workloads.pods_of(child, found.pods)) for child in sets]
-            ),
-            "WorkloadsAvailable": workloads.together(judged, fine),
-            "AgentConnected": found.robot.verdict,
-            "AgentConfigCurrent": agent.config_current(state, generation, connected=found.robot.connected),
+        self._found.verdicts |= {
+            **workloads.conditions(self._offload, self._found.status.live, pods, wanted.nodes, wanted.verdict),
+            "AgentConnected": robot.verdict,
+            "AgentConfigCurrent": agent.config_current(state, generation, connected=robot.connected),
         }
 
-    def _workloads(self) -> list[Manifest]:
-        return [child for (kind, _), child in self._seen.live.items() if kind in (DEPLOYMENT, STATEFUL_SET)]
 
-    def _ours(self, kind: Any, name: str) -> Manifest | None:
-        child = self._seen.live.get((kind, name))
-        return child if child is not None and belongs(child, self._uid) else None
+@dataclass(frozen=True, slots=True)
+class _Secrets:
+    """What the first wave has led to.
 
-    def _secret(self, role: certificates.Role) -> Manifest | None:
-        return self._ours(SECRET, certificates.secret_name(self._name, role))
+    Attributes:
+        verdict: for the condition CertificatesReady.
+        kept: Secrets that the third wave leaves alone.
+        hash: of the cloud's certificate; empty: there is none.
+        recheck_s: seconds until one of them is to be renewed; None: never.
+        issuer: objects that ask the user's own issuer for certificates.
+    """
 
-    def _secret_keys(self) -> set[Any]:
-        return {(SECRET, certificates.secret_name(self._name, role)) for role in certificates.ROLES}
-
-    def _secret_stubs(self) -> list[Manifest]:
-        """The Secrets by name only, to ask who has them."""
-        return [
-            {"apiVersion": SECRET.api_version, "kind": SECRET.kind, "metadata": {"name": name}}
-            for _, name in self._secret_keys()
-        ]
-
-    def _certificate_hash(self) -> str:
-        return certificates.content_hash(self._secret("cloud"))
-
-    def _facts_of_owner(self) -> Facts:
-        return Facts(self._namespace, self._uid, 0, self._images, nodes_wanted=False)
-
-    @property
-    def _told(self) -> dict[str, str]:
-        return {"namespace": self._namespace, "name": self._name}
+    verdict: Verdict
+    kept: frozenset[Key] = frozenset()
+    hash: str = ""
+    recheck_s: float | None = None
+    issuer: tuple[Manifest, ...] = ()
 
 
-async def write_status(api: KubeApi, raw: Manifest, after: Mapping[str, Any], memory: Memory, clock: Clock) -> int:
-    """Writes the status where it differs and posts the transitions; returns the number of writes."""
-    before = raw.get("status") or {}
-    change = status.patch(before, after)
-    metadata = raw["metadata"]
-    memory.versions = {metadata["uid"]: metadata["resourceVersion"]}
-    if not change:
-        return 0
-    answer = await api.patch_status(
-        {
-            "apiVersion": ROBOT_OFFLOAD.api_version,
-            "kind": ROBOT_OFFLOAD.kind,
-            "metadata": {key: metadata[key] for key in ("namespace", "name", "uid", "resourceVersion")},
-            "status": change,
-        }
-    )
-    memory.versions[metadata["uid"]] = answer["metadata"]["resourceVersion"]
-    memory.status = summary(after)
-    told = transitions.transitions(before, after)
-    for event in told:
-        try:
-            await api.create(_event(raw, event, clock))
-        except KubeError as error:
-            # An event is a courtesy: losing one must not undo the pass.
-            _log.warning("Lost an event", name=metadata["name"], namespace=metadata["namespace"], error=str(error))
-    return 1 + len(told)
+@dataclass(frozen=True, slots=True)
+class _Servers:
+    """What the second wave has led to.
 
+    Attributes:
+        keys: the Services of the discovery servers.
+        hosts: their addresses; empty: not known, or not needed.
+        known: whether all addresses that are needed are known.
+    """
 
-def _event(raw: Manifest, told: transitions.Told, clock: Clock) -> Manifest:
-    metadata = raw["metadata"]
-    moment = conditions.timestamp(clock.wall())
-    return {
-        "apiVersion": "v1",
-        "kind": "Event",
-        "metadata": {
-            "name": f"{metadata['name']}.{secrets.token_hex(6)}",
-            "namespace": metadata["namespace"],
-            "labels": {labels.MANAGED_BY: labels.MANAGER},
-        },
-        "involvedObject": {
-            "apiVersion": raw["apiVersion"],
-            "kind": raw["kind"],
-            "namespace": metadata["namespace"],
-            "name": metadata["name"],
-            "uid": metadata["uid"],
-            "resourceVersion": metadata["resourceVersion"],
-        },
-        "type": told.type,
-        "reason": told.reason,
-        "message": told.message,
-        "source": {"component": COMPONENT},
-        "reportingComponent": COMPONENT,
-        "firstTimestamp": moment,
-        "lastTimestamp": moment,
-        "count": 1,
-    }
+    keys: frozenset[Key] = frozenset()
+    hosts: tuple[str, ...] = ()
+    known: bool = True

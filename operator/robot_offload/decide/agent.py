@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
 from robot_offload.api.agent_state import ANNOTATION, AgentState, StateError, parse_state
-from robot_offload.decide.decision import Verdict, no, unknown, yes
+from robot_offload.decide.verdicts import Verdict, no, unknown, yes
 from robot_offload.kube.port import Manifest
 
 Site: TypeAlias = Literal["Robot", "Cloud", "Unknown"]

@@ -16,8 +16,8 @@ from typing import Any, Final
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.decide.build_log import failing_lines
 from robot_offload.decide.build_specs import build_plans
-from robot_offload.decide.decision import Verdict, no, unknown, yes
 from robot_offload.decide.ownership import Key, being_deleted, belongs, controller_of
+from robot_offload.decide.verdicts import Verdict, no, unknown, yes
 from robot_offload.decide.workloads import pod_trouble
 from robot_offload.kube.kinds import CONFIG_MAP, DEPLOYMENT, JOB
 from robot_offload.kube.port import Manifest
@@ -75,7 +75,7 @@ class Builds:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class Before:
     """What there is.
 
     Attributes:
@@ -100,7 +100,7 @@ def secrets_of(offload: RobotOffload) -> frozenset[str]:
     return frozenset(secret.name for secret in found if secret is not None)
 
 
-def decide(parent: Parent, seen: Seen, rebuild: str) -> Builds:
+def decide(parent: Parent, seen: Before, rebuild: str) -> Builds:
     """Decides about every image.
 
     Args:
@@ -146,7 +146,7 @@ class _Step:
 def _step(
     parent: Parent,
     plan: BuildPlan,
-    seen: Seen,
+    seen: Before,
     ours: Mapping[Key, Manifest],
     images: Mapping[str, Built],
 ) -> _Step:
@@ -176,7 +176,7 @@ def _step(
     return _Step(verdict, missing, kept, recheck_s=recheck_s)
 
 
-def _begin(parent: Parent, plan: BuildPlan, seen: Seen, files: Manifest | None) -> _Step:
+def _begin(parent: Parent, plan: BuildPlan, seen: Before, files: Manifest | None) -> _Step:
     secrets = (plan.build.git_secret, plan.registry.push_secret, plan.registry.pull_secret)
     missing = [secret.name for secret in secrets if secret is not None and secret.name in seen.secrets_missing]
     if missing:

@@ -23,7 +23,8 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.x509.oid import NameOID
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.decide.decision import Verdict, no, yes
+from robot_offload.decide.ownership import Key
+from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.kinds import SECRET
 from robot_offload.kube.port import Manifest
 from robot_offload.objects import names
@@ -35,7 +36,6 @@ REVOKE: Final = "robotoffload.dev/revoke"
 REVOKED: Final = "robotoffload.dev/revoked"
 """Annotation on the client authority's Secret: the text that it answers."""
 AUTHORITY_DAYS: Final = 3650
-_DAY: Final = datetime.timedelta(days=1)
 
 Role: TypeAlias = Literal["server-ca", "client-ca", "cloud", "robot"]
 ROLES: Final[tuple[Role, ...]] = ("server-ca", "client-ca", "cloud", "robot")
@@ -72,6 +72,11 @@ class _Pair:
 def secret_name(offload: str, role: Role) -> str:
     """The name of the Secret of a role."""
     return names.child_name(offload, role)
+
+
+def secret_keys(offload: str) -> dict[Role, Key]:
+    """Returns where the Secret of each role is."""
+    return {role: (SECRET, secret_name(offload, role)) for role in ROLES}
 
 
 def content_hash(secret: Manifest | None) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1.status import CONDITION_TYPES
-from robot_offload.decide.decision import Truth, Verdict, no, unknown, yes
+from robot_offload.decide.verdicts import Truth, Verdict, no, unknown, yes
 from robot_offload.findings import Finding
 from robot_offload.kube.port import Manifest
 

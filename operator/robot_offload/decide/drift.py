@@ -13,7 +13,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -45,10 +44,9 @@ def digest(manifest: Manifest) -> str:
 
 def stamped(manifest: Manifest, uid: str) -> Manifest:
     """The manifest with the annotation by which it is found unchanged later."""
-    copy = deepcopy(manifest)
-    annotations = copy["metadata"].setdefault("annotations", {})
-    annotations[APPLIED] = f"{uid}/{digest(manifest)}"
-    return copy
+    metadata = manifest["metadata"]
+    annotations = {**(metadata.get("annotations") or {}), APPLIED: f"{uid}/{digest(manifest)}"}
+    return {**manifest, "metadata": {**metadata, "annotations": annotations}}
 
 
 def in_place(wanted: Manifest, live: Manifest, settled: Settled | None) -> bool:

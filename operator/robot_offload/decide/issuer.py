@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from robot_offload.decide.certificates import Role, host_names, secret_name
-from robot_offload.decide.decision import Verdict, no, yes
 from robot_offload.decide.ownership import APPLIED
+from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.kinds import CERTIFICATE
 from robot_offload.kube.port import Manifest
 from robot_offload.objects.labels import labels

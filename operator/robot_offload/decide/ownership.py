@@ -20,8 +20,8 @@ def key_of(manifest: Manifest) -> Key:
     return kind_of(manifest), manifest["metadata"]["name"]
 
 
-def told(manifest: Manifest) -> str:
-    """An object for people: `Deployment wheelchair-agent`."""
+def described(manifest: Manifest) -> str:
+    """Returns an object in words: `Deployment wheelchair-agent`."""
     return f"{manifest['kind']} {manifest['metadata']['name']}"
 
 
@@ -46,8 +46,8 @@ def belongs(manifest: Manifest, uid: str) -> bool:
     return str(annotations.get(APPLIED, "")).partition("/")[0] == uid
 
 
-def owner_told(manifest: Manifest) -> str:
-    """Whose an object is, for people."""
+def owner_described(manifest: Manifest) -> str:
+    """Returns whose an object is, in words."""
     owner = controller_of(manifest)
     return f"belongs to {owner.get('kind')} {owner.get('name')}" if owner else "has no owner"
 

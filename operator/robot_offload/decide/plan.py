@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from robot_offload.decide.drift import Settled, in_place, stamped
-from robot_offload.decide.ownership import Key, being_deleted, belongs, controller_of, key_of, owner_told, told
+from robot_offload.decide.contests import Contest, contested
+from robot_offload.decide.drift import Settled, digest, in_place, settle, stamped
+from robot_offload.decide.ownership import (
+    Key,
+    being_deleted,
+    belongs,
+    controller_of,
+    described,
+    key_of,
+    owner_described,
+)
 from robot_offload.kube.port import Manifest
 
 
@@ -17,10 +26,21 @@ class Apply:
     Attributes:
         manifest: what to apply, stamped.
         force: whether fields that others changed are taken back: only on objects that are ours already.
+        uid: a precondition: what was looked at is what is written to, or nothing is; empty: there was nothing.
+        again: whether exactly this was applied before, so that somebody else must have changed it.
     """
 
     manifest: Manifest
     force: bool
+    uid: str = ""
+    again: bool = False
+
+    @property
+    def body(self) -> Manifest:
+        """Returns what to send: the manifest with its precondition."""
+        if not self.uid:
+            return self.manifest
+        return {**self.manifest, "metadata": {**self.manifest["metadata"], "uid": self.uid}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +51,13 @@ class Obstacle:
         reason: one CamelCase word.
         message: whose the name is, and what to do.
         passing: whether it goes away by itself.
+        recheck_s: seconds after which to try again though nothing happens; None: an event will tell.
     """
 
     reason: str
     message: str
     passing: bool
+    recheck_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +75,51 @@ class Plan:
     obstacles: tuple[Obstacle, ...] = ()
 
     @property
-    def empty(self) -> bool:
-        """Whether there is nothing to write."""
-        return not (self.applies or self.deletes)
+    def touched(self) -> tuple[Key, ...]:
+        """Returns the children that the plan would write."""
+        return (*(key_of(step.manifest) for step in self.applies), *map(key_of, self.deletes))
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """What earlier passes have learnt about the children; losing it costs requests, never correctness.
+
+    Attributes:
+        settled: what the API server made of earlier manifests.
+        applied: the digest of what was last applied, by child.
+        contests: children that somebody else keeps changing.
+    """
+
+    settled: dict[Key, Settled] = field(default_factory=dict)
+    applied: dict[Key, str] = field(default_factory=dict)
+    contests: dict[Key, Contest] = field(default_factory=dict)
+
+    def remember(self, step: Apply, answer: Manifest, now_s: float) -> None:
+        """Notes what came of an apply."""
+        key = key_of(step.manifest)
+        if step.again:
+            self.contests[key] = self.contests.get(key, Contest()).taken_back(now_s)
+        self.applied[key] = digest(step.manifest)
+        kept = settle(step.manifest, answer)
+        if kept is None:
+            self.settled.pop(key, None)
+        else:
+            self.settled[key] = kept
+
+    def forget(self, key: Key) -> None:
+        """Drops what is known about a child that is no more."""
+        for part in (self.settled, self.applied, self.contests):
+            part.pop(key, None)
 
 
 def plan(
     wanted: Iterable[Manifest],
     live: Mapping[Key, Manifest],
     uid: str,
-    settled: Mapping[Key, Settled] | None = None,
-    kept: Iterable[Key] = (),
+    *,
+    prunable: Iterable[Key] = (),
+    history: History | None = None,
+    now_s: float = 0.0,
 ) -> Plan:
     """Compares wanted with live.
 
@@ -71,12 +127,14 @@ def plan(
         wanted: the children, in the order in which they are to be applied.
         live: all objects of the children's labels, and any other object that has the name of a wanted child.
         uid: of the RobotOffload.
-        settled: what the API server made of earlier manifests.
-        kept: objects that are neither wanted nor pruned (somebody else writes them).
+        prunable: the only children that may be deleted, if they are ours and not among `wanted`.
+        history: what earlier passes have learnt.
+        now_s: our steady clock.
     """
+    known = history or History()
     applies: list[Apply] = []
     obstacles: list[Obstacle] = []
-    names: set[Key] = set(kept)
+    names: set[Key] = set()
     for manifest in wanted:
         key = key_of(manifest)
         names.add(key)
@@ -88,18 +146,27 @@ def plan(
             obstacles.append(_leaving(there))
         elif not belongs(there, uid):
             obstacles.append(_taken(there, manifest))
-        elif not in_place(stamp, there, (settled or {}).get(key)):
-            # The uid is a precondition: what we looked at is what we write to, or nothing is written.
-            stamp["metadata"]["uid"] = there["metadata"]["uid"]
-            applies.append(Apply(stamp, force=True))
-    deletes = [
-        child for key, child in live.items() if key not in names and belongs(child, uid) and not being_deleted(child)
-    ]
+        elif not in_place(stamp, there, known.settled.get(key)):
+            again = known.applied.get(key) == digest(stamp)
+            contest = known.contests.get(key, Contest())
+            if again and contest.waits_s(now_s) > 0:
+                obstacles.append(_fought_over(there, contest, now_s))
+            else:
+                applies.append(Apply(stamp, force=True, uid=there["metadata"]["uid"], again=again))
+    doomed = [live[key] for key in prunable if key in live and key not in names]
+    deletes = [child for child in doomed if belongs(child, uid) and not being_deleted(child)]
     return Plan(tuple(applies), tuple(deletes), tuple(obstacles))
 
 
+def _fought_over(there: Manifest, contest: Contest, now_s: float) -> Obstacle:
+    verdict = contested(there, contest)
+    return Obstacle(verdict.reason, verdict.message, False, contest.waits_s(now_s))
+
+
 def _leaving(there: Manifest) -> Obstacle:
-    return Obstacle("WaitingForDeletion", f"{told(there)} is being deleted; it is made again when it is gone", True)
+    return Obstacle(
+        "WaitingForDeletion", f"{described(there)} is being deleted; it is made again when it is gone", True
+    )
 
 
 def _taken(there: Manifest, wanted: Manifest) -> Obstacle:
@@ -107,12 +174,13 @@ def _taken(there: Manifest, wanted: Manifest) -> Obstacle:
     if theirs.get("kind") == ours.get("kind") and theirs.get("name") == ours.get("name"):
         return Obstacle(
             "WaitingForDeletion",
-            f"{told(there)} belongs to an earlier {ours.get('kind')} of this name; it is made again when it is gone",
+            f"{described(there)} belongs to an earlier {ours.get('kind')} of this name; it is made again when it is "
+            "gone",
             True,
         )
     return Obstacle(
         "NameTaken",
-        f"{told(there)} exists and {owner_told(there)}; it is left alone. Delete or rename it, or give this "
+        f"{described(there)} exists and {owner_described(there)}; it is left alone. Delete or rename it, or give this "
         f"{ours.get('kind', 'object')} another name",
         False,
     )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import RobotOffloadSpec
-from robot_offload.decide.decision import Verdict, no, yes
+from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.port import Manifest
 
 DEFAULT_DURATION_S: Final = 30.0

@@ -10,9 +10,9 @@ from typing import Any
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.decide import builds, conditions
 from robot_offload.decide.agent import Placement
-from robot_offload.decide.decision import Verdict
 from robot_offload.decide.ownership import Key
 from robot_offload.decide.presence import Presence, Wanted
+from robot_offload.decide.verdicts import Verdict
 from robot_offload.decide.workloads import pods_of, workload
 from robot_offload.kube.kinds import DEPLOYMENT
 from robot_offload.kube.port import Manifest

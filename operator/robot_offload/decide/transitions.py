@@ -15,7 +15,7 @@ _MAX_MESSAGE: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class Transition:
     """An event to post.
 
     Attributes:
@@ -29,18 +29,18 @@ class Told:
     message: str
 
 
-def transitions(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[Told, ...]:
+def transitions(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[Transition, ...]:
     """The events between two statuses."""
     old = {condition["type"]: condition for condition in before.get("conditions") or ()}
     told = [*_conditions(old, after.get("conditions") or ())]
     sites = before.get("placement", "Unknown"), after.get("placement", "Unknown")
     if sites[0] != sites[1]:
         reason, message = after.get("placementReason") or "Unknown", after.get("placementMessage") or ""
-        told.append(Told("Normal", f"Placement{sites[1]}", _cut(f"{reason}: {message}")))
+        told.append(Transition("Normal", f"Placement{sites[1]}", _cut(f"{reason}: {message}")))
     return tuple(told)
 
 
-def _conditions(old: Mapping[str, Mapping[str, Any]], new: Iterable[Mapping[str, Any]]) -> Iterable[Told]:
+def _conditions(old: Mapping[str, Mapping[str, Any]], new: Iterable[Mapping[str, Any]]) -> Iterable[Transition]:
     for condition in new:
         name, status = condition["type"], condition["status"]
         before = old.get(name)
@@ -53,7 +53,7 @@ def _conditions(old: Mapping[str, Mapping[str, Any]], new: Iterable[Mapping[str,
         if status == "Unknown" and before is not None and name != "Ready":
             continue
         reason = condition["reason"] if not fine or name == "AgentConnected" else f"{name}"
-        yield Told("Normal" if fine else "Warning", reason, _cut(f"{name}: {condition['message']}"))
+        yield Transition("Normal" if fine else "Warning", reason, _cut(f"{name}: {condition['message']}"))
 
 
 def _cut(text: str) -> str:

@@ -5,9 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
-from robot_offload.decide.decision import Verdict, no, yes
+from robot_offload import transport
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.decide.conditions import discovery_ready
+from robot_offload.decide.ownership import Key
+from robot_offload.decide.verdicts import Verdict, no, yes
+from robot_offload.kube.kinds import DEPLOYMENT, STATEFUL_SET
 from robot_offload.kube.port import Manifest
+from robot_offload.objects.names import discovery_child
 
+_WORKLOADS: Final = (DEPLOYMENT, STATEFUL_SET)
 _IMAGE_REASONS: Final = ("ImagePullBackOff", "ErrImagePull", "InvalidImageName", "ErrImageNeverPull")
 
 
@@ -28,6 +35,31 @@ def workload(manifest: Manifest, pods: Iterable[Manifest] = ()) -> Verdict:
         or _quota_trouble(name, status)
         or no("PodsNotReady", f"{name}: {ready} of {wanted} pods are ready; look at its pods")
     )
+
+
+def conditions(
+    offload: RobotOffload, live: Mapping[Key, Manifest], pods: Iterable[Manifest], wanted: bool, why: Verdict
+) -> dict[str, Verdict]:
+    """Returns the conditions DiscoveryReady and WorkloadsAvailable.
+
+    Args:
+        offload: whose workloads.
+        live: its children.
+        pods: of the workloads that are not as they should be; of the others they need not be given.
+        wanted: whether nodes should have pods.
+        why: why they should not, when they should not.
+    """
+    known = list(pods)
+    judged = {key: workload(child, pods_of(child, known)) for key, child in live.items() if key[0] in _WORKLOADS}
+    servers = transport.discovery_servers(offload.spec)
+    names = [discovery_child(offload.metadata.name, server) for server in range(servers)]
+    fine = yes("Available", "All workloads are available") if wanted else yes(why.reason, why.message)
+    return {
+        "DiscoveryReady": discovery_ready(
+            servers, [judged[key] for name in names if (key := (STATEFUL_SET, name)) in judged]
+        ),
+        "WorkloadsAvailable": together([verdict for key, verdict in judged.items() if key[0] == DEPLOYMENT], fine),
+    }
 
 
 def pods_of(manifest: Manifest, pods: Iterable[Manifest]) -> list[Manifest]:

@@ -110,6 +110,10 @@ ROBOT: Final[dict[str, Advice]] = {
     ),
     "LeaseExpired": Advice("The cloud agent has stopped reporting; nobody knows about the robot.", AGENT_LOG),
     "NotConnected": Advice("The robot is not connected, so only it knows.", "See condition AgentConnected."),
+    "Unreadable": Advice(
+        "The robot gave a reason that is no single word, so it is not shown.",
+        "Look at the agent's log on the robot: journalctl -u robot-offload-agent",
+    ),
     "NotReported": Advice("The agents have not said yet.", "Wait some seconds; then: " + AGENT_LOG),
     "Pending": Advice("The settings are on their way to the robot.", "Wait some seconds."),
     "Refused": Advice(
@@ -151,6 +155,21 @@ CLUSTER: Final[dict[str, Advice]] = {
         "An object with the name of one of ours exists and belongs to somebody else; it is left alone.",
         "The message names it: delete or rename it, or give the RobotOffload another name.",
     ),
+    "Contested": Advice(
+        "Another controller sets fields of an object of ours again and again; the operator takes them "
+        "back ever less often.",
+        "The message names the field manager: stop it from writing that object, e.g. in the settings of "
+        "your GitOps tool.",
+    ),
+    "CannotRender": Advice(
+        "The specification passed its checks, and no objects can be made of it.",
+        "Correct what the message names; what runs in the cluster stays as it is until then.",
+    ),
+    "OperatorBug": Advice(
+        "A step of the operator broke; what runs in the cluster stays as it is.",
+        "Report the message together with the object; the traceback is in kubectl logs -n "
+        "robot-offload-system deployment/robot-offload-operator",
+    ),
     "WaitingForDeletion": Advice(
         "An object of ours is being deleted; it is made again when it is gone.",
         "Wait; if it stays, kubectl get it with -o yaml and look at its finalizers.",
@@ -161,7 +180,11 @@ CLUSTER: Final[dict[str, Advice]] = {
     ),
     "AlreadyExists": Advice("An object of this name belongs to somebody else.", "Rename it, or rename {name}."),
     "Forbidden": Advice("The operator's role does not allow something.", "helm upgrade the chart: its role fits it."),
-    "Invalid": Advice("The API server does not accept an object.", "The message says which field; report it to us."),
+    "Invalid": Advice(
+        "The API server does not accept an object.",
+        "The message says which field: correct it in spec. The same refusal is tried again only when "
+        "something changes.",
+    ),
     "NotFound": Advice("A kind or a namespace is missing.", "Install the custom resource definition: helm upgrade."),
     "TooManyRequests": Advice("The API server asks to slow down.", "Wait; the operator tries again by itself."),
     "ServerFailed": Advice("The API server has a problem of its own.", "Wait; the operator tries again by itself."),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import aiohttp
 from kubernetes.aio.client import ApiClient, Configuration
@@ -18,7 +18,7 @@ from kubernetes.aio.dynamic import DynamicClient
 
 from robot_offload.kube.errors import KubeError, NotFoundError, UnauthorizedError, UnreachableError, error_of
 from robot_offload.kube.kinds import Kind, kind_of
-from robot_offload.kube.port import FIELD_MANAGER, Manifest
+from robot_offload.kube.port import FIELD_MANAGER, Manifest, Verb
 from robot_offload.kube.retry import RetryPolicy
 
 _MERGE_PATCH: Final = "application/merge-patch+json"
@@ -26,21 +26,25 @@ _APPLY_PATCH: Final = "application/apply-patch+yaml"
 _PAGE: Final = 500
 """Objects per answer of a list: bounds what one answer holds in memory."""
 
-Configure = Callable[[], Awaitable[Configuration]]
+Configure: TypeAlias = Callable[[], Awaitable[Configuration]]
 """Reads the credentials (again)."""
+Guard: TypeAlias = Callable[[Verb], None]
+"""Is called before each request; what it raises keeps the request from being sent."""
 
 
 class Client:
     """`KubeApi` over HTTP. Make it with `connect`, end it with `close`."""
 
-    def __init__(self, configure: Configure, retry: RetryPolicy | None = None) -> None:
+    def __init__(self, configure: Configure, retry: RetryPolicy | None = None, guard: Guard | None = None) -> None:
         self._configure = configure
+        self._guard = guard or _let_pass
         self._retry = retry or RetryPolicy()
         self._dynamic: DynamicClient | None = None
         self._opening = asyncio.Lock()
 
     async def get(self, kind: Kind, namespace: str | None, name: str) -> Manifest | None:
         """See `KubeApi.get`."""
+        self._guard("get")
         try:
             return await self._send("get", kind.path(namespace, name), f"get {_told(kind, namespace, name)}")
         except NotFoundError:
@@ -50,6 +54,7 @@ class Client:
         self, kind: Kind, namespace: str | None = None, labels: Mapping[str, str] | None = None
     ) -> list[Manifest]:
         """See `KubeApi.list`."""
+        self._guard("list")
         selector = ",".join(f"{key}={value}" for key, value in sorted((labels or {}).items()))
         found: list[Manifest] = []
         token: str | None = None
@@ -70,6 +75,7 @@ class Client:
 
     async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:
         """See `KubeApi.apply`."""
+        self._guard("apply")
         kind, namespace, name = _address(manifest)
         return await self._send(
             "patch",
@@ -83,6 +89,7 @@ class Client:
 
     async def create(self, manifest: Manifest) -> Manifest:
         """See `KubeApi.create`."""
+        self._guard("create")
         kind, namespace, name = _address(manifest)
         return await self._send(
             "post",
@@ -97,6 +104,12 @@ class Client:
         self, kind: Kind, namespace: str | None, name: str, patch: Mapping[str, Any], *, subresource: str = ""
     ) -> Manifest:
         """See `KubeApi.patch`."""
+        self._guard("patch")
+        return await self._patch(kind, namespace, name, patch, subresource)
+
+    async def _patch(
+        self, kind: Kind, namespace: str | None, name: str, patch: Mapping[str, Any], subresource: str
+    ) -> Manifest:
         return await self._send(
             "patch",
             kind.path(namespace, name, subresource),
@@ -108,6 +121,7 @@ class Client:
 
     async def delete(self, kind: Kind, namespace: str | None, name: str, uid: str) -> None:
         """See `KubeApi.delete`."""
+        self._guard("delete")
         options = {"propagationPolicy": "Background", "preconditions": {"uid": uid}}
         try:
             await self._send(
@@ -118,11 +132,10 @@ class Client:
 
     async def patch_status(self, manifest: Manifest) -> Manifest:
         """See `KubeApi.patch_status`."""
+        self._guard("patch status")
         kind, namespace, name = _address(manifest)
         metadata = {key: manifest["metadata"][key] for key in ("uid", "resourceVersion") if key in manifest["metadata"]}
-        return await self.patch(
-            kind, namespace, name, {"metadata": metadata, "status": manifest["status"]}, subresource="status"
-        )
+        return await self._patch(kind, namespace, name, {"metadata": metadata, "status": manifest["status"]}, "status")
 
     async def close(self) -> None:
         """See `KubeApi.close`."""
@@ -178,6 +191,10 @@ class Client:
             if self._dynamic is None:
                 self._dynamic = DynamicClient(ApiClient(await self._configure()))
             return self._dynamic
+
+
+def _let_pass(verb: Verb) -> None:
+    """Guards nothing."""
 
 
 def _address(manifest: Manifest) -> tuple[Kind, str | None, str]:

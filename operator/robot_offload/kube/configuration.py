@@ -14,7 +14,7 @@ from kubernetes.aio import config
 from kubernetes.aio.client import Configuration
 from kubernetes.aio.config.config_exception import ConfigException
 
-from robot_offload.kube.client import Client
+from robot_offload.kube.client import Client, Guard
 from robot_offload.kube.errors import NotConfiguredError
 from robot_offload.kube.retry import RetryPolicy
 
@@ -44,20 +44,26 @@ class Access:
         return self.kubeconfig or os.environ.get("KUBECONFIG") or str(Path.home() / ".kube" / "config")
 
 
-def connect(kubeconfig: str | None = None, context: str | None = None, retry: RetryPolicy | None = None) -> Client:
+def connect(
+    kubeconfig: str | None = None,
+    context: str | None = None,
+    retry: RetryPolicy | None = None,
+    guard: Guard | None = None,
+) -> Client:
     """A client for an API server. Credentials are read at the first request and again after a 401.
 
     Args:
         kubeconfig: as `kubectl --kubeconfig`.
         context: as `kubectl --context`.
         retry: how patient requests are.
+        guard: is called before each request and may keep it from being sent.
     """
     access = Access(kubeconfig, context)
 
     async def configure() -> Configuration:
         return await _configuration(access)
 
-    return Client(configure, retry)
+    return Client(configure, retry, guard)
 
 
 def current_namespace(kubeconfig: str | None = None, context: str | None = None) -> str:

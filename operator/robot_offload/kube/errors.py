@@ -11,6 +11,8 @@ KubeError                  the base; `retriable` says whether the same request m
 |- TooManyError            429: the API server asks to slow down
 |- ServerFailedError       5xx: the API server has a problem
 `- UnreachableError        no answer in time, or no connection at all
+
+NotLeaderError stands beside it: this process may not write (any more), so nothing is to be tried again.
 """
 
 from __future__ import annotations
@@ -113,6 +115,10 @@ class UnreachableError(KubeError):
 
     retriable = True
     reason = "Unreachable"
+
+
+class NotLeaderError(RobotOffloadError):
+    """Another operator may be writing now; this one must not."""
 
 
 def error_of(status: int, body: str, headers: Mapping[str, str], doing: str) -> KubeError:

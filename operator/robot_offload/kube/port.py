@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final, Protocol
+from typing import Any, Final, Literal, Protocol, TypeAlias
 
 from robot_offload.kube.kinds import Kind
 
@@ -12,6 +12,12 @@ Manifest = dict[str, Any]
 
 FIELD_MANAGER: Final = "robot-offload"
 """The one name under which fields are owned in server-side apply."""
+
+
+Verb: TypeAlias = Literal["get", "list", "watch", "apply", "create", "patch", "delete", "patch status"]
+"""What a request asks for; the requests are counted by it."""
+READS: Final = frozenset({"get", "list", "watch"})
+"""The verbs that change nothing."""
 
 
 class KubeApi(Protocol):

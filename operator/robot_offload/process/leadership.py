@@ -18,17 +18,12 @@ from typing import Any, Final
 import structlog
 
 from robot_offload.controller.clock import Clock
-from robot_offload.errors import RobotOffloadError
-from robot_offload.kube.errors import ConflictError, KubeError
-from robot_offload.kube.kinds import LEASE, Kind
-from robot_offload.kube.port import KubeApi, Manifest
+from robot_offload.kube.errors import ConflictError, KubeError, NotLeaderError
+from robot_offload.kube.kinds import LEASE
+from robot_offload.kube.port import READS, KubeApi, Manifest, Verb
 
 LEASE_NAME: Final = "robot-offload-operator"
 _log = structlog.get_logger("robot_offload.leadership")
-
-
-class LostLeadershipError(RobotOffloadError):
-    """Another operator may be writing now; this one must not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +89,7 @@ class Leadership:
         """Renews for ever.
 
         Raises:
-            LostLeadershipError: somebody else has it, or it could not be renewed in time.
+            NotLeaderError: somebody else has it, or it could not be renewed in time.
         """
         pause_s = self._terms.renew_s
         while True:
@@ -107,9 +102,9 @@ class Leadership:
                 holder, pause_s = self._identity, min(1.0, self._terms.renew_s / 4)
             if holder != self._identity:
                 self._until_s = float("-inf")
-                raise LostLeadershipError(f"{holder} is the leader now")
+                raise NotLeaderError(f"{holder} is the leader now")
             if not self.held:
-                raise LostLeadershipError(f"the leader's Lease could not be renewed for {self._terms.give_up_s:g} s")
+                raise NotLeaderError(f"the leader's Lease could not be renewed for {self._terms.give_up_s:g} s")
 
     async def release(self) -> None:
         """Lets the next one start at once; best effort."""
@@ -124,9 +119,9 @@ class Leadership:
             _log.info("Could not release the leader's Lease", error=str(error))
 
     def check(self) -> None:
-        """Raises `LostLeadershipError` unless this process may write now."""
+        """Raises `NotLeaderError` unless this process may write now."""
         if not self.held:
-            raise LostLeadershipError("this operator is not the leader")
+            raise NotLeaderError("this operator is not the leader")
 
     async def _try(self) -> str:
         """One attempt to take or renew; returns who holds the Lease."""
@@ -179,62 +174,19 @@ class Leadership:
         }
 
 
-class LeaderOnly:
-    """`KubeApi` that refuses to write unless this process is the leader."""
+class LeadersOnly:
+    """Guards a client: counts its requests, and refuses to write unless this process is the leader."""
 
-    def __init__(self, api: KubeApi, leadership: Leadership) -> None:
-        self._api = api
+    def __init__(self, leadership: Leadership) -> None:
         self._leadership = leadership
         self.calls: Counter[str] = Counter()
 
-    async def get(self, kind: Kind, namespace: str | None, name: str) -> Manifest | None:
-        """See `KubeApi.get`."""
-        self.calls["get"] += 1
-        return await self._api.get(kind, namespace, name)
+    def __call__(self, verb: Verb) -> None:
+        """Notes a request before it is sent.
 
-    async def list(
-        self, kind: Kind, namespace: str | None = None, labels: Mapping[str, str] | None = None
-    ) -> list[Manifest]:
-        """See `KubeApi.list`."""
-        self.calls["list"] += 1
-        return await self._api.list(kind, namespace, labels)
-
-    async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:
-        """See `KubeApi.apply`."""
-        self._count("apply")
-        return await self._api.apply(manifest, force=force)
-
-    async def create(self, manifest: Manifest) -> Manifest:
-        """See `KubeApi.create`."""
-        self._count("create")
-        return await self._api.create(manifest)
-
-    async def patch(
-        self, kind: Kind, namespace: str | None, name: str, patch: Mapping[str, Any], *, subresource: str = ""
-    ) -> Manifest:
-        """See `KubeApi.patch`."""
-        self._count("patch")
-        return await self._api.patch(kind, namespace, name, patch, subresource=subresource)
-
-    async def delete(self, kind: Kind, namespace: str | None, name: str, uid: str) -> None:
-        """See `KubeApi.delete`."""
-        self._count("delete")
-        await self._api.delete(kind, namespace, name, uid)
-
-    async def patch_status(self, manifest: Manifest) -> Manifest:
-        """See `KubeApi.patch_status`."""
-        self._count("patch status")
-        return await self._api.patch_status(manifest)
-
-    async def close(self) -> None:
-        """See `KubeApi.close`."""
-        await self._api.close()
-
-    @property
-    def writes(self) -> int:
-        """How many writes were asked for."""
-        return sum(count for verb, count in self.calls.items() if verb not in ("get", "list"))
-
-    def _count(self, verb: str) -> None:
-        self._leadership.check()
+        Raises:
+            NotLeaderError: it writes, and this process is not the leader.
+        """
         self.calls[verb] += 1
+        if verb not in READS:
+            self._leadership.check()

@@ -21,7 +21,7 @@ from robot_offload.controller.clock import Clock
 from robot_offload.controller.reconcile import Controller, Name
 from robot_offload.errors import RobotOffloadError
 from robot_offload.kube.configuration import connect
-from robot_offload.kube.errors import KubeError, NotFoundError
+from robot_offload.kube.errors import KubeError, NotFoundError, NotLeaderError
 from robot_offload.kube.kinds import ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.kube.retry import RetryPolicy
@@ -29,7 +29,7 @@ from robot_offload.objects import labels
 from robot_offload.process import logs, triggers
 from robot_offload.process.health import Limit, WatchSight
 from robot_offload.process.http import serving
-from robot_offload.process.leadership import LeaderOnly, Leadership, LostLeadershipError, Terms
+from robot_offload.process.leadership import Leadership, LeadersOnly, Terms
 from robot_offload.process.metrics import Metrics
 from robot_offload.process.queue import Queue
 from robot_offload.process.settings import Settings, from_environment
@@ -48,22 +48,20 @@ class PartEndedError(RobotOffloadError):
 class Operator:
     """One operator process: the parts and how they hold together."""
 
-    def __init__(self, settings: Settings, api: KubeApi, leader_api: KubeApi, clock: Clock | None = None) -> None:
+    def __init__(
+        self, settings: Settings, api: KubeApi, leadership: Leadership, guard: LeadersOnly, clock: Clock | None = None
+    ) -> None:
         self._settings = settings
         self._clock = clock or Clock()
-        lease_s = settings.lease_s
-        terms = Terms(duration_s=lease_s, renew_s=lease_s / 3, give_up_s=lease_s * 2 / 3)
-        self._leadership = Leadership(leader_api, settings.pod_namespace, settings.pod_name, self._clock, terms)
-        self._api = LeaderOnly(api, self._leadership)
+        self._leadership = leadership
+        self._api = api
         self._controller = Controller(self._api, settings.images, self._clock)
         self._queue: Queue[Name] = Queue(self._clock.steady_s)
         self._sight = WatchSight()
         self._probed_s = self._clock.steady_s()
         self._watching = False
         self.metrics = Metrics()
-        self.metrics.show(
-            self._statuses, lambda: self._api.calls, lambda: len(self._queue), lambda: self._leadership.held
-        )
+        self.metrics.show(self._statuses, lambda: guard.calls, lambda: len(self._queue), lambda: self._leadership.held)
 
     # -- triggers (handlers.Triggers) ---------------------------------------------------------------------------
 
@@ -190,7 +188,7 @@ class Operator:
                 after_s=delay_s,
             )
             return
-        except LostLeadershipError:
+        except NotLeaderError:
             raise
         except Exception:
             # A bug about one object must not end the service for all others; it is told, counted and tried again.
@@ -269,11 +267,15 @@ async def _run(settings: Settings) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
-    api = connect(retry=RetryPolicy(request_timeout_s=settings.request_s))
     # Its own connection and no patience: renewing must not queue behind the work.
     leader_api = connect(retry=RetryPolicy(attempts=1, request_timeout_s=settings.lease_s / 5))
+    lease_s = settings.lease_s
+    terms = Terms(duration_s=lease_s, renew_s=lease_s / 3, give_up_s=lease_s * 2 / 3)
+    leadership = Leadership(leader_api, settings.pod_namespace, settings.pod_name, terms=terms)
+    guard = LeadersOnly(leadership)
+    api = connect(retry=RetryPolicy(request_timeout_s=settings.request_s), guard=guard)
     try:
-        await Operator(settings, api, leader_api).run(stop)
+        await Operator(settings, api, leadership, guard).run(stop)
     finally:
         await api.close()
         await leader_api.close()

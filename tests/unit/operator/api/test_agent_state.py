@@ -6,7 +6,19 @@ import json
 
 import pytest
 
-from robot_offload.api.agent_state import FRESH_S, AgentState, Settings, Sight, StateError, lasting, look, parse_state
+from robot_offload.api.agent_state import (
+    FRESH_S,
+    MAX_SENTENCE,
+    MAX_TEXT,
+    UNREADABLE,
+    AgentState,
+    Settings,
+    Sight,
+    StateError,
+    lasting,
+    look,
+    parse_state,
+)
 from tests.unit.operator.reporter.states import SINCE, seen, text
 
 
@@ -56,6 +68,38 @@ def test_a_newer_agent_may_say_more_and_a_young_one_less() -> None:
 def test_what_is_no_state_is_refused_with_a_sentence(broken: str) -> None:
     with pytest.raises(StateError, match="the agent's state"):
         parse_state(broken)
+
+
+@pytest.mark.parametrize("reason", ["a" * 65, "two words", "x" * 400, "Ünclear", "Line\nBreak", "<b>"])
+def test_a_reason_that_is_no_single_word_is_not_passed_on(reason: str) -> None:
+    state = parse_state(text(reason=reason, settings={"reason": reason}))
+    assert (state.reason, state.settings.reason) == (UNREADABLE, UNREADABLE)
+
+
+def test_sentences_of_the_robot_are_cut() -> None:
+    state = parse_state(text(message="m" * 5000, settings={"message": "n" * 5000}))
+    assert (len(state.message), len(state.settings.message)) == (MAX_SENTENCE, MAX_SENTENCE)
+
+
+@pytest.mark.parametrize(
+    "flood",
+    [
+        text(settings={"robot_generation": 10**30}),
+        text(epoch=-(10**30)),
+        text(round_trip_ms={"p50": 10**400}),
+        text(nodes=[{"name": "n", "state": "active"}] * 65),
+        text(message="m" * MAX_TEXT),
+        "[" * 10_000,
+    ],
+)
+def test_what_is_too_large_is_refused_with_a_short_sentence(flood: str) -> None:
+    with pytest.raises(StateError, match="the agent's state") as refused:
+        parse_state(flood)
+    assert len(str(refused.value)) < 200
+
+
+def test_a_number_that_is_none_is_left_out() -> None:
+    assert parse_state(text(round_trip_ms={"p50": float("nan")})).round_trip_p50_ms is None
 
 
 def test_live_numbers_are_left_out_of_what_lasts() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.decide.builds import Builds, Seen, decide, image_of, secrets_of
+from robot_offload.decide.builds import Before, Builds, decide, image_of, secrets_of
 from robot_offload.decide.ownership import Key, key_of
 from robot_offload.decide.plan import plan
 from robot_offload.kube.kinds import CONFIG_MAP, DEPLOYMENT, JOB
@@ -55,13 +55,14 @@ class World:
         self.now = NOW
 
     def decide(self, wanted: RobotOffload, rebuild: str = "") -> Builds:
-        return decide(Parent(wanted, FACTS), Seen(self.live, self.pods, self.missing, self.now), rebuild)
+        return decide(Parent(wanted, FACTS), Before(self.live, self.pods, self.missing, self.now), rebuild)
 
     def turn(self, wanted: RobotOffload, rebuild: str = "") -> Builds:
         """One pass of the operator."""
         decision = self.decide(wanted, rebuild)
         facts = dataclasses.replace(FACTS, built=decision.references)
-        steps = plan((*decision.manifests, *children(Parent(wanted, facts))), self.live, FACTS.uid, None, decision.kept)
+        manifests = (*decision.manifests, *children(Parent(wanted, facts)))
+        steps = plan(manifests, self.live, FACTS.uid, prunable=self.live.keys() - decision.kept)
         assert not steps.obstacles
         for step in steps.applies:
             there = self.live.get(key_of(step.manifest), {}).get("metadata", {})
@@ -147,7 +148,7 @@ def test_an_unchanged_object_leads_to_no_write() -> None:
         decision = world.decide(built())
         facts = dataclasses.replace(FACTS, built=decision.references)
         wanted = (*decision.manifests, *children(Parent(built(), facts)))
-        assert plan(wanted, world.live, FACTS.uid, None, decision.kept).empty
+        assert not plan(wanted, world.live, FACTS.uid, prunable=world.live.keys() - decision.kept).touched
 
 
 def test_a_changed_source_is_built_while_the_old_image_runs_and_its_old_job_goes() -> None:
@@ -361,7 +362,7 @@ def test_a_newer_operator_with_another_builder_leaves_running_jobs_as_they_are()
     world.turn(built())
     images = dataclasses.replace(FACTS.images, builder="registry.example/buildah:2")
     newer = dataclasses.replace(FACTS, images=images)
-    decision = decide(Parent(built(), newer), Seen(world.live, (), frozenset(), NOW), "")
+    decision = decide(Parent(built(), newer), Before(world.live, (), frozenset(), NOW), "")
     assert decision.manifests == ()
     assert {kind for kind, _ in decision.kept} == {JOB, CONFIG_MAP}
 

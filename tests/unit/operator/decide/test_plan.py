@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robot_offload.decide.drift import in_place, settle, stamped
 from robot_offload.decide.ownership import APPLIED, key_of
-from robot_offload.decide.plan import Plan, plan
+from robot_offload.decide.plan import History, Plan, plan
 from robot_offload.kube.kinds import CONFIG_MAP
 
 UID = "u-1"
@@ -40,7 +40,8 @@ def live(manifest: dict[str, Any], **metadata: Any) -> dict[str, Any]:
 
 
 def planned(wanted: list[dict[str, Any]], there: list[dict[str, Any]]) -> Plan:
-    return plan(wanted, {key_of(manifest): manifest for manifest in there}, UID)
+    live = {key_of(manifest): manifest for manifest in there}
+    return plan(wanted, live, UID, prunable=live)
 
 
 def test_a_missing_child_is_applied_without_force() -> None:
@@ -54,7 +55,7 @@ def test_a_child_that_is_as_wanted_is_left_alone_with_what_others_added() -> Non
     there = live(child())
     there["metadata"]["labels"]["theirs"] = "yes"
     there["data"]["more"] = "of theirs"
-    assert planned([child()], [there]).empty
+    assert not planned([child()], [there]).touched
 
 
 def test_a_changed_field_is_taken_back_on_exactly_that_object() -> None:
@@ -62,7 +63,8 @@ def test_a_changed_field_is_taken_back_on_exactly_that_object() -> None:
     there["data"]["key"] = "edited"
     (step,) = planned([child()], [there]).applies
     assert step.force
-    assert step.manifest["metadata"]["uid"] == "c-1"
+    assert step.body["metadata"]["uid"] == "c-1"
+    assert "uid" not in step.manifest["metadata"]
 
 
 def test_a_field_that_is_no_longer_wanted_needs_a_write_too() -> None:
@@ -86,7 +88,7 @@ def test_a_strangers_object_of_the_same_name_is_an_obstacle_that_stays() -> None
     stranger = child()
     stranger["metadata"]["ownerReferences"] = []
     result = planned([child()], [stranger])
-    assert result.empty
+    assert not result.touched
     (obstacle,) = result.obstacles
     assert (obstacle.reason, obstacle.passing) == ("NameTaken", False)
     assert "has no owner" in obstacle.message
@@ -100,12 +102,39 @@ def test_a_child_of_an_earlier_resource_of_this_name_is_waited_for() -> None:
 def test_a_child_on_its_way_out_is_waited_for_and_not_deleted_twice() -> None:
     leaving = live(child(), deletionTimestamp="2026-11-21T12:00:00Z")
     assert planned([child()], [leaving]).obstacles[0].reason == "WaitingForDeletion"
-    assert planned([], [leaving]).empty
+    assert not planned([], [leaving]).touched
 
 
-def test_what_is_kept_is_neither_wanted_nor_pruned() -> None:
+def test_only_what_may_be_pruned_is_pruned() -> None:
     there = live(child())
-    assert plan([], {key_of(there): there}, UID, kept=[(CONFIG_MAP, "settings")]).empty
+    assert not plan([], {key_of(there): there}, UID).touched
+    assert plan([], {key_of(there): there}, UID, prunable=[(CONFIG_MAP, "settings")]).deletes == (there,)
+
+
+def test_a_field_that_somebody_sets_again_and_again_is_taken_back_three_times_and_then_ever_less_often() -> None:
+    history, edited = History(), live(child())
+    edited["data"]["key"] = "edited"
+    edited["metadata"]["managedFields"] = [{"manager": "robot-offload", "time": "9"}, {"manager": "rival", "time": "8"}]
+    there, taken, obstacles = {key_of(edited): edited}, [], []
+    for second in range(200):
+        found = plan([child()], there, UID, history=history, now_s=second)
+        for step in found.applies:
+            history.remember(step, live(child()), second)
+            taken.append(second)
+        obstacles += found.obstacles
+    assert taken == [0, 1, 2, 3, 33, 93]  # the first one is the change that we wanted ourselves
+    assert {obstacle.reason for obstacle in obstacles} == {"Contested"}
+    assert "field manager 'rival'" in obstacles[0].message
+    assert obstacles[0].recheck_s == 29.0
+    assert plan([child()], there, UID, history=history, now_s=1000).applies, "the pause ends"
+
+
+def test_a_child_that_is_healed_now_and_then_is_no_contest() -> None:
+    history, edited = History(), live(child())
+    edited["data"]["key"] = "edited"
+    for second in range(0, 1000, 100):
+        (step,) = plan([child()], {key_of(edited): edited}, UID, history=history, now_s=second).applies
+        history.remember(step, live(child()), second)
 
 
 def test_values_that_the_server_writes_in_its_own_way_settle_after_one_write() -> None:

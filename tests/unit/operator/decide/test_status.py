@@ -9,8 +9,8 @@ from typing import Any
 from robot_offload.api.agent_state import ANNOTATION
 from robot_offload.api.v1alpha1.status import CONDITION_TYPES
 from robot_offload.decide import agent, conditions, status, workloads
-from robot_offload.decide.decision import Verdict, no, unknown, yes
 from robot_offload.decide.transitions import transitions
+from robot_offload.decide.verdicts import Verdict, no, unknown, yes
 from robot_offload.findings import Finding
 from tests.unit.operator.decide.worlds import NOW, lease
 

@@ -5,14 +5,22 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from robot_offload.controller.clock import Clock
-from robot_offload.kube.errors import AlreadyExistsError, ConflictError, ServerFailedError
+from robot_offload.kube.configuration import connect
+from robot_offload.kube.errors import (
+    AlreadyExistsError,
+    ConflictError,
+    NotConfiguredError,
+    NotLeaderError,
+    ServerFailedError,
+)
 from robot_offload.kube.kinds import CONFIG_MAP, Kind
-from robot_offload.process.leadership import LeaderOnly, Leadership, LostLeadershipError, Terms
+from robot_offload.process.leadership import Leadership, LeadersOnly, Terms
 
 
 class OneLease:
@@ -139,17 +147,16 @@ def test_holding_ends_with_an_error_when_somebody_else_has_it() -> None:
     assert world.tries(first)
     assert world.server.lease is not None
     world.server.lease["spec"]["holderIdentity"] = "b"
-    with pytest.raises(LostLeadershipError, match="b is the leader now"):
+    with pytest.raises(NotLeaderError, match="b is the leader now"):
         asyncio.run(first.hold())
     assert not first.held
 
 
-def test_who_does_not_lead_reads_but_never_writes() -> None:
-    world = World()
-    api = LeaderOnly(world.server, world.candidate("a"))  # type: ignore[arg-type]
+def test_who_does_not_lead_never_sends_a_write(tmp_path: Path) -> None:
+    guard = LeadersOnly(World().candidate("a"))
+    api = connect(str(tmp_path / "nowhere"), guard=guard)
 
     async def act() -> None:
-        assert await api.get(CONFIG_MAP, "here", "x") is None
         for write in (
             api.apply({}),
             api.create({}),
@@ -157,8 +164,10 @@ def test_who_does_not_lead_reads_but_never_writes() -> None:
             api.delete(CONFIG_MAP, "here", "x", "u"),
             api.patch_status({}),
         ):
-            with pytest.raises(LostLeadershipError):
+            with pytest.raises(NotLeaderError):
                 await write
+        with pytest.raises(NotConfiguredError):  # reading is tried
+            await api.get(CONFIG_MAP, "here", "x")
 
     asyncio.run(act())
-    assert (api.calls["get"], api.writes) == (1, 0)
+    assert guard.calls == {"get": 1, "apply": 1, "create": 1, "patch": 1, "delete": 1, "patch status": 1}

@@ -1,0 +1,54 @@
+"""The RobotOffload of one pass, as the cluster has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from robot_offload.kube.port import Manifest
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """The object that a pass is about.
+
+    Attributes:
+        raw: as the API server has it.
+    """
+
+    raw: Manifest
+
+    @property
+    def namespace(self) -> str:
+        """Returns its namespace."""
+        return str(self.raw["metadata"]["namespace"])
+
+    @property
+    def name(self) -> str:
+        """Returns its name."""
+        return str(self.raw["metadata"]["name"])
+
+    @property
+    def uid(self) -> str:
+        """Returns its uid."""
+        return str(self.raw["metadata"]["uid"])
+
+    @property
+    def generation(self) -> int:
+        """Returns the generation of its specification."""
+        return int(self.raw["metadata"].get("generation") or 0)
+
+    @property
+    def status(self) -> Mapping[str, Any]:
+        """Returns its status as it was last written."""
+        return dict(self.raw.get("status") or {})
+
+    @property
+    def words(self) -> dict[str, str]:
+        """Returns what log lines call it."""
+        return {"namespace": self.namespace, "name": self.name}
+
+    def annotation(self, key: str) -> str:
+        """Returns the text of an annotation; empty: there is none."""
+        return str((self.raw["metadata"].get("annotations") or {}).get(key, ""))
