@@ -10,6 +10,7 @@ the Services of the discovery servers, the rest.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
@@ -31,7 +32,7 @@ from robot_offload.decide import agent, builds, certificates, conditions, issuer
 from robot_offload.decide.ownership import Key, being_deleted, key_of
 from robot_offload.decide.plan import plan
 from robot_offload.decide.verdicts import Verdict, yes
-from robot_offload.errors import SpecError
+from robot_offload.errors import RobotOffloadError, SpecError
 from robot_offload.kube.errors import KubeError, NotLeaderError
 from robot_offload.kube.kinds import LEASE, ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi, Manifest
@@ -43,6 +44,8 @@ from robot_offload.transport import discovery
 
 Name: TypeAlias = tuple[str, str]
 """Namespace and name of a RobotOffload."""
+RENDER_S: Final = 20.0
+"""Seconds after which a rendering is given up. 64 nodes with the largest parameter files take less than two."""
 PATIENCE: Final = 3
 """Passes in a row that a passing trouble of the API server may break off before the status says so."""
 _log = structlog.get_logger("robot_offload.controller")
@@ -164,6 +167,26 @@ class Controller:
         return bool(errors) and memory.refusals != before
 
 
+async def render(parent: Parent) -> tuple[Manifest, ...]:
+    """Renders the children in a thread: leadership and probes never wait for what a user wrote.
+
+    Raises:
+        RenderTimeoutError: it took longer than `RENDER_S`.
+    """
+    try:
+        async with asyncio.timeout(RENDER_S):
+            return await asyncio.to_thread(children, parent)
+    except TimeoutError as error:
+        raise RenderTimeoutError(
+            f"the objects were not worked out within {RENDER_S:g} s; make the parameter files smaller, or give the "
+            "operator more CPU"
+        ) from error
+
+
+class RenderTimeoutError(RobotOffloadError):
+    """Rendering one RobotOffload takes too long."""
+
+
 class _Findings:
     """What a pass finds out for the status and for the queue, however far it comes.
 
@@ -239,7 +262,7 @@ class _Pass:
         facts = replace(
             parent.facts, certificate_hash=secrets.hash, built=built.references, discovery_hosts=servers.hosts
         )
-        manifests = (*secrets.issuer, *built.manifests, *children(Parent(self._offload, facts)))
+        manifests = (*secrets.issuer, *built.manifests, *await render(Parent(self._offload, facts)))
         rest = [manifest for manifest in manifests if key_of(manifest) not in servers.keys]
 
         found.step = Step.APPLY  # the third wave: everything else, and what is not wanted any more goes

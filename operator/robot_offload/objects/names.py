@@ -30,7 +30,10 @@ SERVER_CA: Final = "server-ca"
 CLIENT_CA: Final = "client-ca"
 BUILD: Final = "build"
 IMAGES: Final = "images"
-_OWN_WORDS: Final = frozenset((BUILD, IMAGES, AGENT, SETTINGS, DDS, ROUTER, NODES, DISCOVERY, UDP, TCP, ROBOT, CLOUD))
+PARAMETERS: Final = "parameters"
+_OWN_WORDS: Final = frozenset(
+    (BUILD, IMAGES, PARAMETERS, AGENT, SETTINGS, DDS, ROUTER, NODES, DISCOVERY, UDP, TCP, ROBOT, CLOUD)
+)
 _OWN_BEGINNINGS: Final = (f"{DISCOVERY}_", f"{BUILD}_")
 _PLAIN_NODE: Final = re.compile(r"[a-z0-9]+(_+[a-z0-9]+)*")
 

@@ -94,6 +94,11 @@ def container(
     return result
 
 
+def literal(text: str) -> str:
+    """Returns a user's text as args and env must have it: the kubelet expands `$(NAME)` and makes `$` of `$$`."""
+    return text.replace("$", "$$")
+
+
 def deployment(parent: Parent, part: Part, template: Manifest, *, replicas: int = 1) -> Manifest:
     """Returns a Deployment of one pod at most: the old one is gone before the new one starts, never two at a time."""
     body = {

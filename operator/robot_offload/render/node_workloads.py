@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from robot_offload import transport
@@ -10,11 +11,11 @@ from robot_offload.kube.port import Manifest
 from robot_offload.objects import labels, pod
 from robot_offload.objects.facts import Facts
 from robot_offload.objects.hashes import config_hash
-from robot_offload.objects.names import AGENT, child_name, node_child
+from robot_offload.objects.names import AGENT, PARAMETERS, child_name, node_child
 from robot_offload.objects.parent import Parent, Part
 from robot_offload.render import dds_profile, handover
-from robot_offload.render.parameter_files import renamed
-from robot_offload.render.ros_names import command, replica_name
+from robot_offload.render.parameter_files import RenamedFile, renamed_files
+from robot_offload.render.ros_names import command
 
 PARAMETERS_DIR: Final = "/etc/robot-offload/parameters"
 CONTAINER: Final = "node"
@@ -25,7 +26,8 @@ MISSING_IMAGE: Final = "image-not-given"
 def node_deployments(parent: Parent) -> tuple[Manifest, ...]:
     """The Deployments of all nodes with a replica in the cloud, in bring-up order; none without an image."""
     images = ((node, _image(parent.facts, node)) for node in parent.spec.cloud_nodes)
-    return tuple(_deployment(parent, node, image) for node, image in images if image is not None)
+    files = renamed_files(parent.spec, parent.facts.user_configs)
+    return tuple(_deployment(parent, node, image, files) for node, image in images if image is not None)
 
 
 def _image(facts: Facts, node: Node) -> str | None:
@@ -43,17 +45,19 @@ def replicas(spec: RobotOffloadSpec, node: Node, facts: Facts) -> int:
     return 1
 
 
-def _deployment(parent: Parent, node: Node, image: str) -> Manifest:
+def _deployment(parent: Parent, node: Node, image: str, files: Mapping[str, RenamedFile]) -> Manifest:
     name = node_child(parent.name, node.name)
     part = Part(name, "node", {labels.NODE: name})
-    volumes, mounts, params_file = _parameter_file(parent, node)
+    volumes, mounts, params_file = _parameter_file(parent, node, files)
     extra: Manifest = {"lifecycle": handover.pre_stop()} if node.duplicated else {}
     if node.image_pull_policy is not None:
         extra["imagePullPolicy"] = node.image_pull_policy
     container = pod.container(
         CONTAINER,
         image,
-        command(parent.spec, node, "cloud", params_file=params_file) if node.run else (),
+        [pod.literal(word) for word in command(parent.spec, node, "cloud", params_file=params_file)]
+        if node.run
+        else (),
         environment=_environment(parent, node),
         mounts=[*mounts, *dds_profile.mounts(parent.offload)],
         resources={
@@ -78,6 +82,11 @@ def _deployment(parent: Parent, node: Node, image: str) -> Manifest:
     return pod.deployment(parent, part, template, replicas=replicas(parent.spec, node, parent.facts))
 
 
+def _args(parent: Parent, node: Node, params_file: str | None) -> list[str]:
+    words = command(parent.spec, node, "cloud", params_file=params_file) if node.run else ()
+    return [pod.literal(word) for word in words]
+
+
 def _environment(parent: Parent, node: Node) -> dict[str, str]:
     own = {
         **pod.ros_environment(parent.offload),
@@ -88,38 +97,33 @@ def _environment(parent: Parent, node: Node) -> dict[str, str]:
         own[handover.URL_VARIABLE] = handover.url(child_name(parent.name, AGENT))
     # What decides where the node belongs is ours; everything else, such as HOME, a user may set.
     fixed = {name: value for name, value in own.items() if name not in ("HOME", "ROS_LOG_DIR")}
-    return {**own, **{one.name: one.value for one in node.env}, **fixed}
+    return {**own, **{one.name: pod.literal(one.value) for one in node.env}, **fixed}
 
 
-def _parameter_file(parent: Parent, node: Node) -> tuple[list[Manifest], list[Manifest], str | None]:
-    """Volumes, mounts and the path of the parameter file that a user keeps in a ConfigMap."""
+def _parameter_file(
+    parent: Parent, node: Node, files: Mapping[str, RenamedFile]
+) -> tuple[list[Manifest], list[Manifest], str | None]:
+    """Returns volumes, mounts and the path of the parameter file that a user keeps in a ConfigMap."""
     if node.run is None or node.run.parameters_from is None:
         return [], [], None
     reference = node.run.parameters_from.config_map_key_ref
-    source = node_child(parent.name, node.name) if _copied(parent.facts, node) is not None else reference.name
-    volume = pod.config_map_volume("parameters", source, [reference.key])
+    volume = pod.config_map_volume("parameters", reference.name, [reference.key])
+    if node.duplicated:
+        shared = files.get(f"{reference.name}/{reference.key}")
+        if shared is not None:
+            items = [{"key": shared.key, "path": reference.key}]
+            volume = {"name": "parameters", "configMap": {"name": _shared(parent).name, "items": items}}
     return [volume], [pod.mount("parameters", PARAMETERS_DIR)], f"{PARAMETERS_DIR}/{reference.key}"
 
 
-def _copied(facts: Facts, node: Node) -> str | None:
-    """The parameter file of a replica that goes by another name; None: the user's own is mounted."""
-    if node.run is None or node.run.parameters_from is None or not node.duplicated:
-        return None
-    reference = node.run.parameters_from.config_map_key_ref
-    text = facts.user_configs.get(f"{reference.name}/{reference.key}")
-    return None if text is None else renamed(text, node.name, replica_name(node, "cloud"))
-
-
 def parameter_copies(parent: Parent) -> tuple[Manifest, ...]:
-    """ConfigMaps with the parameter files of replicas, see `parameter_files`."""
-    found = []
-    for node in parent.spec.cloud_nodes:
-        text = _copied(parent.facts, node)
-        if text is not None and node.run is not None and node.run.parameters_from is not None:
-            key = node.run.parameters_from.config_map_key_ref.key
-            name = node_child(parent.name, node.name)
-            found.append(parent.config_map(Part(name, "node"), {key: text}))
-    return tuple(found)
+    """Returns the ConfigMap with the parameter files of all replicas, see `parameter_files`; none without files."""
+    files = renamed_files(parent.spec, parent.facts.user_configs)
+    return (parent.config_map(_shared(parent), {file.key: file.text for file in files.values()}),) if files else ()
+
+
+def _shared(parent: Parent) -> Part:
+    return Part(child_name(parent.name, PARAMETERS), "node")
 
 
 def _read_at_start(node: Node, facts: Facts) -> str:

@@ -3,45 +3,181 @@
 ROS 2 gives a node the parameters that stand under its own name, so without a new key a replica would silently run with
 its defaults. Only the keys are changed, in the text as it is: reading and writing YAML anew could turn a number into a
 text or a double into an integer.
+
+The files come from users, so what they may cost is bounded: their size, how deep they nest (libyaml needs quadratic
+time for nested brackets), and how often they are read: once for all nodes, and not again while text and names stay.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final
 
 import yaml
 
+from robot_offload.api.v1alpha1 import RobotOffloadSpec
+from robot_offload.errors import InputError
+from robot_offload.render.ros_names import replica_name
+
+MAX_FILE: Final = 262_144
+"""Bytes of one parameter file. The files of Nav2's own bring-up have some 20 KiB."""
+MAX_FILES: Final = 786_432
+"""Bytes of all renamed files of one RobotOffload: they share one ConfigMap, which takes 1 MiB."""
+MAX_DEPTH: Final = 64
+"""Levels of nesting; ROS 2's own reader of parameter files takes fewer."""
 _PARAMETERS: Final = "ros__parameters"
+_KEPT: Final = 64
+"""Renamed files that are kept in memory, of all RobotOffloads."""
 
 
-def renamed(text: str, name: str, replica: str) -> str:
-    """A parameter file for a replica.
+class TooLargeError(InputError):
+    """Parameter files are larger than what an operator that serves many robots reads."""
+
+
+@dataclass(frozen=True, slots=True)
+class RenamedFile:
+    """A user's parameter file, with the names of the replicas that read it.
+
+    Attributes:
+        entry: where it comes from, `name/key` of a ConfigMap.
+        key: under which it stands in the shared ConfigMap.
+        text: what is in it.
+    """
+
+    entry: str
+    key: str
+    text: str
+
+
+def renamed_files(spec: RobotOffloadSpec, configs: Mapping[str, str]) -> dict[str, RenamedFile]:
+    """Returns the files in which replicas find their own names, by where they come from.
 
     Args:
-        text: the user's file; one that is no YAML comes back as it is, ROS 2 tells what is wrong with it.
-        name: of the node, without its namespace.
-        replica: what the replica is called.
+        spec: says which nodes read which files.
+        configs: the users' files by `name/key`; one that is missing is left out.
+
+    Raises:
+        TooLargeError: one of them, or all together, are too large.
     """
+    names: dict[str, dict[str, str]] = {}
+    for node in spec.cloud_nodes:
+        if node.duplicated and node.run is not None and node.run.parameters_from is not None:
+            reference = node.run.parameters_from.config_map_key_ref
+            names.setdefault(f"{reference.name}/{reference.key}", {})[node.name] = replica_name(node, "cloud")
+    read = {entry: configs[entry] for entry in names if entry in configs}
+    _check_sizes(read)
+    return {
+        # The name of a ConfigMap has no underscore, so two entries never share a key.
+        entry: RenamedFile(entry, entry.replace("/", "_", 1), renamed(text, tuple(sorted(names[entry].items()))))
+        for entry, text in read.items()
+    }
+
+
+def _check_sizes(files: Mapping[str, str]) -> None:
+    sizes = {entry: len(text.encode(errors="replace")) for entry, text in files.items()}
+    for entry, size in sizes.items():
+        if size > MAX_FILE:
+            raise TooLargeError(
+                f"the parameter file {entry} has {size} bytes, more than {MAX_FILE}; split it: a node needs "
+                "only its own parameters"
+            )
+    if sum(sizes.values()) > MAX_FILES:
+        raise TooLargeError(
+            f"the parameter files {', '.join(sizes)} have {sum(sizes.values())} bytes together, more than {MAX_FILES}; "
+            "leave out parameters of nodes that do not run in the cloud"
+        )
+
+
+@lru_cache(maxsize=_KEPT)
+def renamed(text: str, names: tuple[tuple[str, str], ...]) -> str:
+    """Returns a parameter file for replicas.
+
+    Args:
+        text: the user's file; one that is no YAML comes back as it is, ROS 2 says what is wrong with it.
+        names: of nodes, without their namespaces, and of their replicas.
+    """
+    replicas = dict(names)
     try:
-        document = yaml.compose(text, Loader=yaml.SafeLoader)
+        keys = _keys(yaml.parse(text, Loader=yaml.CSafeLoader), replicas)
     except yaml.YAMLError:
         return text
-    for key in sorted(_keys(document, name), key=lambda one: one.start_mark.index, reverse=True):
-        value = str(key.value)
-        text = text[: key.start_mark.index] + value[: -len(name)] + replica + text[key.end_mark.index :]
-    return text
+    parts, end = [], 0
+    for start, stop, value in sorted(map(_place, keys)):
+        head, slash, name = value.rpartition("/")
+        parts += [text[end:start], head, slash, replicas[name]]
+        end = stop
+    return "".join((*parts, text[end:]))
 
 
-def _keys(node: yaml.Node | None, name: str) -> Iterator[yaml.ScalarNode]:
-    """The keys under which parameters of the node stand; namespaces may be part of a key or keys of their own."""
-    if not isinstance(node, yaml.MappingNode):
+def _place(key: yaml.ScalarEvent) -> tuple[int, int, str]:
+    """Returns where a key begins and ends in the text, and what it says."""
+    assert key.start_mark is not None
+    assert key.end_mark is not None
+    return key.start_mark.index, key.end_mark.index, str(key.value)
+
+
+@dataclass(slots=True)
+class _Level:
+    """A mapping or a list that is being read.
+
+    Attributes:
+        mapping: whether it is a mapping.
+        anchor: its own name for aliases; None: it has none.
+        key: the key whose value comes next; None: a key comes next, or the key is no scalar.
+        expects_key: whether a key comes next.
+        holds: whether parameters stand right in it.
+        found: keys inside that are to be renamed.
+    """
+
+    mapping: bool
+    anchor: str | None = None
+    key: yaml.ScalarEvent | None = None
+    expects_key: bool = True
+    holds: bool = False
+    found: list[yaml.ScalarEvent] = field(default_factory=list)
+
+
+def _keys(events: Iterable[yaml.Event], names: Mapping[str, str]) -> list[yaml.ScalarEvent]:
+    """Returns the keys under which parameters of these nodes stand.
+
+    Namespaces may be part of a key or keys of their own. Works on events, without recursion: users choose the depth.
+    """
+    levels = [_Level(mapping=False)]
+    holders: set[str] = set()
+    for event in events:
+        if isinstance(event, yaml.CollectionStartEvent):
+            if len(levels) > MAX_DEPTH:
+                raise yaml.YAMLError(f"more than {MAX_DEPTH} levels")
+            levels.append(_Level(isinstance(event, yaml.MappingStartEvent), event.anchor))
+        elif isinstance(event, yaml.CollectionEndEvent):
+            inner = levels.pop()
+            if inner.holds and inner.anchor:
+                holders.add(inner.anchor)
+            _value(levels[-1], names, inner.holds, inner.found if inner.mapping else [])
+        elif isinstance(event, yaml.AliasEvent):
+            _value(levels[-1], names, event.anchor in holders, [])
+        elif isinstance(event, yaml.ScalarEvent):
+            _scalar(levels[-1], event)
+    return levels[0].found
+
+
+def _scalar(level: _Level, event: yaml.ScalarEvent) -> None:
+    if level.mapping and level.expects_key:
+        level.key, level.expects_key = event, False
+        level.holds = level.holds or event.value == _PARAMETERS
+    else:
+        level.key, level.expects_key = None, True
+
+
+def _value(level: _Level, names: Mapping[str, str], holds: bool, found: list[yaml.ScalarEvent]) -> None:
+    """Notes that a collection has ended as a value (or as a key) of `level`."""
+    if level.mapping and level.expects_key:
+        level.expects_key = False
         return
-    for key, value in node.value:
-        if not isinstance(value, yaml.MappingNode) or not isinstance(key, yaml.ScalarNode):
-            continue
-        holds = any(isinstance(inner, yaml.ScalarNode) and inner.value == _PARAMETERS for inner, _ in value.value)
-        if holds and key.value.rpartition("/")[2] == name:
-            yield key
-        elif not holds:
-            yield from _keys(value, name)
+    if not holds:
+        level.found += found
+    elif level.key is not None and level.key.value.rpartition("/")[2] in names:
+        level.found.append(level.key)
+    level.key, level.expects_key = None, True
