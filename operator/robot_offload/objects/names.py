@@ -30,9 +30,24 @@ SERVER_CA: Final = "server-ca"
 CLIENT_CA: Final = "client-ca"
 BUILD: Final = "build"
 IMAGES: Final = "images"
-PARAMETERS: Final = "parameters"
+PARAMETERS: Final = "renamed-parameters"
+"""Not plain `parameters`: that is what people call their own ConfigMap."""
 _OWN_WORDS: Final = frozenset(
-    (BUILD, IMAGES, PARAMETERS, AGENT, SETTINGS, DDS, ROUTER, NODES, DISCOVERY, UDP, TCP, ROBOT, CLOUD)
+    (
+        BUILD,
+        IMAGES,
+        PARAMETERS.replace("-", "_"),
+        AGENT,
+        SETTINGS,
+        DDS,
+        ROUTER,
+        NODES,
+        DISCOVERY,
+        UDP,
+        TCP,
+        ROBOT,
+        CLOUD,
+    )
 )
 _OWN_BEGINNINGS: Final = (f"{DISCOVERY}_", f"{BUILD}_")
 _PLAIN_NODE: Final = re.compile(r"[a-z0-9]+(_+[a-z0-9]+)*")

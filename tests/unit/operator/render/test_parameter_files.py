@@ -25,7 +25,7 @@ controller_other:
   ros__parameters: {use_sim_time: false}
 """
 FROM_FILE = {"nodes.1.run.parametersFrom": {"configMapKeyRef": {"name": "nav", "key": "nav.yaml"}}}
-CONFIG = "ConfigMap/wheelchair-7-parameters"
+CONFIG = "ConfigMap/wheelchair-7-renamed-parameters"
 N = (("n", "remote_n"),)
 DEPLOYMENT = "Deployment/wheelchair-7-controller"
 
@@ -55,7 +55,7 @@ def test_a_replica_mounts_a_copy_with_its_name() -> None:
     assert manifests[CONFIG]["data"]["nav_nav.yaml"].splitlines()[1] == "remote_controller:"
     [volume] = [one for one in pods(manifests)[DEPLOYMENT]["spec"]["volumes"] if one["name"] == "parameters"]
     assert volume["configMap"] == {
-        "name": "wheelchair-7-parameters",
+        "name": "wheelchair-7-renamed-parameters",
         "items": [{"key": "nav_nav.yaml", "path": "nav.yaml"}],
     }
 
