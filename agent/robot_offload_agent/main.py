@@ -15,6 +15,9 @@ from robot_offload_agent.errors import AgentError, ConfigurationError
 from robot_offload_agent.settings.parameters import Configuration, load
 from robot_offload_core.token import Site
 
+COLLECTOR_HUNG_S = 3.0
+"""Without the collector no output passes and the robot stands, so less patience than with the others."""
+
 EPILOG = """\
 examples:
   robot-offload-agent robot --params robot.yaml     on the robot, with the file of the bundle
@@ -80,7 +83,8 @@ def supervise(configuration: Configuration) -> int:
     from robot_offload_agent.control import robot as control_robot  # noqa: PLC0415
     from robot_offload_agent.data import cloud as data_cloud  # noqa: PLC0415
     from robot_offload_agent.data import robot as data_robot  # noqa: PLC0415
-    from robot_offload_agent.process.supervisor import Child, Supervisor  # noqa: PLC0415
+    from robot_offload_agent.process.child import HUNG_S, Child  # noqa: PLC0415
+    from robot_offload_agent.process.supervisor import Supervisor  # noqa: PLC0415
     from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
     from robot_offload_agent.ros.context import run_until_ended  # noqa: PLC0415
     from robot_offload_agent.ros.preload import preload  # noqa: PLC0415
@@ -98,9 +102,13 @@ def supervise(configuration: Configuration) -> int:
         runs = {"collector": collector.run, **runs}
     preload(configuration)
     gc.collect()
-    children = [Child(name, partial(run_until_ended, run, configuration)) for name, run in runs.items()]
+    children = [
+        Child(name, partial(run_until_ended, run, configuration), COLLECTOR_HUNG_S if name == "collector" else HUNG_S)
+        for name, run in runs.items()
+    ]
     prefix = "ro-robot" if robot else "ro-cloud"
-    return Supervisor(configuration.runtime_dir, prefix, children).run()
+    identity = f"{configuration['uid']}-{configuration['side']}"
+    return Supervisor(configuration.runtime_dir, prefix, children, identity).run()
 
 
 def check_link(configuration: Configuration) -> None:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import logging
 import mmap
+import os
 import select
 import threading
 from pathlib import Path
 from typing import Any
 
 from robot_offload_agent.process import realtime
+from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros import context, raw
@@ -44,9 +46,13 @@ class Memory:
     def __init__(self, folder: Path) -> None:
         path = folder / "collector.memory"
         fresh = not path.exists()
-        with path.open("a+b") as file:
-            file.truncate(MEMORY_BYTES)
-            self.map = mmap.mmap(file.fileno(), MEMORY_BYTES)
+        try:
+            with path.open("a+b") as file:
+                os.posix_fallocate(file.fileno(), 0, MEMORY_BYTES)  # else a page missing later would kill us
+                self.map = mmap.mmap(file.fileno(), MEMORY_BYTES)
+        except OSError as error:
+            log.warning("%s cannot be written: %s; a collector that is started again waits for control", path, error)
+            self.map, fresh = mmap.mmap(-1, MEMORY_BYTES), True
         if fresh:
             self.map[:] = bytes(MEMORY_BYTES)
 
@@ -82,6 +88,7 @@ class CollectorShell:
         self.configuration = configuration
         self.bus = bus
         self.lock = threading.Lock()
+        self.beacon = Beacon(bus, "ros", "bus")
         settings = store.in_force(configuration).settings()
         self.memory = Memory(configuration.runtime_dir)
         plan = CollectorPlan(
@@ -134,6 +141,7 @@ class CollectorShell:
 
     def resolve(self) -> float:
         """Creates what could not be created yet, looks for second publishers; returns seconds until the next look."""
+        self.beacon.sign("ros")
         for index, (subscription, output) in enumerate(
             zip(self.subscriptions, self.configuration.outputs, strict=True)
         ):
@@ -189,6 +197,7 @@ class CollectorShell:
             readable, _, _ = select.select([self.bus], [], [], timeout_s)
             with self.lock:
                 self.process.woke()
+            self.beacon.sign("bus")
             while readable and (message := self.bus.receive()) is not None:
                 with self.lock:
                     self.process.handle(message)

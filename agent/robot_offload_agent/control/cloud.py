@@ -112,7 +112,7 @@ class CloudControlShell(ControlShell):
                 "message": message,
             },
             nodes=process.guardian.nodes,
-            counters=dict(status.counters) if status else {},
+            counters=(dict(status.counters) if status else {}) | self.life_counters(),
             problems=list(status.problems) if status else [],
         )  # fmt: skip
 

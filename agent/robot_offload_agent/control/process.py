@@ -17,7 +17,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from robot_offload_agent.process import realtime
+from robot_offload_agent.process import beacon, realtime
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros import context
@@ -26,7 +26,7 @@ from robot_offload_agent.ros.report import Report
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import beats, guardians
 from robot_offload_core.process.control import ControlProcess
-from robot_offload_core.process.messages import Arrived, Fatal, Notes, PulseStatus
+from robot_offload_core.process.messages import Arrived, Fatal, Lives, Notes, PulseStatus
 
 log = logging.getLogger(__name__)
 
@@ -55,6 +55,8 @@ class ControlShell(ABC):
         self.events: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
         self.wake = os.eventfd(0, os.EFD_NONBLOCK)
         self.pulse_status: PulseStatus | None = None
+        self.lives = Lives(())
+        self.beacon = beacon.Beacon(bus, "decide", "ros")
         self.report_due_s = 0.0
         context.init(configuration)
         self.report = Report(configuration)
@@ -64,6 +66,7 @@ class ControlShell(ABC):
         """Runs until it is ended."""
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         threading.Thread(target=self.decide, name="decide", daemon=True).start()
+        self.report.guardian.create_timer(beacon.PERIOD_S, lambda: self.beacon.sign("ros"))
         context.spin(*self.report.nodes)
 
     # -- events -------------------------------------------------------------------------------------------------------
@@ -89,6 +92,7 @@ class ControlShell(ABC):
             if self.wake in readable:
                 os.eventfd_read(self.wake)
             self.drain()
+            self.beacon.sign("decide")
             now = now_s()
             if now >= due_s:
                 due_s, turned_s = now + TICK_S, now
@@ -120,6 +124,8 @@ class ControlShell(ABC):
                 self.process.handle(message.sent)
             self.process.arrived(beat, message.arrived_s, message.wall_us)
             self.report.mirror_beat(message.text, beat)
+        elif isinstance(message, Lives):
+            self.take_lives(message)
         elif isinstance(message, PulseStatus):
             self.pulse_status = message
             if message.realtime not in ("fifo", "normal"):
@@ -128,6 +134,18 @@ class ControlShell(ABC):
             self.take_notes(message, now_s())
         else:
             self.process.handle(message)
+
+    def take_lives(self, lives: Lives) -> None:
+        """Takes what the supervisor says of all processes; that one hung is a problem for as long as this one lives."""
+        self.lives = lives
+        hung = [f"{name} ({hangs} times)" for name, _, hangs in lives.processes if hangs]
+        problem = f"Did not answer any more and was started again: {', '.join(hung)}" if hung else ""
+        self.report.note("hung", ("ProcessHung", problem) if problem else None)
+
+    def life_counters(self) -> dict[str, int]:
+        """Returns deaths and hangs of each process, for diagnostics."""
+        deaths = {f"process.{name}.deaths": deaths for name, deaths, _ in self.lives.processes}
+        return deaths | {f"process.{name}.hangs": hangs for name, _, hangs in self.lives.processes}
 
     # -- what the core's process needs --------------------------------------------------------------------------------
 

@@ -168,7 +168,7 @@ class RobotControlShell(ControlShell):
                 "generation": str(self.tuned.generation),
             },
             nodes=process.guardian.nodes,
-            counters=self.counters,
+            counters=self.counters | self.life_counters(),
             problems=[p for status in statuses if status for p in status.problems],
         )  # fmt: skip
 

@@ -10,6 +10,7 @@ from typing import Any
 from robot_offload_agent.link.choice import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel
 from robot_offload_agent.process import realtime
+from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros import context
@@ -64,6 +65,7 @@ class DataShell:
         self.configuration = configuration
         self.bus = bus
         self.lock = threading.Lock()
+        self.beacon = Beacon(bus, "ros", "bus")
         context.init(configuration)
         self.node = context.make_node(configuration, f"offload_data_{configuration['side']}")
         self.link: LinkHandle = open_link(
@@ -79,6 +81,7 @@ class DataShell:
 
     def work(self) -> float:
         """Looks at the graph; returns after how many seconds to look again."""
+        self.beacon.sign("ros")
         return RESOLVED_S if self.resolve() else UNRESOLVED_S
 
     def serve_bus(self) -> None:
@@ -87,6 +90,7 @@ class DataShell:
             timeout_s = max(0.0, self.process.due_s + SLACK_S - now_s())
             readable, _, _ = select.select([self.bus], [], [], timeout_s)
             self.process.woke()
+            self.beacon.sign("bus")
             while readable and (message := self.bus.receive()) is not None:
                 self.process.handle(message)
             self.process.turn()

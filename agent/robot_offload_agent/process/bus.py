@@ -1,30 +1,35 @@
 """How the processes of one agent talk: unix datagrams in the runtime folder, one socket per process.
 
-Losing a datagram loses nothing: everything that matters is a level, told again with every beat period. A sender never
-waits: a receiver that is stopped or dead costs its sender nothing.
+Losing a datagram loses nothing: everything that matters is a level, sent again with every beat period. A sender never
+waits. The kernel charges what nobody has read yet to the socket that sent it, so there is one sending socket for each
+receiver: one that is stopped holds up nothing but what is meant for itself.
 
 A datagram is one kind byte and a body: for `MESSAGE` JSON `[name, fields]` of a registered dataclass, for `ENVELOPE`
-and `PASSED` an output index, a header and the payload.
+and `PASSED` an output index, a header and the payload. A payload above `MAX_INLINE` travels beside its datagram, see
+`parcels.py`.
 """
 
 from __future__ import annotations
 
+import array
 import contextlib
 import json
 import logging
+import os
 import socket
-from dataclasses import fields, is_dataclass
-from enum import Enum
-from functools import cache
+import threading
+from collections import Counter
 from pathlib import Path
-from types import UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any
 
+from robot_offload_agent.process import parcels
+from robot_offload_agent.process.codec import plain, typed
 from robot_offload_core import placement
 from robot_offload_core.envelope import LAYOUT
 from robot_offload_core.process.messages import (
     ENVELOPE,
     PASSED,
+    Alive,
     Arrived,
     Carried,
     CollectorStatus,
@@ -33,6 +38,7 @@ from robot_offload_core.process.messages import (
     Fatal,
     Heard,
     Limits,
+    Lives,
     Notes,
     Orders,
     PulseStatus,
@@ -42,21 +48,32 @@ from robot_offload_core.process.messages import (
 log = logging.getLogger(__name__)
 
 MESSAGE = b"m"
+MAX_INLINE = 64 << 10
+"""Larger payloads travel in memory files."""
 MAX_DATAGRAM = 190_000
 """Largest datagram with the kernel's default socket buffers (212,992 bytes less its own accounting)."""
+_BESIDE = {ENVELOPE: b"E", PASSED: b"P"}
+_KINDS = {beside: kind for kind, beside in _BESIDE.items()}
+_RIGHTS_BYTES = socket.CMSG_SPACE(array.array("i").itemsize)
 
 
 KINDS: dict[str, type] = {
     cls.__name__: cls
     for cls in (
         Speak, Arrived, Heard, PulseStatus, Orders, Egress, DataStatus, CollectorStatus, Notes, Limits, Fatal,
-        placement.PulseSent, placement.SetGate, placement.Reopen,
+        Alive, Lives, placement.PulseSent, placement.SetGate, placement.Reopen,
     )
 }  # fmt: skip
 
 
 class Bus:
-    """One process's socket."""
+    """One process's socket. Any thread may send, one thread receives.
+
+    Attributes:
+        dropped: datagrams that could not be sent.
+        garbage: datagrams that were no message of ours.
+        too_large: size in bytes of the largest payload refused, by label.
+    """
 
     def __init__(self, folder: Path, name: str) -> None:
         """Binds `<folder>/<name>.sock`, taking it over from a dead predecessor."""
@@ -65,31 +82,74 @@ class Bus:
         path = folder / f"{name}.sock"
         with contextlib.suppress(FileNotFoundError):
             path.unlink()
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket = _socket()
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
-        self.socket.setblocking(False)
         self.socket.bind(str(path))
+        self.lock = threading.RLock()
+        self.outgoing: dict[str, tuple[socket.socket, str]] = {}
+        self.buffer = bytearray(MAX_DATAGRAM)
+        self.parcels = parcels.Parcels()
         self.dropped = 0
-        self.addresses: dict[str, str] = {}
+        self.garbage = 0
+        self.too_large: dict[str, int] = {}
 
     def fileno(self) -> int:
         """For select."""
         return self.socket.fileno()
 
     def send(self, to: str, message: Any) -> bool:
-        """Sends a registered dataclass; False when the receiver is absent or full."""
+        """Sends a registered dataclass; returns False when the receiver is absent or full."""
         body = json.dumps([type(message).__name__, plain(message)], separators=(",", ":"))
         return self._send(to, MESSAGE + body.encode())
 
-    def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: bytes) -> bool:
-        """Sends an output's message with its header."""
-        return self._send(to, b"".join((kind, index.to_bytes(2, "big"), header, payload)))
+    def carry(
+        self, to: str, kind: bytes, index: int, header: bytes, payload: bytes, label: str = "", reliable: bool = True
+    ) -> bool:
+        """Sends an output's message with its header.
 
-    def _send(self, to: str, datagram: bytes) -> bool:
-        if len(datagram) <= MAX_DATAGRAM:  # a larger one would be cut off by its receiver
+        Args:
+            to: the receiving process.
+            kind: ENVELOPE or PASSED.
+            index: of the output.
+            header: the envelope's header.
+            payload: up to `parcels.LARGEST_BYTES`.
+            label: the output's name, for what is counted.
+            reliable: best effort makes room for others when the receiver does not keep up with large messages.
+
+        Returns:
+            False when it could not be sent: the receiver is absent or full, or the payload is too large.
+        """
+        where = index.to_bytes(2, "big") + header
+        if len(payload) <= MAX_INLINE:
+            return self._send(to, b"".join((kind, where, payload)))
+        if len(payload) > parcels.LARGEST_BYTES:
+            self.too_large[label] = max(len(payload), self.too_large.get(label, 0))
+            self.dropped += 1
+            return False
+        with self.lock:  # the parcels are this object's, threads share it
             try:
-                self.socket.sendto(datagram, self._address(to))
+                parcel = self.parcels.pack(payload, label, reliable)
+            except OSError:
+                self.dropped += 1
+                return False
+            sent = self._send(to, _BESIDE[kind] + where, parcel.file)
+            if not sent:
+                self.parcels.withdraw(parcel)
+        return sent
+
+    def losses(self) -> Counter[str]:
+        """Returns how many large messages were given up because their receiver did not keep up, by label."""
+        return self.parcels.lost
+
+    def _send(self, to: str, datagram: bytes, file: int | None = None) -> bool:
+        if len(datagram) <= MAX_DATAGRAM:  # a larger one would be cut off by its receiver
+            outgoing, address = self.outgoing.get(to) or self._open(to)
+            try:
+                if file is None:
+                    outgoing.sendto(datagram, address)
+                else:
+                    rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", [file]))]
+                    outgoing.sendmsg([datagram], rights, 0, address)
             except OSError:  # absent or full: the same to a sender that never waits
                 pass
             else:
@@ -97,79 +157,71 @@ class Bus:
         self.dropped += 1
         return False
 
-    def _address(self, to: str) -> str:
-        if to not in self.addresses:
-            self.addresses[to] = str(self.folder / f"{to}.sock")
-        return self.addresses[to]
+    def _open(self, to: str) -> tuple[socket.socket, str]:
+        with self.lock:
+            if to not in self.outgoing:
+                self.outgoing[to] = _socket(), str(self.folder / f"{to}.sock")
+                self.outgoing[to][0].setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
+            return self.outgoing[to]
 
     def receive(self) -> Any | None:
-        """The next datagram as an object, None when there is none. Garbage is logged and left out."""
+        """Returns the next datagram as an object, None without one; garbage is counted, logged once and left out."""
         while True:
             try:
-                datagram = self.socket.recv(MAX_DATAGRAM)
+                size, rights, _, _ = self.socket.recvmsg_into([self.buffer], _RIGHTS_BYTES, socket.MSG_CMSG_CLOEXEC)
             except BlockingIOError:
                 return None
+            files = _files(rights)
             try:
-                return _read(datagram)
-            except (ValueError, KeyError, TypeError) as error:
-                log.warning("Dropped a datagram that is no message of ours: %s", error)
+                message = _read(bytes(memoryview(self.buffer)[:size]), files)
+            except (ValueError, KeyError, TypeError, RecursionError, OSError) as error:
+                self.garbage += 1
+                if self.garbage == 1:
+                    log.warning(
+                        "Dropped a datagram that is no message of ours, further ones are only counted: %s", error
+                    )
+                continue
+            finally:
+                for file in files:
+                    os.close(file)
+            if message is not None:
+                return message
 
     def close(self) -> None:
-        """Closes the socket."""
+        """Closes the sockets."""
+        self.parcels.close()
+        for outgoing, _ in self.outgoing.values():
+            outgoing.close()
         self.socket.close()
 
 
-def _read(datagram: bytes) -> Any:
+def _socket() -> socket.socket:
+    return socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+
+
+def _files(rights: list[tuple[int, int, bytes]]) -> list[int]:
+    """The descriptors that came with a datagram."""
+    found = array.array("i")
+    for level, kind, data in rights:
+        if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
+            found.frombytes(data[: len(data) - len(data) % found.itemsize])
+    return list(found)
+
+
+def _read(datagram: bytes, files: list[int]) -> Any | None:
+    """Reads a datagram; None for one whose payload its sender has given up meanwhile."""
     kind = datagram[:1]
     if kind == MESSAGE:
         name, body = json.loads(datagram[1:])
         return typed(KINDS[name], body)
-    if kind in (ENVELOPE, PASSED):
-        start = 3 + LAYOUT.size
-        return Carried(kind, int.from_bytes(datagram[1:3], "big"), datagram[3:start], datagram[start:])
-    raise ValueError(f"kind {kind!r}")
-
-
-def plain(value: Any) -> Any:
-    """Dataclasses -> lists of their fields, enums -> values, tuples -> lists."""
-    if is_dataclass(value):
-        return [plain(getattr(value, field.name)) for field in fields(value)]
-    if isinstance(value, Enum):
-        return value.value
-    if isinstance(value, tuple):
-        return [plain(v) for v in value]
-    return value
-
-
-def typed(kind: Any, value: Any) -> Any:
-    """The inverse of `plain` for the type `kind`."""
-    origin = get_origin(kind)
-    if origin in (Union, UnionType):
-        members = [m for m in get_args(kind) if m is not type(None)]
-        if value is None:
-            return None
-        if len(members) == 1:
-            return typed(members[0], value)
-        return typed(_by_length(members, value), value)
-    if origin is tuple:
-        arguments = get_args(kind)
-        if len(arguments) == 2 and arguments[1] is Ellipsis:
-            return tuple(typed(arguments[0], v) for v in value)
-        return tuple(typed(a, v) for a, v in zip(arguments, value, strict=True))
-    if is_dataclass(kind):
-        make: Any = kind
-        return make(*(typed(h, v) for h, v in zip(_field_types(make), value, strict=True)))
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        return kind(value)
-    return value
-
-
-def _by_length(members: list[Any], value: list[Any]) -> Any:
-    """Unions of ours differ in their number of fields."""
-    return next(m for m in members if len(fields(m)) == len(value))
-
-
-@cache
-def _field_types(cls: Any) -> tuple[Any, ...]:
-    hints = get_type_hints(cls)
-    return tuple(hints[field.name] for field in fields(cls))
+    start = 3 + LAYOUT.size
+    if len(datagram) < start:
+        raise ValueError(f"{len(datagram)} bytes of kind {kind!r}")
+    where = int.from_bytes(datagram[1:3], "big"), datagram[3:start]
+    if kind in _BESIDE:
+        return Carried(kind, *where, datagram[start:])
+    beside = _KINDS[kind]
+    if len(files) != 1:
+        raise ValueError(f"{len(files)} files with kind {kind!r}")
+    payload = parcels.unpack(files.pop())
+    return None if payload is None else Carried(beside, *where, payload)

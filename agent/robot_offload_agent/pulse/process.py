@@ -14,6 +14,7 @@ from collections import Counter
 from robot_offload_agent.link.choice import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel, LinkStatus
 from robot_offload_agent.process import realtime
+from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s, wall_us
 from robot_offload_agent.settings.parameters import Configuration
@@ -43,6 +44,7 @@ class PulseProcess:
         self.sent: PulseSent | None = None
         self.told_sent_s = 0.0
         self.link: LinkHandle | None = None
+        self.beacon = Beacon(bus, "main")
 
     def run(self) -> None:
         """Runs until it is ended."""
@@ -53,6 +55,7 @@ class PulseProcess:
         period_s = self.pulse.beat_period_s
         due_s = now_s()
         while not self.link.ended():
+            self.beacon.sign("main")
             now = now_s()
             if now >= due_s:
                 self.send(now)

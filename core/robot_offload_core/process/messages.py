@@ -151,6 +151,22 @@ class Fatal:
 
 
 @dataclass(frozen=True)
+class Alive:
+    """any -> supervisor, twice a second: all threads work; the sign of the slowest one is `age_s` old."""
+
+    process: str
+    pid: int
+    age_s: float
+
+
+@dataclass(frozen=True)
+class Lives:
+    """supervisor -> control, once a second: (process, deaths, how many of them because it hung)."""
+
+    processes: tuple[tuple[str, int, int], ...]
+
+
+@dataclass(frozen=True)
 class Carried:
     """An output's message with its header; `kind` is ENVELOPE or PASSED. The payload is opaque here."""
 

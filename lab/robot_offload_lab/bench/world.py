@@ -290,7 +290,7 @@ class World:
         files = client_paths(self.system.certificates, OBSERVER)
         pulse, data = (f"{HOST}:{port}" for port in self.system.served)
         options = {
-            "uid": self.system.offload.metadata.name, "pulse": pulse, "data": data, "ca": files.ca,
+            "uid": self.system.uid, "pulse": pulse, "data": data, "ca": files.ca,
             "certificate": files.certificate, "private-key": files.private_key,
         }  # fmt: skip
         words = [word for name, value in options.items() for word in (f"--{name}", value)]

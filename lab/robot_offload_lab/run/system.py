@@ -83,6 +83,11 @@ class System:
     served: tuple[int, int]
 
     @property
+    def uid(self) -> str:
+        """The identity of both agents: a host has one agent of each, and may have several runs."""
+        return f"{self.offload.metadata.name[:40]}-{self.run}"
+
+    @property
     def spec(self) -> RobotOffloadSpec:
         """The specification."""
         return self.offload.spec
@@ -254,7 +259,7 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
         private_key=str(files.private_key),
         pulse_port=ports[0],
         data_port=ports[1],
-        uid=system.offload.metadata.name,
+        uid=system.uid,
         domain_id=_domain(system, side),
         runtime_dir=str(system.temporary / side),
         realtime=system.realtime,

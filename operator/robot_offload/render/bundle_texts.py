@@ -12,6 +12,9 @@ from robot_offload.render.ros_names import command, nodes_on, remappings
 SETUP_VARIABLE: Final = "ROBOT_OFFLOAD_SETUP"
 """In the file `environment`: the script that makes ROS 2 and the robot's own message types known."""
 
+WATCHDOG_S: Final = 15
+"""A supervisor without a sign of life for so long is started anew with all its processes; it gives one every 5 s."""
+
 _MEANINGS: Final = {
     "agent.yaml": "the agent's configuration, a ROS 2 parameter file",
     "ddsrouter.yaml": "the configuration of the DDS Router on the robot",
@@ -56,6 +59,8 @@ def agent_unit(offload: RobotOffload, folder: str, realtime_priority: int, envir
     return _unit(
         f"Robot Offload agent of {name}",
         [
+            "Type=notify",
+            f"WatchdogSec={WATCHDOG_S}",
             f"EnvironmentFile={folder}/environment",
             f"Environment={' '.join(f'{name}={value}' for name, value in environment.items())}",
             f"ExecStart=/bin/bash -c '{start}'",
@@ -72,7 +77,7 @@ def router_unit(offload: RobotOffload, folder: str) -> str:
     """A unit for systemd that runs the DDS Router."""
     return _unit(
         f"DDS Router of {offload.metadata.name}",
-        [f"ExecStart=/usr/bin/env ddsrouter -c {folder}/ddsrouter.yaml", "CapabilityBoundingSet="],
+        ["Type=exec", f"ExecStart=/usr/bin/env ddsrouter -c {folder}/ddsrouter.yaml", "CapabilityBoundingSet="],
     )
 
 
@@ -82,9 +87,10 @@ def _unit(description: str, service: Sequence[str]) -> str:
         f"Description={description}",
         # Not after network-online: the robot starts without a network as well.
         "After=network.target",
+        # Else systemd gives up for ever after five quick failures: a disk mounted late, a clock set late.
+        "StartLimitIntervalSec=0",
         "",
         "[Service]",
-        "Type=exec",
         *service,
         "Restart=always",
         "RestartSec=1",

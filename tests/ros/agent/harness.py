@@ -223,15 +223,15 @@ class World:
         return {**found, "link.private_key": str(paths.private_key)}
 
     def start_agent(
-        self, side: str, name: str = "", options: Sequence[str] = (), **different: Any
+        self, side: str, name: str = "", options: Sequence[str] = (), namespace: str = "", **different: Any
     ) -> subprocess.Popen[bytes]:
-        """Starts the agent of a side with these options; `name` and `different` are for a second one beside it."""
+        """Starts the agent of a side with these options; `name` and what follows are for a second one beside it."""
         values = {**self.parameters(side), **{key.replace("__", "."): value for key, value in different.items()}}
         path = self.folder / f"{name or side}.yaml"
         path.write_text(yaml.safe_dump({"/**": {"ros__parameters": values}}))
         command = [sys.executable, "-m", "robot_offload_agent.main", side, "--params", str(path), *options]
         environment = self.plan.environment.get(side, {})
-        process = self.processes.start(f"{name or side}-agent", command, self.namespace(side), environment)
+        process = self.processes.start(f"{name or side}-agent", command, namespace or self.namespace(side), environment)
         if not name:
             self.agents[side] = process
             if side == "robot":

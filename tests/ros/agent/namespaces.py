@@ -6,6 +6,7 @@ sockets. Needs root.
 
 import subprocess
 import uuid
+from typing import Self
 
 ADDRESSES = {"robot": "10.77.0.1/24", "cloud": "10.77.0.2/24"}
 
@@ -49,6 +50,30 @@ class Namespaces:
         for name in self.made:
             ip("netns", "delete", name)
         self.made.clear()
+
+
+class OtherHost:
+    """A network namespace joined to the test's own, for a second agent that must not be on the same host."""
+
+    HERE, THERE = "10.78.0.1", "10.78.0.2"
+
+    def __init__(self) -> None:
+        self.name = f"ro-other-{uuid.uuid4().hex[:6]}"
+
+    def __enter__(self) -> Self:
+        end = self.name[-9:]
+        ip("netns", "add", self.name)
+        ip("link", "add", end, "type", "veth", "peer", "name", "link0", "netns", self.name)
+        ip("address", "add", f"{self.HERE}/24", "dev", end)
+        ip("link", "set", end, "up")
+        ip("-n", self.name, "address", "add", f"{self.THERE}/24", "dev", "link0")
+        for device in ("link0", "lo"):
+            ip("-n", self.name, "link", "set", device, "up")
+        ip("-n", self.name, "route", "add", "224.0.0.0/4", "dev", "link0")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        ip("netns", "delete", self.name)
 
 
 def ip(*arguments: str) -> None:

@@ -11,7 +11,9 @@ from robot_offload_agent.link.zenoh_config import ZenohSettings, key, session_co
 from robot_offload_agent.process.clock import now_s
 from robot_offload_core import beats
 from robot_offload_core.token import Site
+from robot_offload_lab.wire.emulated import Forward, Wire, WireConfig
 from tests.ros.agent.harness import PATIENCE_S, World
+from tests.ros.agent.namespaces import OtherHost
 from tests.ros.agent.passage import longest_gap_s
 
 THIRD_DOMAIN = 78
@@ -20,14 +22,39 @@ THIRD_DOMAIN = 78
 def test_a_second_robot_of_the_same_identity_is_refused_and_the_first_goes_on(world: World) -> None:
     epoch, at_s = world.placed[-1].epoch, now_s()
     other = {"domain_id": THIRD_DOMAIN, "state_dir": "", "inhibit_service": "", "realtime": False}
-    second = world.start_agent("robot", name="second", runtime_dir=str(world.folder / "second"), **other)
-    world.until(lambda: "DuplicateIdentity" in world.processes.log("second-agent"), "the second one is told why")
-    world.until(lambda: "is refused" in world.processes.log("cloud-agent"), "the cloud says so")
+    with OtherHost() as host, way_in(world, host.HERE) as endpoints:
+        second = world.start_agent(
+            "robot", name="second", namespace=host.name, runtime_dir=str(world.folder / "second"),
+            link__verify_name=False, **other, **endpoints,
+        )  # fmt: skip
+        world.until(lambda: "DuplicateIdentity" in world.processes.log("second-agent"), "the second one is told why")
+        world.until(lambda: "is refused" in world.processes.log("cloud-agent"), "the cloud says so")
+        world.passes("cloud", 40)
+        assert world.placed[-1].epoch == epoch
+        assert longest_gap_s(world.arrivals, at_s) < 0.5
+        second.terminate()
+        second.wait(PATIENCE_S)
+
+
+def test_a_second_robot_on_the_same_host_is_refused_at_its_start_and_only_one_side_is_ever_heard(world: World) -> None:
+    since = len(world.arrivals)
+    second = world.start_agent("robot", name="second", runtime_dir=str(world.folder / "second"), inhibit_service="")
+    assert second.wait(PATIENCE_S) == 3
+    assert f"it is process {world.agents['robot'].pid}" in world.processes.log("second-agent")
     world.passes("cloud", 40)
-    assert world.placed[-1].epoch == epoch
-    assert longest_gap_s(world.arrivals, at_s) < 0.5
-    second.terminate()
-    second.wait(PATIENCE_S)
+    assert {arrival.site for arrival in world.arrivals[since:]} == {"cloud"}
+
+
+@contextmanager
+def way_in(world: World, host: str) -> Iterator[dict[str, list[str]]]:
+    """Makes the cloud reachable at an address of the test's host; gives the endpoints as parameters."""
+    forwards = tuple(Forward(name, "udp", f"{host}:0", f"127.0.0.1:{port}") for name, port in world.ports.items())
+    wire = Wire(WireConfig(forwards, realtime=True))
+    wire.start()
+    try:
+        yield {f"link__{name}_endpoints": [f"quic/{host}:{wire.port(name)}"] for name in world.ports}
+    finally:
+        wire.stop()
 
 
 @contextmanager

@@ -73,6 +73,27 @@ def test_nothing_stale_passes_after_a_process_was_stopped_while_the_robot_acted(
 
 
 @pytest.mark.parametrize("side", PROCESSES)
+def test_processes_that_hang_are_ended_and_replaced_counted_and_reported_and_the_cloud_acts_again(
+    world: World, side: str
+) -> None:
+    before = {process: world.pid(side, process) for process in PROCESSES[side]}
+    for process in before:
+        world.signal(side, process, signal.SIGSTOP)
+    for process, pid in before.items():
+        await_restart(world, side, process, pid)
+    if side == "robot":
+        world.begun_s.append(now_s())
+    world.goes_to("cloud")
+    ear = world.ear if side == "robot" else world.cloud_ear()
+
+    def counted() -> bool:
+        values = ear.diagnostics["data"].values
+        return all(int(values[f"process.{name}.hangs"]) >= 1 for name in before) and "ProcessHung" in values
+
+    world.until(counted, "diagnostics name every process that hung")
+
+
+@pytest.mark.parametrize("side", PROCESSES)
 @pytest.mark.parametrize("acting", ["cloud", "robot"])
 def test_a_killed_supervisor_disturbs_nothing_and_the_next_one_starts_anew(
     world: World, side: str, acting: str

@@ -1,5 +1,6 @@
 """What a collector remembers over its own death: who passed, and nothing that is not whole."""
 
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,18 @@ def test_a_file_with_anything_else_in_it_holds_nothing(
     folder = tmp_path_factory.mktemp("run")
     (folder / "collector.memory").write_bytes(content)
     assert Memory(folder).load() is None
+
+
+def test_on_a_full_disk_the_collector_starts_and_remembers_until_it_ends(tmp_path: Path) -> None:
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4k", "tmpfs", str(tmp_path)], check=True)
+    try:
+        (tmp_path / "much").write_bytes(bytes(4096))
+        charge = Charge(Site.ROBOT, Token("ab" * 16, 1, ""))
+        memory = Memory(tmp_path)
+        memory.save(state(charge))
+        assert memory.load() == (charge, 0, False)
+    finally:
+        subprocess.run(["umount", str(tmp_path)], check=True)
 
 
 def test_words_that_are_no_memory_hold_nothing(tmp_path: Path) -> None:

@@ -1,9 +1,10 @@
 """A supervisor with trivial children, to be run as a process by test_supervisor.
 
-    python -m tests.unit.agent.process.supervised FOLDER NAME=WHAT...
+    python -m tests.unit.agent.process.supervised FOLDER IDENTITY NAME=WHAT...
 
-WHAT: `sleep` stays; `die` ends at once; `deaf` stays and ignores SIGTERM; `error` fails with a message for a person;
-`late` dies once and fails with a message in its second life.
+WHAT: `sleep` stays and gives signs of life; `hang` gives one and stays; `half` has a thread that hangs; `die` ends at
+once; `deaf` stays and ignores SIGTERM; `error` fails with a message for a person; `late` dies once and fails with a
+message in its second life; `control` writes down what the supervisor says of the others.
 """
 
 import logging
@@ -16,7 +17,12 @@ from pathlib import Path
 
 from robot_offload_agent.errors import AgentError, StartError
 from robot_offload_agent.process import supervisor
-from robot_offload_agent.process.supervisor import Child, Supervisor
+from robot_offload_agent.process.beacon import Beacon
+from robot_offload_agent.process.bus import Bus
+from robot_offload_agent.process.child import Child
+from robot_offload_agent.process.supervisor import Supervisor
+
+HUNG_S = 2.0
 
 
 def behave(folder: Path, name: str, what: str) -> None:
@@ -26,24 +32,31 @@ def behave(folder: Path, name: str, what: str) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if what == "error" or (what == "late" and (folder / f"{name}.lives").stat().st_size > 1):
         raise StartError(f"{name} cannot start: move the other one away")
-    while what in ("sleep", "deaf"):
-        time.sleep(1)
+    bus = Bus(folder, name)
+    beacon = Beacon(bus, "main", *(["other"] if what == "half" else []))
+    beacon.sign("main")
+    while what in ("sleep", "deaf", "hang", "half", "control"):
+        if what != "hang":
+            beacon.sign("main")
+        while (message := bus.receive()) is not None:
+            (folder / f"{name}.heard").write_text(str(message))
+        time.sleep(0.1)
 
 
-def main(folder: Path, words: list[str]) -> int:
+def main(folder: Path, name: str, words: list[str]) -> int:
     logging.basicConfig(level=logging.INFO, stream=sys.stderr)
     supervisor.STOP_GRACE_S = 0.5
     children = []
     for word in words:
-        name, _, what = word.partition("=")
-        run: Callable[[], None] = partial(behave, folder, name, what)
-        children.append(Child(name, run))
+        child, _, what = word.partition("=")
+        run: Callable[[], None] = partial(behave, folder, child, what)
+        children.append(Child(child, run, HUNG_S))
     try:
-        return Supervisor(folder, "ro-test", children).run()
+        return Supervisor(folder, "ro-test", children, name).run()
     except AgentError as error:
         sys.stderr.write(f"{error}\n")
         return error.exit_code
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), sys.argv[2:]))
+    sys.exit(main(Path(sys.argv[1]), sys.argv[2], sys.argv[3:]))

@@ -1,5 +1,8 @@
 """What the processes of an agent tell each other: every message survives its way, and nobody waits for anybody."""
 
+import array
+import random
+import socket
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_agent.process import bus
-from robot_offload_agent.process.bus import MAX_DATAGRAM, Bus, plain, typed
+from robot_offload_agent.process.bus import MAX_INLINE, Bus
+from robot_offload_agent.process.codec import CodecError, plain, typed
+from robot_offload_agent.process.parcels import LARGEST_BYTES, TOTAL_BYTES, TOTAL_COUNT
 from robot_offload_core import beats, envelope
 from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, Fatal, Speak
 from robot_offload_core.token import Token
@@ -72,6 +77,34 @@ def test_garbage_is_left_out_and_what_follows_is_read(pair: tuple[Bus, Bus], gar
     one.socket.sendto(garbage, str(two.folder / "two.sock"))
     one.send("two", Fatal("one", "after it"))
     assert two.receive() == Fatal("one", "after it")
+    assert two.garbage == 1
+
+
+@given(data=st.binary())
+def test_every_datagram_is_a_message_or_garbage(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
+    end = Bus(tmp_path_factory.getbasetemp(), "anyone")
+    try:
+        end.socket.sendto(data, str(end.folder / "anyone.sock"))
+        assert isinstance(end.receive(), Carried | None)
+    finally:
+        end.close()
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: st.lists(inner, max_size=4),
+    max_leaves=8,
+)
+
+
+@pytest.mark.parametrize("name", bus.KINDS)
+@given(value=JSON)
+def test_a_message_has_the_types_of_its_fields_or_is_refused(name: str, value: object) -> None:
+    try:
+        message = typed(bus.KINDS[name], value)
+    except CodecError:
+        return
+    assert typed(bus.KINDS[name], plain(message)) == message
 
 
 def test_a_receiver_that_is_absent_or_does_not_read_costs_its_sender_nothing(pair: tuple[Bus, Bus]) -> None:
@@ -83,13 +116,70 @@ def test_a_receiver_that_is_absent_or_does_not_read_costs_its_sender_nothing(pai
     assert one.dropped == 1 + sent.count(False)
 
 
-def test_the_largest_payload_passes_and_a_larger_one_is_refused(pair: tuple[Bus, Bus]) -> None:
+@pytest.mark.parametrize("size", [200, 60_000, 5_000_000])
+def test_a_receiver_that_does_not_read_holds_up_no_other_receiver(pair: tuple[Bus, Bus], size: int) -> None:
     one, two = pair
-    assert one.carry("two", ENVELOPE, 0, HEADER, bytes(MAX_DATAGRAM - len(HEADER) - 3))
-    carried = two.receive()
-    assert isinstance(carried, Carried)
-    assert len(carried.payload) == MAX_DATAGRAM - len(HEADER) - 3
-    assert not one.carry("two", ENVELOPE, 0, HEADER, bytes(MAX_DATAGRAM - len(HEADER) - 2))
+    stopped = Bus(one.folder, "stopped")
+    while one.dropped == 0 and not one.losses():
+        one.carry("stopped", ENVELOPE, 0, HEADER, bytes(size), "camera", reliable=False)
+    assert one.send("two", Fatal("one", "all is well here"))
+    assert two.receive() == Fatal("one", "all is well here")
+    stopped.close()
+
+
+@pytest.mark.parametrize("size", [0, 1, MAX_INLINE, MAX_INLINE + 1, 1_000_000, LARGEST_BYTES])
+def test_payloads_of_any_size_up_to_the_largest_arrive_whole(pair: tuple[Bus, Bus], size: int) -> None:
+    one, two = pair
+    payload = random.Random(size).randbytes(size)
+    for _ in range(3):
+        assert one.carry("two", PASSED, 5, HEADER, payload)
+        assert two.receive() == Carried(PASSED, 5, HEADER, payload)
+
+
+def test_a_larger_payload_is_refused_and_its_size_is_known(pair: tuple[Bus, Bus]) -> None:
+    one, two = pair
+    assert not one.carry("two", ENVELOPE, 0, HEADER, bytes(LARGEST_BYTES + 1), "camera")
+    assert one.too_large == {"camera": LARGEST_BYTES + 1}
+    assert two.receive() is None
+
+
+def test_large_payloads_that_nobody_reads_are_bounded_and_the_oldest_of_best_effort_go_first(
+    pair: tuple[Bus, Bus],
+) -> None:
+    one, two = pair
+    size = LARGEST_BYTES // 2
+    room = TOTAL_BYTES // size
+    assert one.carry("two", ENVELOPE, 0, HEADER, bytes(size), "map", reliable=True)
+    for number in range(room + 2):
+        assert one.carry("two", ENVELOPE, 1, HEADER, bytes([number]) * size, "camera", reliable=False)
+    assert sum(p.size for p in one.parcels.waiting) <= TOTAL_BYTES
+    assert one.losses() == {"camera": 3}
+    read = []
+    while (message := two.receive()) is not None:
+        read.append((message.index, message.payload[0]))
+    assert read == [(0, 0), *((1, number) for number in range(3, room + 2))]
+    assert one.carry("two", ENVELOPE, 0, HEADER, bytes(size), "map")
+    assert len(one.parcels.waiting) == 1, "what was read takes no room"
+
+
+def test_large_payloads_on_their_way_are_bounded_in_number_too(pair: tuple[Bus, Bus]) -> None:
+    one, _ = pair
+    for _ in range(TOTAL_COUNT + 3):
+        one.carry("two", ENVELOPE, 0, HEADER, bytes(MAX_INLINE + 1), "scan")
+    assert len(one.parcels.waiting) <= TOTAL_COUNT
+    assert one.losses()["scan"] + one.dropped >= 3
+
+
+def test_files_that_come_with_garbage_are_closed(pair: tuple[Bus, Bus], tmp_path: Path) -> None:
+    one, two = pair
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    with (tmp_path / "some file").open("w+b") as file:
+        rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", [file.fileno()] * 3))]
+        for datagram in (b"E", b"m{}", b"x", b"E" + bytes(2) + HEADER):
+            one._open("two")[0].sendmsg([datagram], rights, 0, str(two.folder / "two.sock"))
+    assert two.receive() is None
+    assert two.garbage == 4
+    assert len(list(Path("/proc/self/fd").iterdir())) == before + 1, "the sending socket, and nothing else"
 
 
 def test_a_process_that_starts_again_takes_over_the_socket_of_its_predecessor(tmp_path: Path) -> None:

@@ -1,12 +1,15 @@
 """The parent of an agent's processes: starts, starts again, waits longer for what keeps dying, and ends everything."""
 
+import contextlib
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -19,12 +22,16 @@ class Family:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.environment = dict(os.environ)
         self.started: list[subprocess.Popen[bytes]] = []
 
-    def start(self, *words: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", "tests.unit.agent.process.supervised", str(self.folder), *words]
+    def start(self, *words: str, folder: Path | None = None, inside: Sequence[str] = ()) -> subprocess.Popen[bytes]:
+        module = "tests.unit.agent.process.supervised"
+        command = [*inside, sys.executable, "-m", module, str(folder or self.folder), self.folder.name, *words]
         with (self.folder / "log").open("ab") as log:
-            self.started.append(subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True))
+            self.started.append(
+                subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True, env=self.environment)
+            )
         return self.started[-1]
 
     @property
@@ -32,10 +39,14 @@ class Family:
         return (self.folder / "log").read_text()
 
     def pid(self, name: str) -> int:
-        try:
-            return int((self.folder / f"{name}.pid").read_text())
-        except (OSError, ValueError):
-            return 0
+        """The number of a child that runs, which the supervisor writes down a moment after the start."""
+        path = self.folder / f"{name}.pid"
+        assert until(lambda: path.exists() and path.read_text())
+        return int(path.read_text())
+
+    def heard(self, name: str) -> str:
+        path = self.folder / f"{name}.heard"
+        return path.read_text() if path.exists() else ""
 
     def lives(self, name: str) -> int:
         path = self.folder / f"{name}.lives"
@@ -128,7 +139,7 @@ def test_a_message_for_a_person_at_the_start_ends_everything_with_its_exit_code(
     process = family.start("one=error", "two=sleep")
     assert process.wait(PATIENCE_S) == 4
     assert "one: one cannot start: move the other one away" in family.log
-    assert until(lambda: not alive(family.pid("two")))
+    assert not list(family.folder.glob("*.pid"))
 
 
 def test_the_same_message_from_a_child_in_its_second_life_ends_nothing(family: Family) -> None:
@@ -165,18 +176,119 @@ def test_children_outlive_their_supervisor_and_the_next_one_ends_them_and_starts
 def test_a_process_that_only_has_the_number_of_a_stray_is_left_alone(family: Family) -> None:
     with subprocess.Popen(["sleep", "60"]) as somebody:
         (family.folder / "one.pid").write_text(str(somebody.pid))
-        (family.folder / "two.pid").write_text("no number")
         family.start("one=sleep")
         assert until(lambda: family.lives("one"))
         assert somebody.poll() is None
         somebody.kill()
 
 
+def test_a_second_agent_of_the_identity_is_refused_with_the_number_of_the_first_whatever_its_folder(
+    family: Family,
+) -> None:
+    first = family.start("one=sleep")
+    assert until(lambda: family.lives("one"))
+    assert family.start("one=sleep", folder=family.folder / "other").wait(PATIENCE_S) == 3
+    assert f"runs on this host already: it is process {first.pid}" in family.log
+    assert family.lives("one") == 1
+    assert not (family.folder / "other").exists()
+
+
+def test_an_agent_in_a_container_on_the_hosts_network_is_refused_as_well(family: Family) -> None:
+    inside = ["unshare", "--pid", "--mount", "--ipc", "--uts", "--fork", "--mount-proc"]
+    family.start("one=sleep")
+    assert until(lambda: family.lives("one"))
+    assert family.start("one=sleep", folder=family.folder / "other", inside=inside).wait(PATIENCE_S) == 3
+    assert "it is in a container, or of another user" in family.log
+
+
+def test_what_an_agent_left_in_another_folder_is_ended_by_the_next_one(family: Family) -> None:
+    first = family.start("one=sleep")
+    assert until(lambda: family.lives("one"))
+    stray = family.pid("one")
+    first.kill()
+    first.wait(PATIENCE_S)
+    family.start("one=sleep", folder=family.folder / "other")
+    assert until((family.folder / "other" / "one.lives").exists)
+    assert not alive(stray)
+
+
+@pytest.mark.parametrize("how", ["stopped", "hang", "half"])
+def test_a_child_that_hangs_is_killed_and_started_again_and_the_others_are_left_alone(family: Family, how: str) -> None:
+    family.start(f"one={'sleep' if how == 'stopped' else how}", "control=control")
+    assert until(lambda: family.lives("one") and family.lives("control"))
+    other = family.pid("control")
+    if how == "stopped":
+        os.kill(family.pid("one"), signal.SIGSTOP)
+    assert until(lambda: family.lives("one") >= 2)
+    assert "Process one hangs (no sign of life for 2 s), ending it" in family.log
+    assert until(lambda: re.search(r"\('one', (\d+), \1\), \('control', 0, 0\)", family.heard("control")))
+    assert family.pid("control") == other
+
+
+def test_a_supervisor_that_was_stopped_itself_takes_nobody_for_hanging(family: Family) -> None:
+    process = family.start("one=sleep", "two=sleep")
+    assert until(lambda: family.lives("one") and family.lives("two"))
+    os.kill(process.pid, signal.SIGSTOP)
+    time.sleep(4.0)
+    os.kill(process.pid, signal.SIGCONT)
+    time.sleep(1.0)
+    assert (family.lives("one"), family.lives("two")) == (1, 1)
+
+
+def test_systemd_hears_that_the_agent_is_ready_lives_and_stops(family: Family) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(family.folder / "notify"))
+        manager.settimeout(PATIENCE_S)
+        family.environment |= {"NOTIFY_SOCKET": str(family.folder / "notify"), "WATCHDOG_USEC": "1500000"}
+        process = family.start("one=sleep")
+        assert manager.recv(1000).startswith(b"READY=1\n")
+        assert [manager.recv(1000) for _ in range(3)] == [b"WATCHDOG=1"] * 3
+        process.terminate()
+        while (said := manager.recv(1000)) == b"WATCHDOG=1":
+            pass
+        assert said == b"STOPPING=1"
+
+
+def test_a_folder_that_others_could_exchange_things_in_is_refused(family: Family) -> None:
+    theirs, open_to_all = family.folder / "theirs", family.folder / "open"
+    theirs.mkdir()
+    os.chown(theirs, 12345, 12345)
+    open_to_all.mkdir()
+    open_to_all.chmod(0o777)
+    for folder, why in ((theirs, "belongs to user 12345"), (open_to_all, "mode 0777")):
+        for chosen in (folder, folder / "below"):
+            assert family.start("one=sleep", folder=chosen).wait(PATIENCE_S) == 2
+            assert why in family.log
+    open_to_all.chmod(0o1777)
+    family.start("one=sleep", folder=open_to_all / "below")
+    assert until((open_to_all / "below" / "one.lives").exists)
+
+
+def test_a_full_disk_under_the_runtime_folder_ends_nothing(family: Family) -> None:
+    full = family.folder / "full"
+    full.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k,mode=700", "tmpfs", str(full)], check=True)
+    try:
+        family.start("one=sleep", "two=sleep", folder=full)
+        assert until(lambda: (full / "one.lives").exists() and (full / "two.lives").exists())
+        one = int((full / "one.pid").read_text())
+        (full / "one.pid").unlink()  # else its page is free for the next one
+        with contextlib.suppress(OSError), (full / "much").open("wb", buffering=0) as much:
+            while True:
+                much.write(bytes(4096))
+        os.kill(one, signal.SIGKILL)
+        assert until(lambda: "one.pid cannot be written: No space left on device" in family.log)
+        assert "Traceback" not in family.log
+    finally:
+        family.close()
+        subprocess.run(["umount", "-l", str(full)], check=True)
+
+
 def test_a_folder_that_cannot_be_used_is_named_with_its_parameter(family: Family) -> None:
     (family.folder / "file").write_text("")
     long = family.folder / ("x" * 120)
     for folder in (family.folder / "file", long):
-        command = [sys.executable, "-m", "tests.unit.agent.process.supervised", str(folder), "one=sleep"]
+        command = [sys.executable, "-m", "tests.unit.agent.process.supervised", str(folder), "nobody", "one=sleep"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
         assert done.returncode == 2
         assert "parameter runtime_dir" in done.stderr

@@ -91,6 +91,9 @@ def test_the_unit_is_one_that_systemd_reads_and_starts_the_agent_with_its_file(t
     shell = shlex.split(unit["Service"]["ExecStart"])
     assert shell[:2] == ["/bin/bash", "-c"]
     assert shell[2].endswith("exec robot-offload-agent robot --params /etc/robot-offload/wheelchair-7/agent.yaml")
+    assert unit["Unit"]["StartLimitIntervalSec"] == "0", "systemd never gives up"
+    assert (unit["Service"]["Type"], unit["Service"]["Restart"]) == ("notify", "always")
+    assert int(unit["Service"]["WatchdogSec"]) > 0
     assert unit["Service"]["EnvironmentFile"] == "/etc/robot-offload/wheelchair-7/environment"
 
 

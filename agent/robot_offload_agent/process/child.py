@@ -1,0 +1,114 @@
+"""One supervised process: its life as the supervisor sees it, and what it does first after the fork."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import signal
+import socket
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from robot_offload_agent.errors import AgentError
+from robot_offload_agent.process import identity
+from robot_offload_agent.process.bus import Bus
+from robot_offload_core.process.messages import Fatal
+
+log = logging.getLogger(__name__)
+
+HEALTHY_S = 10.0
+"""A process that ran for this long starts again at once when it dies; quicker deaths wait longer each time."""
+RESTART_UNIT_S = 0.05
+RESTART_MAX_S = 5.0
+START_PATIENCE_S = 30.0
+"""A process gives its first sign of life by then: joining a ROS graph through a distant server takes seconds."""
+HUNG_S = 6.0
+"""A process without a sign of life for so long hangs: 12 signs are missing. A busy machine holds one up for less."""
+
+Run = Callable[[], None]
+
+
+@dataclass
+class Child:
+    """One supervised process. Times are of the supervisor's clock, which stands still while the supervisor does.
+
+    Attributes:
+        name: also of its socket, of its pid file, and the end of the name that ps shows.
+        run: what it does.
+        hung_s: silence after which it counts as hanging.
+        pid: 0 while it is dead.
+        starts, deaths, hangs: how often it started, died by itself, and was ended because it hung.
+        started_s, start_due_s: of its present or next life.
+        signed_s: its last sign of life, None before the first one of a life.
+        quick_deaths: in a row.
+    """
+
+    name: str
+    run: Run
+    hung_s: float = HUNG_S
+    pid: int = 0
+    starts: int = 0
+    deaths: int = 0
+    hangs: int = 0
+    started_s: float = 0.0
+    start_due_s: float = 0.0
+    signed_s: float | None = None
+    quick_deaths: int = 0
+
+    def begin(self, pid: int, now_s: float) -> None:
+        """A life begins."""
+        self.pid, self.started_s, self.signed_s, self.starts = pid, now_s, None, self.starts + 1
+
+    def end(self, now_s: float) -> float:
+        """A life has ended; returns in how many seconds the next one begins."""
+        self.quick_deaths = 0 if now_s - self.started_s >= HEALTHY_S else self.quick_deaths + 1
+        wait_s = min(RESTART_MAX_S, RESTART_UNIT_S * 2 ** (self.quick_deaths - 2)) if self.quick_deaths > 1 else 0.0
+        self.pid, self.start_due_s, self.deaths = 0, now_s + wait_s, self.deaths + 1
+        return wait_s
+
+    def give_up(self, now_s: float) -> None:
+        """The process hangs and is being killed; one that does not die of that is killed again after as long a wait."""
+        self.hangs, self.signed_s = self.hangs + 1, now_s
+
+    def silent_s(self, now_s: float) -> float:
+        """Returns by how much the process has been silent for longer than it may be; negative while all is well."""
+        if self.signed_s is None:
+            return now_s - self.started_s - START_PATIENCE_S
+        return now_s - self.signed_s - self.hung_s
+
+
+def run_child(child: Child, prefix: str, folder: Path, name: str) -> None:
+    """What a forked process does; never returns. `name` is the agent's identity."""
+    signal.set_wakeup_fd(-1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C reaches all; the supervisor ends us in order
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/comm").write_text(f"{prefix}-{child.name}"[:15])
+    held = identity.take(f"{name}/{child.name}")  # by this the next supervisor finds us when ours is gone
+    if not isinstance(held, socket.socket):
+        log.warning(
+            "Process %d holds the name of our process %s: a later supervisor cannot find it", held.pid, child.name
+        )
+    code = 1
+    try:
+        child.run()
+        code = 0
+    except AgentError as error:
+        code = error.exit_code
+        Bus(folder, f"{child.name}.end").send("supervisor", Fatal(child.name, str(error), code))
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def describe(code: int) -> str:
+    """Returns an exit code in words."""
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

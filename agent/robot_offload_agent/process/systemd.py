@@ -1,0 +1,41 @@
+"""What systemd wants to hear of a service: that it is ready, that it lives, that it stops (sd_notify(3)).
+
+Without `NOTIFY_SOCKET` in the environment everything here does nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+
+WATCHDOG_SHARE = 3
+"""Signs of life in one watchdog period; systemd.service(5) asks for two at least."""
+
+
+class Systemd:
+    """The connection to the service manager that started this process."""
+
+    def __init__(self) -> None:
+        """Reads the environment and removes it, because child processes are no services."""
+        address = os.environ.pop("NOTIFY_SOCKET", "")
+        period_us = os.environ.pop("WATCHDOG_USEC", "")
+        meant_for = os.environ.pop("WATCHDOG_PID", str(os.getpid()))
+        self.address = "\0" + address[1:] if address.startswith("@") else address
+        self.period_s = 0.0
+        if period_us.isdecimal() and meant_for == str(os.getpid()):
+            self.period_s = int(period_us) / 1e6 / WATCHDOG_SHARE
+        self.due_s = 0.0
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+
+    def say(self, *words: str) -> None:
+        """Sends assignments such as `READY=1`. Nobody waits: a manager that does not read misses them."""
+        if self.address:
+            with contextlib.suppress(OSError):
+                self.socket.sendto("\n".join(words).encode(), self.address)
+
+    def live(self, now_s: float) -> None:
+        """Feeds the watchdog when that is due."""
+        if self.period_s and now_s >= self.due_s:
+            self.due_s = now_s + self.period_s
+            self.say("WATCHDOG=1")
