@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from robot_offload_lab.judge.recording import Arrival, RunInfo, decode
+from robot_offload_lab.judge.recording import LINES, Arrival, RunInfo
 from robot_offload_lab.show.watch import Watch
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
@@ -23,6 +23,8 @@ from tests.e2e.waiting import eventually
 
 LOOK_S: Final = 0.05
 GRACE_S: Final = 10.0
+WHEELCHAIR_STATE: Final = "/wheelchair/state"
+"""The account of the drive of the samples that drive; others have no such topic."""
 
 
 class Consumer:
@@ -51,7 +53,7 @@ class Consumer:
     @staticmethod
     def command(file: Path, outputs: Mapping[str, str], link: LinkOptions | None) -> list[str]:
         """How it is started."""
-        command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(file)]
+        command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(file), "--state", WHEELCHAIR_STATE]
         for topic, type_name in outputs.items():
             command += ["--topic", f"{topic}={type_name}"]
         return [*command, "--link", json.dumps(dataclasses.asdict(link))] if link else command
@@ -120,6 +122,6 @@ class Consumer:
     def _take(self, line: str) -> None:
         self.watch.take(line)
         with suppress(ValueError):  # what the recorder tells beside its records
-            record = decode(line)
+            record = LINES.decode(line)
             if isinstance(record, Arrival):
                 self.heard[record.site] = self.heard.get(record.site, 0) + 1

@@ -26,7 +26,6 @@ from robot_offload_lab.run.system import NODE_PRIORITY, RECORDER_PRIORITY
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 from tests.e2e.consumer import Consumer
-from tests.e2e.weather import Weather
 
 EXAMPLES: Final = Path(__file__).parents[2] / "examples"
 APPS: Final = Path(__file__).parent / "apps"
@@ -52,7 +51,7 @@ class Robot:
         self.offload = offload
         self.folder = folder
         self.consumer: Consumer | None = None
-        self.weather: Weather | None = None
+        self.link: LinkOptions | None = None
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._begun_s: float | None = None
         folder.mkdir(parents=True, exist_ok=True)
@@ -183,13 +182,15 @@ class Robot:
         child = self.host.start(command, self.environment(), log, piped=True, priority=RECORDER_PRIORITY)
         threshold_ms = self.offload.spec.switching.latency.allowed_loop_ms
         self.consumer = Consumer(child, file, tuple(self.outputs), threshold_ms)
-        self.weather = Weather(self.host.wire, link.schedule()) if link else None
+        self.link = link
+        if link is not None:
+            self.host.wire.follow(link)
         return self.consumer
 
     def begin(self) -> float:
         """From now on it counts: the recording begins, and with it the schedule of the link. Returns the moment."""
         assert self.consumer is not None, "listen() comes first"
-        start_s = self.weather.start() if self.weather else steady_s()
+        start_s = self.host.wire.start_schedule() if self.link else steady_s()
         self.consumer.begin(recording.of_run(self.offload.spec, "offload", 0, start_s))
         self._begun_s = start_s
         return start_s
@@ -197,13 +198,18 @@ class Robot:
     def finish(self) -> Measures:
         """Ends the recording and measures it."""
         assert self.consumer is not None
-        if self.weather:
-            self.weather.stop()
+        self._quieten()
         self.consumer.end(steady_s())
         shutil.copy2(self.consumer.file, self.folder / "last-recording.jsonl")
         measures = measure(recording.read(self.consumer.file))
         self.consumer = None
         return measures
+
+    def _quieten(self) -> None:
+        """Ends the schedule of the link: from now on the link is as it is before its schedule starts."""
+        if self.link is not None:
+            self.host.wire.follow(self.link)
+            self.link = None
 
     # -- following it -------------------------------------------------------------------------------------------------
 
@@ -245,8 +251,7 @@ class Robot:
 
     def stop(self) -> None:
         """Ends everything on the robot; legal at any time."""
-        if self.weather:
-            self.weather.stop()
+        self._quieten()
         if self.consumer:
             self.consumer.kill()
             self.consumer = None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,9 @@ from robot_offload_lab.cluster.by_hand import link
 from robot_offload_lab.cluster.errors import ClusterError
 from robot_offload_lab.cluster.layout import NUMBERS, Layout
 from robot_offload_lab.cluster.preflight import preflight
-from robot_offload_lab.cluster.wire import read_trace
-from robot_offload_lab.cluster.wire_process import BUFFER_S, Direction, Recorded
 from tests.integration.cluster_objects import echo_service, policy
 
 LAYOUT = Layout(0)
-LINK: dict[str, Any] = {"delay_ms": 0.0, "jitter_ms": 0.0, "loss_pct": 0.0, "rate_kbit": 0.0, "cut": None}
 
 
 def pod(name: str, address: str, node: str = "node1", namespace: str = "ours", **labels: str) -> dict[str, Any]:
@@ -183,63 +179,6 @@ def test_clusters_side_by_side_share_no_address() -> None:
     assert len({Layout(number).everything for number in NUMBERS}) == len(NUMBERS)
     with pytest.raises(ClusterError, match="0 to 9"):
         Layout(10)
-
-
-def test_a_recording_is_read_in_both_forms() -> None:
-    assert read_trace(["# of a robot", "10", "30", ""]) == ([0.01, 0.04], [0.01, 0.03])
-    ends, round_trips = read_trace(["t_s,rtt_ms", "5.0,10", "5.1,", "5.2,30"])
-    assert ends == pytest.approx([0.1, 0.2, 0.23])
-    assert round_trips == [0.01, None, 0.03]
-    with pytest.raises(ClusterError, match="holds no sample"):
-        read_trace([])
-
-
-def test_a_recording_holds_what_is_sent_in_a_stall_until_its_end() -> None:
-    # 10 ms, a stall of 1 s, a loss of 10 ms, 20 ms
-    recorded = Recorded([0.01, 1.01, 1.02, 1.04], [0.01, 1.0, None, 0.02], stall=0.04, begun=100.0)
-    assert recorded.arrival(100.0) == pytest.approx(100.005)
-    assert recorded.arrival(100.5) == pytest.approx(101.01)
-    assert recorded.arrival(101.015) is None
-    assert recorded.arrival(101.03) == pytest.approx(101.04)
-    assert not recorded.over(101.03)
-    assert recorded.over(101.05)
-
-
-@pytest.fixture
-def direction() -> Direction:
-    ours, theirs = socket.socketpair()
-    theirs.close()
-    ours.close()
-    return Direction("to_cloud", ours)
-
-
-def test_a_frame_arrives_after_the_delay(direction: Direction) -> None:
-    assert direction.arrival(1.0, 100, {**LINK, "delay_ms": 20}, None) == pytest.approx(1.02)
-
-
-def test_no_frame_overtakes_an_earlier_one(direction: Direction) -> None:
-    direction.arrival(1.0, 100, {**LINK, "delay_ms": 20}, None)
-    assert direction.arrival(1.001, 100, LINK, None) == pytest.approx(1.02)
-
-
-@pytest.mark.parametrize(("cut", "passes"), [(None, True), ("both", False), ("to_cloud", False), ("to_robot", True)])
-def test_a_cut_holds_one_way_or_both(direction: Direction, cut: str | None, passes: bool) -> None:
-    assert (direction.arrival(1.0, 100, {**LINK, "cut": cut}, None) is not None) is passes
-
-
-def test_losses_come_as_often_as_told(direction: Direction) -> None:
-    lost = sum(direction.arrival(1.0, 100, {**LINK, "loss_pct": 30}, None) is None for _ in range(10_000))
-    assert 2700 < lost < 3300
-
-
-def test_a_limited_rate_lets_frames_wait_and_drops_what_would_wait_too_long(direction: Direction) -> None:
-    slow = {**LINK, "rate_kbit": 80}  # 10 bytes a millisecond
-    assert direction.arrival(1.0, 1000, slow, None) == pytest.approx(1.1)
-    assert direction.arrival(1.0, 1000, slow, None) == pytest.approx(1.2)
-    waiting = [direction.arrival(1.0, 1000, slow, None) for _ in range(10)]
-    passed = [each for each in waiting if each is not None]
-    assert max(passed) <= 1.0 + BUFFER_S + 0.1 + 1e-9
-    assert None in waiting
 
 
 def test_settings_of_a_wire_are_read_from_words() -> None:

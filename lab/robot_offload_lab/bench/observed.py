@@ -5,36 +5,17 @@ All times are seconds of this host's steady clock (CLOCK_BOOTTIME), which the ag
 
 from __future__ import annotations
 
-import dataclasses
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeAlias, TypeVar
 
-
-@dataclass(frozen=True)
-class Placed:
-    """An announcement on /offload/placement.
-
-    Attributes:
-        t_s: when it was heard.
-        site: the side in charge, since since_s (told by the robot's control process).
-        phase: of the placement machine, e.g. `ToRobot`.
-        silent_ms: from the last good beat to the decision; None when the change was commanded.
-    """
-
-    t_s: float
-    site: str
-    phase: str
-    epoch: int
-    reason: str
-    since_s: float
-    silent_ms: float | None
+from robot_offload_lab.judge.lines import Lines, Record
+from robot_offload_lab.judge.recording import PlacementChange
 
 
 @dataclass(frozen=True)
-class Transition:
+class Transition(Record):
     """A lifecycle node told that it has reached a state (its transition event was heard)."""
 
     t_s: float
@@ -42,7 +23,7 @@ class Transition:
 
 
 @dataclass(frozen=True)
-class Answered:
+class Answered(Record):
     """A switch by hand was asked for at asked_s and answered at t_s."""
 
     t_s: float
@@ -53,7 +34,7 @@ class Answered:
 
 
 @dataclass(frozen=True)
-class BeatHeard:
+class BeatHeard(Record):
     """A beat of the other side that reached the agent of this side, as it mirrors them."""
 
     t_s: float
@@ -61,7 +42,7 @@ class BeatHeard:
 
 
 @dataclass(frozen=True)
-class Departed:
+class Departed(Record):
     """An envelope left the cloud agent. `header` in hexadecimal digits."""
 
     t_s: float
@@ -70,7 +51,7 @@ class Departed:
 
 
 @dataclass(frozen=True)
-class Reached:
+class Reached(Record):
     """A beat of the robot reached the cloud agent's listener."""
 
     t_s: float
@@ -78,7 +59,7 @@ class Reached:
 
 
 @dataclass(frozen=True)
-class Hop:
+class Hop(Record):
     """As many datagrams as a message of `size` bytes needs went down the emulated link in `delay_ms`."""
 
     t_s: float
@@ -86,38 +67,18 @@ class Hop:
     delay_ms: float
 
 
-Observation: TypeAlias = Placed | Transition | Answered | BeatHeard | Departed | Reached | Hop
-_KINDS: Final = {
-    kind.__name__.lower(): kind for kind in (Placed, Transition, Answered, BeatHeard, Departed, Reached, Hop)
-}
+Observation: TypeAlias = PlacementChange | Transition | Answered | BeatHeard | Departed | Reached | Hop
+_KINDS: Final[tuple[type[Record], ...]] = (PlacementChange, Transition, Answered, BeatHeard, Departed, Reached, Hop)
+LINES: Final = Lines[Any]({kind.__name__.lower(): kind for kind in _KINDS})
+"""How observations are written and read."""
 Kind = TypeVar("Kind", bound=Observation)
-
-
-def encode(observation: Observation) -> str:
-    """One line, without its end."""
-    values = dataclasses.asdict(observation)
-    return json.dumps({"kind": type(observation).__name__.lower(), **values}, separators=(",", ":"))
-
-
-def decode(line: str) -> Observation:
-    """The observation of a line.
-
-    Raises:
-        ValueError: it is none.
-    """
-    try:
-        values = json.loads(line)
-        found: Observation = _KINDS[values.pop("kind")](**values)
-    except (TypeError, KeyError, AttributeError) as error:
-        raise ValueError(f"no observation: {line[:80]!r}") from error
-    return found
 
 
 def parse(lines: Iterable[str]) -> Iterator[Observation]:
     """Every whole line; an unfinished last one (the observer was ended) is left out."""
     for line in lines:
         if line.endswith("\n"):
-            yield decode(line)
+            yield LINES.decode(line)
 
 
 def read(path: Path) -> tuple[Observation, ...]:
@@ -131,19 +92,6 @@ def read(path: Path) -> tuple[Observation, ...]:
 def only(kind: type[Kind], observations: Iterable[Observation]) -> tuple[Kind, ...]:
     """Those of one kind, in the order of time."""
     return tuple(sorted((o for o in observations if isinstance(o, kind)), key=lambda o: o.t_s))
-
-
-def placed(t_s: float, text: str) -> Placed | None:
-    """The announcement as published; None when it cannot be read."""
-    try:
-        said: dict[str, Any] = json.loads(text)
-        silent_ms = said["silent_ms"]
-        return Placed(
-            t_s, str(said["site"]), str(said["phase"]), int(said["epoch"]), str(said["reason"]),
-            float(said["since_s"]), None if silent_ms is None else float(silent_ms),
-        )  # fmt: skip
-    except (ValueError, KeyError, TypeError):
-        return None
 
 
 def size_of(sequence: int, sizes: Sequence[int]) -> int:

@@ -1,7 +1,7 @@
 """Programs of the bench without the product's agents around them: what the product is compared with, or built on.
 
 A `World` runs both sides of a case; a `Stage` runs bare ROS 2 programs, on this host or on the two hosts that are
-joined by the emulated link. What they say, a JSON object a line, is kept by name.
+joined by the emulated link. What they print, a JSON object a line, is kept by name.
 """
 
 from __future__ import annotations
@@ -18,15 +18,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from robot_offload_lab.bench.pipes import Pipes
-from robot_offload_lab.run.demo import StartError
+from robot_offload_lab.run.ensemble import Ensemble
 from robot_offload_lab.run.free import free_domains
 from robot_offload_lab.run.processes import Processes, Program
-from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.two_hosts import TwoHosts
 
 START_PATIENCE_S: Final = 100.0
-LOOK_S: Final = 0.02
 PRIORITY: Final = 4
 """SCHED_FIFO of everything on a stage, where it is asked for and permitted."""
 RMW: Final = "rmw_fastrtps_cpp"
@@ -50,12 +47,10 @@ class Stage:
         """
         self.folder = folder.resolve()
         self.said: dict[str, list[Said]] = {}
-        self.pids: dict[str, int] = {}
         self._realtime = realtime
         self._domain = domain
         self._hosts = hosts
         self._stack = ExitStack()
-        self._pipes = Pipes()
 
     def __enter__(self) -> Self:
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -64,7 +59,9 @@ class Stage:
             self._domain = free_domains()[0]
         self._temporary = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="ro-stage-")))
         run = secrets.token_hex(8)
-        self.processes = self._stack.enter_context(Processes(run, self.folder / "logs", self._temporary))
+        logs = self.folder / "logs"
+        processes = self._stack.enter_context(Processes(run, logs, self._temporary))
+        self.programs = Ensemble(processes, logs, self._take)
         return self
 
     def __exit__(
@@ -91,10 +88,8 @@ class Stage:
         environment = {**self._environment(), **apart, **(extra or {})}
         priority = PRIORITY if self._realtime else 0
         program = Program(name, command, self.folder, environment, piped=True, priority=priority)
-        child = self.processes.start(program)
-        self.pids[name] = child.pid
         self.said[name] = []
-        self._pipes.add(name, child)
+        self.programs.start(program)
 
     def _environment(self) -> Mapping[str, str]:
         own = {name: value for name, value in os.environ.items() if not name.startswith(_OURS)}
@@ -107,53 +102,37 @@ class Stage:
             "PYTHONUNBUFFERED": "1",
         }
 
-    def tell(self, name: str, command: Mapping[str, object]) -> None:
-        """Writes a line to a program."""
-        self._pipes.tell(name, command)
-
     def ask(self, name: str, command: Mapping[str, object], what: str, patience_s: float = START_PATIENCE_S) -> Said:
-        """Writes a line and waits for the next that the program says."""
+        """Writes a line and returns the next that the program prints.
+
+        Raises:
+            StartError: no answer came, or a program ended.
+        """
         known = len(self.said[name])
-        self.tell(name, command)
+        self.programs.command(name, command)
         self.until(lambda: len(self.said[name]) > known, what, patience_s)
         return self.said[name][known]
 
     def until(self, condition: Callable[[], bool], what: str, patience_s: float = START_PATIENCE_S) -> None:
-        """Waits for a condition on what the programs say.
+        """Waits for a condition on what the programs print.
 
         Raises:
-            StartError: it did not come true, or a program ended.
+            StartError: the condition did not come true, or a program ended.
         """
-        give_up_s = steady_s() + patience_s
-        while not condition():
-            self._look(LOOK_S)
-            ended = self.processes.first_ended()
-            if ended is not None:
-                problem, names = f"{ended.describe()} while the bench waited: {what}", [ended.name]
-            elif steady_s() > give_up_s:
-                problem, names = f"Not seen within {patience_s:.0f} s: {what}", list(self.said)
-            else:
-                continue
-            tails = {name: self.processes.last_lines(name)[-6:] for name in names}
-            raise StartError(problem, tails, self.folder / "logs")
+        self.programs.until(condition, what, patience_s)
 
     def rest(self, seconds: float) -> None:
-        """Lets time pass, following what the programs say."""
-        end_s = steady_s() + seconds
-        while (left_s := end_s - steady_s()) > 0:
-            self._look(min(left_s, LOOK_S))
+        """Lets time pass, following what the programs print."""
+        self.programs.rest(seconds)
 
     def follow(self) -> None:
-        """Takes in what has been said, without waiting."""
-        self._look(0.0)
+        """Takes in what has been printed, without waiting."""
+        self.programs.look(0.0)
 
     def end(self, name: str, grace_s: float = 5.0) -> None:
-        """Ends one program: its standard input is closed, and killed if that does not help."""
-        self._look(0.0)
-        self._pipes.close(name)
-        self.processes.finish(name, grace_s)
+        """Ends one program by the end of its standard input, by SIGKILL if that does not help."""
+        self.programs.finish(name, None, grace_s)
 
-    def _look(self, seconds: float) -> None:
-        for name, line in self._pipes.look(seconds):
-            if line.startswith("{"):
-                self.said[name].append(json.loads(line))
+    def _take(self, name: str, line: str) -> None:
+        if line.startswith("{"):
+            self.said[name].append(json.loads(line))

@@ -1,6 +1,6 @@
 """One measured system: both sides of a case on this machine, the emulated link, and the observers around them.
 
-The product's own pieces for running on one machine are used as they are (`local`): processes, wire, certificates,
+The product's own pieces for running on one machine are used as they are (`run`): processes, wire, certificates,
 recorder. What is added are observers, and the control of the link by hand.
 """
 
@@ -22,13 +22,12 @@ from typing import Final, Literal, Self
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.names import Side
 from robot_offload_lab.bench import observed
-from robot_offload_lab.bench.observed import Answered, Observation, Placed
-from robot_offload_lab.bench.pipes import Pipes
+from robot_offload_lab.bench.observed import Answered, Observation
 from robot_offload_lab.bench.resource import MESSAGE_TYPE, NODE, Case, offload
 from robot_offload_lab.judge import recording
-from robot_offload_lab.judge.recording import Recording
+from robot_offload_lab.judge.recording import PlacementChange, Recording
 from robot_offload_lab.run.certificates import client_paths
-from robot_offload_lab.run.demo import StartError
+from robot_offload_lab.run.ensemble import Ensemble
 from robot_offload_lab.run.free import HOST, free_domains, free_ports
 from robot_offload_lab.run.processes import Processes, Program
 from robot_offload_lab.run.system import (
@@ -48,7 +47,6 @@ Direction = Literal["up", "down", "both"]
 START_PATIENCE_S: Final = 100.0
 SETTLE_S: Final = 2.0
 GRACE_S: Final = 5.0
-LOOK_S: Final = 0.02
 OBSERVER_PRIORITY: Final = 4
 """SCHED_FIFO, below the agents' (5 and 10), so that no observer ever holds up what it observes."""
 NODE_PRIORITY: Final = 3
@@ -108,10 +106,9 @@ class World:
     def __init__(self, case: Case, setting: Setting) -> None:
         self.case = case
         self.setting = setting
-        self.placed: Placed | None = None
+        self.placed: PlacementChange | None = None
         self.answer: Answered | None = None
         self._stack = ExitStack()
-        self._pipes = Pipes()
         self._commands_heard = 0
 
     def __enter__(self) -> Self:
@@ -135,29 +132,16 @@ class World:
         return self.placed.site if self.placed else ""
 
     def until(self, condition: Callable[[], bool], what: str, patience_s: float = START_PATIENCE_S) -> None:
-        """Waits for a condition on what the observers tell.
+        """Waits for a condition on what the observers print.
 
         Raises:
-            StartError: it did not come true, or a process ended.
+            StartError: the condition did not come true, or a process ended.
         """
-        give_up_s = steady_s() + patience_s
-        while not condition():
-            self._look(LOOK_S)
-            ended = self.processes.first_ended()
-            if ended is not None:
-                problem, names = f"{ended.describe()} while the bench waited: {what}", [ended.name]
-            elif steady_s() > give_up_s:
-                problem, names = f"Not seen within {patience_s:.0f} s: {what}", ["robot-agent", "cloud-agent"]
-            else:
-                continue
-            said = {name: self.processes.last_lines(name)[-6:] for name in names}
-            raise StartError(problem, said, self.system.logs)
+        self.programs.until(condition, what, patience_s, ("robot-agent", "cloud-agent"))
 
     def rest(self, seconds: float) -> None:
-        """Lets time pass, following what the observers tell."""
-        end_s = steady_s() + seconds
-        while (left_s := end_s - steady_s()) > 0:
-            self._look(min(left_s, LOOK_S))
+        """Lets time pass, following what the observers print."""
+        self.programs.rest(seconds)
 
     def ask(self, site: str) -> None:
         """Asks for a switch by hand, again until it is accepted, then waits until it has taken place."""
@@ -173,15 +157,14 @@ class World:
     def robot_agent(self) -> tuple[int, ...]:
         """The processes of the robot's agent: the supervisor and its children."""
         children = sorted((self.system.temporary / "robot").glob("*.pid"))
-        return (self._robot_agent, *(int(path.read_text()) for path in children))
+        return (self.programs.pids["robot-agent"], *(int(path.read_text()) for path in children))
 
     def finish(self) -> Evidence:
         """Ends the recording, then everything else; returns what was written."""
         for name in (RECORDER, INPUT_RECORDER):
-            if name in self._pipes:
-                self._pipes.tell(name, {"end": steady_s()})
-                self.processes.finish(name, GRACE_S)
-        self.processes.stop()
+            if name in self.programs:
+                self.programs.finish(name, {"end": steady_s()}, GRACE_S)
+        self.programs.processes.stop()
         out = self.system.out
         inputs = out / f"{INPUT_RECORDER}.jsonl"
         return Evidence(
@@ -201,7 +184,9 @@ class World:
         self.system = self._system(Path(temporary))
         self.system.logs.mkdir(parents=True)
         self.relay = (free_ports()[0][0], free_ports()[1][0])
-        self.processes = self._stack.enter_context(Processes(self.system.run, self.system.logs, self.system.temporary))
+        logs = self.system.logs
+        processes = self._stack.enter_context(Processes(self.system.run, logs, self.system.temporary))
+        self.programs = Ensemble(processes, logs, self._take)
         self.wire = self._stack.enter_context(Wire(self._wire_config()))
         for program in programs(self.system, clients=(OBSERVER,)):
             self._start(program)
@@ -213,8 +198,8 @@ class World:
             self.until(lambda: lease.exists() and lease.stat().st_size > 0, "the observer of the lease hears the cloud")
         start = {"start": dataclasses.asdict(run_info(self.system, self.wire.start_schedule()))}
         for name in (RECORDER, INPUT_RECORDER):
-            if name in self._pipes:
-                self._pipes.tell(name, start)
+            if name in self.programs:
+                self.programs.command(name, start)
 
     def _system(self, temporary: Path) -> System:
         dialled, served = free_ports()
@@ -245,11 +230,7 @@ class World:
         if program.name == RECORDER and self.setting.latency:
             command = (*program.command, "--topic", f"{DIRECT_TOPIC}={MESSAGE_TYPE}")
             program = dataclasses.replace(program, command=command)
-        child = self.processes.start(program)
-        if program.piped:
-            self._pipes.add(program.name, child)
-        if program.name == "robot-agent":
-            self._robot_agent = child.pid
+        child = self.programs.start(program)
         priority = self._priority(program)
         if priority:
             # Threads inherit it; the program has none yet. Where it is not permitted it goes on without.
@@ -320,28 +301,24 @@ class World:
 
     def _settled(self) -> bool:
         """Whether the cloud has acted for a while: starting a dozen processes at once is not the subject."""
-        charged_s = self.placed.since_s if self.placed and self.placed.site == "cloud" else float("inf")
+        charged_s = self.placed.decided_s if self.placed and self.placed.site == "cloud" else float("inf")
         return self._commands_heard > 0 and steady_s() - charged_s > SETTLE_S
 
     def _accepted(self, site: str) -> bool:
         """Asks once and waits for the answer."""
         self.answer = None
-        self._pipes.tell("robot-witness", {"ask": site})
+        self.programs.command("robot-witness", {"ask": site})
         self.until(lambda: self.answer is not None, "the robot's agent answers a switch by hand")
         assert self.answer is not None
         return self.answer.accepted
-
-    def _look(self, seconds: float) -> None:
-        for name, line in self._pipes.look(seconds):
-            self._take(name, line)
 
     def _take(self, name: str, line: str) -> None:
         if name == RECORDER:
             self._commands_heard += '"site":"cloud"' in line
         if name != "robot-witness":
             return
-        observation = observed.decode(line)
-        if isinstance(observation, Placed):
+        observation = observed.LINES.decode(line)
+        if isinstance(observation, PlacementChange):
             self.placed = observation
         elif isinstance(observation, Answered):
             self.answer = observation

@@ -15,6 +15,7 @@ from rich.console import Console
 from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
 from robot_offload_lab.run.demo import DemoOptions, run
+from robot_offload_lab.run.free import parse_domains
 from robot_offload_lab.run.system import Mode
 from robot_offload_lab.show.summary import summary
 from robot_offload_lab.show.view import LineView, LiveView, Terminal, View
@@ -60,7 +61,9 @@ Spec = Annotated[
 Modes = Annotated[
     Mode, typer.Option(help="offload: both sides; robot-only: no cloud; cloud-only: no replicas on the robot.")
 ]
-Duration = Annotated[float | None, _option("duration", "SECONDS", "Default: until the goal is reached, at most 75 s.")]
+Duration = Annotated[
+    float | None, _option("duration", "SECONDS", "Seconds to run. Default: until the goal, at most 75.")
+]
 Outages = Annotated[
     list[str] | None,
     _option(
@@ -80,17 +83,17 @@ SlowPhases = Annotated[
     ),
 ]
 Delay = Annotated[str, _option("delay", "TIME", "One-way delay, or UP/DOWN. Default: 5ms, with --trace 0ms.")]
-Jitter = Annotated[str, _option("jitter", "TIME", "Its standard deviation. Default: 2ms, with --trace 0ms.")]
-Loss = Annotated[str, _option("loss", "SHARE", "Packets lost each way. Default: 1%, with --trace 0%.")]
-Rate = Annotated[str, _option("rate", "RATE", "Rate of the link, e.g. 20mbit. Default: endless.")]
-TraceFile = Annotated[str, _option("trace", "FILE", "Recorded round-trip times to replay.")]
-Seed = Annotated[int, typer.Option(help="Of the link's chances and of the world.")]
+Jitter = Annotated[str, _option("jitter", "TIME", "Standard deviation of the delay. Default: 2ms, with --trace 0ms.")]
+Loss = Annotated[str, _option("loss", "SHARE", "Share of packets lost each way. Default: 1%, with --trace 0%.")]
+Rate = Annotated[str, _option("rate", "RATE", "Rate of the link, for example 20mbit. Default: unlimited.")]
+TraceFile = Annotated[str, _option("trace", "FILE", "File of recorded round-trip times to replay.")]
+Seed = Annotated[int, typer.Option(help="Random seed of the link's chances and of the world.")]
 Out = Annotated[Path, _option("out", "DIR", "Folder for report, recording and logs.")]
 Joined = Annotated[
     LinkOption | None, typer.Option(help="How the agents are joined. Default: as the specification says.")
 ]
 Domains = Annotated[str, _option("domains", "ROBOT/CLOUD", "ROS domains of the two sides. Default: free ones.")]
-Picture = Annotated[bool, typer.Option("--ui/--no-ui", help="A live picture, or one line per event.")]
+Picture = Annotated[bool, typer.Option("--ui/--no-ui", help="Show a live picture, or print one line per event.")]
 Realtime = Annotated[bool, typer.Option("--realtime", help="Run everything under real-time priority, where permitted.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print report.json on standard output at the end.")]
 
@@ -137,7 +140,7 @@ def demo(
         out=out,
         realtime=realtime,
         transport={None: "", LinkOption.ZENOH: "Zenoh", LinkOption.ROS: "StaticPeers"}[link],
-        domains=_domains(domains),
+        domains=parse_domains(domains),
     )
     # The report stands alone on standard output, when somebody wants to read it with a program.
     console = Terminal(stderr=as_json)
@@ -152,13 +155,21 @@ def demo(
 
 
 def _found(spec: Path | None) -> Path:
-    """The specification, or else the wheelchair example of this repository."""
+    """Returns the specification, or else the wheelchair example of the repository that this runs in or comes from.
+
+    Raises:
+        InputError: no specification is named, and there is no repository.
+    """
     if spec is not None:
         return spec
-    for folder in (Path.cwd(), Path(__file__).resolve().parents[3]):
+    here = Path.cwd()
+    for folder in (here, *here.parents, *Path(__file__).resolve().parents):
         if (folder / WHEELCHAIR).exists():
             return folder / WHEELCHAIR
-    raise InputError(f"{WHEELCHAIR}: there is no such file; run this in the repository, or name a specification")
+    raise InputError(
+        f"SPEC: name a file with a RobotOffload; without one the demo drives {WHEELCHAIR}, which is in the repository "
+        "and not in the installed package"
+    )
 
 
 def _duration_s(given: float | None) -> float | None:
@@ -171,15 +182,6 @@ def _phases(given: Sequence[str] | None, default: str) -> tuple[str, ...]:
     """The phases of an option that can be given more than once; `none` is none."""
     wanted = [default] if given is None and default else given or ()
     return tuple(text for text in wanted if text != NONE)
-
-
-def _domains(text: str) -> tuple[int, int] | None:
-    if not text:
-        return None
-    numbers = [int(part) for part in text.split("/") if part.isdecimal()]
-    if len(numbers) != 2 or max(numbers) > 232 or numbers[0] == numbers[1]:
-        raise InputError(f"--domains: {text!r}: write two different numbers from 0 to 232, for example 61/62")
-    return numbers[0], numbers[1]
 
 
 def _view(console: Console, options: DemoOptions, ui: bool) -> View:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import socket
-import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 from robot_offload_lab.cluster import netns, processes
 from robot_offload_lab.cluster.errors import ClusterError
+from robot_offload_lab.links.recorded import TraceError, load_trace
+from robot_offload_lab.wire.options import LinkOptions
 
 Cut = Literal["both", "to_cloud", "to_robot"]
-SHORTEST_STALL_S = 0.04
 PATIENCE = 20.0  # seconds; a start takes a tenth of one
 
 
@@ -42,8 +42,8 @@ class Wire:
             realtime: With real-time priority, so that a busy machine adds less delay.
             die_with_us: It ends with this thread.
         """
-        program = str(Path(__file__).with_name("wire_process.py"))
-        command = [*netns.into(place), sys.executable, "-I", "-S", program, f"--control={control}"]
+        program = "robot_offload_lab.cluster.wire_process"
+        command = [*netns.into(place), sys.executable, "-m", program, f"--control={control}"]
         command += [f"--robot={robot}", f"--cloud={cloud}", *(["--realtime"] if realtime else [])]
         control.unlink(missing_ok=True)
         log = control.with_suffix(".log")
@@ -93,12 +93,29 @@ class Wire:
 
         Returns:
             The length of the recording in seconds.
+
+        Raises:
+            ClusterError: The file is no recording.
         """
-        ends, round_trips = read_trace(trace.read_text().splitlines())
-        known = [each for each in round_trips if each is not None]
-        stall = max(SHORTEST_STALL_S, 3 * statistics.median(known)) if known else SHORTEST_STALL_S
-        self._ask({"recording": {"ends": ends, "round_trips": round_trips, "stall": stall}})
-        return ends[-1]
+        try:
+            length_s = load_trace(trace).duration_s
+        except TraceError as error:
+            raise ClusterError(str(error)) from error
+        self._ask({"play": str(trace.resolve())})
+        return length_s
+
+    def follow(self, link: LinkOptions) -> None:
+        """Behave as this link usually does, without its outages and slow phases, until `start_schedule`.
+
+        Raises:
+            WireError: the options cannot be understood.
+        """
+        link.schedule()
+        self._ask({"follow": dataclasses.asdict(link)})
+
+    def start_schedule(self) -> float:
+        """Start the schedule of the link that is followed; the moment, in seconds of the steady clock."""
+        return float(self._ask({"start": True})["started_s"])
 
     def state(self) -> dict[str, Any]:
         """Its settings, whether a recording plays, and the frames [passed, dropped] of each way."""
@@ -123,31 +140,3 @@ class Wire:
         if not answer:
             raise ClusterError(f"The wire refuses {order}; see {self._control.with_suffix('.log')}")
         return dict(json.loads(answer))
-
-
-def read_trace(lines: Sequence[str]) -> tuple[list[float], list[float | None]]:
-    """When each sample of a recording ends, and its round trip, all in seconds.
-
-    Args:
-        lines: Of the file; see `Wire.play`.
-    """
-    lines = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
-    if lines and lines[0].startswith("t_s"):
-        rows = [line.split(",") for line in lines[1:]]
-        begins = [float(row[0]) for row in rows]
-        lengths = [float(row[1]) / 1000 if row[1] else None for row in rows]
-        last = begins[-1] + (lengths[-1] or 0.0) if rows else 0.0
-        ends = [each - begins[0] for each in [*begins[1:], last]] if rows else []
-        return _checked(ends, lengths)
-    total, ends = 0.0, []
-    times: list[float | None] = [float(line) / 1000 for line in lines]
-    for each in times:
-        total += each or 0.0
-        ends.append(total)
-    return _checked(ends, times)
-
-
-def _checked(ends: list[float], times: list[float | None]) -> tuple[list[float], list[float | None]]:
-    if not ends:
-        raise ClusterError("The recording holds no sample: one round trip in ms per line, or CSV t_s,rtt_ms")
-    return ends, times

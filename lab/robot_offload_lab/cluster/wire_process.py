@@ -1,23 +1,28 @@
-"""A wire between two network interfaces, as a process of its own: delay, jitter, loss, rate, cuts, a recorded link.
+"""A wire between two network interfaces, as a process of its own: frames go through the emulated link.
 
-Standard library only, and no import of this package: it starts in a tenth of a second. `wire.Wire` steers it.
+`wire.Wire` steers it. What the link does to a frame is the model of `robot_offload_lab.wire`, as on one machine.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import gc
-import heapq
 import json
 import os
-import random
-import select
 import socket
 import struct
 import sys
-import time
-from bisect import bisect_right
-from typing import Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from robot_offload_lab.links.recorded import load_trace
+from robot_offload_lab.wire.link import Direction, EmulatedLink
+from robot_offload_lab.wire.loop import READ, Loop, steady_s
+from robot_offload_lab.wire.model import LinkConditions, WireError
+from robot_offload_lab.wire.options import LinkOptions
+from robot_offload_lab.wire.schedule import Constant, Replay, Schedule
 
 # Of linux/if_packet.h.
 SOL_PACKET, PACKET_VNET_HDR, PACKET_IGNORE_OUTGOING = 263, 15, 23
@@ -25,146 +30,124 @@ PACKET_ADD_MEMBERSHIP, PACKET_MR_PROMISC = 1, 1
 ALL_PROTOCOLS = 3
 LARGEST_FRAME = 70000
 BURST = 64  # frames from one side before the other side and the frames that are due get their turn
-BUFFER_S = 0.5  # of a link with a limited rate: what would wait longer is dropped
+BUFFER_MS = 500.0  # of a link with a limited rate: what would wait longer is dropped
 REALTIME_PRIORITY = 20
+WAYS: Final[Mapping[Direction, str]] = {"up": "to_cloud", "down": "to_robot"}
 
 
-class Recorded:
-    """A recorded link, played from a moment on.
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What `Wire.set` has set, in its units."""
 
-    Args:
-        ends: Seconds since the beginning at which each sample ends, rising.
-        round_trips: Seconds; None where the answer was lost.
-        stall: A round trip of more seconds is a stall: all that was sent meanwhile arrives at its end.
-        begun: On the monotonic clock, in seconds.
-    """
+    delay_ms: float = 0.0
+    jitter_ms: float = 0.0
+    loss_pct: float = 0.0
+    rate_kbit: float = 0.0
+    cut: str | None = None
 
-    def __init__(self, ends: list[float], round_trips: list[float | None], stall: float, begun: float) -> None:
-        self._ends, self._round_trips, self._stall, self._begun = ends, round_trips, stall, begun
-
-    def over(self, now: float) -> bool:
-        """Whether the recording has been played to its end."""
-        return now - self._begun >= self._ends[-1]
-
-    def arrival(self, now: float) -> float | None:
-        """When a frame that is sent now arrives; None when never."""
-        index = bisect_right(self._ends, now - self._begun)
-        round_trip = self._round_trips[index]
-        if round_trip is None:
-            return None
-        if round_trip > self._stall:
-            return self._begun + self._ends[index]
-        return now + round_trip / 2
+    def constant(self, *, recorded: bool = False) -> Constant:
+        """Both directions; with a recording, which has the delays, without delay and jitter of its own."""
+        same = LinkConditions(
+            delay_ms=0.0 if recorded else self.delay_ms,
+            jitter_ms=0.0 if recorded else self.jitter_ms,
+            loss=self.loss_pct / 100,
+            rate_kbit_s=self.rate_kbit,
+            queue_ms=BUFFER_MS if self.rate_kbit else 0.0,
+        )
+        up, down = (dataclasses.replace(same, cut=self.cut in ("both", WAYS[way])) for way in WAYS)
+        return Constant(up, down)
 
 
-class Direction:
-    """What happens to frames of one direction."""
+class Steering:
+    """What is asked of the link: settings, a recording, or a schedule that begins when it is told to."""
 
-    def __init__(self, name: str, out: socket.socket) -> None:
-        self.name, self.out = name, out
-        self.passed = self.dropped = 0
-        self._sent = 0.0  # when the link of limited rate is free again
-        self._last = 0.0  # no frame overtakes an earlier one
+    def __init__(self, seed: int) -> None:
+        self.settings = Settings()
+        self.link = EmulatedLink(Schedule((self.settings.constant(),)), seed)
+        self._over_s: float | None = None
 
-    def arrival(self, now: float, size: int, link: dict[str, Any], recorded: Recorded | None) -> float | None:
-        """When a frame of so many bytes arrives; None when never. Seconds on the monotonic clock."""
-        if link["cut"] in ("both", self.name) or (link["loss_pct"] and random.random() * 100 < link["loss_pct"]):
-            return None
-        sent = now
-        if link["rate_kbit"]:
-            if self._sent - now > BUFFER_S:
-                return None
-            sent = self._sent = max(self._sent, now) + size * 8 / (link["rate_kbit"] * 1000)
-        if recorded is not None:
-            arrives = recorded.arrival(sent)
-            if arrives is None:
-                return None
-        else:
-            spread = random.gauss(0, link["jitter_ms"]) if link["jitter_ms"] else 0.0
-            arrives = sent + max(0.0, link["delay_ms"] + spread) / 1000
-        self._last = max(self._last, arrives)
-        return self._last
+    def settle(self, now_s: float) -> None:
+        """Give the link back to the settings when a recording is over."""
+        if self._over_s is not None and now_s >= self._over_s:
+            self._follow(Schedule((self.settings.constant(),)))
+
+    def obey(self, order: Mapping[str, Any], now_s: float) -> dict[str, Any]:
+        """Change what the order names.
+
+        Raises:
+            WireError, TypeError: the order makes no sense.
+        """
+        if "set" in order:
+            settings = dataclasses.replace(self.settings, **order["set"])
+            self._follow(Schedule((settings.constant(),)))
+            self.settings = settings
+        elif "play" in order:
+            trace = load_trace(Path(order["play"]))
+            self._follow(Schedule((self.settings.constant(recorded=True), Replay(trace))))
+            self.link.start(now_s)
+            self._over_s = now_s + trace.duration_s
+        elif "follow" in order:
+            self._follow(LinkOptions.from_dict(order["follow"]).schedule())
+        elif "start" in order:
+            self.link.start(now_s)
+        frames = {WAYS[way]: [each.datagrams - each.dropped, each.dropped] for way, each in self.link.counters.items()}
+        return {
+            "link": dataclasses.asdict(self.settings),
+            "playing": self._over_s is not None,
+            "started_s": self.link.started_s,
+            "frames": frames,
+        }
+
+    def _follow(self, schedule: Schedule) -> None:
+        self.link.follow(schedule)
+        self._over_s = None
 
 
 class Process:
-    """Both directions, the frames under way, and the socket over which it is steered."""
+    """Both directions, the frames under way, and the socket over which the link is steered."""
 
     def __init__(self, robot: str, cloud: str, control: str) -> None:
-        self._sides = {open_interface(robot): "to_cloud", open_interface(cloud): "to_robot"}
-        near, far = self._sides
-        self._directions = {near: Direction("to_cloud", far), far: Direction("to_robot", near)}
+        self._loop = Loop()
+        self._steering = Steering(seed=int.from_bytes(os.urandom(4), "big"))
+        near, far = open_interface(robot), open_interface(cloud)
+        self._loop.watch(near, READ, lambda _: self._carry("up", near, far))
+        self._loop.watch(far, READ, lambda _: self._carry("down", far, near))
         self._control = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._control.bind(control)
         self._control.listen(8)
-        self._link = {"delay_ms": 0.0, "jitter_ms": 0.0, "loss_pct": 0.0, "rate_kbit": 0.0, "cut": None}
-        self._recorded: Recorded | None = None
-        self._under_way: list[tuple[float, int, Direction, bytes]] = []
-        self._count = 0
+        self._loop.watch(self._control, READ, lambda _: self._answer())
 
     def run(self) -> None:
         """Carry frames until killed."""
-        everything = [*self._sides, self._control]
         while True:
-            wait = None
-            if self._under_way:
-                wait = max(0.0, self._under_way[0][0] - time.monotonic())
-            # select, not epoll: its timeout is in microseconds, not in milliseconds.
-            ready, _, _ = select.select(everything, [], [], wait)
-            for each in ready:
-                if each is self._control:
-                    self._obey()
-                else:
-                    self._take(each)
-            self._deliver()
+            self._loop.run_once()
 
-    def _take(self, side: socket.socket) -> None:
-        direction = self._directions[side]
+    def _carry(self, direction: Direction, source: socket.socket, target: socket.socket) -> None:
         for _ in range(BURST):
             try:
-                frame = side.recv(LARGEST_FRAME)
+                frame = source.recv(LARGEST_FRAME)
             except OSError:  # nothing more, or the interface is down for a moment
                 return
-            now = time.monotonic()
-            if self._recorded is not None and self._recorded.over(now):
-                self._recorded = None
-            arrives = direction.arrival(now, len(frame), self._link, self._recorded)
-            if arrives is None:
-                direction.dropped += 1
-            elif arrives <= now and not self._under_way:
-                self._put(direction, frame)
-            else:
-                self._count += 1
-                heapq.heappush(self._under_way, (arrives, self._count, direction, frame))
+            now_s = steady_s()
+            self._steering.settle(now_s)
+            arrives_s = self._steering.link.datagram(direction, now_s, len(frame))
+            if arrives_s is not None:
+                self._loop.call_at(arrives_s, lambda frame=frame: self._put(direction, target, frame))  # type: ignore[misc]
 
-    def _deliver(self) -> None:
-        while self._under_way and self._under_way[0][0] <= time.monotonic():
-            _, _, direction, frame = heapq.heappop(self._under_way)
-            self._put(direction, frame)
-
-    def _put(self, direction: Direction, frame: bytes) -> None:
+    def _put(self, direction: Direction, target: socket.socket, frame: bytes) -> None:
         try:
-            direction.out.send(frame)
-            direction.passed += 1
+            target.send(frame)
         except OSError:  # full, or the other end is just being removed
-            direction.dropped += 1
+            self._steering.link.counters[direction].dropped += 1
 
-    def _obey(self) -> None:
+    def _answer(self) -> None:
         talk, _ = self._control.accept()
         with talk:
             talk.settimeout(1)
             try:
                 order = json.loads(talk.makefile().readline())
-                if "recording" in order:
-                    given = order["recording"]
-                    begun = time.monotonic()
-                    self._recorded = Recorded(given["ends"], given["round_trips"], given["stall"], begun)
-                elif "set" in order:
-                    self._recorded = None
-                    self._link |= order["set"]
-                counts = {each.name: [each.passed, each.dropped] for each in self._directions.values()}
-                state = {"link": self._link, "playing": self._recorded is not None, "frames": counts}
-                talk.sendall(json.dumps(state).encode() + b"\n")
-            except (OSError, ValueError) as error:  # who asked is gone, or asked nonsense
+                talk.sendall(json.dumps(self._steering.obey(order, steady_s())).encode() + b"\n")
+            except (OSError, ValueError, TypeError, WireError) as error:  # who asked is gone, or asked nonsense
                 sys.stderr.write(f"order not understood: {error}" + "\n")
 
 
@@ -185,7 +168,7 @@ def open_interface(name: str) -> socket.socket:
 def main() -> None:
     """Run one wire."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--control", required=True, help="path of the socket over which it is steered")
+    parser.add_argument("--control", required=True, help="path of the socket over which the link is steered")
     parser.add_argument("--robot", required=True, help="interface on the robot's side")
     parser.add_argument("--cloud", required=True, help="interface on the other side")
     parser.add_argument("--realtime", action="store_true", help="ask for real-time priority")
@@ -196,6 +179,7 @@ def main() -> None:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))
         except PermissionError:
             sys.stderr.write("no right to real-time priority: other work on this machine adds to the delay" + "\n")
+    gc.freeze()
     gc.disable()  # nothing here makes cycles
     process.run()
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 from robot_offload_lab.judge.measures import SWITCH_WINDOW_S, Interval, Measures, link_was_good
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Recording
-from robot_offload_lab.judge.streams import Gap, Stream, age_ms
+from robot_offload_lab.judge.streams import Gap, Stream
 
 GAP_MARGIN_MS = 200.0
 """For what a busy computer adds to the sum of the declared times: scheduling, the middleware, the recorder itself."""
@@ -99,14 +99,14 @@ def _reordered(measures: Measures, stream: Stream) -> Iterator[Violation]:
 def _stale(measures: Measures, stream: Stream) -> Iterator[Violation]:
     stale = [arrival for arrival in stream.stale if arrival.site == "cloud"]
     if stale:
-        first, oldest = stale[0], max(stale, key=age_ms)
+        first, oldest = stale[0], max(stale, key=lambda arrival: arrival.age_s)
         t_s = _since_start(measures, first.t_s)
         yield Violation(
             t_s,
             "Stale",
             f"{_messages(len(stale))} of {stream.topic} from the cloud passed older than "
             f"{measures.recording.run.max_command_age_ms:g} ms, the first, {_named(first)}, at {t_s:.3f} s with "
-            f"{age_ms(first):.1f} ms; the oldest had {age_ms(oldest):.1f} ms.",
+            f"{first.age_s * 1e3:.1f} ms; the oldest had {oldest.age_s * 1e3:.1f} ms.",
         )
 
 

@@ -3,7 +3,7 @@
 Runs as a process of its own: `python -m robot_offload_lab.judge.recorder OUTPUT --topic /cmd_vel=TYPE ...`. Standard
 input takes commands, a JSON object a line: `{"start": {run information}}`, from which moment on the recording counts,
 and `{"end": steady time}`. Its end ends the recorder too. Standard output repeats each record as it comes, for a live
-view, and the world's whole state as `{"world": {...}}` and the link's as `{"agents": {...}}`.
+view, and the application's account of its drive as `{"drive": {...}}` and the link's as `{"agents": {...}}`.
 """
 
 from __future__ import annotations
@@ -32,23 +32,22 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int32, String
 
 from robot_offload_lab.judge import translate
+from robot_offload_lab.judge.lines import Record
 from robot_offload_lab.judge.recording import (
+    LINES,
     Inhibit,
     NetworkStatus,
     Obstacle,
     Outcome,
     PlacementChange,
-    Record,
     RecordingWriter,
     RunInfo,
-    encode,
 )
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 from robot_offload_lab.wire.schedule import Schedule
 
 NODE_NAME = "offload_recorder"
-WORLD_TOPIC = "/wheelchair/state"
 DIAGNOSTICS = "robot_offload robot: "
 ATTEND_S = 0.02
 RESOLVE_S = 0.25
@@ -61,7 +60,9 @@ OUTPUT = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
 class Recorder:
     """Subscriptions, the recording and the live stream. One thread, and one that reads commands."""
 
-    def __init__(self, path: Path, topics: dict[str, str], schedule: Schedule | None, commands: int) -> None:
+    def __init__(
+        self, path: Path, topics: dict[str, str], schedule: Schedule | None, commands: int, state: str = ""
+    ) -> None:
         """Subscribes to everything that is known already.
 
         Args:
@@ -69,6 +70,7 @@ class Recorder:
             topics: public topics and their types; an empty type is read from the graph.
             schedule: of the emulated link, None without one.
             commands: file descriptor to read commands from.
+            state: topic of the application's own account of its drive, see `translate.drive`; empty: there is none.
         """
         self._path = path
         self._schedule = schedule
@@ -76,7 +78,7 @@ class Recorder:
         self._writer: RecordingWriter | None = None
         self._start_s = 0.0
         self._sampled_s = 0.0
-        self._world: translate.World | None = None
+        self._drive: translate.Drive | None = None
         self._recent: deque[tuple[float, Record]] = deque()
         self._state: dict[type, Record] = {}
         self._arrivals = {topic: translate.Arrivals(topic) for topic in topics}
@@ -86,7 +88,8 @@ class Recorder:
         self._node.create_subscription(String, "/offload/placement", self._on_placement, LATCHED)
         self._node.create_subscription(Int32, "/network_status", self._on_network_status, LATCHED)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
-        self._node.create_subscription(String, WORLD_TOPIC, self._on_world, 10)
+        if state:
+            self._node.create_subscription(String, state, self._on_drive, 10)
         self._resolve_timer = self._node.create_timer(RESOLVE_S, self._resolve)
         self._resolve()
         threading.Thread(target=self._read, args=(commands,), name="commands", daemon=True).start()
@@ -153,20 +156,20 @@ class Recorder:
         nodes = {name[5:]: status.message for name, status in found.items() if name.startswith("node ")}
         self._tell({"agents": {"round_trip_p50_ms": measured.get("round_trip_p50_ms", ""), "nodes": nodes}})
 
-    def _on_world(self, message: String, info: Any) -> None:
+    def _on_drive(self, message: String, info: Any) -> None:
         t_s = _received_s(info)
-        world = translate.world(t_s, message.data)
-        if world is None:
+        drive = translate.drive(t_s, message.data)
+        if drive is None:
             return
-        for record in world.records(self._world):
+        for record in drive.records(self._drive):
             self._take(t_s, record)
-        self._world = world
-        self._tell({"world": dataclasses.asdict(dataclasses.replace(world, obstacles=()))})
+        self._drive = drive
+        self._tell({"drive": dataclasses.asdict(dataclasses.replace(drive, obstacles=()))})
 
     # -- what becomes of it -------------------------------------------------------------------------------------------
 
     def _take(self, t_s: float, record: Record) -> None:
-        self._say(encode(record))
+        self._say(LINES.encode(record))
         if self._writer is not None:
             if t_s >= self._start_s:
                 self._writer.write(record)
@@ -217,8 +220,8 @@ class Recorder:
 
     def _begin(self, run: RunInfo) -> None:
         """Opens the recording: the state at the start first, then what was heard since."""
-        if self._world is not None:
-            run = dataclasses.replace(run, corridor_length_m=self._world.length_m, corridor_width_m=self._world.width_m)
+        if self._drive is not None:
+            run = dataclasses.replace(run, corridor_length_m=self._drive.length_m, corridor_width_m=self._drive.width_m)
         self._start_s = self._sampled_s = run.start_s
         # Line-buffered and never closed: the process ends with it.
         self._writer = RecordingWriter(self._path.open("w", encoding="utf-8"), run)
@@ -226,7 +229,7 @@ class Recorder:
         for t_s, record in recent:
             if t_s < run.start_s and isinstance(record, PlacementChange | NetworkStatus | Inhibit):
                 self._state[type(record)] = record
-        for record in (*self._state.values(), *(self._world.obstacles if self._world else ())):
+        for record in (*self._state.values(), *(self._drive.obstacles if self._drive else ())):
             self._writer.write(record)
         for t_s, record in recent:
             if t_s >= run.start_s and not isinstance(record, Obstacle):
@@ -236,8 +239,8 @@ class Recorder:
     def end(self, t_s: float) -> None:
         """Closes the recording with the outcome."""
         if self._writer is not None and not self.ended:
-            world = self._world
-            outcome = (world.collisions, world.stops, world.goal_reached) if world else (None, None, None)
+            drive = self._drive
+            outcome = (drive.collisions, drive.stops, drive.goal_reached) if drive else (None, None, None)
             self._writer.write(Outcome(t_s, *outcome))
         self.ended = True
 
@@ -280,6 +283,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.judge.recorder", description=__doc__)
     parser.add_argument("output", type=Path, help="the recording to write")
     parser.add_argument("--topic", action="append", default=[], metavar="TOPIC=TYPE", help="an output; TYPE or nothing")
+    parser.add_argument("--state", default="", metavar="TOPIC", help="topic of the application's account of its drive")
     parser.add_argument("--link", default="", metavar="JSON", help="options of the emulated link")
     options = parser.parse_args(arguments)
     topics = dict(text.partition("=")[::2] for text in options.topic)
@@ -287,7 +291,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.set_blocking(sys.stdout.fileno(), False)
     # Own handlers: with those of rclpy the context can vanish under a callback.
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    recorder = Recorder(options.output, topics, schedule, sys.stdin.fileno())
+    recorder = Recorder(options.output, topics, schedule, sys.stdin.fileno(), options.state)
     signal.signal(signal.SIGTERM, lambda *_: recorder.end(steady_s()))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     recorder.run()

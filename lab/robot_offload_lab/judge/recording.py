@@ -7,24 +7,23 @@ writing of lines is pure; `read` and `RecordingWriter` are the only ones that to
 
 from __future__ import annotations
 
-import dataclasses
-import json
-import math
-import types
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal, TextIO, TypeAlias, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Final, Literal, TextIO, TypeAlias
 
-from robot_offload.api.v1alpha1 import RobotOffloadSpec
 from robot_offload.errors import RecordingError
+from robot_offload_lab.judge.lines import Lines, Record
+
+if TYPE_CHECKING:
+    from robot_offload.api.v1alpha1 import RobotOffloadSpec
 
 Site: TypeAlias = Literal["robot", "cloud"]
 SITES: Final[tuple[Site, Site]] = ("robot", "cloud")
 
 
 @dataclass(frozen=True)
-class RunInfo:
+class RunInfo(Record):
     """The run's setting. Always the first line.
 
     Attributes:
@@ -34,8 +33,8 @@ class RunInfo:
         max_command_age_ms, loss_timeout_ms, activation_deadline_ms: `spec.switching` of the run.
         robot_period_ms, cloud_period_ms: `spec.switching.latency` of the run.
         threshold_ms: loop latency up to which the cloud is worth it; a link below it is called good.
-        corridor_length_m, corridor_width_m: of the world: x runs from 0 to the length, y = 0 is the middle line;
-            0 when the run has no world.
+        corridor_length_m, corridor_width_m: of the drive: x runs from 0 to the length, y = 0 is the middle line;
+            0 when there is no account of a drive.
     """
 
     mode: str
@@ -68,7 +67,7 @@ def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunI
 
 
 @dataclass(frozen=True)
-class Arrival:
+class Arrival(Record):
     """One message of a collected output as the consumer got it.
 
     Attributes:
@@ -89,9 +88,14 @@ class Arrival:
     site: Site
     passed_t_s: float | None = None
 
+    @property
+    def age_s(self) -> float:
+        """The age when the message passed to the consumers, or, if that is not known, when it arrived."""
+        return (self.t_s if self.passed_t_s is None else self.passed_t_s) - self.sent_t_s
+
 
 @dataclass(frozen=True)
-class PlacementChange:
+class PlacementChange(Record):
     """The placement as announced; the first one is the state at the start, not a switch.
 
     Attributes:
@@ -101,18 +105,29 @@ class PlacementChange:
         reason: one word, e.g. `HeartbeatLost`.
         message: a sentence for people.
         detect_ms: from the last good heartbeat to the decision; None when the switch was commanded.
+        phase: of the placement machine, e.g. `ToRobot`.
+        since_s: since when the side is in charge, by the robot's control process; None: not known.
+        control: the incarnation of that control process; epochs of two do not compare.
     """
 
     t_s: float
     site: Site
     epoch: int
     reason: str
-    message: str
+    message: str = ""
     detect_ms: float | None = None
+    phase: str = ""
+    since_s: float | None = None
+    control: str = ""
+
+    @property
+    def decided_s(self) -> float:
+        """Since when the side is in charge, or, if the announcement lacks that, when it was announced."""
+        return self.t_s if self.since_s is None else self.since_s
 
 
 @dataclass(frozen=True)
-class LinkSample:
+class LinkSample(Record):
     """What the link did at a moment, by its schedule: the round trip of a packet sent then; None = cut."""
 
     t_s: float
@@ -120,7 +135,7 @@ class LinkSample:
 
 
 @dataclass(frozen=True)
-class NetworkStatus:
+class NetworkStatus(Record):
     """An agent's own verdict about the link (`/network_status`, `/remote_network_status`)."""
 
     t_s: float
@@ -129,7 +144,7 @@ class NetworkStatus:
 
 
 @dataclass(frozen=True)
-class Inhibit:
+class Inhibit(Record):
     """The driver was inhibited (held at standstill because a core node was not active) or released."""
 
     t_s: float
@@ -137,8 +152,8 @@ class Inhibit:
 
 
 @dataclass(frozen=True)
-class PathPoint:
-    """Where the wheelchair was."""
+class PathPoint(Record):
+    """Where the robot was."""
 
     t_s: float
     x_m: float
@@ -147,8 +162,8 @@ class PathPoint:
 
 
 @dataclass(frozen=True)
-class Obstacle:
-    """A round obstacle that the wheelchair has seen."""
+class Obstacle(Record):
+    """A round obstacle that the robot has seen."""
 
     x_m: float
     y_m: float
@@ -156,14 +171,14 @@ class Obstacle:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """How it ended; what comes later is not judged. A run without a wheelchair only has an end.
+class Outcome(Record):
+    """How it ended; what comes later is not judged. Without an account of the drive there is only an end.
 
     Attributes:
         t_s: the end of the run.
-        collisions: of the wheelchair with walls or obstacles.
+        collisions: of the robot with walls or obstacles.
         stops: standstills that the driver's time-out or the inhibit service forced.
-        goal_reached: whether the wheelchair is at its goal.
+        goal_reached: whether the robot is at its goal.
     """
 
     t_s: float
@@ -172,10 +187,7 @@ class Outcome:
     goal_reached: bool | None = None
 
 
-Record: TypeAlias = (
-    RunInfo | Arrival | PlacementChange | LinkSample | NetworkStatus | Inhibit | PathPoint | Obstacle | Outcome
-)
-_KINDS: Final[Mapping[str, type]] = {
+_KINDS: Final[Mapping[str, type[Record]]] = {
     "run": RunInfo,
     "arrival": Arrival,
     "placement": PlacementChange,
@@ -186,8 +198,8 @@ _KINDS: Final[Mapping[str, type]] = {
     "obstacle": Obstacle,
     "outcome": Outcome,
 }
-_KIND_OF: Final = {kind: name for name, kind in _KINDS.items()}
-_HINTS: Final = {kind: get_type_hints(kind) for kind in _KINDS.values()}
+LINES: Final = Lines(_KINDS)
+"""How the records of a run are written and read."""
 
 
 @dataclass(frozen=True)
@@ -221,55 +233,6 @@ class Recording:
         return max(seen, default=self.run.start_s)
 
 
-def encode(record: Record) -> str:
-    """A record as one line of JSON, without the newline."""
-    return json.dumps({"kind": _KIND_OF[type(record)], **dataclasses.asdict(record)}, separators=(",", ":"))
-
-
-def decode(line: str) -> Record:
-    """The record of one line.
-
-    Raises:
-        ValueError: the message says what is wrong with the line.
-    """
-    try:
-        values = json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"is not JSON ({error})") from error
-    kind = values.pop("kind", None) if isinstance(values, dict) else None
-    if not isinstance(kind, str) or kind not in _KINDS:
-        raise ValueError(f"has no known kind; known are {', '.join(_KINDS)}")
-    cls = _KINDS[kind]
-    fields = {item.name: item for item in dataclasses.fields(cls)}
-    unknown = sorted(set(values) - set(fields))
-    if unknown:
-        raise ValueError(f"has unknown fields for kind {kind}: {', '.join(unknown)}")
-    for name, item in fields.items():
-        if name in values:
-            values[name] = _typed(_HINTS[cls][name], values[name], name)
-        elif item.default is dataclasses.MISSING:
-            raise ValueError(f"lacks the field {name} of kind {kind}")
-    record: Record = cls(**values)
-    return record
-
-
-def _typed(hint: Any, value: Any, name: str) -> Any:
-    """`value` if it is of the type that `hint` names; whole numbers are taken for float."""
-    if get_origin(hint) in (Union, types.UnionType):
-        if value is None:
-            return None
-        hint = get_args(hint)[0]
-    if get_origin(hint) is Literal:
-        if value in get_args(hint):
-            return value
-        raise ValueError(f"has {name} = {value!r}, which must be one of {', '.join(get_args(hint))}")
-    if hint is float and type(value) in (int, float) and math.isfinite(value):
-        return float(value)
-    if type(value) is hint and hint is not float:
-        return value
-    raise ValueError(f"has {name} = {value!r}, which must be of type {hint.__name__}")
-
-
 def parse(lines: Iterable[str], source: str) -> Recording:
     """A recording from its lines. An unfinished last line (the recorder was killed) is left out.
 
@@ -281,7 +244,7 @@ def parse(lines: Iterable[str], source: str) -> Recording:
         if not line.strip():
             continue
         try:
-            records.append(decode(line))
+            records.append(LINES.decode(line))
         except ValueError as error:
             if not line.endswith("\n"):
                 break
@@ -341,5 +304,5 @@ class RecordingWriter:
 
     def write(self, record: Record) -> None:
         """Appends one record and hands it to the operating system."""
-        self._stream.write(encode(record) + "\n")
+        self._stream.write(LINES.encode(record) + "\n")
         self._stream.flush()

@@ -93,7 +93,7 @@ def gaps_per_switch(measures: Measures) -> Figure:
 
 
 def path(measures: Measures) -> Figure:
-    """The way of the wheelchair, coloured by who steered."""
+    """Draws the way of the robot, coloured by who steered."""
     with _style():
         figure = Figure(figsize=(WIDTH_IN, 1.9), layout="constrained")
         draw_path(figure.subplots(), measures)

@@ -99,15 +99,9 @@ def examine(
         gaps=_gaps(seen, end_s),
         duplicates=duplicates,
         reordered=reordered,
-        stale=tuple(arrival for arrival in seen if age_ms(arrival) > max_age_ms),
+        stale=tuple(arrival for arrival in seen if arrival.age_s * 1e3 > max_age_ms),
         holes=tuple(hole for stay in _stays(seen, lives, departures) for hole in _holes(stay)),
     )
-
-
-def age_ms(arrival: Arrival) -> float:
-    """The age of a message when it passed to the consumers, or, if that is not known, when it arrived."""
-    passed_s = arrival.t_s if arrival.passed_t_s is None else arrival.passed_t_s
-    return (passed_s - arrival.sent_t_s) * 1e3
 
 
 def quantile(values: Sequence[float], share: float) -> float | None:

@@ -46,7 +46,7 @@ class Arrivals:
         if match is None:
             return self.other(t_s)
         producer, sequence = match["producer"], int(match["sequence"])
-        return Arrival(self.topic, t_s, producer, sequence, made_s, _site(producer), passed_s)
+        return Arrival(self.topic, t_s, producer, sequence, made_s, site_of(producer), passed_s)
 
     def text(self, t_s: float, text: str) -> Arrival:
         """A text. It carries no time of making: it counts as made when it was first heard.
@@ -62,7 +62,7 @@ class Arrivals:
         if sequence > highest or sequence < highest / 2:
             self._highest[producer] = (sequence, t_s)
             made_s = t_s
-        return Arrival(self.topic, t_s, producer, sequence, made_s, _site(producer))
+        return Arrival(self.topic, t_s, producer, sequence, made_s, site_of(producer))
 
     def other(self, t_s: float) -> Arrival:
         """A message that does not tell who made it."""
@@ -70,15 +70,16 @@ class Arrivals:
         return Arrival(self.topic, t_s, self.acting, self.unknown, t_s, self.acting)
 
 
-def _site(producer: str) -> Site:
+def site_of(producer: str) -> Site:
+    """Returns the side of a replica: those of the cloud are called remote_NAME."""
     return "cloud" if producer.startswith(REMOTE_PREFIX) else "robot"
 
 
 def placement(t_s: float, text: str) -> PlacementChange | None:
-    """The announcement on /offload/placement; None when it cannot be read."""
+    """Reads an announcement on /offload/placement; returns None when it cannot be read."""
     try:
         said = json.loads(text)
-        silent_ms = said["silent_ms"]
+        silent_ms, since_s = said["silent_ms"], said.get("since_s")
         return PlacementChange(
             t_s=t_s,
             site={"robot": "robot", "cloud": "cloud"}[said["site"]],  # type: ignore[arg-type]  # only these two
@@ -86,14 +87,17 @@ def placement(t_s: float, text: str) -> PlacementChange | None:
             reason=str(said["reason"]),
             message=str(said["message"]),
             detect_ms=None if silent_ms is None else float(silent_ms),
+            phase=str(said.get("phase", "")),
+            since_s=None if since_s is None else float(since_s),
+            control=str(said.get("control", "")),
         )
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
 @dataclass(frozen=True)
-class World:
-    """The wheelchair's own account (/wheelchair/state) at one moment.
+class Drive:
+    """The application's own account of its drive at one moment (std_msgs/String with JSON).
 
     Attributes:
         t_s: when it was heard.
@@ -115,7 +119,7 @@ class World:
     goal_reached: bool
     obstacles: tuple[Obstacle, ...]
 
-    def records(self, before: World | None) -> Iterator[PathPoint | Obstacle | Inhibit]:
+    def records(self, before: Drive | None) -> Iterator[PathPoint | Obstacle | Inhibit]:
         """What is new since the account before."""
         yield PathPoint(self.t_s, self.x_m, self.y_m, self.speed_mps)
         for obstacle in self.obstacles:
@@ -125,12 +129,12 @@ class World:
             yield Inhibit(self.t_s, self.inhibited)
 
 
-def world(t_s: float, text: str) -> World | None:
+def drive(t_s: float, text: str) -> Drive | None:
     """The account as published; None when it is none."""
     try:
         said: Mapping[str, Any] = json.loads(text)
         corridor = said["corridor"]
-        return World(
+        return Drive(
             t_s=t_s,
             x_m=float(said["x"]),
             y_m=float(said["y"]),

@@ -13,14 +13,11 @@ import fcntl
 import json
 import os
 import secrets
-import select
 import shutil
 import signal
-import subprocess
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
@@ -31,8 +28,10 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.recording import LinkSample
+from robot_offload_lab.run.ensemble import Ensemble
 from robot_offload_lab.run.free import free_domains, free_ports
 from robot_offload_lab.run.processes import Processes, Program
+from robot_offload_lab.run.showcase import showcase
 from robot_offload_lab.run.system import (
     DDS_WIRE,
     RECORDER,
@@ -100,22 +99,6 @@ class DemoResult:
     trouble: str = ""
 
 
-class StartError(RobotOffloadError):
-    """The system did not come up; tells what is missing and what the processes said last."""
-
-    def __init__(self, problem: str, said: Mapping[str, tuple[str, ...]], logs: Path) -> None:
-        self._lines = [problem]
-        for name, lines in said.items():
-            self._lines += [f"  {name}: {line}" for line in lines]
-        self._lines.append(f"All logs are in {logs}; correct what they name, then run the same command again")
-        super().__init__("\n".join(self._lines))
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """The problem, the last words of the processes, what to do."""
-        return tuple(self._lines)
-
-
 class StoppedEarlyError(RobotOffloadError):
     """The user stopped before there was anything to report."""
 
@@ -142,7 +125,7 @@ def run(options: DemoOptions, view: View) -> DemoResult:
             watch.link = LinkSample(steady_s(), schedule.latency_ms(0.0))
         processes = stack.enter_context(Processes(system.run, system.logs, system.temporary))
         stack.callback(view.close)
-        trouble = Run(system, processes, view, watch, stop).go(options.duration_s)
+        trouble = Demo(system, processes, view, watch, stop).go(options.duration_s)
         view.close()
         for line in agent_errors(system):
             view.say(line)
@@ -165,6 +148,7 @@ def _system(options: DemoOptions, offload: RobotOffload, temporary: Path) -> Sys
         realtime=options.realtime,
         dialled=dialled,
         served=served,
+        state=showcase(options.spec).state,
     )
 
 
@@ -257,115 +241,89 @@ def _clear(system: System) -> None:
 # -- the run ----------------------------------------------------------------------------------------------------------
 
 
-@dataclass
-class Run:
+class Demo:
     """One run from the start of its processes to their end."""
 
-    system: System
-    processes: Processes
-    view: View
-    watch: Watch
-    stop: StopRequest
-    wire: Wire | None = None
-    _children: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
-    _unread: bytes = b""
+    def __init__(self, system: System, processes: Processes, view: View, watch: Watch, stop: StopRequest) -> None:
+        self._system = system
+        self._programs = Ensemble(processes, system.logs, lambda _, line: watch.take(line))
+        self._view = view
+        self._watch = watch
+        self._stop = stop
+        self._wire: Wire | None = None
 
     def go(self, duration_s: float | None) -> str:
-        """Start, watch, end; returns what went wrong on the way, empty when nothing did."""
+        """Starts, watches and ends; returns what went wrong on the way, empty when nothing did."""
         with ExitStack() as stack:
-            if self.system.wired and not self.system.joined_by_topics:
-                self.wire = stack.enter_context(Wire(wire_config(self.system), self.system.temporary))
-            self._start(programs(self.system))
+            if self._system.wired and not self._system.joined_by_topics:
+                self._wire = stack.enter_context(Wire(wire_config(self._system), self._system.temporary))
+            self._start(programs(self._system))
             self._await_up()
             self._begin()
-            trouble = self._watch(duration_s)
-            self._end()
-            self.view.say("Ending the processes")
-            self.processes.stop()
+            trouble = self._drive(duration_s)
+            # The recorder hears that the run is over before anything else ends.
+            self._programs.finish(RECORDER, {"end": steady_s()}, RECORDER_GRACE_S)
+            self._view.say("Ending the processes")
+            self._programs.processes.stop()
         return trouble
 
     def _start(self, all_programs: tuple[Program, ...]) -> None:
-        robot, cloud = self.system.domains
-        domains = f"ROS domain {robot}" if self.system.mode is Mode.ROBOT_ONLY else f"ROS domains {robot} and {cloud}"
-        self.view.say(f"Starting {len(all_programs)} processes in {domains}; logs in {self.system.logs}")
+        robot, cloud = self._system.domains
+        alone = self._system.mode is Mode.ROBOT_ONLY
+        domains = f"ROS domain {robot}" if alone else f"ROS domains {robot} and {cloud}"
+        self._view.say(f"Starting {len(all_programs)} processes in {domains}; logs in {self._system.logs}")
         for program in all_programs:
-            self._children[program.name] = self.processes.start(program)
+            self._programs.start(program)
 
     def _await_up(self) -> None:
-        """Until every output is heard, the robot's nodes are configured and the two agents have met."""
+        """Waits until every output is heard, the robot's nodes are configured and the two agents have met."""
         began_s = steady_s()
+        give_up_s = began_s + START_TIMEOUT_S
         while self._missing():
-            self._look(StoppedEarlyError)
-            ended = self.processes.first_ended()
-            if ended is not None:
-                said = {ended.name: self.processes.last_lines(ended.name)}
-                raise StartError(f"{ended.describe()} before the system was up", said, self.system.logs)
-            if steady_s() > began_s + START_TIMEOUT_S:
-                said = {name: self.processes.last_lines(name)[-4:] for name in self._children}
-                problem = f"The system was not up after {START_TIMEOUT_S:.0f} s: {self._missing()}"
-                raise StartError(problem, said, self.system.logs)
-        self.view.say(f"Up after {steady_s() - began_s:.1f} s")
+            if self._stop:
+                raise StoppedEarlyError("Stopped before the system was up; there is nothing to report")
+            self._look()
+            self._programs.check("the system is up", None if steady_s() < give_up_s else self._missing())
+        self._view.say(f"Up after {steady_s() - began_s:.1f} s")
 
     def _missing(self) -> str:
-        """What is not up yet, in words; empty when all is."""
-        missing = [f"nothing was heard on {topic}" for topic in self.watch.missing()]
-        if self.watch.placement is None:
+        """Returns what is not up yet, in words; empty when all is."""
+        watch = self._watch
+        missing = [f"nothing was heard on {topic}" for topic in watch.missing()]
+        if watch.placement is None:
             missing.append("the robot's agent has announced no placement")
-        states = {name: self.watch.nodes.get(name, "unknown") for name in self.system.managed_on_robot}
+        states = {name: watch.nodes.get(name, "unknown") for name in self._system.managed_on_robot}
         missing += [f"{name} is {state}" for name, state in states.items() if state not in ("inactive", "active")]
-        if self.system.wired and self.watch.round_trip_ms is None:
+        if self._system.wired and watch.round_trip_ms is None:
             missing.append("the two agents have not met")
         return ", ".join(missing)
 
     def _begin(self) -> None:
         """Starts the link's schedule; from here on the recording counts."""
-        start_s = self.wire.start_schedule() if self.wire else steady_s()
-        self.watch.start_s = start_s
-        if self.system.joined_by_topics:
-            self._command(DDS_WIRE, {"start": start_s})
-        self._command(RECORDER, {"start": dataclasses.asdict(run_info(self.system, start_s))})
+        start_s = self._wire.start_schedule() if self._wire else steady_s()
+        self._watch.start_s = start_s
+        if self._system.joined_by_topics:
+            self._programs.command(DDS_WIRE, {"start": start_s})
+        self._programs.command(RECORDER, {"start": dataclasses.asdict(run_info(self._system, start_s))})
 
-    def _watch(self, duration_s: float | None) -> str:
-        """Until the goal, the duration, a signal or the death of a process; returns the last."""
-        assert self.watch.start_s is not None
-        end_s = self.watch.start_s + (LONGEST_S if duration_s is None else duration_s)
+    def _drive(self, duration_s: float | None) -> str:
+        """Follows the run until the goal, the duration, a signal or the death of a process; returns the last."""
+        assert self._watch.start_s is not None
+        end_s = self._watch.start_s + (LONGEST_S if duration_s is None else duration_s)
         resting = False
-        while not self.stop and steady_s() < end_s:
-            self._look(None)
-            ended = self.processes.first_ended()
+        while not self._stop and steady_s() < end_s:
+            self._look()
+            ended = self._programs.processes.first_ended()
             if ended is not None:
-                self.view.say(f"{ended.describe()}; see {ended.log}")
+                self._view.say(f"{ended.describe()}; see {ended.log}")
                 return ended.describe()
-            if duration_s is None and self.watch.goal_reached and not resting:
+            if duration_s is None and self._watch.goal_reached and not resting:
                 resting, end_s = True, min(end_s, steady_s() + _REST_S)
         return ""
 
-    def _end(self) -> None:
-        """Tells the recorder that the run is over, before anything else ends."""
-        self._command(RECORDER, {"end": steady_s()})
-        self.processes.finish(RECORDER, RECORDER_GRACE_S)
-
-    def _look(self, when_stopped: Callable[[str], Exception] | None) -> None:
-        """Reads what the recorder says, for a short while, and shows it."""
-        if when_stopped is not None and self.stop:
-            raise when_stopped("Stopped before the system was up; there is nothing to report")
-        stream = self._children[RECORDER].stdout
-        assert stream is not None
-        readable, _, _ = select.select([stream], [], [], _LOOK_S)
-        data = os.read(stream.fileno(), 1 << 16) if readable else b""
-        if readable and not data:
-            time.sleep(_LOOK_S)  # it has ended; that is noticed elsewhere
-        *lines, self._unread = (self._unread + data).split(b"\n")
-        for line in lines:
-            self.watch.take(line.decode(errors="replace"))
+    def _look(self) -> None:
+        """Takes in what the recorder prints, for a short while, and shows the state of the run."""
+        self._programs.look(_LOOK_S)
         now_s = steady_s()
-        self.watch.attend(now_s)
-        self.view.show(self.watch, now_s)
-
-    def _command(self, name: str, command: Mapping[str, Any]) -> None:
-        """A line to a process that takes commands."""
-        stream = self._children[name].stdin
-        assert stream is not None
-        with suppress(BrokenPipeError):  # it has ended; that is noticed elsewhere
-            stream.write(json.dumps(command).encode() + b"\n")
-            stream.flush()
+        self._watch.attend(now_s)
+        self._view.show(self._watch, now_s)

@@ -66,6 +66,7 @@ class System:
         link: what the wire does.
         seed: of everything random.
         realtime: whether everything runs under real-time priority, where that is permitted.
+        state: topic of the application's account of its drive; empty: there is none.
         dialled, served: ports of pulse and data session, as the robot dials and the cloud serves them.
     """
 
@@ -81,6 +82,7 @@ class System:
     realtime: bool
     dialled: tuple[int, int]
     served: tuple[int, int]
+    state: str = ""
 
     @property
     def uid(self) -> str:
@@ -231,6 +233,8 @@ def recorder(system: System) -> Program:
     command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(system.recording)]
     for topic, type_name in system.outputs.items():
         command += ["--topic", f"{topic}={type_name}"]
+    if system.state:
+        command += ["--state", system.state]
     if system.wired:
         command += ["--link", json.dumps(dataclasses.asdict(system.link))]
     priority = RECORDER_PRIORITY if system.realtime else 0

@@ -123,7 +123,7 @@ def picture(watch: Watch, now_s: float, title: str) -> RenderableType:
     if watch.link is not None:
         rows.add_row("link", _link(watch))
     rows.add_row("placement", _placement(watch, now_s))
-    if watch.world:
+    if watch.drive:
         rows.add_row("corridor", _corridor(watch))
         rows.add_row("speed", _speed(watch))
     for topic, received in watch.received.items():
@@ -151,25 +151,25 @@ def _placement(watch: Watch, now_s: float) -> Text:
 
 
 def _corridor(watch: Watch) -> Text:
-    world = watch.world
-    position = min(_CORRIDOR - 1, max(0, round(world["x_m"] / world["length_m"] * _CORRIDOR)))
-    goal = min(_CORRIDOR - 1, round(world["goal_x_m"] / world["length_m"] * _CORRIDOR))
+    drive = watch.drive
+    position = min(_CORRIDOR - 1, max(0, round(drive["x_m"] / drive["length_m"] * _CORRIDOR)))
+    goal = min(_CORRIDOR - 1, round(drive["goal_x_m"] / drive["length_m"] * _CORRIDOR))
     cells = ["━" if cell <= position else "─" for cell in range(_CORRIDOR)]
     cells[goal] = "⚑"
     cells[position] = "●"
     site = watch.placement.site if watch.placement else "robot"
     text = Text("".join(cells[: position + 1]), style=SITE_COLOURS[site])
     text.append("".join(cells[position + 1 :]), style="dim")
-    return text.append(f"  {world['x_m']:.1f} of {world['length_m']:.0f} m", style="default")
+    return text.append(f"  {drive['x_m']:.1f} of {drive['length_m']:.0f} m", style="default")
 
 
 def _speed(watch: Watch) -> Text:
-    speed_mps = abs(watch.world["speed_mps"])
+    speed_mps = abs(watch.drive["speed_mps"])
     full = min(_SPEED_CELLS, round(speed_mps / _FULL_SPEED_MPS * _SPEED_CELLS))
     text = Text("▮" * full + "▯" * (_SPEED_CELLS - full) + f"  {speed_mps:.2f} m/s")
-    if watch.world["inhibited"]:
+    if watch.drive["inhibited"]:
         text.append("  inhibited", style="red")
-    collisions, stops = watch.world["collisions"], watch.world["stops"]
+    collisions, stops = watch.drive["collisions"], watch.drive["stops"]
     return text.append(f"  collisions {collisions}, forced stops {stops}", style="red" if collisions else "dim")
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from robot_offload_lab.judge.recording import Arrival, Inhibit, LinkSample, PlacementChange, Site, decode
+from robot_offload_lab.judge.recording import LINES, Arrival, Inhibit, LinkSample, PlacementChange, Site
 
 GAP_WINDOW_S: Final = 0.5
 """Half the window around a switch in which its silence is looked for; the report does the same."""
@@ -56,7 +56,7 @@ class Watch:
         link: the schedule of the link now; None without one.
         placement: the newest announcement.
         charged_s: since when its side is in charge.
-        world: the wheelchair's state as the recorder tells it, empty without one.
+        drive: the application's account of its drive as the recorder prints it, empty without one.
         round_trip_ms: measured by the agents; None while they have not met.
         nodes: lifecycle states of the robot's nodes, as its agent sees them.
         received: messages by topic.
@@ -69,7 +69,7 @@ class Watch:
     link: LinkSample | None = None
     placement: PlacementChange | None = None
     charged_s: float = 0.0
-    world: dict[str, Any] = field(default_factory=dict)
+    drive: dict[str, Any] = field(default_factory=dict)
     round_trip_ms: float | None = None
     nodes: dict[str, str] = field(default_factory=dict)
     received: dict[str, int] = field(default_factory=dict)
@@ -82,12 +82,12 @@ class Watch:
         """One line of the recorder's stream; what cannot be read is left out."""
         try:
             message = json.loads(line)
-            if "world" in message:
-                self._take_world(message["world"])
+            if "drive" in message:
+                self._take_drive(message["drive"])
             elif "agents" in message:
                 self._take_agents(message["agents"])
             else:
-                self._take_record(decode(line))
+                self._take_record(LINES.decode(line))
         except (ValueError, KeyError, TypeError):
             return
 
@@ -113,8 +113,8 @@ class Watch:
 
     @property
     def goal_reached(self) -> bool:
-        """Whether there is a goal and the wheelchair is there."""
-        return bool(self.world.get("goal_reached"))
+        """Whether there is a goal and the robot is there."""
+        return bool(self.drive.get("goal_reached"))
 
     def missing(self) -> tuple[str, ...]:
         """The outputs that were not heard yet."""
@@ -128,12 +128,12 @@ class Watch:
             return "cut"
         return "good" if self.link.rtt_ms <= self.threshold_ms else "slow"
 
-    def _take_world(self, world: dict[str, Any]) -> None:
-        if world["goal_reached"] and not self.goal_reached:
-            self._events.append(Event(world["t_s"], "the goal is reached"))
-        if self.world and world["collisions"] > self.world["collisions"]:
-            self._events.append(Event(world["t_s"], "the wheelchair collided"))
-        self.world = world
+    def _take_drive(self, drive: dict[str, Any]) -> None:
+        if drive["goal_reached"] and not self.goal_reached:
+            self._events.append(Event(drive["t_s"], "the goal is reached"))
+        if self.drive and drive["collisions"] > self.drive["collisions"]:
+            self._events.append(Event(drive["t_s"], "the robot collided"))
+        self.drive = drive
 
     def _take_agents(self, agents: dict[str, Any]) -> None:
         self.round_trip_ms = float(agents["round_trip_p50_ms"]) if agents["round_trip_p50_ms"] else None

@@ -69,6 +69,10 @@ class EmulatedLink:
         """Starts the schedule's clock at 0, again if it runs already."""
         self._started_s = now_s
 
+    def follow(self, schedule: Schedule) -> None:
+        """Replaces the schedule; the link is quiet until `start`. What is under way, queue and chances stay."""
+        self._schedule, self._started_s = schedule, None
+
     def conditions(self, now_s: float) -> Pair:
         """The conditions of this moment, up and down."""
         if self._started_s is None:

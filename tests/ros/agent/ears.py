@@ -1,7 +1,6 @@
 """The test's own ROS node in one domain: hears, feeds, calls services; it plays consumer and driver."""
 
 import contextlib
-import json
 import threading
 import time
 from collections.abc import Callable
@@ -20,7 +19,8 @@ from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
 from robot_offload_agent.process.clock import now_s, wall_us
-from tests.ros.agent.passage import Arrival, Placed
+from robot_offload_lab.judge import translate
+from robot_offload_lab.judge.recording import Arrival, PlacementChange
 
 LATCHED = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -99,19 +99,21 @@ class Ear:
         def take(message: Header, info: dict[str, int]) -> None:
             producer, _, sequence = message.frame_id.partition("#")
             passed_s = info["source_timestamp"] / 1e9
-            heard.append(Arrival(said_s(info), producer, int(sequence), passed_s - stamp_s(message)))
+            t_s = said_s(info)
+            sent_s = t_s - (passed_s - stamp_s(message))
+            heard.append(Arrival(topic, t_s, producer, int(sequence), sent_s, translate.site_of(producer)))
 
         self.node.create_subscription(Header, topic, take, 50)
         return heard
 
-    def placements(self) -> list[Placed]:
+    def placements(self) -> list[PlacementChange]:
         """Every /offload/placement."""
-        heard: list[Placed] = []
+        heard: list[PlacementChange] = []
 
         def take(message: String, info: dict[str, int]) -> None:
-            body = json.loads(message.data)
-            told = (body["site"], body["epoch"], body["phase"], body["reason"], body["message"], body["control"])
-            heard.append(Placed(said_s(info), *told))
+            change = translate.placement(said_s(info), message.data)
+            assert change is not None, message.data
+            heard.append(change)
 
         self.node.create_subscription(String, "/offload/placement", take, LATCHED)
         return heard

@@ -11,8 +11,8 @@ import threading
 import time
 from typing import Any
 
+from robot_offload_lab.judge.recording import Arrival, PlacementChange
 from tests.ros.agent.ears import CALL_S, INHIBIT, Ear, Status
-from tests.ros.agent.passage import Arrival, Placed
 from tests.ros.agent.processes import Processes
 
 TELL_S = 0.01
@@ -39,7 +39,7 @@ class FarEar:
 
     def __init__(self, processes: Processes, domain: int, namespace: str, topic: str) -> None:
         self.heard: list[Arrival] = []
-        self.placed: list[Placed] = []
+        self.placed: list[PlacementChange] = []
         self.diagnostics: dict[str, Status] = {}
         self.orders: list[tuple[float, bool]] = []
         self.answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
@@ -55,7 +55,7 @@ class FarEar:
             if kind == "arrival":
                 self.heard.append(Arrival(*body))
             elif kind == "placed":
-                self.placed.append(Placed(*body))
+                self.placed.append(PlacementChange(*body))
             elif kind == "status":
                 self.diagnostics[body[0]] = Status(*body[1:])
             elif kind == "order":
@@ -66,7 +66,7 @@ class FarEar:
     def arrivals(self, _topic: str) -> list[Arrival]:
         return self.heard
 
-    def placements(self) -> list[Placed]:
+    def placements(self) -> list[PlacementChange]:
         return self.placed
 
     def inhibit_orders(self, _service: str) -> list[tuple[float, bool]]:

@@ -22,12 +22,13 @@ import yaml
 from std_msgs.msg import Header
 
 from robot_offload_agent.process.clock import now_s
+from robot_offload_lab.judge.recording import Arrival, PlacementChange
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from robot_offload_lab.wire.emulated import Forward, Wire, WireConfig
 from tests.ros.agent.ears import INHIBIT, Driver, Ear, wait_until
 from tests.ros.agent.far_ear import FarEar
 from tests.ros.agent.namespaces import Namespaces
-from tests.ros.agent.passage import Arrival, Placed, ViolationError, violations
+from tests.ros.agent.passage import ViolationError, violations
 from tests.ros.agent.processes import Processes
 from tests.ros.ports import free_port
 
@@ -151,7 +152,7 @@ class World:
                 self.odom.cancel()
         self.driver = Driver(self.ear.arrivals(COMMAND), self.ear.inhibit_orders(INHIBIT))
         self.arrivals: list[Arrival] = self.driver.arrivals
-        self.placed: list[Placed] = self.ear.placements()
+        self.placed: list[PlacementChange] = self.ear.placements()
 
     def close(self) -> None:
         left = self.processes.close()

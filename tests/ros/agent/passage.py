@@ -4,6 +4,9 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from robot_offload_lab.judge.recording import Arrival, PlacementChange
+from robot_offload_lab.judge.streams import examine
+
 NEAR_S = 2.0
 """An announcement belongs to a change of the passing side so close to it; a stopped control needs a second."""
 CALLED_OFF_S = 0.5
@@ -12,40 +15,6 @@ CALLED_OFF_S = 0.5
 
 class ViolationError(AssertionError):
     """A rule of the switch was broken: never given a second chance, however busy the machine was."""
-
-
-@dataclass(frozen=True)
-class Arrival:
-    """One message at the consumer.
-
-    Attributes:
-        t_s: when the collector let it pass, on the steady clock: how late a busy test heard of it is no matter.
-        producer, sequence: the replica's process and its count.
-        age_s: at that moment, since its producer stamped it.
-    """
-
-    t_s: float
-    producer: str
-    sequence: int
-    age_s: float
-
-    @property
-    def site(self) -> str:
-        """The cloud's replicas are called remote_NAME."""
-        return "cloud" if self.producer.startswith("remote_") else "robot"
-
-
-@dataclass(frozen=True)
-class Placed:
-    """One /offload/placement, said at `t_s` by the control process `control`."""
-
-    t_s: float
-    site: str
-    epoch: int
-    phase: str
-    reason: str
-    message: str
-    control: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,28 +32,21 @@ class Change:
 
 
 def violations(
-    arrivals: Sequence[Arrival], placed: Sequence[Placed], max_age_s: float, begun_s: Sequence[float] = ()
+    arrivals: Sequence[Arrival], placed: Sequence[PlacementChange], max_age_s: float, begun_s: Sequence[float] = ()
 ) -> list[str]:
     """Sentences about what went wrong at the consumer; empty when all held.
 
     `max_age_s` is the limit for the cloud's messages, with what the measuring itself may add; `begun_s` are the
     moments at which the robot's control was started anew.
     """
-    found = []
-    newest: dict[str, int] = {}
-    for arrival in arrivals:
-        known = newest.get(arrival.producer, 0)
-        if arrival.sequence == known:
-            found.append(f"{arrival} came twice")
-        elif arrival.sequence < known:
-            found.append(f"{arrival} came after number {known}")
-        newest[arrival.producer] = max(known, arrival.sequence)
-        if arrival.site == "cloud" and arrival.age_s > max_age_s:
-            found.append(f"{arrival} is older than {max_age_s} s")
+    stream = examine("", arrivals, float("inf"), max_age_s * 1e3)
+    found = [f"{arrival} came twice" for arrival in stream.duplicates]
+    found += [f"{arrival} came after a later one" for arrival in stream.reordered]
+    found += [f"{arrival} is older than {max_age_s} s" for arrival in stream.stale if arrival.site == "cloud"]
     return found + _interleaved(arrivals, _changes(placed, begun_s))
 
 
-def _changes(placed: Sequence[Placed], begun_s: Sequence[float]) -> list[Change]:
+def _changes(placed: Sequence[PlacementChange], begun_s: Sequence[float]) -> list[Change]:
     """The changes of the side in charge.
 
     A new control begins with the robot in charge and says so before anybody has discovered it: the first of its words
@@ -127,11 +89,7 @@ def _interleaved(arrivals: Sequence[Arrival], changes: list[Change]) -> list[str
 
 def holes(arrivals: Sequence[Arrival]) -> int:
     """Messages missing between the first and the last passed one of each stay of a producer."""
-    return sum(
-        after.sequence - before.sequence - 1
-        for before, after in itertools.pairwise(arrivals)
-        if after.producer == before.producer
-    )
+    return examine("", arrivals, float("inf"), float("inf")).lost
 
 
 def longest_gap_s(arrivals: Sequence[Arrival], from_s: float) -> float:

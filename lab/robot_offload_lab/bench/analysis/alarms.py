@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from robot_offload_lab.bench.analysis.share import MUST_SHARE, cloud_share
-from robot_offload_lab.bench.observed import BeatHeard, Observation, Placed, only
+from robot_offload_lab.bench.observed import BeatHeard, Observation, only
 from robot_offload_lab.bench.resource import Case
 from robot_offload_lab.bench.results import Figure, Outcome, Priority, Sample, part, parts
 from robot_offload_lab.judge.measures import Interval
+from robot_offload_lab.judge.recording import PlacementChange
 
 GROUP: Final = "alarms"
 MUST_ALARMS: Final = 1
@@ -46,11 +47,11 @@ class Leave:
 
 def leaves(watch: Watch) -> tuple[Leave, ...]:
     """Every time that the side in charge changed from cloud to robot."""
-    placements = only(Placed, watch.robot)
+    placements = only(PlacementChange, watch.robot)
     return tuple(
-        Leave(change.since_s - watch.start_s, change.reason, change.silent_ms is not None)
+        Leave(change.decided_s - watch.start_s, change.reason, change.detect_ms is not None)
         for before, change in itertools.pairwise(placements)
-        if before.site == "cloud" and change.site == "robot" and watch.start_s <= change.since_s <= watch.end_s
+        if before.site == "cloud" and change.site == "robot" and watch.start_s <= change.decided_s <= watch.end_s
     )
 
 
@@ -65,7 +66,7 @@ def outcome(case: Case, priority: Priority, watches: Sequence[Watch]) -> Outcome
     found = [leaves(watch) for watch in watches]
     sudden = [leave for stretch in found for leave in stretch if leave.sudden]
     minutes = sum(watch.length_s for watch in watches) / 60
-    shares = [cloud_share(only(Placed, w.robot), [Interval(w.start_s, w.end_s)]) for w in watches]
+    shares = [cloud_share(only(PlacementChange, w.robot), [Interval(w.start_s, w.end_s)]) for w in watches]
     weighed = [share * w.length_s for share, w in zip(shares, watches, strict=True) if share is not None]
     total_s = sum(watch.length_s for watch in watches)
     moved = sum(not leave.sudden for stretch in found for leave in stretch)

@@ -26,11 +26,11 @@ from robot_offload_core.beats import CloudReport
 from robot_offload_lab.bench.analysis import lease
 from robot_offload_lab.bench.analysis.commanded import stream
 from robot_offload_lab.bench.analysis.share import MUST_SHARE, cloud_share
-from robot_offload_lab.bench.observed import BeatHeard, Observation, Placed, Transition, only
+from robot_offload_lab.bench.observed import BeatHeard, Observation, Transition, only
 from robot_offload_lab.bench.resource import COMMAND, Case
 from robot_offload_lab.bench.results import Figure, Outcome, Part, Priority, at_or_none, part, parts
 from robot_offload_lab.judge.measures import Interval
-from robot_offload_lab.judge.recording import Arrival, Recording
+from robot_offload_lab.judge.recording import Arrival, PlacementChange, Recording
 
 GROUP: Final = "cuts"
 MUST_EXTRA_MS: Final = 50.0
@@ -98,7 +98,7 @@ class Account:
 
 def falls(account: Account) -> tuple[Fall, ...]:
     """What came of each cut."""
-    placements = only(Placed, account.robot)
+    placements = only(PlacementChange, account.robot)
     active = [event.t_s for event in only(Transition, account.robot) if event.state == "active"]
     good = good_beats(account.robot, account.loop_limit_s)
     arrivals = account.recording.outputs.get(COMMAND, ())
@@ -125,20 +125,20 @@ def _is_good(heard: BeatHeard, limit_s: float) -> bool:
 
 
 def _fall(
-    cut: Cut, end_s: float, placements: Sequence[Placed], active: Sequence[float], good: Sequence[float],
+    cut: Cut, end_s: float, placements: Sequence[PlacementChange], active: Sequence[float], good: Sequence[float],
     arrivals: Sequence[Arrival],
 ) -> Fall:  # fmt: skip
-    taken = next((p for p in placements if p.site == "robot" and cut.cut_s <= p.since_s < end_s), None)
+    taken = next((p for p in placements if p.site == "robot" and cut.cut_s <= p.decided_s < end_s), None)
     first_good_s = next((t_s for t_s in good if cut.healed_s <= t_s < end_s), None)
-    back = next((p for p in placements if p.site == "cloud" and cut.healed_s <= p.since_s < end_s), None)
+    back = next((p for p in placements if p.site == "cloud" and cut.healed_s <= p.decided_s < end_s), None)
     since = {
         "first_good_beat_ms": _ms(cut.healed_s, first_good_s),
-        "back_ms": _ms(cut.healed_s, back.since_s if back else None),
+        "back_ms": _ms(cut.healed_s, back.decided_s if back else None),
     }
     if taken is None:
         return Fall(cut.number, cut.direction, cut.length_s, "", None, None, None, None, None, None, **since)
-    decided_s = taken.since_s
-    last_good_s = None if taken.silent_ms is None else decided_s - taken.silent_ms / 1e3
+    decided_s = taken.decided_s
+    last_good_s = None if taken.detect_ms is None else decided_s - taken.detect_ms / 1e3
     first = next((a for a in arrivals if a.site == "robot" and cut.cut_s <= a.t_s < end_s), None)
     last = next((a for a in reversed(arrivals) if a.site == "cloud" and (first is None or a.t_s < first.t_s)), None)
     active_s = next((t_s for t_s in active if decided_s <= t_s and (first is None or t_s <= first.t_s)), None)
@@ -148,7 +148,7 @@ def _fall(
         length_s=cut.length_s,
         reason=taken.reason,
         noticed_ms=_ms(cut.cut_s, decided_s),
-        detection_ms=taken.silent_ms,
+        detection_ms=taken.detect_ms,
         before_ms=_ms(last.t_s if last else None, last_good_s),
         activation_ms=_ms(decided_s, active_s),
         phase_ms=_ms(active_s, first.t_s if first else None),
@@ -230,7 +230,7 @@ def _safety(case: Case, account: Account, found: Sequence[Fall]) -> Iterator[Fig
         "after_lease", "Envelopes that left the cloud agent after its lease", case.describe(), case.tolerance_ms,
         len(left), sum(leaving.violates for leaving in left), "messages", 0, note=f"{count} cuts{nearest}",
     )  # fmt: skip
-    share = cloud_share(only(Placed, account.robot), good_intervals(account))
+    share = cloud_share(only(PlacementChange, account.robot), good_intervals(account))
     yield Figure(
         "cloud_share", "Share of the good time with the cloud in charge", case.describe(), case.tolerance_ms, count,
         None if share is None else share * 100, "%", MUST_SHARE * 100, at_least=True,

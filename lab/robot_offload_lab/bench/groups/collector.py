@@ -99,7 +99,7 @@ def _start(stage: Stage, system: System, extra: dict[str, str]) -> None:
         system.certificates, robot=system.offload.metadata.name, host_names=[HOST], now=now
     )
     program = agent(system, "robot", certificates)
-    stage.processes.start(dataclasses.replace(program, environment={**environment(system, "robot"), **extra}))
+    stage.programs.start(dataclasses.replace(program, environment={**environment(system, "robot"), **extra}))
     spec = system.spec
     words = ros_names.command(spec, spec.nodes[0], "robot")[3:]  # after `python3 -m MODULE`
     stage.start(NODE, "robot_offload_lab.bench.parts.burst", *words, extra=extra)

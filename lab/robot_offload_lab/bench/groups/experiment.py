@@ -15,7 +15,7 @@ from robot_offload_lab.bench.analysis import experiment
 from robot_offload_lab.bench.analysis.experiment import Scenario, Travelled
 from robot_offload_lab.bench.analysis.share import stays
 from robot_offload_lab.bench.kinds import KINDS, RATE_HZ
-from robot_offload_lab.bench.observed import Hop, Placed, only
+from robot_offload_lab.bench.observed import Hop, only
 from robot_offload_lab.bench.plan import Amounts, Order
 from robot_offload_lab.bench.resource import Case
 from robot_offload_lab.bench.results import Outcome, at_or_none
@@ -23,7 +23,7 @@ from robot_offload_lab.bench.stage import Stage
 from robot_offload_lab.bench.world import World
 from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.measures import Interval
-from robot_offload_lab.judge.recording import Arrival, RunInfo
+from robot_offload_lab.judge.recording import Arrival, PlacementChange, RunInfo
 from robot_offload_lab.run import marked
 from robot_offload_lab.run.free import free_domains
 from robot_offload_lab.wire.dds_options import Carried, DdsWireConfig
@@ -106,8 +106,9 @@ def _through(order: Order, scenario: Scenario, transport: str, link: LinkOptions
         after, agent_after = processor.read(pids), processor.read(agent)
         world.rest(LANDING_S)
         evidence = world.finish()
+    charged = stays(only(PlacementChange, evidence.robot), "cloud")
     return _travelled(
-        scenario, evidence.recording.outputs, window, stays(only(Placed, evidence.robot), "cloud"), evidence.hops,
+        scenario, evidence.recording.outputs, window, charged, evidence.hops,
         (before, after), processor.own_percent(agent_before, agent_after),
     )  # fmt: skip
 
@@ -174,14 +175,14 @@ def _record(order: Order, stage: Stage) -> Recorded:
     stage.until(lambda: wanted <= {said.get("topic") for said in stage.said[RECORDER]}, "messages come back")
     stage.rest(SETTLE_S)
     start = RunInfo("bench", order.seed, steady_s(), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    stage.tell(RECORDER, {"start": dataclasses.asdict(start)})
+    stage.programs.command(RECORDER, {"start": dataclasses.asdict(start)})
     stage.said[RECORDER].clear()
-    pids = tuple(stage.pids.values())
+    pids = tuple(stage.programs.pids.values())
     before = processor.read(pids)
     window = _window(order, stage.rest)
     after = processor.read(pids)
     stage.rest(LANDING_S)
-    stage.tell(RECORDER, {"end": steady_s()})
+    stage.programs.command(RECORDER, {"end": steady_s()})
     stage.end(RECORDER)
     return recording.read(stage.folder / "recording.jsonl").outputs, window, (before, after)
 

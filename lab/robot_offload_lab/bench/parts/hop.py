@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from robot_offload_lab.bench.observed import Hop, encode
+from robot_offload_lab.bench.observed import LINES, Hop
 from robot_offload_lab.wire.loop import steady_s
 
 DATAGRAM_BYTES: Final = 1150
@@ -110,7 +110,7 @@ def main() -> None:
             number += 1
             delay_ms = measure(robot, cloud, number, size)
             if delay_ms is not None:
-                file.write(encode(Hop(steady_s(), size, delay_ms)) + "\n")
+                file.write(LINES.encode(Hop(steady_s(), size, delay_ms)) + "\n")
             select.select([], [], [], options.period)
 
 

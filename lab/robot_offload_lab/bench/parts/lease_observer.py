@@ -19,7 +19,7 @@ from typing import Any, Final
 import zenoh
 
 from robot_offload_core.envelope import LAYOUT
-from robot_offload_lab.bench.observed import Departed, Observation, Reached, encode
+from robot_offload_lab.bench.observed import LINES, Departed, Observation, Reached
 from robot_offload_lab.wire.loop import steady_s
 
 WAIT_S: Final = 0.1
@@ -46,7 +46,7 @@ class Observer:
         with path.open("w", encoding="utf-8", buffering=1) as file:
             while not self._stop:
                 try:
-                    file.write(encode(self._heard.get(timeout=WAIT_S)) + "\n")
+                    file.write(LINES.encode(self._heard.get(timeout=WAIT_S)) + "\n")
                 except queue.Empty:
                     continue
         for session in self._sessions:

@@ -21,8 +21,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
-from robot_offload_lab.bench.observed import Answered, BeatHeard, Observation, Transition, encode, placed
+from robot_offload_lab.bench.observed import LINES, Answered, BeatHeard, Observation, Transition
 from robot_offload_lab.bench.parts import node
+from robot_offload_lab.judge import translate
 from robot_offload_lab.wire.loop import steady_s
 
 ATTEND_S: Final = 0.01
@@ -68,7 +69,7 @@ class Witness:
         self._services[site].call_async(Trigger.Request()).add_done_callback(done)
 
     def _on_placement(self, message: String) -> None:
-        announcement = placed(steady_s(), message.data)
+        announcement = translate.placement(steady_s(), message.data)
         if announcement is not None:
             self._take(announcement)
 
@@ -76,10 +77,10 @@ class Witness:
         self._take(Transition(steady_s(), message.goal_state.label))
 
     def _on_beat(self, message: Header) -> None:
-        self._file.write(encode(BeatHeard(steady_s(), message.frame_id)) + "\n")
+        self._file.write(LINES.encode(BeatHeard(steady_s(), message.frame_id)) + "\n")
 
     def _take(self, observation: Observation) -> None:
-        line = encode(observation) + "\n"
+        line = LINES.encode(observation) + "\n"
         self._file.write(line)
         sys.stdout.write(line)
         sys.stdout.flush()

@@ -4,21 +4,22 @@ from dataclasses import replace
 
 import pytest
 
-from tests.ros.agent.passage import Arrival, Placed, holes, longest_gap_s, violations
+from robot_offload_lab.judge.recording import Arrival, PlacementChange, Site
+from tests.ros.agent.passage import holes, longest_gap_s, violations
 
 OLD, NEW = "old", "new"
 
 
 def robot(t_s: float, sequence: int = 1, age_s: float = 0.01) -> Arrival:
-    return Arrival(t_s, "walker.1", sequence, age_s)
+    return Arrival("/walk", t_s, "walker.1", sequence, t_s - age_s, "robot")
 
 
 def cloud(t_s: float, sequence: int = 1, age_s: float = 0.01) -> Arrival:
-    return Arrival(t_s, "remote_walker.2", sequence, age_s)
+    return Arrival("/walk", t_s, "remote_walker.2", sequence, t_s - age_s, "cloud")
 
 
-def said(t_s: float, site: str, control: str = OLD) -> Placed:
-    return Placed(t_s, site, 1, site.capitalize(), "Reason", "message", control)
+def said(t_s: float, site: Site, control: str = OLD) -> PlacementChange:
+    return PlacementChange(t_s, site, 1, "Reason", "message", phase=site.capitalize(), control=control)
 
 
 def test_a_change_that_was_announced_is_none_to_complain_of() -> None:
@@ -65,7 +66,7 @@ def test_a_preparation_that_is_called_off_explains_one_stay_of_the_cloud_and_no_
 
 @pytest.mark.parametrize(("second", "word"), [(1, "came twice"), (0, "came after")])
 def test_a_message_that_comes_twice_or_late_is_told(second: int, word: str) -> None:
-    (found,) = violations([robot(1.0, 1), robot(1.1, second)], [said(0.0, "robot")], 0.25)
+    (found,) = violations([robot(1.0, 1, age_s=0.01), robot(1.1, second, age_s=0.2)], [said(0.0, "robot")], 0.25)
     assert word in found
 
 

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from robot_offload_core import beats
 from robot_offload_core.beats import Beat, CloudReport, Echo, Permission
 from robot_offload_core.token import Site as Side
-from robot_offload_lab.bench.observed import Answered, BeatHeard, Placed, Transition
+from robot_offload_lab.bench.observed import Answered, BeatHeard, Transition
 from robot_offload_lab.bench.resource import COMMAND
-from robot_offload_lab.judge.recording import Arrival, Outcome, Recording, RunInfo, Site, assemble
+from robot_offload_lab.judge.recording import Arrival, Outcome, PlacementChange, Recording, RunInfo, Site, assemble
 
 ROBOT, CLOUD, OTHER = "a" * 32, "b" * 32, "c" * 32
 START_S = 100.0
@@ -32,8 +32,10 @@ def every(from_s: float, to_s: float, period_s: float) -> list[float]:
     return [from_s + number * period_s for number in range(count)]
 
 
-def placed(since_s: float, site: str, silent_ms: float | None = None, reason: str = "ByHand") -> Placed:
-    return Placed(since_s + 0.001, site, site.capitalize(), 1, reason, since_s, silent_ms)
+def placed(since_s: float, site: Site, silent_ms: float | None = None, reason: str = "ByHand") -> PlacementChange:
+    return PlacementChange(
+        since_s + 0.001, site, 1, reason, detect_ms=silent_ms, phase=site.capitalize(), since_s=since_s
+    )
 
 
 def answered(asked_s: float, site: str) -> Answered:

@@ -69,12 +69,12 @@ def test_a_placement_tells_the_silence_at_a_sudden_loss() -> None:
 def test_garbage_is_no_placement_and_no_world() -> None:
     for text in ("", "{", "[]", "null", "3", '{"site": "moon", "silent_ms": null}', '{"corridor": 1}'):
         assert translate.placement(0.0, text) is None
-        assert translate.world(0.0, text) is None
+        assert translate.drive(0.0, text) is None
 
 
 def test_the_world_gives_a_path_point_and_each_obstacle_once() -> None:
-    first = translate.world(1.0, state())
-    second = translate.world(1.1, state(x=2.6, obstacles=[[5.0, 0.3, 0.2], [9.0, -0.5, 0.25]]))
+    first = translate.drive(1.0, state())
+    second = translate.drive(1.1, state(x=2.6, obstacles=[[5.0, 0.3, 0.2], [9.0, -0.5, 0.25]]))
     assert first is not None
     assert second is not None
     assert list(first.records(None)) == [PathPoint(1.0, 2.5, -0.1, 0.6), Obstacle(5.0, 0.3, 0.2)]
@@ -82,7 +82,7 @@ def test_the_world_gives_a_path_point_and_each_obstacle_once() -> None:
 
 
 def test_the_world_tells_when_the_driver_is_inhibited_and_released() -> None:
-    free, held = translate.world(1.0, state()), translate.world(1.1, state(inhibited=True))
+    free, held = translate.drive(1.0, state()), translate.drive(1.1, state(inhibited=True))
     assert free is not None
     assert held is not None
     assert Inhibit(1.1, inhibited=True) in held.records(free)

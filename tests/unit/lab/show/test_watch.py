@@ -8,7 +8,7 @@ import os
 from rich.console import Console
 
 from robot_offload_lab.judge import translate
-from robot_offload_lab.judge.recording import Arrival, LinkSample, PlacementChange, encode
+from robot_offload_lab.judge.recording import LINES, Arrival, LinkSample, PlacementChange
 from robot_offload_lab.show.view import LineView, LiveView, Terminal, picture
 from robot_offload_lab.show.watch import Watch
 from tests.unit.lab.judge.test_translate import state
@@ -17,22 +17,22 @@ from tests.unit.lab.judge.test_translate import state
 def message(watch: Watch, n: int) -> None:
     """The messages come every 50 ms, and 300 ms later after a silence."""
     t_s = 100.0 + n * 0.05 + (0.3 if n >= 190 else 0.0)
-    watch.take(encode(Arrival("/cmd_vel", t_s, "controller", n, t_s, "robot")))
+    watch.take(LINES.encode(Arrival("/cmd_vel", t_s, "controller", n, t_s, "robot")))
 
 
 def watched() -> Watch:
     """A run with one sudden loss and a silence of 350 ms until 9.8 s."""
     watch = Watch(threshold_ms=60.0, outputs=("/cmd_vel",))
     watch.start_s = 100.0
-    watch.take(encode(LinkSample(100.0, 20.0)))
-    watch.take(encode(PlacementChange(99.0, "cloud", 2, "LinkGood", "The link is good")))
+    watch.take(LINES.encode(LinkSample(100.0, 20.0)))
+    watch.take(LINES.encode(PlacementChange(99.0, "cloud", 2, "LinkGood", "The link is good")))
     for n in range(192):
         message(watch, n)
-    watch.take(encode(LinkSample(109.5, None)))
-    watch.take(encode(PlacementChange(109.6, "robot", 3, "HeartbeatLost", "Gone", 92.0)))
-    world = translate.world(109.9, state())
-    assert world is not None
-    watch.take(json.dumps({"world": dataclasses.asdict(world)}))
+    watch.take(LINES.encode(LinkSample(109.5, None)))
+    watch.take(LINES.encode(PlacementChange(109.6, "robot", 3, "HeartbeatLost", "Gone", 92.0)))
+    drive = translate.drive(109.9, state())
+    assert drive is not None
+    watch.take(json.dumps({"drive": dataclasses.asdict(drive)}))
     watch.take(json.dumps({"agents": {"round_trip_p50_ms": "12.5", "nodes": {"controller": "active"}}}))
     return watch
 
@@ -74,10 +74,10 @@ def test_the_agents_tell_their_round_trip_and_the_states_of_the_nodes() -> None:
 def test_lines_that_cannot_be_read_are_left_out() -> None:
     watch = watched()
     before = dataclasses.replace(watch)
-    for line in ("", "{", "[]", "3", '{"kind": "moon"}', '{"world": 3}', '{"agents": {}}', '{"world": {}}'):
+    for line in ("", "{", "[]", "3", '{"kind": "moon"}', '{"drive": 3}', '{"agents": {}}', '{"drive": {}}'):
         watch.take(line)
     assert watch.placement == before.placement
-    assert watch.world == before.world
+    assert watch.drive == before.drive
 
 
 def test_the_picture_shows_link_placement_corridor_and_switches() -> None:

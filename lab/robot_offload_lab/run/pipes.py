@@ -1,4 +1,4 @@
-"""The pipes of the observers that a measurement follows: JSON commands to them, lines of text from them."""
+"""The pipes of the programs that a run follows: JSON commands to them, lines of text from them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _BLOCK_BYTES = 1 << 16
 
 
 class Pipes:
-    """Standard input and output of children, by name. One thread; reading never waits longer than it is told."""
+    """Standard input and output of children, by name. For one thread; reading never waits longer than given."""
 
     def __init__(self) -> None:
         self._children: dict[str, subprocess.Popen[bytes]] = {}
@@ -36,8 +36,8 @@ class Pipes:
             with suppress(OSError):
                 child.stdin.close()
 
-    def tell(self, name: str, command: Mapping[str, object]) -> None:
-        """Writes one command. A child that has ended takes none, which is noticed elsewhere."""
+    def command(self, name: str, command: Mapping[str, object]) -> None:
+        """Writes one command. A child that has ended takes none, which `Ensemble.check` reports."""
         pipe = self._children[name].stdin
         assert pipe is not None
         with suppress(BrokenPipeError):
@@ -45,7 +45,7 @@ class Pipes:
             pipe.flush()
 
     def look(self, seconds: float) -> Iterator[tuple[str, str]]:
-        """(name, line) of what has come; waits for as long when nothing has."""
+        """Yields (name, line) of what has come; waits up to `seconds` for something."""
         found = {child.stdout.fileno(): name for name, child in self._children.items() if child.stdout is not None}
         for descriptor in select.select(list(found), [], [], seconds)[0]:
             name = found[descriptor]

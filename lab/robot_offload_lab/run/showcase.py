@@ -1,0 +1,49 @@
+"""What an example says of itself for a demo, in a file `demo.yaml` beside its RobotOffload."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from robot_offload.api.strict_yaml import YamlError, parse
+from robot_offload.errors import InputError
+
+FILE: Final = "demo.yaml"
+
+
+class Showcase(BaseModel):
+    """The content of the file.
+
+    Attributes:
+        state: topic on which the application gives an account of its drive (`judge.translate.drive`); empty: it does
+            not, and the report has nothing of collisions, stops and goal.
+    """
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+    state: str = ""
+
+
+def showcase(spec: Path) -> Showcase:
+    """Reads the file beside a RobotOffload; an example without one has nothing to say.
+
+    Raises:
+        InputError: the file is there and cannot be understood.
+    """
+    path = spec.parent / FILE
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return Showcase()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    try:
+        return Showcase.model_validate(parse(text) or {})
+    except YamlError as error:
+        raise InputError(f"{path}: {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(map(str, first["loc"]))
+        raise InputError(f"{path}: {field}: {first['msg']}; write for example state: /vehicle/state") from error
