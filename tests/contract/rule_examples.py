@@ -42,6 +42,7 @@ def _of(path: str, reason: str, *changes: tuple[str, Any]) -> tuple[Example, ...
 _TRANSPORT, _EXPOSE, _SWITCHING = "spec.transport", "spec.transport.expose", "spec.switching"
 _LATENCY = "spec.switching.latency"
 _TOLERATION = "spec.cloud.tolerations[]"
+_RESOURCES = "spec.nodes[].resources"
 _PEERS = {"type": "StaticPeers", "staticPeers": {"robot": ["10.0.0.1"]}}
 _SPEC: dict[str, Any] = sample()["spec"]
 _CONTROLLER, _OUTPUT = "spec.nodes.1", "spec.nodes.1.outputs.0"
@@ -72,6 +73,29 @@ BROKEN: tuple[Example, ...] = (
         (_TRANSPORT, {"type": "StaticPeers"}),
         (_TRANSPORT, {"type": "StaticPeers", "staticPeers": {}}),
         (_TRANSPORT, {"type": "StaticPeers", "staticPeers": {"robot": [], "cloud": ["10.0.0.1"]}}),
+    ),
+    *_of(
+        "spec.transport.zenoh",
+        "ReservedPort",
+        ("spec.transport.zenoh", {"pulsePort": 8080}),
+        ("spec.transport.zenoh", {"dataPort": 8080}),
+    ),
+    *_of(
+        "spec",
+        "OutOfRange",
+        (_TRANSPORT, {"type": "DiscoveryServer", "expose": {"nodePorts": {"discovery": 65535}}}),
+    ),
+    *_of(
+        _RESOURCES,
+        "OutOfRange",
+        (f"{_CONTROLLER}.resources", {"limits": {"cpu": 1}, "requests": {"cpu": "1001m"}}),
+    ),
+    *_of(_RESOURCES, "Invalid", (f"{_CONTROLLER}.resources", {"limits": {"nvidia.com/gpu": "1500m"}})),
+    *_of(_RESOURCES, "Required", (f"{_CONTROLLER}.resources", {"requests": {"nvidia.com/gpu": 1}})),
+    *_of(
+        "spec.nodes[].build.git",
+        "LocalSource",
+        ("spec.nodes.2", {**_BUILT, "build": {**BUILD, "git": {"url": "file:///src"}}}),
     ),
     *_of("spec.transport.zenoh", "SamePort", ("spec.transport.zenoh", {"pulsePort": 7448})),
     *_of(

@@ -17,11 +17,10 @@ from hypothesis import strategies as st
 
 from robot_offload.api.crd import crd, part_at, schema
 from robot_offload.api.strict_yaml import freeze, parse, thaw
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.model import Model, yaml_name
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
-from robot_offload.api.v1alpha1.rules import RULES
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, RULES
 from robot_offload.api.v1alpha1.status import RobotOffloadStatus
 from robot_offload.errors import SpecError
 from scripts.generate.files import CHART_CRD_FILE, CRD_FILE, generated_files

@@ -14,12 +14,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from robot_offload.api.strict_yaml import parse, thaw
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.parsing import parse_object
-from robot_offload.api.v1alpha1.rules import RULES
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, RULES
 from robot_offload.errors import SpecError
 from robot_offload_lab.cluster.commands import Kubectl
 from robot_offload_lab.cluster.control_plane import ControlPlane
+from tests.contract.hostile import HARMLESS, HOSTILE
 from tests.contract.rule_examples import BROKEN, KEPT, example_values
 from tests.contract.test_crd import PLACES
 from tests.unit.specs import MINIMAL, changed, sample
@@ -116,6 +116,12 @@ def test_a_wrong_field_is_refused_by_both(judged: Callable[[Any], tuple[int, str
         assert status in (400, 422), (path, value, said)
         with pytest.raises(SpecError):
             parse_object(values, "f.yaml", rules=CLUSTER_CHECKS)
+
+
+def test_what_is_hostile_is_refused_when_it_is_written(judged: Callable[[Any], tuple[int, str]]) -> None:
+    answers = {hostile.name: judged(hostile.values) for hostile in HOSTILE}
+    assert [hostile.name for hostile in HOSTILE if hostile.by_server != (answers[hostile.name][0] == 422)] == []
+    assert [(path, value) for path, value in HARMLESS if judged(example_values(path, value))[0] != 201] == []
 
 
 # A value for a field, right for some and wrong for most. No null: the API server drops it, the models ask for a value.

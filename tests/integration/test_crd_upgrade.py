@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from robot_offload.api.crd import crd
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS
 from robot_offload.errors import SpecError
 from robot_offload_lab.cluster.commands import Kubectl
 from robot_offload_lab.cluster.control_plane import ControlPlane

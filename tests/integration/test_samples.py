@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 import yaml
 
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS
 from robot_offload_lab.cluster.commands import Kubectl, documents
 from tests.integration.resources import SAMPLES, talker
 

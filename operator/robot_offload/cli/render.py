@@ -11,8 +11,8 @@ import typer
 import yaml
 
 from robot_offload.api.files import load
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.parsing import parse_text
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS
 from robot_offload.cli.app import CommandsWithDefault, commands, example_text
 from robot_offload.cli.own_images import default_images
 from robot_offload.cli.sources import sources

@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.api.v1alpha1.checks import CHECKS, CLUSTER_CHECKS, Check, check
 from robot_offload.api.v1alpha1.parsing import parse_text
+from robot_offload.api.v1alpha1.rules import CHECKS, CLUSTER_CHECKS, Check, check
 from robot_offload.cli.app import example_text
 from robot_offload.cli.sources import Source, sources
 from robot_offload.errors import InputError, SpecError

@@ -19,8 +19,8 @@ import structlog
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS, check
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
 from robot_offload.controller import observe
 from robot_offload.controller.apply import Applied, carry_out
 from robot_offload.controller.clock import Clock

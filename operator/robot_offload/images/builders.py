@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from robot_offload.api.v1alpha1.build_values import IMAGE_NAME, shown
+from robot_offload.api.v1alpha1.build_values import shown
+from robot_offload.api.v1alpha1.names import IMAGE_PATTERN
 from robot_offload.errors import InputError, RobotOffloadError
 
 Tool: TypeAlias = Literal["docker", "podman", "buildah"]
@@ -70,7 +71,7 @@ def commands(tool: Tool, request: Request) -> tuple[Command, ...]:
     several = len(request.platforms) > 1
     if tool == "docker" and several and not request.push:
         raise InputError("--platform: docker keeps an image for several platforms in a registry only; add --push")
-    if not re.fullmatch(IMAGE_NAME, request.tag):
+    if not re.fullmatch(IMAGE_PATTERN, request.tag):
         raise InputError(f"--tag: {shown(request.tag)} is not an image's name; write registry/name:tag, in lower case")
     for platform in request.platforms:
         if not re.fullmatch(_PLATFORM, platform):

@@ -13,6 +13,8 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 
+from robot_offload.api.v1alpha1.names import IMAGE_PATTERN, PORT_PATTERN
+
 DistroName: TypeAlias = Literal["foxy", "humble", "jazzy", "kilted", "rolling"]
 MAX_TEXT: Final = 4096
 MAX_LISTED: Final = 64
@@ -20,7 +22,12 @@ MAX_LISTED: Final = 64
 
 _URL = r"[A-Za-z0-9._~/:+-]+"
 _USER = r"[a-z0-9_][a-z0-9_-]*@"
-_GIT_URL = rf"^((https://|file:///|ssh://({_USER})?){_URL}|{_USER}[A-Za-z0-9.-]+:[A-Za-z0-9._~:+-]({_URL})?)$"
+_GIT_HOST = r"[A-Za-z0-9][A-Za-z0-9.-]*"
+_GIT_PORT_PATH = rf"(:{PORT_PATTERN})?(/[A-Za-z0-9._~/:+-]*)?"
+_GIT_URL = (
+    rf"^((https://|ssh://({_USER})?){_GIT_HOST}{_GIT_PORT_PATH}|file:///{_URL}|"
+    rf"{_USER}{_GIT_HOST}:[A-Za-z0-9._~:+]({_URL})?)$"
+)
 _GIT_REF = r"^[A-Za-z0-9_]([./]?[A-Za-z0-9_+-])*$"
 _FOLDER = r"\.*[A-Za-z0-9_]([A-Za-z0-9_. +-]*[A-Za-z0-9_.+-])?"
 _PATH = rf"^(\.|{_FOLDER}(/{_FOLDER})*)$"
@@ -29,13 +36,10 @@ _PIP = (
     r"^[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(\[[A-Za-z0-9._-]+(,[A-Za-z0-9._-]+)*\])?"
     r"((==|~=|!=|<=|>=|<|>)[A-Za-z0-9.*+!_-]+(,(==|~=|!=|<=|>=|<|>)[A-Za-z0-9.*+!_-]+)*)?$"
 )
-IMAGE_NAME = (
-    r"^[A-Za-z0-9][A-Za-z0-9.-]*(:[0-9]+)?(/[a-z0-9]+([._-]+[a-z0-9]+)*)*"
-    r"(:[A-Za-z0-9_][A-Za-z0-9._-]{0,127})?(@sha256:[0-9a-f]{64})?$"
-)
 _HOST = r"[a-z0-9]([a-z0-9-]*[a-z0-9])?"
+_PORT = rf"(:{PORT_PATTERN})"
 # A first word without a dot and without a port would be taken for a folder of Docker Hub.
-_REPOSITORY = rf"^({_HOST}(\.{_HOST})+(:[0-9]{{1,5}})?|{_HOST}:[0-9]{{1,5}})(/[a-z0-9]+([._-]+[a-z0-9]+)*)*$"
+_REPOSITORY = rf"^({_HOST}(\.{_HOST})+{_PORT}?|{_HOST}{_PORT})(/[a-z0-9]+((\.|_|__|-+)[a-z0-9]+)*)*$"
 _VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
 _LABEL = r"^[a-z0-9]+([._-][a-z0-9]+)*$"
 _HOST_PORT = r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?(:[0-9]{1,5})?$"
@@ -71,6 +75,8 @@ def _check_git_url(text: str) -> str:
             "an address with a user or a password would be readable in the image; write it without, "
             "and choose credentials: Token"
         )
+    if ".." in re.split(r"[/:]", text):
+        raise ValueError(f"{shown(text)} leaves its own folder with '..'; write the whole address")
     return _matching(_GIT_URL, "write https://host/path, ssh://host/path, user@host:path or file:///path", 1024)(text)
 
 
@@ -115,7 +121,15 @@ def _schema(pattern: str, max_length: int = 255, rule: tuple[str, str] | None = 
     return WithJsonSchema(schema)
 
 
-GitUrl = Annotated[str, AfterValidator(_check_git_url), _schema(_GIT_URL, 1024)]
+GitUrl = Annotated[
+    str,
+    AfterValidator(_check_git_url),
+    _schema(
+        _GIT_URL,
+        1024,
+        rule=("!self.matches('(^|[/:])[.][.](/|$)')", "leaves its own folder with '..'; write the whole address"),
+    ),
+]
 GitRef = Annotated[
     str,
     AfterValidator(_check_git_ref),
@@ -140,8 +154,8 @@ PipPackage = Annotated[
 ]
 BaseImage = Annotated[
     str,
-    AfterValidator(_matching(IMAGE_NAME, "write registry/name:tag or registry/name@sha256:digest", 512)),
-    _schema(IMAGE_NAME, 512),
+    AfterValidator(_matching(IMAGE_PATTERN, "write registry/name:tag or registry/name@sha256:digest", 512)),
+    _schema(IMAGE_PATTERN, 512),
 ]
 VariableName = Annotated[
     str, AfterValidator(_matching(_VARIABLE, "use letters, digits and underscores, no digit first")), _schema(_VARIABLE)

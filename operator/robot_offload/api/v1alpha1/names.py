@@ -8,6 +8,7 @@ against those. One rule is ours: no `__` in a topic, because that is how a topic
 
 from __future__ import annotations
 
+import ipaddress
 import re
 from collections.abc import Callable
 from typing import Annotated, Any, Final, Literal, TypeAlias
@@ -31,16 +32,28 @@ RESOURCE_PATTERN = r"^[a-z0-9]([-a-z0-9]*[a-z0-9])?$"
 _PACKAGE = r"^[a-z](_?[a-z0-9])*$"
 _MESSAGE_TYPE = r"^[a-z](_?[a-z0-9])*/msg/[A-Z][A-Za-z0-9]*$"
 _EXECUTABLE = r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$"
-_IMAGE = r"^[A-Za-z0-9][A-Za-z0-9._/:@-]*$"
+PORT_PATTERN: Final = r"(6553[0-5]|655[0-2][0-9]|65[0-4][0-9]{2}|6[0-4][0-9]{3}|[1-5][0-9]{4}|[1-9][0-9]{0,3})"
+_PATH_PART: Final = r"[a-z0-9]+((\.|_|__|-+)[a-z0-9]+)*"
+IMAGE_PATTERN: Final = (
+    rf"^([A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?(\.[A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?)*(:{PORT_PATTERN})?/)?"
+    rf"{_PATH_PART}(/{_PATH_PART})*(:[A-Za-z0-9_][A-Za-z0-9._-]{{0,127}})?(@sha256:[0-9a-f]{{64}})?$"
+)
+"""A reference of an image, as the grammar of distribution (pkg reference) has it, with digests of sha256."""
+MAX_IMAGE_LENGTH: Final = 512
 _RMW = r"^rmw_[a-z0-9_]+$"
-_DNS_LABEL = r"[a-z0-9]([-a-z0-9]*[a-z0-9])?"
+_DNS_LABEL = r"[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?"
 _DNS_NAME = rf"^{_DNS_LABEL}(\.{_DNS_LABEL})*$"
-_IP_ADDRESS = r"^([0-9]{1,3}(\.[0-9]{1,3}){3}|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*)$"
-_ADDRESS = r"^([A-Za-z0-9]([-A-Za-z0-9.]*[A-Za-z0-9])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*)$"
-_LABEL_KEY = r"^([a-z0-9]([-a-z0-9.]*[a-z0-9])?/)?[A-Za-z0-9]([-A-Za-z0-9_.]*[A-Za-z0-9])?$"
-_LABEL_VALUE = r"^([A-Za-z0-9]([-A-Za-z0-9_.]*[A-Za-z0-9])?)?$"
+_OBJECT_PART = r"[a-z0-9]([-a-z0-9]*[a-z0-9])?"
+_OBJECT_NAME = rf"^{_OBJECT_PART}(\.{_OBJECT_PART})*$"
+_HOST_LABEL = r"[A-Za-z0-9]([-A-Za-z0-9]{0,61}[A-Za-z0-9])?"
+_ADDRESS = rf"^({_HOST_LABEL}(\.{_HOST_LABEL})*|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*)$"
+_LOOKS_LIKE_IP = r"^([0-9.]*\.[0-9]+|.*:.*)$"
+_NAME_PART = r"[A-Za-z0-9]([-A-Za-z0-9_.]{0,61}[A-Za-z0-9])?"
+_LABEL_KEY = rf"^({_OBJECT_PART}(\.{_OBJECT_PART})*/)?{_NAME_PART}$"
+_LABEL_VALUE = rf"^({_NAME_PART})?$"
 _VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
-_CONFIG_KEY = r"^[-._a-zA-Z0-9]+$"
+_CONFIG_KEY = r"^([-_a-zA-Z0-9][-._a-zA-Z0-9]*|\.[-_a-zA-Z0-9][-._a-zA-Z0-9]*)$"
+_REMAPPED = rf"^(~/)?/?{_WORD}(/{_WORD})*$"
 
 OWN_NODES: Final = ("network_monitor", "cloud_switcher", "guardian")
 """The agent's nodes on the robot; in the cloud they carry the prefix."""
@@ -52,6 +65,12 @@ OWN_TOPICS: Final = (
     "/remote_network_status",
 )
 OWN_TOPIC_PREFIX: Final = "/offload/"
+
+
+_RENAMED: Final = (
+    "holds two underscores in a row, as __node and __ns do; the agents find a node by its name and namespace, so these "
+    "stay as they are"
+)
 
 
 def identifier(topic: str) -> str:
@@ -79,6 +98,8 @@ def _check_topic(text: str) -> str:
 def _check_namespace(text: str) -> str:
     if len(text) > MAX_TOPIC_LENGTH or not re.fullmatch(_NAMESPACE, text) or "__" in text:
         raise ValueError(f"{_shown(text)} is not a namespace; write / or /word, with a slash first and none last")
+    if f"{text}/".startswith(OWN_TOPIC_PREFIX):
+        raise ValueError(f"{_shown(text)} belongs to the agents; use another namespace")
     return text
 
 
@@ -121,9 +142,47 @@ def _matching(pattern: str, what: str, max_length: int = 255) -> Callable[[str],
     return check
 
 
+def _check_address(text: str) -> str:
+    _matching(_ADDRESS, "an address; write an IP address or a DNS name, without a port", 253)(text)
+    return _check_ip(text) if re.fullmatch(_LOOKS_LIKE_IP, text) else text
+
+
+def _check_host(text: str) -> str:
+    _matching(_DNS_NAME, "a DNS name; write it in lower case and without a port, with at most 63 characters between "
+              "two dots", 253)(text)  # fmt: skip
+    return _check_ip(text) if re.fullmatch(_LOOKS_LIKE_IP, text) else text
+
+
+def _check_ip(text: str) -> str:
+    try:
+        address = ipaddress.ip_address(text)
+    except ValueError:
+        raise ValueError(f"{_shown(text)} is not an IP address; write e.g. 192.0.2.10 or 2001:db8::10") from None
+    mapped = isinstance(address, ipaddress.IPv6Address) and (address.ipv4_mapped or address.scope_id)
+    if mapped or address.is_unspecified or address.is_multicast:
+        raise ValueError(f"{_shown(text)} is an address that nobody can be reached by; write that of one machine")
+    return text
+
+
+def _check_remapped(text: str) -> str:
+    if "__" in text:
+        raise ValueError(f"{_shown(text)} {_RENAMED}")
+    if len(text) > 255 or not re.fullmatch(_REMAPPED, text):
+        raise ValueError(f"{_shown(text)} is not a ROS name; write /name, name or ~/name")
+    if own_topic(text):
+        raise ValueError(f"{_shown(text)} belongs to the agents; use another name")
+    return text
+
+
+def own_topic(name: str) -> bool:
+    """Whether a topic, absolute or relative to the root, is one of the agents' own."""
+    absolute = f"/{name.lstrip('/')}"
+    return absolute in OWN_TOPICS or absolute.startswith(OWN_TOPIC_PREFIX)
+
+
 def _shown(text: str) -> str:
-    """`text` quoted on one line, cut to a readable length."""
-    quoted = repr(text)
+    """`text` quoted on one line, cut to a readable length; what only looks like Latin letters is spelled out."""
+    quoted = ascii(text)
     return quoted if len(quoted) <= 60 else f"{quoted[:56]}...'"
 
 
@@ -139,6 +198,15 @@ def _cel_list(words: tuple[str, ...]) -> str:
     return f"[{', '.join(repr(word) for word in words)}]"
 
 
+_RELATIVE_OWN_TOPICS = tuple(topic[1:] for topic in OWN_TOPICS)
+_NOT_OURS = (
+    (
+        f"!self.startsWith('{OWN_TOPIC_PREFIX}') && !self.startsWith('{OWN_TOPIC_PREFIX[1:]}') && "
+        f"!(self in {_cel_list(OWN_TOPICS + _RELATIVE_OWN_TOPICS)})"
+    ),
+    "belongs to the agents; use another name",
+)
+_NOT_RENAMED = ("!self.contains('__')", _RENAMED)
 _NO_DOUBLE_UNDERSCORE = ("!self.contains('__')", "holds two underscores in a row; ROS 2 keeps them for itself")
 _TOPIC_SCHEMA = _schema(
     _TOPIC,
@@ -155,7 +223,16 @@ _TOPIC_SCHEMA = _schema(
 TopicName = Annotated[str, AfterValidator(_check_topic), _TOPIC_SCHEMA]
 ServiceName = Annotated[str, AfterValidator(_check_topic), _TOPIC_SCHEMA]
 Namespace = Annotated[
-    str, AfterValidator(_check_namespace), _schema(_NAMESPACE, MAX_TOPIC_LENGTH, (_NO_DOUBLE_UNDERSCORE,))
+    str,
+    AfterValidator(_check_namespace),
+    _schema(
+        _NAMESPACE,
+        MAX_TOPIC_LENGTH,
+        (
+            _NO_DOUBLE_UNDERSCORE,
+            (f"!(self + '/').startsWith('{OWN_TOPIC_PREFIX}')", "belongs to the agents; use another namespace"),
+        ),
+    ),
 ]
 NodeName = Annotated[
     str,
@@ -186,36 +263,39 @@ ExecutableName = Annotated[
 ]
 ImageName = Annotated[
     str,
-    AfterValidator(_matching(_IMAGE, "an image; write registry/name:tag or registry/name@digest")),
-    _schema(_IMAGE),
+    AfterValidator(
+        _matching(
+            IMAGE_PATTERN,
+            "an image; write registry/name:tag or registry/name@sha256:digest (64 digits), with a port from 1 to 65535",
+            MAX_IMAGE_LENGTH,
+        )
+    ),
+    _schema(IMAGE_PATTERN, MAX_IMAGE_LENGTH),
 ]
 RmwName = Annotated[
     str,
     AfterValidator(_matching(_RMW, "a ROS middleware; write e.g. rmw_fastrtps_cpp")),
     _schema(_RMW),
 ]
-DNSName = Annotated[
-    str,
-    AfterValidator(_matching(_DNS_NAME, "a DNS name; write it in lower case and without a port", 253)),
-    _schema(_DNS_NAME, 253),
-]
+# CEL knows multicast of one kind only, so that the first byte is judged as text.
+_ONE_MACHINE = (
+    "isIP(self) && !ip(self).isUnspecified() && !self.matches('^(2(2[4-9]|3[0-9])[.]|[fF][fF][0-9A-Fa-f]{2}:)')"
+)
+_IS_IP = (_ONE_MACHINE, "must be the IP address of one machine, e.g. 192.0.2.10 or 2001:db8::10")
+_REACHABLE = (
+    f"!self.matches('{_LOOKS_LIKE_IP.replace(chr(92) + '.', '[.]')}') || ({_ONE_MACHINE})",
+    "must be the IP address of one machine, e.g. 192.0.2.10 or 2001:db8::10, or a DNS name",
+)
+DNSName = Annotated[str, AfterValidator(_check_host), _schema(_DNS_NAME, 253, (_REACHABLE,))]
 ObjectName = Annotated[
     str,
     AfterValidator(
-        _matching(_DNS_NAME, "the name of a Kubernetes object; use lower-case letters, digits, - and .", 253)
+        _matching(_OBJECT_NAME, "the name of a Kubernetes object; use lower-case letters, digits, - and .", 253)
     ),
-    _schema(_DNS_NAME, 253),
+    _schema(_OBJECT_NAME, 253),
 ]
-IPAddress = Annotated[
-    str,
-    AfterValidator(_matching(_IP_ADDRESS, "an IP address; write e.g. 192.0.2.10 or 2001:db8::10", 45)),
-    _schema(_IP_ADDRESS, 45),
-]
-Address = Annotated[
-    str,
-    AfterValidator(_matching(_ADDRESS, "an address; write an IP address or a DNS name, without a port", 253)),
-    _schema(_ADDRESS, 253),
-]
+IPAddress = Annotated[str, AfterValidator(_check_ip), _schema(r"^[0-9A-Fa-f:.]+$", 45, (_IS_IP,))]
+Address = Annotated[str, AfterValidator(_check_address), _schema(_ADDRESS, 253, (_REACHABLE,))]
 LabelKey = Annotated[
     str,
     AfterValidator(_matching(_LABEL_KEY, "the name of a label or annotation; write name or prefix/name", 316)),
@@ -231,6 +311,8 @@ VariableName = Annotated[
     AfterValidator(_matching(_VARIABLE, "the name of an environment variable; use letters, digits and underscores")),
     _schema(_VARIABLE),
 ]
+RemappedName = Annotated[str, AfterValidator(_check_remapped), _schema(_REMAPPED, 255, (_NOT_RENAMED, _NOT_OURS))]
+"""A name in a remapping: absolute, relative or private."""
 ConfigKey = Annotated[
     str,
     AfterValidator(_matching(_CONFIG_KEY, "a key of a ConfigMap; use letters, digits, -, _ and .", 253)),

@@ -20,6 +20,7 @@ from robot_offload.api.v1alpha1.names import (
     NodeName,
     ObjectName,
     PackageName,
+    RemappedName,
     TopicName,
     VariableName,
 )
@@ -34,6 +35,7 @@ DEADLINE_FLOOR_MS: Final = 100
 
 _SCALARS = (bool, int, float, str)
 _PARAMETER = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
+_RENAMING = re.compile(r"(^|:)__(node|ns|name):=")
 
 
 def _check_parameters(value: Any) -> Any:
@@ -42,7 +44,7 @@ def _check_parameters(value: Any) -> Any:
         raise ValueError("must be a mapping of parameter names to values")
     for name, item in value.items():
         if not isinstance(name, str) or not _PARAMETER.fullmatch(name):
-            raise ValueError(f"{str(name)[:40]!r} is not a parameter name; use letters, digits and underscores")
+            raise ValueError(f"{str(name)[:40]!a} is not a parameter name; use letters, digits and underscores")
         _check_parameter(name, item)
     return value
 
@@ -53,10 +55,16 @@ def _check_parameter(name: str, value: Any) -> None:
     elif isinstance(value, tuple | list):
         if not value:
             raise ValueError(f"{name} is an empty list; ROS 2 cannot tell its type, leave the parameter out")
-        if len({type(item) for item in value}) > 1 or not isinstance(value[0], _SCALARS):
+        if not all(isinstance(item, _SCALARS) for item in value):
+            raise ValueError(f"{name} is a list of lists, mappings or nothing; ROS 2 takes lists of plain values")
+        if len({type(item) for item in value}) > 1:
             raise ValueError(f"{name} is a list of different things; ROS 2 takes lists of one plain type")
+        for item in value:
+            _check_parameter(name, item)
     elif not isinstance(value, _SCALARS):
         raise ValueError(f"{name} has no value; write one or leave the parameter out")
+    elif isinstance(value, str):
+        _check_text(value, name)
 
 
 def _with_doubles(values: Mapping[str, Any], doubles: Collection[str], prefix: str = "") -> dict[str, Any]:
@@ -91,9 +99,27 @@ Parameters = Annotated[
 """Values of ROS parameters as in a parameter file: `{rate_hz: 20.0, plugins: {speed: 0.6}}`."""
 
 
+def _check_text(text: str, what: str = "this text") -> str:
+    """What a process can be given: no NUL, which ends a text in C, and nothing that is no character."""
+    if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
+        raise ValueError(f"{what} holds a character that no process can be given (NUL or half of one); leave it out")
+    return text
+
+
 def _check_argument(text: str) -> str:
-    if not text or "\0" in text:
+    if not text:
         raise ValueError("must not be empty")
+    if _RENAMING.search(text):
+        raise ValueError(
+            f"{text[:60]!r} renames the node; the agents find it by its name and namespace, so write those in name and "
+            "spec.robot.namespace"
+        )
+    return _check_text(text)
+
+
+def _check_parameter_name(text: str) -> str:
+    if not _PARAMETER.fullmatch(text):
+        raise ValueError(f"{text[:40]!a} is not a parameter name; use letters, digits and underscores")
     return text
 
 
@@ -103,13 +129,13 @@ Argument = Annotated[
     AfterValidator(_check_argument),
     WithJsonSchema({"type": "string", "minLength": 1, "maxLength": 4096}),
 ]
-RosName = Annotated[
+ParameterName = Annotated[
     str,
     Field(max_length=255),
-    AfterValidator(_check_argument),
-    WithJsonSchema({"type": "string", "minLength": 1, "maxLength": 255}),
+    AfterValidator(_check_parameter_name),
+    WithJsonSchema({"type": "string", "minLength": 1, "maxLength": 255, "pattern": rf"^{_PARAMETER.pattern}$"}),
 ]
-"""A name in a remapping: absolute, relative or private."""
+"""The full name of a parameter; nested names are joined by dots."""
 
 
 class ConfigMapKeyReference(Model):
@@ -149,7 +175,7 @@ class Run(Model):
         default_factory=dict,
         description="ROS parameters that differ in the cloud; they are laid over `parameters`. Default: none.",
     )
-    doubles: tuple[RosName, ...] = Field(
+    doubles: tuple[ParameterName, ...] = Field(
         default=(),
         max_length=64,
         description="Names of parameters that ROS 2 declares as double and whose value may be whole, e.g. [rate_hz]. "
@@ -161,7 +187,7 @@ class Run(Model):
         description="A ROS 2 parameter file for the replica in the cloud; `parameters` and `cloudParameters` are "
         "laid over it. Default: none.",
     )
-    remap: dict[RosName, RosName] = Field(
+    remap: dict[RemappedName, RemappedName] = Field(
         default_factory=dict,
         max_length=64,
         description="Remapping of names, from: to, e.g. {cmd_vel_nav: /cmd_vel}. Outputs are remapped on top "
@@ -240,15 +266,20 @@ RESERVED_VARIABLES: Final = (
     "ROS_AUTOMATIC_DISCOVERY_RANGE",
     "ROS_LOCALHOST_ONLY",
     "FASTDDS_BUILTIN_TRANSPORTS",
+    "FASTDDS_DEFAULT_PROFILES_FILE",
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "FASTDDS_ENVIRONMENT_FILE",
 )
 """Environment variables by which nodes find each other; they follow from the resource and cannot be set by hand."""
+RESERVED_PREFIX: Final = "ROBOT_OFFLOAD_"
+"""How the variables begin that the operator sets itself."""
 
 
 class EnvironmentVariable(Model):
     """An environment variable of a container."""
 
     name: VariableName = Field(description="The variable's name.")
-    value: Annotated[str, Field(max_length=4096)] = Field(
+    value: Annotated[str, Field(max_length=4096), AfterValidator(_check_text)] = Field(
         default="", description="The variable's value. Default: empty."
     )
 

@@ -13,9 +13,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from robot_offload.api.strict_yaml import YamlError, freeze, parse
-from robot_offload.api.v1alpha1.checks import CHECKS, Check, check
 from robot_offload.api.v1alpha1.model import Model
 from robot_offload.api.v1alpha1.robotoffload import RobotOffload
+from robot_offload.api.v1alpha1.rules import CHECKS, Check, check
 from robot_offload.errors import SpecError
 from robot_offload.findings import Finding
 
@@ -162,6 +162,8 @@ def path_of(location: Location) -> str:
     """A location as it is written in messages: `spec.nodes[1].name`."""
     path = ""
     for part in location:
+        if part == "[key]":  # what pydantic says about a key stands with the key
+            continue
         if isinstance(part, int):
             path += f"[{part}]"
         elif re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", part):
@@ -237,7 +239,7 @@ def _kind_of(value: object) -> str:
     if value is None:
         return "nothing (remove the line or give a value)"
     if isinstance(value, bool):
-        return "true" if value else "false"
+        return f"{'true' if value else 'false'} (write text in quotes)"
     if isinstance(value, int | float):
         return f"the number {value}"
     if isinstance(value, str):

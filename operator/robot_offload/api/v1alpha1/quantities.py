@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Annotated, Any, Final
 
 from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, WithJsonSchema
@@ -116,13 +117,15 @@ Port = Annotated[int, Field(ge=1, le=65535)]
 
 _QUANTITY: Final = r"^[0-9]{1,12}(\.[0-9]{1,9})?(m|k|M|G|T|P|Ki|Mi|Gi|Ti|Pi)?$"
 
+_NO_QUANTITY: Final = "is not a quantity; write for example 500m, 2, 512Mi or 4Gi"
+
 
 def _check_quantity(value: object) -> str:
     if isinstance(value, int) and not isinstance(value, bool):
         value = str(value)
     if not isinstance(value, str) or not re.fullmatch(_QUANTITY, value):
         shown = repr(value)[:40] if isinstance(value, str | int | float) else "this"
-        raise ValueError(f"{shown} is not a quantity; write for example 500m, 2, 512Mi or 4Gi")
+        raise ValueError(f"{shown} {_NO_QUANTITY}")
     return value
 
 
@@ -135,7 +138,21 @@ Quantity = Annotated[
             "pattern": _QUANTITY,
             "maxLength": 32,
             "x-kubernetes-int-or-string": True,
+            "x-kubernetes-validations": [{"rule": "type(self) != int || self >= 0", "message": _NO_QUANTITY}],
         }
     ),
 ]
 """An amount of a resource as Kubernetes writes it: `500m` of a CPU, `512Mi`, or a plain number of GPUs."""
+
+_FACTORS: Final = {"": Decimal(1), "m": Decimal("0.001")} | {
+    letter + ending: Decimal(base) ** power
+    for power, letter in enumerate("kMGTP", start=1)
+    for ending, base in (("", 1000), ("i", 1024))
+}
+
+
+def amount(quantity: str) -> Decimal:
+    """The number that a Quantity stands for: `500m` -> 0.5, `1Ki` -> 1024."""
+    number = quantity.rstrip("mkKMGTPi")
+    unit = quantity[len(number) :]
+    return Decimal(number) * _FACTORS[unit.replace("Ki", "ki")]

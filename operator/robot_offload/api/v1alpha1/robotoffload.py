@@ -35,8 +35,8 @@ class ObjectMeta(Model):
 
     name: ResourceName = Field(description="The robot's name: lower-case letters, digits and dashes, at most 63.")
     namespace: ResourceName | None = Field(default=None, description="The Kubernetes namespace of the object.")
-    labels: dict[str, str] = Field(default_factory=dict, description="Labels of the object.")
-    annotations: dict[str, str] = Field(default_factory=dict, description="Annotations of the object.")
+    labels: dict[LabelKey, LabelValue] = Field(default_factory=dict, description="Labels of the object.")
+    annotations: dict[LabelKey, str] = Field(default_factory=dict, description="Annotations of the object.")
 
 
 class RobotSide(Model):

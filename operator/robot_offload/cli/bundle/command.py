@@ -20,9 +20,9 @@ from rich.status import Status
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.quantities import parse_duration
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS
 from robot_offload.cli.app import example_text
 from robot_offload.cli.bundle import folder
 from robot_offload.cli.cluster import Context, Kubeconfig, Name, Namespace, Target, find

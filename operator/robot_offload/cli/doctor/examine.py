@@ -12,8 +12,8 @@ from cryptography import x509
 from robot_offload import transport
 from robot_offload.api.crd import crd
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS, check
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
 from robot_offload.cli.bundle.command import secrets_of
 from robot_offload.cli.cluster import find, live, read_page
 from robot_offload.cli.doctor import checks as checkup

@@ -51,7 +51,7 @@ def test_a_bad_name_is_refused_with_advice(path: str, value: str, advice: str) -
         ("spec.topics.toCloud.0.name", "/" + "a" * 232),
         ("spec.topics.toCloud.0.type", "my_robot_msgs/msg/Scan3D"),
         ("spec.nodes.1.name", "controller_server2"),
-        ("spec.nodes.1.image", "registry.example:5000/team/nav2@sha256:0123456789abcdef"),
+        ("spec.nodes.1.image", f"registry.example:5000/team/nav2@sha256:{'0123456789abcdef' * 4}"),
     ],
 )
 def test_a_good_name_is_taken(path: str, value: str) -> None:

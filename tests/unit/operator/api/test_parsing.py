@@ -68,7 +68,7 @@ def test_all_problems_are_told_at_once() -> None:
         ("spec.nodes.1.run.parameters", {"a": None}, "a has no value; write one or leave the parameter out"),
         ("spec.nodes.1.run.parameters", {"a": []}, "a is an empty list"),
         ("spec.nodes.1.run.parameters", {"a": [1, "x"]}, "a is a list of different things"),
-        ("spec.nodes.1.run.parameters", {"a": [[1]]}, "a is a list of different things"),
+        ("spec.nodes.1.run.parameters", {"a": [[1]]}, "a is a list of lists"),
         ("spec.nodes.1.run.parameters", {"a b": 1}, "'a b' is not a parameter name"),
         ("spec.nodes.1.run.parameters", {"a": {"b": None}}, "b has no value"),
         ("spec.nodes.1.run.parameters", [1], "must be a mapping of parameter names to values"),

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from robot_offload.api.files import load
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS, check
 from robot_offload.api.v1alpha1.parsing import parse_text
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
 
 ROOT = Path(__file__).parents[4]
 SAMPLES = sorted((ROOT / "manifests" / "samples").glob("*.yaml"))

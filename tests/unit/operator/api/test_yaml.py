@@ -83,7 +83,7 @@ def test_an_alias_stands_for_its_value() -> None:
         ("a: 1\nb: \x07", "line 2", "the character 0x0007 is not allowed"),
         ("", "", "the file is empty"),
         ("# only a comment\n", "", "the file is empty"),
-        ("[" * 5000, "", "nested too deeply"),
+        ("[" * 5000, "line 1, column 51", "nested too deeply"),
         ("[" * 60 + "]" * 60, "line 1, column 51", "nested too deeply"),
     ],
 )

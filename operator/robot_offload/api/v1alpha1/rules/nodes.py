@@ -3,13 +3,89 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
-from robot_offload.api.v1alpha1.checks.findings import repeated
 from robot_offload.api.v1alpha1.names import identifier
 from robot_offload.api.v1alpha1.nodes import Node, Run, flat_parameters
 from robot_offload.api.v1alpha1.quantities import format_duration as text
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
+from robot_offload.api.v1alpha1.rules.findings import repeated
+from robot_offload.api.v1alpha1.rules.rule import Rule
 from robot_offload.findings import Finding
+
+
+def milliseconds(duration: str) -> str:
+    """CEL for a duration as a number of milliseconds, whether getMilliseconds() is the total or the part below 1 s."""
+    return f"(duration({duration}).getSeconds() * 1000 + duration({duration}).getMilliseconds() % 1000)"
+
+
+def _moved(node: Node) -> list[str]:
+    """The outputs of a duplicated node that its own remappings would move."""
+    remap = node.run.remap if node.run is not None else {}
+    return [it.topic for it in node.outputs if node.duplicated and remap.get(it.topic, it.topic) != it.topic]
+
+
+RULES: Final[tuple[Rule, ...]] = (
+    Rule(
+        "spec.topics.toCloud[]",
+        "Contradiction",
+        "!self.latched || !has(self.qos) || !has(self.qos.durability) || self.qos.durability != 'Volatile'",
+        lambda topic: topic.latched and topic.qos is not None and topic.qos.durability == "Volatile",
+        "durability Volatile keeps no last value, but the topic is latched; write TransientLocal or latched: false",
+        "qos.durability",
+    ),
+    Rule(
+        "spec.nodes[]",
+        "NotManaged",
+        "self.placement != 'Duplicated' || self.lifecycle",
+        lambda node: node.duplicated and not node.lifecycle,
+        "a Duplicated node must be a managed (lifecycle) node: only those can be put to sleep; write lifecycle: true "
+        "or another placement",
+        "lifecycle",
+        lambda node: f"node {node.name!r}",
+    ),
+    Rule(
+        "spec.nodes[].run",
+        "TwoPrograms",
+        "!has(self.command) || size(self.command) == 0 || (!has(self.package) && !has(self.executable))",
+        lambda run: bool(run.command) and any((run.package, run.executable)),
+        "has both command and package or executable; keep one of the two",
+    ),
+    Rule(
+        "spec.nodes[].run",
+        "NoProgram",
+        "(has(self.command) && size(self.command) > 0) || (has(self.package) && has(self.executable))",
+        lambda run: not run.command and not all((run.package, run.executable)),
+        "needs either command, or package together with executable",
+    ),
+    Rule(
+        "spec.nodes[]",
+        "RemapsOutput",
+        "self.placement != 'Duplicated' || !has(self.outputs) || !has(self.run) || !has(self.run.remap) || "
+        "self.outputs.all(o, !(o.topic in self.run.remap) || self.run.remap[o.topic] == o.topic)",
+        lambda node: bool(_moved(node)),
+        "run.remap moves an output; declare the output under the name that consumers know",
+        "run.remap",
+        lambda node: ", ".join(_moved(node)),
+    ),
+    Rule(
+        "spec.nodes[].outputs[]",
+        "NoRate",
+        "!has(self.deadline) || has(self.rate)",
+        lambda output: output.deadline_ms is not None and output.rate_hz is None,
+        "an output without a rate is not judged; add its rate or remove deadline",
+        "deadline",
+    ),
+    Rule(
+        "spec.nodes[].outputs[]",
+        "TooShort",
+        f"!has(self.deadline) || !has(self.rate) || double({milliseconds('self.deadline')}) * self.rate > 1000.0",
+        lambda output: bool(output.deadline_ms and output.rate_hz) and output.deadline_ms <= 1000.0 / output.rate_hz,
+        "deadline is not more than one period of the rate, so a healthy output would fail; write at least two periods",
+        "deadline",
+        lambda output: f"at least {text(int(2000.0 / output.rate_hz) + 1)}",
+    ),
+)
 
 
 def names_are_unique(spec: RobotOffloadSpec) -> Iterator[Finding]:
@@ -56,28 +132,10 @@ def crossing_topics_are_distinct(spec: RobotOffloadSpec) -> Iterator[Finding]:
             yield Finding(path, "AmbiguousTopic", f"{name!r} and {other!r} differ only in underscores; rename one")
 
 
-def latched_topics_are_transient_local(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    """Who keeps the last value cannot be volatile."""
-    for i, topic in enumerate(spec.topics.to_cloud):
-        if topic.latched and topic.qos is not None and topic.qos.durability == "Volatile":
-            yield Finding(
-                f"spec.topics.toCloud[{i}].qos.durability",
-                "Contradiction",
-                "Volatile keeps no last value, but the topic is latched; write TransientLocal or latched: false",
-            )
-
-
-def nodes_are_complete(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    """What each node's placement asks for."""
+def nodes_do_what_they_say(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """What is allowed and most likely not meant."""
     for i, node in enumerate(spec.nodes):
         path = f"spec.nodes[{i}]"
-        if node.duplicated and not node.lifecycle:
-            yield Finding(
-                f"{path}.lifecycle",
-                "NotManaged",
-                f"node {node.name!r} is Duplicated, so it must be a managed (lifecycle) node: only those can be "
-                "put to sleep; write lifecycle: true or another placement",
-            )
         if node.duplicated and node.core and not node.outputs:
             yield Finding(
                 f"{path}.outputs",
@@ -94,7 +152,6 @@ def nodes_are_complete(spec: RobotOffloadSpec) -> Iterator[Finding]:
                 "warning",
             )
         yield from _plain_outputs(path, node)
-        yield from _output_timing(path, node)
 
 
 def _plain_outputs(path: str, node: Node) -> Iterator[Finding]:
@@ -113,43 +170,6 @@ def _plain_outputs(path: str, node: Node) -> Iterator[Finding]:
             f"{output.topic!r} of a node with placement {node.placement} is a plain topic of its side; {advice}",
             "warning",
         )
-
-
-def _output_timing(path: str, node: Node) -> Iterator[Finding]:
-    for j, output in enumerate(node.outputs):
-        where = f"{path}.outputs[{j}].deadline"
-        if output.deadline_ms is None:
-            continue
-        if output.rate_hz is None:
-            yield Finding(where, "NoRate", "an output without a rate is not judged; add its rate or remove deadline")
-        elif output.deadline_ms <= 1000.0 / output.rate_hz:
-            yield Finding(
-                where,
-                "TooShort",
-                f"{text(output.deadline_ms)} is not more than one period at {output.rate_hz:g} per second, so a "
-                f"healthy output would fail; write at least {text(int(2000.0 / output.rate_hz) + 1)}",
-            )
-
-
-def runs_name_one_program(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    """Either a command or an executable of a package; and outputs keep the name that consumers know."""
-    for i, node in enumerate(spec.nodes):
-        if node.run is None:
-            continue
-        path, run = f"spec.nodes[{i}].run", node.run
-        by_package = (run.package, run.executable)
-        if run.command and any(by_package):
-            yield Finding(path, "TwoPrograms", "has both command and package or executable; keep one of the two")
-        elif not run.command and not all(by_package):
-            yield Finding(path, "NoProgram", "needs either command, or package together with executable")
-        for output in node.outputs:
-            if node.duplicated and run.remap.get(output.topic, output.topic) != output.topic:
-                yield Finding(
-                    f"{path}.remap",
-                    "RemapsOutput",
-                    f"moves the output {output.topic!r} to {run.remap[output.topic]!r}; declare the output under "
-                    "the name that consumers know",
-                )
 
 
 def core_nodes_can_stop_the_robot(spec: RobotOffloadSpec) -> Iterator[Finding]:
@@ -191,3 +211,20 @@ def _doubles(path: str, run: Run) -> Iterator[Finding]:
             yield Finding(
                 f"{path}.doubles[{i}]", "NoParameter", f"{name!r} is no parameter here; correct it", "warning"
             )
+
+
+def parameters_keep_their_names(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """An object that kubectl has written may hold a key that was `y` in the file: YAML 1.1 reads it as true."""
+    for i, node in enumerate(spec.nodes):
+        if node.run is None:
+            continue
+        for field, mapping in (("parameters", node.run.parameters), ("cloudParameters", node.run.cloud_parameters)):
+            for name, _ in flat_parameters(mapping):
+                if {"true", "false"} & set(name.split(".")):
+                    yield Finding(
+                        f"spec.nodes[{i}].run.{field}.{name}",
+                        "MisreadName",
+                        "kubectl reads the plain names y, on and yes as true, and n, off and no as false; write such a "
+                        "name in quotes",
+                        "warning",
+                    )

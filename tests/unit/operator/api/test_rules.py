@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from robot_offload.api.v1alpha1.checks import CLUSTER_CHECKS, check
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
 from robot_offload.errors import SpecError
 from robot_offload.findings import Finding
 from tests.unit.specs import changed, sample
@@ -20,7 +20,7 @@ ERRORS = [
     ("spec.switching.maxCommandAge", "80ms", "spec.switching.maxCommandAge", "TooShort", "more than 80ms"),
     (f"{LATENCY}.cloudPeriod", "80ms", LATENCY, "NeverInCloud", "raise tolerance"),
     ("spec.switching.holdDown.max", "500ms", "spec.switching.holdDown.initial", "OutOfRange", "raise max"),
-    ("spec.transport.type", "DDSRouter", "spec.transport.zenoh", "WrongBlock", "does not belong to"),
+    ("spec.transport.type", "DDSRouter", "spec.transport.zenoh", "WrongBlock", "belongs to transport type Zenoh"),
     ("spec.nodes.0.name", "planner", "spec.nodes[2].name", "DuplicateNode", "first at spec.nodes[0].name"),
     ("spec.topics.toCloud.1.name", "/scan", "spec.topics.toCloud[1].name", "DuplicateTopic", "listed twice"),
     ("spec.topics.toCloud.1.name", "/cmd_vel", "spec.topics.toCloud[1].name", "AlsoAnOutput", "crosses by itself"),
@@ -152,4 +152,4 @@ def test_static_peers_need_an_address_of_the_robot() -> None:
     values = changed("spec.transport", {"type": "StaticPeers"})
     del values["spec"]["cloud"]["domainID"]
     [finding] = errors_of(values)
-    assert (finding.path, finding.reason) == ("spec.transport.staticPeers.robot", "NoPeers")
+    assert (finding.path, finding.reason) == ("spec.transport.staticPeers", "NoPeers")
