@@ -62,7 +62,8 @@ class _Loader(yaml.reader.Reader, yaml.scanner.Scanner, yaml.parser.Parser, yaml
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """Composes one node; refuses to go deeper than anybody writes."""
         if self._depth >= MAX_DEPTH and self.check_event(yaml.SequenceStartEvent, yaml.MappingStartEvent):
-            raise YamlError(_TOO_DEEP, _position(self.get_mark()))
+            event = self.peek_event()  # type: ignore[no-untyped-call]
+            raise YamlError(_TOO_DEEP, _position(event.start_mark))
         self._depth += 1
         try:
             return super().compose_node(parent, index)
