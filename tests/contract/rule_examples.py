@@ -42,7 +42,11 @@ def _of(path: str, reason: str, *changes: tuple[str, Any]) -> tuple[Example, ...
 _TRANSPORT, _EXPOSE, _SWITCHING = "spec.transport", "spec.transport.expose", "spec.switching"
 _LATENCY = "spec.switching.latency"
 _TOLERATION = "spec.cloud.tolerations[]"
-_RESOURCES = "spec.nodes[].resources"
+_WRONG_RESOURCES: tuple[tuple[str, Any], ...] = (
+    ("OutOfRange", {"limits": {"cpu": 1}, "requests": {"cpu": "1001m"}}),
+    ("Invalid", {"limits": {"nvidia.com/gpu": "1500m"}}),
+    ("Required", {"requests": {"nvidia.com/gpu": 1}}),
+)
 _PEERS = {"type": "StaticPeers", "staticPeers": {"robot": ["10.0.0.1"]}}
 _SPEC: dict[str, Any] = sample()["spec"]
 _CONTROLLER, _OUTPUT = "spec.nodes.1", "spec.nodes.1.outputs.0"
@@ -85,13 +89,18 @@ BROKEN: tuple[Example, ...] = (
         "OutOfRange",
         (_TRANSPORT, {"type": "DiscoveryServer", "expose": {"nodePorts": {"discovery": 65535}}}),
     ),
-    *_of(
-        _RESOURCES,
-        "OutOfRange",
-        (f"{_CONTROLLER}.resources", {"limits": {"cpu": 1}, "requests": {"cpu": "1001m"}}),
+    *(
+        example
+        for reason, resources in _WRONG_RESOURCES
+        for example in (
+            *_of("spec.nodes[].resources", reason, (f"{_CONTROLLER}.resources", resources)),
+            *_of(
+                "spec.nodes[].build.resources",
+                reason,
+                ("spec.nodes.2", {**_BUILT, "build": {**BUILD, "resources": resources}}),
+            ),
+        )
     ),
-    *_of(_RESOURCES, "Invalid", (f"{_CONTROLLER}.resources", {"limits": {"nvidia.com/gpu": "1500m"}})),
-    *_of(_RESOURCES, "Required", (f"{_CONTROLLER}.resources", {"requests": {"nvidia.com/gpu": 1}})),
     *_of(
         "spec.nodes[].build.git",
         "LocalSource",
