@@ -48,7 +48,7 @@ def unheard(line: str) -> None:
 
 
 def test_without_go_and_without_programs_the_next_step_is_told(cache: Path) -> None:
-    with pytest.raises(NoGoError, match=r"Install Go .*, then: python -m tests\.cluster build"):
+    with pytest.raises(NoGoError, match=r"Install Go .*, then: python -m robot_offload_lab\.cluster build"):
         programs.ensure(unheard, WANTED)
 
 
