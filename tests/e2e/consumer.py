@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from robot_offload_lab.judge.recording import LINES, Arrival, RunInfo
-from robot_offload_lab.show.watch import Watch
+from robot_offload_lab.show.watch import LiveRun
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 from tests.e2e.waiting import eventually
@@ -42,7 +42,7 @@ class Consumer:
             threshold_ms: loop latency up to which the link is good.
         """
         self.file = file
-        self.watch = Watch(threshold_ms=threshold_ms, outputs=outputs)
+        self.watch = LiveRun(threshold_ms=threshold_ms, outputs=outputs)
         self.heard: dict[str, int] = {}
         self._child = child
         self._gate = threading.Lock()

@@ -133,7 +133,7 @@ def _key(files: Iterable[Path]) -> str:
 def _build(folder: Path, references: Mapping[str, str], key: str) -> None:
     """Builds every image into the builder's store; what has not changed comes from there."""
     environment = builder_environment(folder)
-    settings = ours.Settings(REPOSITORY, key, key, extra=wheels_base.lent("buildah"))
+    settings = ours.BuildSettings(REPOSITORY, key, key, extra=wheels_base.lent("buildah"))
     stages = tuple(dict.fromkeys(image.wheels_stage for image in _ours() if image.wheels_stage))
     wheels_base.build("buildah", ours.ROOT, settings.extra, stages=stages, environment=environment)
     for image in _ours():
@@ -149,7 +149,7 @@ def _ours() -> tuple[ours.OwnImage, ...]:
     return tuple(image for image in ours.OURS if image.name in OURS)
 
 
-def _app(context: Path, tag: str, settings: ours.Settings) -> Request:
+def _app(context: Path, tag: str, settings: ours.BuildSettings) -> Request:
     return Request(
         tag=tag,
         context=context,

@@ -15,7 +15,7 @@ RATE_HZ: Final = 10.0
 
 
 @dataclass(frozen=True)
-class Kind:
+class MessageKind:
     """One type of message.
 
     Attributes:
@@ -38,16 +38,16 @@ class Kind:
 
 
 KINDS: Final = (
-    Kind("imu", "sensor_msgs/msg/Imu"),
-    Kind("scan", "sensor_msgs/msg/LaserScan"),
-    Kind("range", "sensor_msgs/msg/Range"),
-    Kind("fix", "sensor_msgs/msg/NavSatFix"),
-    Kind("joints", "sensor_msgs/msg/JointState"),
-    Kind("battery", "sensor_msgs/msg/BatteryState"),
-    Kind("magnet", "sensor_msgs/msg/MagneticField"),
-    Kind("pose", "geometry_msgs/msg/PoseStamped"),
-    Kind("twist", "geometry_msgs/msg/TwistStamped"),
-    Kind("transform", "geometry_msgs/msg/TransformStamped"),
+    MessageKind("imu", "sensor_msgs/msg/Imu"),
+    MessageKind("scan", "sensor_msgs/msg/LaserScan"),
+    MessageKind("range", "sensor_msgs/msg/Range"),
+    MessageKind("fix", "sensor_msgs/msg/NavSatFix"),
+    MessageKind("joints", "sensor_msgs/msg/JointState"),
+    MessageKind("battery", "sensor_msgs/msg/BatteryState"),
+    MessageKind("magnet", "sensor_msgs/msg/MagneticField"),
+    MessageKind("pose", "geometry_msgs/msg/PoseStamped"),
+    MessageKind("twist", "geometry_msgs/msg/TwistStamped"),
+    MessageKind("transform", "geometry_msgs/msg/TransformStamped"),
 )
 
 

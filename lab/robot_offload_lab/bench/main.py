@@ -22,7 +22,7 @@ from robot_offload_lab.bench.groups import lifecycle as transitions
 from robot_offload_lab.bench.options import OUT, Common, Out, measurement
 from robot_offload_lab.bench.plan import Amounts
 from robot_offload_lab.bench.results import PRIORITIES, Priority
-from robot_offload_lab.bench.session import SWITCH, WIDTH, Group, Session
+from robot_offload_lab.bench.session import SWITCH, WIDTH, BenchSession, Group
 from robot_offload_lab.bench.store import Store
 
 HELP: Final = (
@@ -149,7 +149,7 @@ def page(
 ) -> None:
     """Write the page and its pictures anew from results that were measured before."""
     try:
-        Session(_console(), Store(out), docs).show()
+        BenchSession(_console(), Store(out), docs).show()
     except RobotOffloadError as error:
         raise _stop(error) from error
 
@@ -166,7 +166,7 @@ def _run(
     try:
         _check_cases(cases or (), known)
         order = common.order(amounts, cases or ())
-        session = Session(_console(stderr=common.as_json), Store(common.out), common.docs)
+        session = BenchSession(_console(stderr=common.as_json), Store(common.out), common.docs)
         try:
             failed = session.run(groups, priorities or (common.priority,), order, resume=common.resume)
         finally:

@@ -18,7 +18,7 @@ import jinja2
 from robot_offload.errors import InputError
 from robot_offload_lab.bench import machine, pictures, results, table
 from robot_offload_lab.bench.plan import Form
-from robot_offload_lab.bench.results import PRIORITIES, Figure, Outcome, Part, Priority
+from robot_offload_lab.bench.results import PRIORITIES, Distribution, Figure, GroupResult, Priority
 from robot_offload_lab.bench.store import Kept
 
 PAGE: Final = "benchmarks.md"
@@ -52,7 +52,7 @@ class Section:
     machine: str
     load: tuple[float, float]
     figures: tuple[Figure, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[Distribution, ...]
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -142,7 +142,7 @@ def encode(sections: Sequence[Section]) -> str:
 
 
 def _encoded(one: Section) -> dict[str, Any]:
-    values = results.to_json(Outcome(one.group, one.priority, one.figures, one.parts, ()))
+    values = results.to_json(GroupResult(one.group, one.priority, one.figures, one.parts, ()))
     return {**asdict(one), **values}
 
 

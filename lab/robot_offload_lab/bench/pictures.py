@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from robot_offload_lab.bench.analysis import latency
-from robot_offload_lab.bench.results import Figure, Outcome, Priority, Sample, at_or_none
+from robot_offload_lab.bench.results import Figure, GroupResult, Priority, Sample, at_or_none
 from robot_offload_lab.bench.table import PRIORITY_WORDS
 from robot_offload_lab.judge.report_figures import png
 
@@ -46,7 +46,7 @@ class Picture:
     caption: str
 
 
-def draw(outcomes: Sequence[Outcome], notes: Mapping[str, str] = MappingProxyType({})) -> dict[str, Picture]:
+def draw(outcomes: Sequence[GroupResult], notes: Mapping[str, str] = MappingProxyType({})) -> dict[str, Picture]:
     """Every picture for which there are samples, by name.
 
     Args:
@@ -64,8 +64,8 @@ def draw(outcomes: Sequence[Outcome], notes: Mapping[str, str] = MappingProxyTyp
     return found
 
 
-def _drawings() -> dict[str, Callable[[Sequence[Outcome]], Canvas]]:
-    own: dict[str, Callable[[Sequence[Outcome]], Canvas]] = {
+def _drawings() -> dict[str, Callable[[Sequence[GroupResult]], Canvas]]:
+    own: dict[str, Callable[[Sequence[GroupResult]], Canvas]] = {
         "bench-commanded": commanded_gaps,
         "bench-cuts": cut_gaps,
         "bench-latency": latencies,
@@ -119,7 +119,7 @@ WIDE_FACTOR: Final = 30.0
 """Values that differ by more are drawn on a logarithmic axis."""
 
 
-def spread(group: str, outcomes: Sequence[Outcome]) -> Canvas:
+def spread(group: str, outcomes: Sequence[GroupResult]) -> Canvas:
     """The share of samples with at most a value on the left, boxes from quartile to quartile on the right."""
     of = SPREADS[group]
     found: dict[str, list[float]] = {}
@@ -160,7 +160,7 @@ def _word(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def commanded_gaps(outcomes: Sequence[Outcome]) -> Canvas:
+def commanded_gaps(outcomes: Sequence[GroupResult]) -> Canvas:
     """The share of switches with at most a gap, for each priority."""
     canvas = _canvas()
     axes = canvas.subplots()
@@ -177,7 +177,7 @@ def commanded_gaps(outcomes: Sequence[Outcome]) -> Canvas:
     return canvas
 
 
-def cut_gaps(outcomes: Sequence[Outcome]) -> Canvas:
+def cut_gaps(outcomes: Sequence[GroupResult]) -> Canvas:
     """Each cut of both directions as a stack of its parts, the shortest gap first."""
     canvas = _canvas(len(outcomes))
     for axes, outcome in zip(_row(canvas, len(outcomes)), outcomes, strict=True):
@@ -206,7 +206,7 @@ def _with_rest(fall: Sample) -> Sample:
     return {**fall, "rest_ms": rest_ms}
 
 
-def latencies(outcomes: Sequence[Outcome]) -> Canvas:
+def latencies(outcomes: Sequence[GroupResult]) -> Canvas:
     """Bars of medians with a line up to the 99th percentile, by way and payload."""
     canvas = _canvas(len(outcomes))
     for axes, outcome in zip(_row(canvas, len(outcomes)), outcomes, strict=True):
@@ -251,7 +251,7 @@ def _limits(line: Callable[..., Any], figure: Figure | None) -> None:
                 line(value, color="#333333", linewidth=0.9, linestyle=style, label=f"{words} (p99) {value:g} ms")
 
 
-def _named(outcomes: Iterable[Outcome], name: str) -> Figure | None:
+def _named(outcomes: Iterable[GroupResult], name: str) -> Figure | None:
     return next((figure for outcome in outcomes for figure in outcome.figures if figure.name == name), None)
 
 

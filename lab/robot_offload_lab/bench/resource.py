@@ -35,7 +35,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Case:
+class BenchCase:
     """One link case: the link, what is run over it, and every setting that is not the product's default.
 
     Attributes:
@@ -76,12 +76,12 @@ class Case:
         return ", ".join(words)
 
 
-def offload(case: Case) -> RobotOffload:
+def offload(case: BenchCase) -> RobotOffload:
     """The resource of a case."""
     return parse_object(_document(case), f"case {case.name}")
 
 
-def _document(case: Case) -> dict[str, Any]:
+def _document(case: BenchCase) -> dict[str, Any]:
     sensors: dict[tuple[int, ...], list[Sensor]] = {}
     for sensor in case.sensors:
         sensors.setdefault(sensor.payload_bytes, []).append(sensor)
@@ -109,7 +109,7 @@ def _topic(sensor: Sensor) -> dict[str, Any]:
     return {**topic, "maxAge": f"{sensor.max_age_ms}ms"} if sensor.max_age_ms else topic
 
 
-def _replica(case: Case) -> dict[str, Any]:
+def _replica(case: BenchCase) -> dict[str, Any]:
     return {
         "name": NODE,
         "placement": "Duplicated",
@@ -124,7 +124,7 @@ def _replica(case: Case) -> dict[str, Any]:
     }
 
 
-def _feed(case: Case, number: int, sensors: list[Sensor]) -> dict[str, Any]:
+def _feed(case: BenchCase, number: int, sensors: list[Sensor]) -> dict[str, Any]:
     """One process for all sensors of the same sizes."""
     name = f"feed_{number}"
     return {

@@ -62,7 +62,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Part:
+class Distribution:
     """The distribution of one part of a figure, such as the detection within a gap."""
 
     title: str
@@ -75,26 +75,26 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class GroupResult:
     """What one group of figures gave with one priority."""
 
     group: str
     priority: Priority
     figures: tuple[Figure, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[Distribution, ...]
     samples: tuple[Sample, ...]
 
 
-def part(title: str, unit: str, values: Iterable[float | None]) -> Part | None:
+def part(title: str, unit: str, values: Iterable[float | None]) -> Distribution | None:
     """The distribution of the values that are known; None without any."""
     known = [value for value in values if value is not None]
     if not known:
         return None
     p50, p90, p99 = (at(known, share) for share in (0.5, 0.9, 0.99))
-    return Part(title, unit, len(known), p50, p90, p99, max(known))
+    return Distribution(title, unit, len(known), p50, p90, p99, max(known))
 
 
-def parts(found: Iterable[Part | None]) -> tuple[Part, ...]:
+def parts(found: Iterable[Distribution | None]) -> tuple[Distribution, ...]:
     """Those that are there."""
     return tuple(one for one in found if one is not None)
 
@@ -111,7 +111,7 @@ def at_or_none(values: Iterable[float | None], share: float) -> float | None:
     return quantile([value for value in values if value is not None], share)
 
 
-def to_json(outcome: Outcome) -> dict[str, Any]:
+def to_json(outcome: GroupResult) -> dict[str, Any]:
     """Figures with their verdicts, and parts; samples go to a CSV file of their own."""
     return {
         "figures": [
@@ -127,14 +127,14 @@ def to_json(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def from_json(group: str, priority: Priority, values: Mapping[str, Any]) -> Outcome:
+def from_json(group: str, priority: Priority, values: Mapping[str, Any]) -> GroupResult:
     """The inverse of `to_json`, without the samples."""
     names = {field.name for field in dataclasses.fields(Figure)}
     figures = tuple(Figure(**{key: figure[key] for key in names}) for figure in values["figures"])
-    return Outcome(group, priority, figures, tuple(Part(**one) for one in values["parts"]), ())
+    return GroupResult(group, priority, figures, tuple(Distribution(**one) for one in values["parts"]), ())
 
 
-def _rounded(value: Figure | Part) -> dict[str, Any]:
+def _rounded(value: Figure | Distribution) -> dict[str, Any]:
     return {
         name: round(item, 4) if isinstance(item, float) else item for name, item in dataclasses.asdict(value).items()
     }

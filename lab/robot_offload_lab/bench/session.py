@@ -34,7 +34,7 @@ from robot_offload_lab.bench.groups import (
     resources,
 )
 from robot_offload_lab.bench.plan import Amounts, Form, Order
-from robot_offload_lab.bench.results import PRIORITIES, Outcome, Priority
+from robot_offload_lab.bench.results import PRIORITIES, GroupResult, Priority
 from robot_offload_lab.bench.store import Kept, Store
 from robot_offload_lab.bench.table import PRIORITY_WORDS, TITLES, table
 
@@ -62,7 +62,7 @@ class Group(StrEnum):
 class Work:
     """How a group is run, and how many steps of the progress bar that is."""
 
-    run: Callable[[Order], Outcome]
+    run: Callable[[Order], GroupResult]
     steps: Callable[[Amounts], float]
 
 
@@ -85,7 +85,7 @@ class TooLongError(RobotOffloadError):
 
 
 @dataclass(frozen=True)
-class Session:
+class BenchSession:
     """One run of a command.
 
     Attributes:

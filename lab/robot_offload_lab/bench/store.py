@@ -15,7 +15,7 @@ from typing import Any, Final
 from robot_offload.errors import InputError
 from robot_offload_lab.bench import results
 from robot_offload_lab.bench.plan import Amounts
-from robot_offload_lab.bench.results import Outcome, Priority, Sample
+from robot_offload_lab.bench.results import GroupResult, Priority, Sample
 
 RESULTS: Final = "results.json"
 
@@ -31,7 +31,7 @@ class Kept:
         amounts: how much was asked for.
     """
 
-    outcome: Outcome
+    outcome: GroupResult
     date: str
     machine: dict[str, Any]
     load: tuple[float, float]
@@ -97,7 +97,7 @@ class Store:
         samples = _read_csv(self._csv(group, priority))
         before, after = values["load"]
         return Kept(
-            outcome=Outcome(group, priority, outcome.figures, outcome.parts, samples),
+            outcome=GroupResult(group, priority, outcome.figures, outcome.parts, samples),
             date=values["date"],
             machine=values["machine"],
             load=(before, after),

@@ -7,7 +7,7 @@ from typing import Final
 
 from rich.table import Table
 
-from robot_offload_lab.bench.results import Figure, Outcome, Priority
+from robot_offload_lab.bench.results import Figure, GroupResult, Priority
 
 PRIORITY_WORDS: Final[dict[Priority, str]] = {"realtime": "real-time priority", "normal": "normal priority"}
 TITLES: Final = {
@@ -55,7 +55,7 @@ def verdict(figure: Figure) -> str:
     return "" if must is None else "missed"
 
 
-def table(outcomes: Sequence[Outcome], priority: Priority) -> Table:
+def table(outcomes: Sequence[GroupResult], priority: Priority) -> Table:
     """All figures of one priority."""
     shown = Table(title=f"Figures, {PRIORITY_WORDS[priority]}", title_justify="left")
     for heading in ("figure", "conditions", "n", "measured", "must", "aim", "kept", "beside it, same run", "ratio"):
@@ -87,6 +87,6 @@ def link(figure: Figure) -> str:
     return f"{figure.conditions} (tolerance {figure.tolerance_ms} ms)"
 
 
-def figures(outcomes: Iterable[Outcome], priority: Priority) -> tuple[Figure, ...]:
+def figures(outcomes: Iterable[GroupResult], priority: Priority) -> tuple[Figure, ...]:
     """The figures of one priority, in the order of the outcomes."""
     return tuple(figure for outcome in outcomes if outcome.priority == priority for figure in outcome.figures)

@@ -23,7 +23,7 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.names import Side
 from robot_offload_lab.bench import observed
 from robot_offload_lab.bench.observed import Answered, Observation
-from robot_offload_lab.bench.resource import MESSAGE_TYPE, NODE, Case, offload
+from robot_offload_lab.bench.resource import MESSAGE_TYPE, NODE, BenchCase, offload
 from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.recording import PlacementChange, Recording
 from robot_offload_lab.run.certificates import client_paths
@@ -39,7 +39,7 @@ from robot_offload_lab.run.system import (
     run_info,
     wire_config,
 )
-from robot_offload_lab.wire.emulated import Forward, Wire, WireConfig
+from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig
 from robot_offload_lab.wire.loop import steady_s
 
 Direction = Literal["up", "down", "both"]
@@ -100,10 +100,10 @@ class Evidence:
     hops: tuple[Observation, ...]
 
 
-class World:
+class MeasuredSystem:
     """A context manager: entering it returns with the cloud in charge and the recording begun."""
 
-    def __init__(self, case: Case, setting: Setting) -> None:
+    def __init__(self, case: BenchCase, setting: Setting) -> None:
         self.case = case
         self.setting = setting
         self.placed: PlacementChange | None = None
@@ -187,7 +187,7 @@ class World:
         logs = self.system.logs
         processes = self._stack.enter_context(Processes(self.system.run, logs, self.system.temporary))
         self.programs = Ensemble(processes, logs, self._take)
-        self.wire = self._stack.enter_context(Wire(self._wire_config()))
+        self.wire = self._stack.enter_context(EmulatedWire(self._wire_config()))
         for program in programs(self.system, clients=(OBSERVER,)):
             self._start(program)
         for program in self._observers():

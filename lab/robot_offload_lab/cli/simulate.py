@@ -161,7 +161,7 @@ class _Times:
 
 def _recording(work: ModuleType, option: str, text: str, times: _Times) -> Any:
     file, tolerance_ms = _file_and_tolerance(option, text, _ms("--tolerance", times.tolerance))
-    return work.Recording(file, _settings(tolerance_ms, times), adapt=times.loss_timeout is None)
+    return work.TraceRequest(file, _settings(tolerance_ms, times), adapt=times.loss_timeout is None)
 
 
 def _file_and_tolerance(option: str, text: str, default_ms: int) -> tuple[Path, int]:

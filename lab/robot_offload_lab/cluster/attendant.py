@@ -17,7 +17,7 @@ from robot_offload_lab.cluster.errors import ClusterError
 from robot_offload_lab.cluster.layout import Layout
 from robot_offload_lab.cluster.nodes_plane import NodesPlane
 from robot_offload_lab.cluster.programs import Programs
-from robot_offload_lab.cluster.watching import Object, Watch
+from robot_offload_lab.cluster.watching import Object, ObjectWatch
 
 WATCHED = {
     "services": "/api/v1/services",
@@ -38,7 +38,7 @@ class Attendant:
         self._layout = layout
         self._plane = NodesPlane(layout, Programs(Path()), fast_failure=False).attached()
         self._changed = threading.Event()
-        self._watches = {name: Watch(self._plane, path, self._changed.set) for name, path in WATCHED.items()}
+        self._watches = {name: ObjectWatch(self._plane, path, self._changed.set) for name, path in WATCHED.items()}
         self._routes: dict[str, str] = {}
         self._loaded: dict[str, tuple[int, str]] = {}
 

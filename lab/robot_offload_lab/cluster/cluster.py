@@ -14,7 +14,7 @@ from robot_offload_lab.cluster import network, ownership, programs, robot_host, 
 from robot_offload_lab.cluster.any_cluster import AnyCluster
 from robot_offload_lab.cluster.errors import ClusterError
 from robot_offload_lab.cluster.layout import MOST_NODES, Layout
-from robot_offload_lab.cluster.node import Node
+from robot_offload_lab.cluster.node import ClusterNode
 from robot_offload_lab.cluster.node_files import NodeFiles
 from robot_offload_lab.cluster.nodes_plane import NodesPlane
 from robot_offload_lab.cluster.preflight import preflight
@@ -30,7 +30,7 @@ class Cluster(AnyCluster):
         nodes: By name.
     """
 
-    nodes: Mapping[str, Node]
+    nodes: Mapping[str, ClusterNode]
 
     def __init__(self, layout: Layout, plane: NodesPlane, *, die_with_us: bool, lock: IO[str] | None = None) -> None:
         super().__init__(layout, plane, die_with_us=die_with_us, lock=lock)
@@ -124,7 +124,7 @@ class Cluster(AnyCluster):
         images = system_images.archives(inside)
         servers, pki = self.plane.programs.directory, self.plane.certificates
         files = [NodeFiles(self.layout, each, servers, pki, fast_failure) for each in range(1, count + 1)]
-        self.nodes = {each.name: Node(each, self.plane, images, die_with_us=self._die_with_us) for each in files}
+        self.nodes = {each.name: ClusterNode(each, self.plane, images, die_with_us=self._die_with_us) for each in files}
 
 
 def _name_server(layout: Layout) -> Sequence[Mapping[str, Any]]:

@@ -21,7 +21,7 @@ PATIENCE = 180.0  # seconds; a node is ready after five, but the machine may be 
 _MOUNTS = ("--mount", "--propagation", "private")
 
 
-class Node:
+class ClusterNode:
     """One node of a cluster.
 
     Attributes:

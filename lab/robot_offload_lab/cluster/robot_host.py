@@ -16,7 +16,7 @@ from typing import Any, TypedDict, Unpack
 from robot_offload_lab.cluster import netns, network, processes
 from robot_offload_lab.cluster.errors import ClusterError
 from robot_offload_lab.cluster.layout import MOST_NODES, Layout
-from robot_offload_lab.cluster.wire import Wire
+from robot_offload_lab.cluster.wire import RobotWire
 
 # What is a machine's own, while its programs come from ours: shared memory, which DDS participants on one machine use
 # to find each other; no name server; /run; and what is written to /etc and /var/lib, which stays without power.
@@ -68,7 +68,7 @@ class RobotHost(ABC):
         self._gone = bonds["gone"]
         self._turn = 0
         self._own: subprocess.Popen[bytes] | None = None
-        self.wire = Wire(self._control)
+        self.wire = RobotWire(self._control)
 
     @property
     def netns(self) -> str:
@@ -217,7 +217,7 @@ class RobotHost(ABC):
             netns=self._wires,
         )
         self._control.parent.mkdir(parents=True, exist_ok=True)
-        self.wire = Wire.start(
+        self.wire = RobotWire.start(
             self._control, self._wires, self._near, self._far, realtime=realtime, die_with_us=self._die_with_us
         )
 

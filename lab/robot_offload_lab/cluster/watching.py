@@ -17,7 +17,7 @@ _ROUND = 300  # seconds after which a watch begins anew
 _PAUSE = 0.3  # seconds until it is tried again when the API server is away
 
 
-class Watch(threading.Thread):
+class ObjectWatch(threading.Thread):
     """Lists the objects of a path, then follows their changes; after any trouble from the beginning."""
 
     def __init__(self, plane: ControlPlane, path: str, changed: Callable[[], None]) -> None:

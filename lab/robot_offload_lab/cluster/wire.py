@@ -20,7 +20,7 @@ Cut = Literal["both", "to_cloud", "to_robot"]
 PATIENCE = 20.0  # seconds; a start takes a tenth of one
 
 
-class Wire:
+class RobotWire:
     """Delay, jitter, loss, rate and cuts of one robot's link, changed while it runs.
 
     All values are of one way and hold for both. Frames never overtake each other.
@@ -31,7 +31,9 @@ class Wire:
         self._process = process
 
     @classmethod
-    def start(cls, control: Path, place: str, robot: str, cloud: str, *, realtime: bool, die_with_us: bool) -> Wire:
+    def start(
+        cls, control: Path, place: str, robot: str, cloud: str, *, realtime: bool, die_with_us: bool
+    ) -> RobotWire:
         """Start the process.
 
         Args:

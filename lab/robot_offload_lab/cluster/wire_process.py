@@ -36,7 +36,7 @@ WAYS: Final[Mapping[Direction, str]] = {"up": "to_cloud", "down": "to_robot"}
 
 
 @dataclasses.dataclass(frozen=True)
-class Settings:
+class WireSettings:
     """What `Wire.set` has set, in its units."""
 
     delay_ms: float = 0.0
@@ -62,7 +62,7 @@ class Steering:
     """What is asked of the link: settings, a recording, or a schedule that begins when it is told to."""
 
     def __init__(self, seed: int) -> None:
-        self.settings = Settings()
+        self.settings = WireSettings()
         self.link = EmulatedLink(Schedule((self.settings.constant(),)), seed)
         self._over_s: float | None = None
 
@@ -103,7 +103,7 @@ class Steering:
         self._over_s = None
 
 
-class Process:
+class FrameRelay:
     """Both directions, the frames under way, and the socket over which the link is steered."""
 
     def __init__(self, robot: str, cloud: str, control: str) -> None:
@@ -173,7 +173,7 @@ def main() -> None:
     parser.add_argument("--cloud", required=True, help="interface on the other side")
     parser.add_argument("--realtime", action="store_true", help="ask for real-time priority")
     chosen = parser.parse_args()
-    process = Process(chosen.robot, chosen.cloud, chosen.control)
+    process = FrameRelay(chosen.robot, chosen.cloud, chosen.control)
     if chosen.realtime:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REALTIME_PRIORITY))

@@ -56,7 +56,7 @@ OURS: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class BuildSettings:
     """What is the same for all of them.
 
     Attributes:
@@ -78,7 +78,7 @@ class Settings:
     extra: tuple[str, ...] = ()
 
 
-def request(image: OwnImage, settings: Settings, base: str | None = None) -> Request:
+def request(image: OwnImage, settings: BuildSettings, base: str | None = None) -> Request:
     """How one of our images is built; `base` replaces the base image that its Dockerfile names."""
     arguments = {"VERSION": settings.version, "REVISION": settings.revision}
     return Request(
@@ -122,7 +122,7 @@ def build(
     tool = known if dry_run and known else choose(known)
     extra = tuple(builder_argument or ())
     extra = (*wheels_base.lent(tool), *extra) if wheels else extra
-    settings = Settings(
+    settings = BuildSettings(
         registry=registry,
         version=version("robot-offload"),
         revision=_revision(),

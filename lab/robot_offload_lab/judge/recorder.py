@@ -35,10 +35,10 @@ from robot_offload_lab.judge import translate
 from robot_offload_lab.judge.lines import Record
 from robot_offload_lab.judge.recording import (
     LINES,
+    Ending,
     Inhibit,
     NetworkStatus,
     Obstacle,
-    Outcome,
     PlacementChange,
     RecordingWriter,
     RunInfo,
@@ -57,7 +57,7 @@ LATCHED = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durabilit
 OUTPUT = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
 
 
-class Recorder:
+class ConsumerRecorder:
     """Subscriptions, the recording and the live stream. One thread, and one that reads commands."""
 
     def __init__(
@@ -241,7 +241,7 @@ class Recorder:
         if self._writer is not None and not self.ended:
             drive = self._drive
             outcome = (drive.collisions, drive.stops, drive.goal_reached) if drive else (None, None, None)
-            self._writer.write(Outcome(t_s, *outcome))
+            self._writer.write(Ending(t_s, *outcome))
         self.ended = True
 
 
@@ -291,7 +291,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.set_blocking(sys.stdout.fileno(), False)
     # Own handlers: with those of rclpy the context can vanish under a callback.
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    recorder = Recorder(options.output, topics, schedule, sys.stdin.fileno(), options.state)
+    recorder = ConsumerRecorder(options.output, topics, schedule, sys.stdin.fileno(), options.state)
     signal.signal(signal.SIGTERM, lambda *_: recorder.end(steady_s()))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     recorder.run()

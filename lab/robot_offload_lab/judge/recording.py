@@ -171,7 +171,7 @@ class Obstacle(Record):
 
 
 @dataclass(frozen=True)
-class Outcome(Record):
+class Ending(Record):
     """How it ended; what comes later is not judged. Without an account of the drive there is only an end.
 
     Attributes:
@@ -196,7 +196,7 @@ _KINDS: Final[Mapping[str, type[Record]]] = {
     "inhibit": Inhibit,
     "path": PathPoint,
     "obstacle": Obstacle,
-    "outcome": Outcome,
+    "outcome": Ending,
 }
 LINES: Final = Lines(_KINDS)
 """How the records of a run are written and read."""
@@ -219,7 +219,7 @@ class Recording:
     inhibits: tuple[Inhibit, ...] = ()
     path: tuple[PathPoint, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
-    outcome: Outcome | None = None
+    outcome: Ending | None = None
 
     @property
     def end_s(self) -> float:
@@ -278,7 +278,7 @@ def assemble(records: Iterable[Record], source: str = "recording") -> Recording:
         inhibits=tuple(by_kind[Inhibit]),
         path=tuple(by_kind[PathPoint]),
         obstacles=tuple(dict.fromkeys(by_kind[Obstacle])),
-        outcome=by_kind[Outcome][-1] if by_kind[Outcome] else None,
+        outcome=by_kind[Ending][-1] if by_kind[Ending] else None,
     )
 
 

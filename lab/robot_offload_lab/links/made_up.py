@@ -24,7 +24,7 @@ LOST_S: Final = 0.100
 """Distance of two requests while nothing comes back."""
 
 
-class Recorder:
+class TraceBuilder:
     """Writes down requests one after the other."""
 
     def __init__(self, name: str, rng: random.Random, duration_s: float) -> None:
@@ -72,7 +72,7 @@ def _lognormal(rng: random.Random, median: float, spread: float) -> float:
     return median * math.exp(rng.gauss(0, spread))
 
 
-def mobile(out: Recorder) -> None:
+def mobile(out: TraceBuilder) -> None:
     """4G: a slow swell, short stalls every few seconds or minutes, sometimes a change of the cell."""
     rng = out.rng
     base_ms, jitter_ms = rng.uniform(30, 65), rng.uniform(4, 14)
@@ -87,7 +87,7 @@ def mobile(out: Recorder) -> None:
             out.cut(_lognormal(rng, cell_s, 0.5))
 
 
-def roaming(out: Recorder) -> None:
+def roaming(out: TraceBuilder) -> None:
     """A robot driving through Wi-Fi cells: it gets slower, then nothing comes for a while."""
     rng = out.rng
     base_ms, jitter_ms = rng.uniform(5, 14), rng.uniform(1, 5)
@@ -101,7 +101,7 @@ def roaming(out: Recorder) -> None:
             out.stall(rng.uniform(0.1, 0.8))
 
 
-def periodic(out: Recorder) -> None:
+def periodic(out: TraceBuilder) -> None:
     """The same outage again and again, as in the thesis: 4 s every 20 s."""
     rng = out.rng
     every_s, outage_s = rng.choice([(20.0, 4.0), (20.0, 4.0), (10.0, 1.0), (30.0, 6.0), (5.0, 0.5)])
@@ -111,7 +111,7 @@ def periodic(out: Recorder) -> None:
         out.cut(outage_s)
 
 
-def repeater(out: Recorder) -> None:
+def repeater(out: TraceBuilder) -> None:
     """A Wi-Fi repeater: minutes of calm, minutes of jitter around the limit with long round trips in bursts."""
     rng = out.rng
     base_ms, rough_ms = rng.uniform(15, 40), rng.uniform(20, 70)
@@ -126,7 +126,7 @@ def repeater(out: Recorder) -> None:
                 out.calm(rng.uniform(0.1, 0.6), base_ms + 2 * rough_ms, rough_ms)
 
 
-def fibre(out: Recorder) -> None:
+def fibre(out: TraceBuilder) -> None:
     """Cable and fibre: hardly anything happens, a stall every few minutes."""
     rng = out.rng
     base_ms, every_s = rng.uniform(4, 20), rng.uniform(40, 400)
@@ -135,7 +135,7 @@ def fibre(out: Recorder) -> None:
         out.stall(_lognormal(rng, 0.15, 0.6))
 
 
-def evening(out: Recorder) -> None:
+def evening(out: TraceBuilder) -> None:
     """A line shared with others: queues fill within seconds and empty again, over the limit for a while."""
     rng = out.rng
     base_ms, full_ms = rng.uniform(12, 30), rng.uniform(80, 220)
@@ -151,7 +151,7 @@ def evening(out: Recorder) -> None:
             out.answer(base_ms + queue_ms + rng.expovariate(1 / 6))
 
 
-def tunnel(out: Recorder) -> None:
+def tunnel(out: TraceBuilder) -> None:
     """Long stretches without any link, and a frayed edge before and after each."""
     rng = out.rng
     base_ms, open_s, dark_s = rng.uniform(20, 50), rng.uniform(30, 240), rng.uniform(8, 60)
@@ -166,7 +166,7 @@ def tunnel(out: Recorder) -> None:
             out.cut(rng.uniform(0.1, 1.0))
 
 
-def diurnal(out: Recorder) -> None:
+def diurnal(out: TraceBuilder) -> None:
     """A link whose load swings slowly: stalls are rare at one time and frequent at another."""
     rng = out.rng
     base_ms, day_s = rng.uniform(10, 35), rng.uniform(200, 900)
@@ -178,7 +178,7 @@ def diurnal(out: Recorder) -> None:
         out.stall(_lognormal(rng, stall_s, 0.5))
 
 
-def interference(out: Recorder) -> None:
+def interference(out: TraceBuilder) -> None:
     """Wi-Fi beside other senders: spells in which it stands still several times a second."""
     rng = out.rng
     base_ms = rng.uniform(4, 12)
@@ -192,7 +192,7 @@ def interference(out: Recorder) -> None:
             out.stall(_lognormal(rng, stall_s, 0.6))
 
 
-def satellite(out: Recorder) -> None:
+def satellite(out: TraceBuilder) -> None:
     """Low orbit: a new path every 15 s with another delay, a short gap or some slow tenths of a second between."""
     rng = out.rng
     gap_s, slow_s, dark = rng.uniform(0.08, 0.4), rng.uniform(0.0, 1.0), rng.uniform(0.0, 0.1)
@@ -205,7 +205,7 @@ def satellite(out: Recorder) -> None:
             out.cut(rng.uniform(2, 15))
 
 
-def two_states(out: Recorder) -> None:
+def two_states(out: TraceBuilder) -> None:
     """Good and bad spells whose lengths scatter widely (Gilbert and Elliott's channel with heavy tails)."""
     rng = out.rng
     base_ms = rng.uniform(8, 40)
@@ -223,7 +223,7 @@ def two_states(out: Recorder) -> None:
             out.calm(length_s, base_ms + 90, 40)
 
 
-def lossy(out: Recorder) -> None:
+def lossy(out: TraceBuilder) -> None:
     """Radio at its range: single losses all the time, runs of losses when something is in the way."""
     rng = out.rng
     base_ms, share = rng.uniform(8, 40), rng.uniform(0.002, 0.04)
@@ -249,7 +249,7 @@ class Family:
         held_out: no figure of the rule was found on it; it is only reported on.
     """
 
-    make: Callable[[Recorder], None]
+    make: Callable[[TraceBuilder], None]
     tolerance_s: float
     held_out: bool = False
 
@@ -272,7 +272,7 @@ FAMILIES: Final[Mapping[str, Family]] = {
 
 def made(family: str, seed: int, duration_s: float) -> Trace:
     """A link of the family; the same seed gives the same link."""
-    out = Recorder(f"{family}-{seed}", random.Random(f"{family} {seed}"), duration_s)
+    out = TraceBuilder(f"{family}-{seed}", random.Random(f"{family} {seed}"), duration_s)
     FAMILIES[family].make(out)
     return out.trace()
 

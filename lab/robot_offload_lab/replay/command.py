@@ -21,14 +21,14 @@ from robot_offload_lab.links.recorded import load_trace
 from robot_offload_lab.replay import picture, show, study, tune
 from robot_offload_lab.replay.costs import Weights
 from robot_offload_lab.replay.named import POLICIES, NamedPolicy, find
-from robot_offload_lab.replay.study import Case
+from robot_offload_lab.replay.study import StudiedLink
 
 PLAIN_COLUMNS: Final = 160
 Step = Callable[[int], None]
 
 
 @dataclass(frozen=True)
-class Recording:
+class TraceRequest:
     """A file and what is asked of it.
 
     Attributes:
@@ -55,8 +55,8 @@ class Request:
         as_json: the results as JSON on standard output.
     """
 
-    recordings: tuple[Recording, ...]
-    report_on: tuple[Recording, ...] = ()
+    recordings: tuple[TraceRequest, ...]
+    report_on: tuple[TraceRequest, ...] = ()
     policy: str = "ours"
     compare: bool = False
     tune: bool = False
@@ -88,7 +88,7 @@ def run(request: Request) -> str | None:
 
 
 def _replayed(
-    cases: Sequence[Case], policies: Sequence[NamedPolicy], console: Console, out: Path | None
+    cases: Sequence[StudiedLink], policies: Sequence[NamedPolicy], console: Console, out: Path | None
 ) -> dict[str, Any]:
     total = sum(len(subject.beats.sent_us) for subject in cases) * len(policies)
     with _bar("replaying", total) as step:
@@ -110,7 +110,7 @@ def _replayed(
     return results
 
 
-def _tuned(cases: Sequence[Case], held_out: Sequence[Case], console: Console) -> dict[str, Any]:
+def _tuned(cases: Sequence[StudiedLink], held_out: Sequence[StudiedLink], console: Console) -> dict[str, Any]:
     with _bar("searching", tune.steps(cases, held_out)) as step:
         reports = tune.search(cases, held_out, study.outcome, step)
     console.print(show.tuning(reports))
@@ -149,7 +149,7 @@ def _chosen(name: str, compare: bool) -> list[NamedPolicy]:
     return list({each.name: each for each in [*POLICIES.values(), chosen]}.values())
 
 
-def _case(recording: Recording, weights: Weights) -> Case:
+def _case(recording: TraceRequest, weights: Weights) -> StudiedLink:
     return study.case(load_trace(recording.file), recording.settings, weights, adapt=recording.adapt)
 
 

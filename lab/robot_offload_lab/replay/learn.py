@@ -18,7 +18,7 @@ from robot_offload_core.settings import Settings
 from robot_offload_lab.links.made_up import FAMILIES, made
 from robot_offload_lab.replay.costs import Weights
 from robot_offload_lab.replay.rent_or_buy import grid
-from robot_offload_lab.replay.study import Case, case
+from robot_offload_lab.replay.study import StudiedLink, case
 
 SEEDS: Final = 12
 DURATION_S: Final = 1200.0
@@ -28,7 +28,7 @@ EASY: Final = 2.0
 """Added to both costs, so that links on which hardly anything happens do not outweigh the others."""
 
 
-def links(seeds: int, duration_s: float, *, held_out: bool) -> Iterator[Case]:
+def links(seeds: int, duration_s: float, *, held_out: bool) -> Iterator[StudiedLink]:
     """Made-up links of the families that are held out, or of the others."""
     for name, family in FAMILIES.items():
         if family.held_out is held_out:
@@ -37,7 +37,7 @@ def links(seeds: int, duration_s: float, *, held_out: bool) -> Iterator[Case]:
                 yield case(made(name, seed, duration_s), Settings(tolerance_s=tolerance_s), Weights())
 
 
-def costs(subject: Case) -> list[float]:
+def costs(subject: StudiedLink) -> list[float]:
     """What each rule of the prior costs on a link."""
     silence_s = SILENT_BEATS * subject.settings.beat_period_s
     found: dict[tuple[float, float, float], float] = {}
@@ -51,7 +51,7 @@ def costs(subject: Case) -> list[float]:
     return [found[share, out, back] for share, out, back, _ in PRIOR]
 
 
-def learnt(cases: Sequence[Case] | Iterator[Case]) -> list[float]:
+def learnt(cases: Sequence[StudiedLink] | Iterator[StudiedLink]) -> list[float]:
     """The figure of each rule: the mean logarithm of its cost as a multiple of the best fixed rule."""
     sums, count = [0.0] * len(PRIOR), 0
     for subject in cases:

@@ -15,7 +15,7 @@ from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.replay.contract import PolicyMaker, SwitchingPolicy
 from robot_offload_lab.replay.ours import Ours
-from robot_offload_lab.replay.peers import Constant, Dwell, Mean, Threshold
+from robot_offload_lab.replay.peers import Dwell, Mean, OneSide, Threshold
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ POLICIES: Final[Mapping[str, NamedPolicy]] = {
         NamedPolicy("thesis", "one message against one threshold", Threshold),
         NamedPolicy("dwell", "the same, 20 s between changes", Dwell),
         NamedPolicy("mean", "mean of 3 s, loss after 10 s", Mean),
-        NamedPolicy("robot", "always the robot", lambda _: Constant(Site.ROBOT)),
-        NamedPolicy("cloud", "always the cloud, also over a dead link", lambda _: Constant(Site.CLOUD)),
+        NamedPolicy("robot", "always the robot", lambda _: OneSide(Site.ROBOT)),
+        NamedPolicy("cloud", "always the cloud, also over a dead link", lambda _: OneSide(Site.CLOUD)),
     )
 }
 CONSTANT: Final = ("robot", "cloud")

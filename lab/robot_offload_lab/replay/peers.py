@@ -14,7 +14,7 @@ WINDOW_S: Final = 3.0
 WINDOW_LOSS_S: Final = 10.0
 
 
-class Constant:
+class OneSide:
     """One side always, whatever happens: what the others must beat."""
 
     def __init__(self, site: Site) -> None:

@@ -15,7 +15,7 @@ from robot_offload_core.token import Site
 from robot_offload_lab.judge.report_figures import COLOURS, png
 from robot_offload_lab.replay.costs import Change, stretches
 from robot_offload_lab.replay.heartbeats import NEVER_US
-from robot_offload_lab.replay.study import Case, Outcome
+from robot_offload_lab.replay.study import Replayed, StudiedLink
 
 COLUMNS: Final = 1500
 """More points beside each other than this cannot be told apart."""
@@ -24,7 +24,7 @@ BAD: Final = "#D55E00"
 GAP: Final = "#DDDDDD"
 
 
-def draw(subjects: Sequence[tuple[Case, Sequence[Outcome]]]) -> bytes:
+def draw(subjects: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> bytes:
     """A PNG: for each recording its loop latency over time, and below it who acted under each policy."""
     heights: list[float] = []
     for _, outcomes in subjects:
@@ -42,7 +42,7 @@ def draw(subjects: Sequence[tuple[Case, Sequence[Outcome]]]) -> bytes:
     return png(figure)
 
 
-def _link(axes: Axes, subject: Case) -> None:
+def _link(axes: Axes, subject: StudiedLink) -> None:
     """The highest latency of each column, the limit, and shades where the link was not good enough."""
     beats, limit_us = subject.beats, subject.limit_us
     good = beats.good(limit_us)
@@ -65,7 +65,7 @@ def _link(axes: Axes, subject: Case) -> None:
     axes.tick_params(labelbottom=False)
 
 
-def _placement(axes: Axes, outcomes: Sequence[Outcome], end_s: float) -> None:
+def _placement(axes: Axes, outcomes: Sequence[Replayed], end_s: float) -> None:
     for row, each in enumerate(outcomes):
         for site in Site:
             mine = [stay for stay in _stays(each.changes, end_s) if stay[2] is site]

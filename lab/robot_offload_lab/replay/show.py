@@ -11,15 +11,15 @@ from rich.table import Table
 
 from robot_offload_core.token import Site
 from robot_offload_lab.replay.costs import Change
-from robot_offload_lab.replay.study import Case, Outcome
-from robot_offload_lab.replay.tune import Report
+from robot_offload_lab.replay.study import Replayed, StudiedLink
+from robot_offload_lab.replay.tune import TuningReport
 
 STRIP_COLUMNS = 72
 SHADES = "░▒▓█"
 """From hardly ever to nearly always."""
 
 
-def heading(subject: Case) -> str:
+def heading(subject: StudiedLink) -> str:
     """What was replayed, in one line."""
     settings = subject.settings
     good = float(subject.beats.good(subject.limit_us).mean())
@@ -29,7 +29,7 @@ def heading(subject: Case) -> str:
     )
 
 
-def table(subject: Case, outcomes: Sequence[Outcome]) -> Table:
+def table(subject: StudiedLink, outcomes: Sequence[Replayed]) -> Table:
     """One row for each policy, the best fixed rule and the optimum last."""
     found = _table("policy", "cost J", "of optimum", "of best fixed", "exposed s", "wasted s", "switches", "cloud %")
     for each in [*outcomes, subject.best]:
@@ -50,7 +50,7 @@ def table(subject: Case, outcomes: Sequence[Outcome]) -> Table:
     return found
 
 
-def summary(done: Sequence[tuple[Case, Sequence[Outcome]]]) -> Table:
+def summary(done: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> Table:
     """J of each policy as a multiple of the best fixed rule: mean and worst over all recordings."""
     found = _table("policy", "mean of best fixed", "worst", "on")
     for index, first in enumerate(done[0][1]):
@@ -74,7 +74,7 @@ def _times(ratio: float | None) -> str:
     return "-" if ratio is None else f"{ratio:.2f}"
 
 
-def strips(subject: Case, chosen: Outcome) -> list[str]:
+def strips(subject: StudiedLink, chosen: Replayed) -> list[str]:
     """Link and placement over time, one character for each stretch: the fuller, the more of it was good, or cloud."""
     columns = min(STRIP_COLUMNS, len(subject.beats.sent_us))
     edges_us = np.linspace(0, subject.beats.duration_us, columns + 1)
@@ -88,7 +88,7 @@ def strips(subject: Case, chosen: Outcome) -> list[str]:
     ]
 
 
-def _optimum(subject: Case, edges_us: np.typing.NDArray[np.float64]) -> str:
+def _optimum(subject: StudiedLink, edges_us: np.typing.NDArray[np.float64]) -> str:
     curve = _cloud_until(subject.best.changes, subject.beats.duration_us)
     return _shaded((np.diff(np.interp(edges_us, *curve)) / np.diff(edges_us)).tolist())
 
@@ -107,7 +107,7 @@ def _shaded(shares: Sequence[float]) -> str:
     return "".join(" " if share <= 0 else SHADES[min(len(SHADES) - 1, int(share * len(SHADES)))] for share in shares)
 
 
-def tuning(reports: Sequence[Report]) -> Table:
+def tuning(reports: Sequence[TuningReport]) -> Table:
     """One row for each recording that was left out, with the figures that were best on the others."""
     found = _table(
         "left out", "hold-down s", "handicap", "margin", "half-life s", "J with these", "J at present",

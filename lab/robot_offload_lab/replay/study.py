@@ -26,7 +26,7 @@ ROUNDING_S = 1e-9
 
 
 @dataclass(frozen=True)
-class Case:
+class StudiedLink:
     """A recording and what is asked of it.
 
     Attributes:
@@ -59,15 +59,15 @@ class Case:
         return forbidden(self.beats, self.loss_timeout_us)
 
     @cached_property
-    def unclamped(self) -> Case:
+    def unclamped(self) -> StudiedLink:
         """The same without the hard limits."""
         return dataclasses.replace(self, limited=False)
 
     @cached_property
-    def best(self) -> Outcome:
+    def best(self) -> Replayed:
         """The offline optimum."""
         changes = optimum(self.beats, self.limit_us, self.weights, self.forbidden)
-        return Outcome(OPTIMUM, changes, self.price(changes))
+        return Replayed(OPTIMUM, changes, self.price(changes))
 
     @cached_property
     def best_fixed(self) -> RentOrBuy:
@@ -90,7 +90,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Replayed:
     """What a policy did on a recording, and what that came to.
 
     Attributes:
@@ -106,7 +106,7 @@ class Outcome:
     wishes: tuple[Change, ...] | None = None
 
 
-def case(trace: Trace, settings: Settings, weights: Weights, *, adapt: bool = True) -> Case:
+def case(trace: Trace, settings: Settings, weights: Weights, *, adapt: bool = True) -> StudiedLink:
     """A case from a recording.
 
     Args:
@@ -121,10 +121,10 @@ def case(trace: Trace, settings: Settings, weights: Weights, *, adapt: bool = Tr
     forgiving = dataclasses.replace(settings, tolerance_s=settings.tolerance_s + ROUNDING_S)
     if adapt:
         forgiving = dataclasses.replace(forgiving, loss_timeout_s=adapted_loss_timeout_s(trace))
-    return Case(derive(trace, settings.beat_period_s), forgiving, weights)
+    return StudiedLink(derive(trace, settings.beat_period_s), forgiving, weights)
 
 
-def outcome(policy: NamedPolicy, subject: Case, progress: Progress | None = None) -> Outcome:
+def outcome(policy: NamedPolicy, subject: StudiedLink, progress: Progress | None = None) -> Replayed:
     """Replays `subject` for a fresh `policy`.
 
     Raises:
@@ -139,10 +139,10 @@ def outcome(policy: NamedPolicy, subject: Case, progress: Progress | None = None
             raise
         raise InputError(f"--policy {policy.name}: {type(error).__name__}: {error}".splitlines()[0]) from error
     changes = clamped(wishes, subject.beats, subject.loss_timeout_us) if subject.limited else wishes
-    return Outcome(policy.name, changes, subject.price(wishes), None if wishes == changes else wishes)
+    return Replayed(policy.name, changes, subject.price(wishes), None if wishes == changes else wishes)
 
 
-def plain(subject: Case, outcomes: list[Outcome]) -> dict[str, Any]:
+def plain(subject: StudiedLink, outcomes: list[Replayed]) -> dict[str, Any]:
     """One recording as it stands in results.json: figures of each policy, the optimum's among them, and all changes."""
     settings, rule = subject.settings, subject.best_fixed
     return {
@@ -160,7 +160,7 @@ def plain(subject: Case, outcomes: list[Outcome]) -> dict[str, Any]:
     }
 
 
-def figures(subject: Case, found: Score) -> dict[str, Any]:
+def figures(subject: StudiedLink, found: Score) -> dict[str, Any]:
     """The figures of a placement beside the yardsticks of its recording."""
     rounded = {name: round(value, 3) for name, value in dataclasses.asdict(found).items()}
     ratio, ratio_best_fixed = subject.ratio(found.cost), subject.ratio_best_fixed(found.cost)
@@ -174,7 +174,7 @@ def figures(subject: Case, found: Score) -> dict[str, Any]:
     }
 
 
-def _plain_outcome(subject: Case, each: Outcome) -> dict[str, Any]:
+def _plain_outcome(subject: StudiedLink, each: Replayed) -> dict[str, Any]:
     free = subject.unclamped
     unclamped = free.best if each is subject.best else None
     wishes = each.changes if each.wishes is None else each.wishes

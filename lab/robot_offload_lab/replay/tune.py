@@ -17,7 +17,7 @@ from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.named import CONSTANT, OURS, POLICIES, NamedPolicy
 from robot_offload_lab.replay.ours import Eyes, Mind, Sight
 from robot_offload_lab.replay.play import moments
-from robot_offload_lab.replay.study import Case, Outcome
+from robot_offload_lab.replay.study import Replayed, StudiedLink
 
 RIVALS: Final = tuple(name for name in POLICIES if name not in (OURS.name, *CONSTANT))
 
@@ -45,7 +45,7 @@ GRID: Final[tuple[Figures, ...]] = tuple(
 
 
 @dataclass(frozen=True)
-class Report:
+class TuningReport:
     """One recording that was left out of the search.
 
     Attributes:
@@ -71,7 +71,7 @@ class Report:
 class Sights:
     """What an agent would know at each moment of a recording: the same whatever the figures are, so found once."""
 
-    def __init__(self, subject: Case) -> None:
+    def __init__(self, subject: StudiedLink) -> None:
         eyes, sent_us = Eyes(subject.settings), subject.beats.sent_us.tolist()
         self._case = subject
         self._sights: list[tuple[int, list[float], Sight]] = []
@@ -97,12 +97,12 @@ class Sights:
 
 
 def search(
-    cases: Sequence[Case],
-    held_out: Sequence[Case],
-    outcome: Callable[[NamedPolicy, Case], Outcome],
+    cases: Sequence[StudiedLink],
+    held_out: Sequence[StudiedLink],
+    outcome: Callable[[NamedPolicy, StudiedLink], Replayed],
     done: Callable[[int], None],
     grid: Sequence[Figures] = GRID,
-) -> list[Report]:
+) -> list[TuningReport]:
     """The figures with the least mean ratio on some recordings are tried on others.
 
     Args:
@@ -133,19 +133,19 @@ def search(
         names = tuple(everything[other].beats.name for other in others)
         cost = costs[index]
         reports.append(
-            Report(subject.beats.name, names, best, cost[best], cost[DEFAULT], rival, rivals[rival],
+            TuningReport(subject.beats.name, names, best, cost[best], cost[DEFAULT], rival, rivals[rival],
                    subject.best_fixed.cost, subject.best.score.cost)
         )  # fmt: skip
     return reports
 
 
-def steps(cases: Sequence[Case], held_out: Sequence[Case] = (), grid: Sequence[Figures] = GRID) -> int:
+def steps(cases: Sequence[StudiedLink], held_out: Sequence[StudiedLink] = (), grid: Sequence[Figures] = GRID) -> int:
     """How many steps `search` tells."""
     return (len(cases) + len(held_out)) * (len(dict.fromkeys([DEFAULT, *grid])) + 1) + len(held_out or cases)
 
 
 def _mean_ratio(
-    cases: Sequence[Case], costs: Sequence[dict[Figures, float]], chosen: Sequence[int], figures: Figures
+    cases: Sequence[StudiedLink], costs: Sequence[dict[Figures, float]], chosen: Sequence[int], figures: Figures
 ) -> float:
     """Of the chosen recordings; a recording whose optimum is nothing counts with its cost."""
     ratios = []

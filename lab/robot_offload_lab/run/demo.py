@@ -44,8 +44,8 @@ from robot_offload_lab.run.system import (
     wire_config,
 )
 from robot_offload_lab.show.view import View
-from robot_offload_lab.show.watch import Watch
-from robot_offload_lab.wire.emulated import Wire
+from robot_offload_lab.show.watch import LiveRun
+from robot_offload_lab.wire.emulated import EmulatedWire
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 
@@ -120,7 +120,7 @@ def run(options: DemoOptions, view: View) -> DemoResult:
         temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="ro-", ignore_cleanup_errors=True))
         system = _system(options, offload, Path(temporary))
         _clear(system)
-        watch = Watch(threshold_ms=system.spec.switching.latency.allowed_loop_ms, outputs=tuple(system.outputs))
+        watch = LiveRun(threshold_ms=system.spec.switching.latency.allowed_loop_ms, outputs=tuple(system.outputs))
         if system.wired:
             watch.link = LinkSample(steady_s(), schedule.latency_ms(0.0))
         processes = stack.enter_context(Processes(system.run, system.logs, system.temporary))
@@ -244,19 +244,19 @@ def _clear(system: System) -> None:
 class Demo:
     """One run from the start of its processes to their end."""
 
-    def __init__(self, system: System, processes: Processes, view: View, watch: Watch, stop: StopRequest) -> None:
+    def __init__(self, system: System, processes: Processes, view: View, watch: LiveRun, stop: StopRequest) -> None:
         self._system = system
         self._programs = Ensemble(processes, system.logs, lambda _, line: watch.take(line))
         self._view = view
         self._watch = watch
         self._stop = stop
-        self._wire: Wire | None = None
+        self._wire: EmulatedWire | None = None
 
     def go(self, duration_s: float | None) -> str:
         """Starts, watches and ends; returns what went wrong on the way, empty when nothing did."""
         with ExitStack() as stack:
             if self._system.wired and not self._system.joined_by_topics:
-                self._wire = stack.enter_context(Wire(wire_config(self._system), self._system.temporary))
+                self._wire = stack.enter_context(EmulatedWire(wire_config(self._system), self._system.temporary))
             self._start(programs(self._system))
             self._await_up()
             self._begin()

@@ -15,7 +15,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from robot_offload_lab.show.watch import SwitchSeen, Watch
+from robot_offload_lab.show.watch import LiveRun, SwitchSeen
 
 SITE_COLOURS: Final = {"robot": "dark_orange", "cloud": "dodger_blue2"}
 _LINK_COLOURS: Final = {"good": "green", "slow": "yellow", "cut": "red"}
@@ -45,7 +45,7 @@ class View(Protocol):
     def say(self, text: str) -> None:
         """A step of the preparation or of the end."""
 
-    def show(self, watch: Watch, now_s: float) -> None:
+    def show(self, watch: LiveRun, now_s: float) -> None:
         """The present state; called some times a second."""
 
     def close(self) -> None:
@@ -63,7 +63,7 @@ class LineView:
         with suppress(OSError):
             self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def show(self, watch: Watch, now_s: float) -> None:
+    def show(self, watch: LiveRun, now_s: float) -> None:
         """Prints what has happened since the last call."""
         del now_s
         for event in watch.events():
@@ -94,7 +94,7 @@ class LiveView:
         with suppress(OSError):
             self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def show(self, watch: Watch, now_s: float) -> None:
+    def show(self, watch: LiveRun, now_s: float) -> None:
         """Draws the picture, if it is time."""
         watch.events()
         if watch.start_s is None or now_s < self._shown_s + REFRESH_S:
@@ -114,7 +114,7 @@ class LiveView:
             self._live = None
 
 
-def picture(watch: Watch, now_s: float, title: str) -> RenderableType:
+def picture(watch: LiveRun, now_s: float, title: str) -> RenderableType:
     """The whole picture."""
     rows = Table.grid(padding=(0, 2))
     rows.add_column(style="dim", min_width=9)
@@ -131,7 +131,7 @@ def picture(watch: Watch, now_s: float, title: str) -> RenderableType:
     return Panel(Group(rows, Text(), _switches(watch)), title=title, title_align="left", border_style="dim")
 
 
-def _link(watch: Watch) -> Text:
+def _link(watch: LiveRun) -> Text:
     word = watch.link_word()
     text = Text(f"{_LINK_SIGNS[word]} {word}", style=_LINK_COLOURS[word])
     assert watch.link is not None
@@ -141,7 +141,7 @@ def _link(watch: Watch) -> Text:
     return text
 
 
-def _placement(watch: Watch, now_s: float) -> Text:
+def _placement(watch: LiveRun, now_s: float) -> Text:
     change = watch.placement
     if change is None:
         return Text("not announced yet", style="dim")
@@ -150,7 +150,7 @@ def _placement(watch: Watch, now_s: float) -> Text:
     return text.append(f"{change.reason}: {change.message}", style="dim")
 
 
-def _corridor(watch: Watch) -> Text:
+def _corridor(watch: LiveRun) -> Text:
     drive = watch.drive
     position = min(_CORRIDOR - 1, max(0, round(drive["x_m"] / drive["length_m"] * _CORRIDOR)))
     goal = min(_CORRIDOR - 1, round(drive["goal_x_m"] / drive["length_m"] * _CORRIDOR))
@@ -163,7 +163,7 @@ def _corridor(watch: Watch) -> Text:
     return text.append(f"  {drive['x_m']:.1f} of {drive['length_m']:.0f} m", style="default")
 
 
-def _speed(watch: Watch) -> Text:
+def _speed(watch: LiveRun) -> Text:
     speed_mps = abs(watch.drive["speed_mps"])
     full = min(_SPEED_CELLS, round(speed_mps / _FULL_SPEED_MPS * _SPEED_CELLS))
     text = Text("▮" * full + "▯" * (_SPEED_CELLS - full) + f"  {speed_mps:.2f} m/s")
@@ -173,7 +173,7 @@ def _speed(watch: Watch) -> Text:
     return text.append(f"  collisions {collisions}, forced stops {stops}", style="red" if collisions else "dim")
 
 
-def _switches(watch: Watch) -> RenderableType:
+def _switches(watch: LiveRun) -> RenderableType:
     if not watch.switches:
         return Text("no switch so far", style="dim")
     table = Table(box=None, padding=(0, 2), header_style="dim")
@@ -186,7 +186,7 @@ def _switches(watch: Watch) -> RenderableType:
     return Group(Text(f"{hidden} earlier switches", style="dim"), table) if hidden > 0 else table
 
 
-def _switch_cells(watch: Watch, switch: SwitchSeen) -> tuple[RenderableType, ...]:
+def _switch_cells(watch: LiveRun, switch: SwitchSeen) -> tuple[RenderableType, ...]:
     noticed = "commanded" if switch.detect_ms is None else f"{switch.detect_ms:.0f} ms"
     gap = "…" if switch.gap_ms is None else f"{switch.gap_ms:.0f} ms"
     return (

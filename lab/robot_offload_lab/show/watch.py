@@ -1,6 +1,6 @@
 """What is known of a run while it goes on, from the recorder's live stream; nothing of it goes into the report.
 
-`Watch` takes the stream's lines and tells what happened, a sentence each. The views only draw it.
+`LiveRun` takes the stream's lines and tells what happened, a sentence each. The views only draw it.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Event:
 
 
 @dataclass
-class Watch:
+class LiveRun:
     """The present state of a run.
 
     Attributes:

@@ -4,7 +4,7 @@ For every port that the robot dials a relay forwards datagrams (UDP, for QUIC) o
 TLS fallback) to the port where the cloud listens. All share one model of the link: delay, jitter, loss,
 rate, outages, slow phases or a recorded trace (`wire_model`, `wire_schedule`).
 
-    with Wire(WireConfig(forwards=(...), link=LinkOptions(delay="10ms", outages=("4/20",)))) as wire:
+    with EmulatedWire(WireConfig(forwards=(...), link=LinkOptions(delay="10ms", outages=("4/20",)))) as wire:
         wire.start_schedule()
         wire.cut("up")
 
@@ -33,14 +33,14 @@ from robot_offload_lab.wire.link import ControlError
 from robot_offload_lab.wire.options import Address, Forward, LinkOptions, WireConfig
 from robot_offload_lab.wire.process import WireProcess, WireProcessError
 
-__all__ = ["Address", "Forward", "LinkOptions", "Wire", "WireConfig", "WireProcessError"]
+__all__ = ["Address", "EmulatedWire", "Forward", "LinkOptions", "WireConfig", "WireProcessError"]
 
 START_TIMEOUT_S = 10.0
 ANSWER_TIMEOUT_S = 5.0
 STOP_GRACE_S = 2.0
 
 
-class Wire:
+class EmulatedWire:
     """The wire's process as a context manager. Leaving it stops the process, kills it if need be."""
 
     MODULE: ClassVar[str] = "robot_offload_lab.wire.emulated"

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 
 from robot_offload_lab.links.recorded import TraceError, load_trace
 from robot_offload_lab.wire.model import LinkConditions, WireError
-from robot_offload_lab.wire.schedule import Constant, Part, Replay, Schedule, outage, slow_phase
+from robot_offload_lab.wire.schedule import Constant, Replay, Schedule, SchedulePart, outage, slow_phase
 
 Protocol = Literal["udp", "tcp"]
 
@@ -66,7 +66,7 @@ def parse_rate(option: str, text: str) -> float:
     return rate_kbit_s
 
 
-def parse_outage(option: str, text: str) -> Part:
+def parse_outage(option: str, text: str) -> SchedulePart:
     """`4/20`: both directions cut for 4 s out of every 20 s.
 
     Raises:
@@ -75,7 +75,7 @@ def parse_outage(option: str, text: str) -> Part:
     return outage(*_parse_phase(option, text, example="4/20 (4 s out of every 20 s)"))
 
 
-def parse_slow(option: str, text: str) -> Part:
+def parse_slow(option: str, text: str) -> SchedulePart:
     """`3/45@120ms`: 120 ms more of round trip for 3 s out of every 45 s.
 
     Raises:
@@ -156,7 +156,7 @@ class LinkOptions:
             LinkConditions(delay, jitter, loss, rate, queue if rate else 0.0, self.reorder)
             for delay, jitter, loss, rate, queue in zip(delays, jitters, losses, rates, queues, strict=True)
         )
-        parts: list[Part] = [Constant(up, down)]
+        parts: list[SchedulePart] = [Constant(up, down)]
         parts += [parse_outage("--outage", text) for text in self.outages]
         parts += [parse_slow("--slow", text) for text in self.slow]
         if self.trace:

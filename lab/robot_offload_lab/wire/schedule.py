@@ -26,7 +26,7 @@ class ScheduleError(WireError):
     """A schedule that makes no sense."""
 
 
-class Part(Protocol):
+class SchedulePart(Protocol):
     """One thing that happens to the link."""
 
     def at(self, t_s: float) -> Pair:
@@ -139,7 +139,7 @@ class Replay:
 class Schedule:
     """Parts in a row; itself such a part. `+` puts two schedules in a row."""
 
-    parts: tuple[Part, ...] = ()
+    parts: tuple[SchedulePart, ...] = ()
 
     def __add__(self, other: Schedule) -> Schedule:
         return Schedule(self.parts + other.parts)

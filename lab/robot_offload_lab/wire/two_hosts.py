@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Final, Self, cast
 
 from robot_offload.errors import RobotOffloadError
-from robot_offload_lab.wire.emulated import Wire
+from robot_offload_lab.wire.emulated import EmulatedWire
 from robot_offload_lab.wire.link import Direction, EmulatedLink
 from robot_offload_lab.wire.loop import READ, Loop, steady_s
 from robot_offload_lab.wire.options import Forward, LinkOptions, WireConfig
@@ -44,7 +44,7 @@ _LARGEST: Final = 65535
 _BURST: Final = 64
 
 
-class TwoHosts(Wire):
+class TwoHosts(EmulatedWire):
     """The process as a context manager, with the controls of a wire."""
 
     MODULE = "robot_offload_lab.wire.two_hosts"

@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 from robot_offload_agent.process.clock import now_s
 from robot_offload_lab.judge.recording import Arrival, PlacementChange
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
-from robot_offload_lab.wire.emulated import Forward, Wire, WireConfig
+from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig
 from tests.ros.agent.ears import INHIBIT, Driver, Ear, wait_until
 from tests.ros.agent.far_ear import FarEar
 from tests.ros.agent.namespaces import Namespaces
@@ -108,7 +108,7 @@ class World:
         self.ear: Any = None  # an Ear, or a FarEar over DDS
         self.cloud: Ear | None = None
         self.namespaces = Namespaces() if plan.link == "ros" else None
-        self.wire: Wire | None = None
+        self.wire: EmulatedWire | None = None
         self.ports: dict[str, int] = {}
         self.certificates: CertificatePaths | None = None
 
@@ -140,7 +140,7 @@ class World:
                 for name, port in self.ports.items()
                 for protocol in ("udp", "tcp")
             )
-            self.wire = Wire(WireConfig(forwards, realtime=True))
+            self.wire = EmulatedWire(WireConfig(forwards, realtime=True))
             self.wire.start()
         if self.namespaces is not None:
             self.ear = FarEar(self.processes, self.domain["robot"], self.namespace("robot"), COMMAND)

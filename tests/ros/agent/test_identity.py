@@ -11,7 +11,7 @@ from robot_offload_agent.link.zenoh_config import ZenohSettings, key, session_co
 from robot_offload_agent.process.clock import now_s
 from robot_offload_core import beats
 from robot_offload_core.token import Site
-from robot_offload_lab.wire.emulated import Forward, Wire, WireConfig
+from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig
 from tests.ros.agent.harness import PATIENCE_S, World
 from tests.ros.agent.namespaces import OtherHost
 from tests.ros.agent.passage import longest_gap_s
@@ -49,7 +49,7 @@ def test_a_second_robot_on_the_same_host_is_refused_at_its_start_and_only_one_si
 def way_in(world: World, host: str) -> Iterator[dict[str, list[str]]]:
     """Makes the cloud reachable at an address of the test's host; gives the endpoints as parameters."""
     forwards = tuple(Forward(name, "udp", f"{host}:0", f"127.0.0.1:{port}") for name, port in world.ports.items())
-    wire = Wire(WireConfig(forwards, realtime=True))
+    wire = EmulatedWire(WireConfig(forwards, realtime=True))
     wire.start()
     try:
         yield {f"link__{name}_endpoints": [f"quic/{host}:{wire.port(name)}"] for name in world.ports}

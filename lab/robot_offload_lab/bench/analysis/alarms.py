@@ -10,8 +10,8 @@ from typing import Final
 
 from robot_offload_lab.bench.analysis.share import MUST_SHARE, cloud_share
 from robot_offload_lab.bench.observed import BeatHeard, Observation, only
-from robot_offload_lab.bench.resource import Case
-from robot_offload_lab.bench.results import Figure, Outcome, Priority, Sample, part, parts
+from robot_offload_lab.bench.resource import BenchCase
+from robot_offload_lab.bench.results import Figure, GroupResult, Priority, Sample, part, parts
 from robot_offload_lab.judge.measures import Interval
 from robot_offload_lab.judge.recording import PlacementChange
 
@@ -23,7 +23,7 @@ REPORTED_MINUTES: Final = 30.0
 
 
 @dataclass(frozen=True)
-class Watch:
+class QuietStretch:
     """One stretch of observation, from start_s to end_s, by the witness on the robot."""
 
     start_s: float
@@ -45,7 +45,7 @@ class Leave:
     sudden: bool
 
 
-def leaves(watch: Watch) -> tuple[Leave, ...]:
+def leaves(watch: QuietStretch) -> tuple[Leave, ...]:
     """Every time that the side in charge changed from cloud to robot."""
     placements = only(PlacementChange, watch.robot)
     return tuple(
@@ -55,13 +55,13 @@ def leaves(watch: Watch) -> tuple[Leave, ...]:
     )
 
 
-def beat_gaps_ms(watch: Watch) -> tuple[float, ...]:
+def beat_gaps_ms(watch: QuietStretch) -> tuple[float, ...]:
     """The distances of the cloud's beats as they reached the robot."""
     times = [heard.t_s for heard in only(BeatHeard, watch.robot) if watch.start_s <= heard.t_s <= watch.end_s]
     return tuple((after - before) * 1e3 for before, after in itertools.pairwise(times))
 
 
-def outcome(case: Case, priority: Priority, watches: Sequence[Watch]) -> Outcome:
+def outcome(case: BenchCase, priority: Priority, watches: Sequence[QuietStretch]) -> GroupResult:
     """The figures of all stretches together."""
     found = [leaves(watch) for watch in watches]
     sudden = [leave for stretch in found for leave in stretch if leave.sudden]
@@ -70,7 +70,7 @@ def outcome(case: Case, priority: Priority, watches: Sequence[Watch]) -> Outcome
     weighed = [share * w.length_s for share, w in zip(shares, watches, strict=True) if share is not None]
     total_s = sum(watch.length_s for watch in watches)
     moved = sum(not leave.sudden for stretch in found for leave in stretch)
-    return Outcome(
+    return GroupResult(
         group=GROUP,
         priority=priority,
         figures=(
@@ -99,7 +99,7 @@ def _note(sudden: Sequence[Leave], moved: int, minutes: float) -> str:
     return "; ".join(words)
 
 
-def _all_gaps(watches: Sequence[Watch]) -> Iterator[float]:
+def _all_gaps(watches: Sequence[QuietStretch]) -> Iterator[float]:
     for watch in watches:
         yield from beat_gaps_ms(watch)
 

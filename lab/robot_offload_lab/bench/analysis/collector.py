@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from robot_offload_lab.bench.analysis.latency import text
-from robot_offload_lab.bench.results import Figure, Outcome, Part, Priority, Sample, at_or_none, part, parts
+from robot_offload_lab.bench.results import Distribution, Figure, GroupResult, Priority, Sample, at_or_none, part, parts
 
 GROUP: Final = "collector"
 SHARES: Final = {"p50": 0.5, "p99": 0.99}
@@ -55,9 +55,9 @@ class Passed:
     direct: tuple[float, ...]
 
 
-def outcome(priority: Priority, found: Sequence[Passed]) -> Outcome:
+def outcome(priority: Priority, found: Sequence[Passed]) -> GroupResult:
     """The figures of all loads."""
-    return Outcome(
+    return GroupResult(
         group=GROUP,
         priority=priority,
         figures=tuple(figure for passed in found for figure in _figures(passed)),
@@ -84,7 +84,7 @@ def _figures(passed: Passed) -> Iterator[Figure]:
     )  # fmt: skip
 
 
-def _parts(found: Sequence[Passed]) -> Iterator[Part | None]:
+def _parts(found: Sequence[Passed]) -> Iterator[Distribution | None]:
     for passed in found:
         title = f"{passed.load.title}, {passed.load.transports}"
         yield part(f"{title}: through the collector", "ms", passed.collected)

@@ -21,8 +21,8 @@ from dataclasses import asdict, dataclass
 from typing import Final
 
 from robot_offload_lab.bench.observed import Answered, Observation, Transition, only
-from robot_offload_lab.bench.resource import COMMAND, Case
-from robot_offload_lab.bench.results import Figure, Outcome, Part, Priority, at_or_none, part, parts
+from robot_offload_lab.bench.resource import COMMAND, BenchCase
+from robot_offload_lab.bench.results import Distribution, Figure, GroupResult, Priority, at_or_none, part, parts
 from robot_offload_lab.judge.recording import Arrival, Recording
 from robot_offload_lab.judge.streams import Stream, examine
 
@@ -33,7 +33,7 @@ AIM_SWITCHES: Final = 1000
 
 
 @dataclass(frozen=True)
-class Switch:
+class CommandedSwitch:
     """One switch; times in milliseconds, None where the moment was not seen."""
 
     number: int
@@ -44,7 +44,9 @@ class Switch:
     gap_ms: float | None
 
 
-def switches(recording: Recording, robot: Sequence[Observation], cloud: Sequence[Observation]) -> tuple[Switch, ...]:
+def switches(
+    recording: Recording, robot: Sequence[Observation], cloud: Sequence[Observation]
+) -> tuple[CommandedSwitch, ...]:
     """Every switch of a run."""
     arrivals = recording.outputs.get(COMMAND, ())
     transitions = {"robot": only(Transition, robot), "cloud": only(Transition, cloud)}
@@ -54,7 +56,7 @@ def switches(recording: Recording, robot: Sequence[Observation], cloud: Sequence
 
 def _switches(
     asked: Sequence[Answered], arrivals: Sequence[Arrival], transitions: Mapping[str, Sequence[Transition]]
-) -> Iterator[Switch]:
+) -> Iterator[CommandedSwitch]:
     times = [arrival.t_s for arrival in arrivals]
     active = {site: [e.t_s for e in events if e.state == "active"] for site, events in transitions.items()}
     for number, answer in enumerate(asked, start=1):
@@ -67,7 +69,7 @@ def _switches(
         # The event may be heard a moment after the message: they travel by different topics.
         known = active_s < times[first]
         around = times[max(0, begin - 1) : first + 1]
-        yield Switch(
+        yield CommandedSwitch(
             number=number,
             to=answer.site,
             answer_ms=(answer.t_s - answer.asked_s) * 1e3,
@@ -84,8 +86,12 @@ def stream(recording: Recording) -> Stream:
 
 
 def outcome(
-    case: Case, priority: Priority, recording: Recording, robot: Sequence[Observation], cloud: Sequence[Observation]
-) -> Outcome:
+    case: BenchCase,
+    priority: Priority,
+    recording: Recording,
+    robot: Sequence[Observation],
+    cloud: Sequence[Observation],
+) -> GroupResult:
     """The figures of a run of commanded switches."""
     found = switches(recording, robot, cloud)
     seen = stream(recording)
@@ -94,7 +100,7 @@ def outcome(
         "lost": seen.lost,
     }  # fmt: skip
     slower_ms = max(recording.run.robot_period_ms, recording.run.cloud_period_ms)
-    return Outcome(
+    return GroupResult(
         group=GROUP,
         priority=priority,
         figures=(
@@ -120,7 +126,7 @@ def _faults_note(faults: Mapping[str, int], messages: int, count: int) -> str:
     return f"{words} of {messages} messages{few}"
 
 
-def _parts(found: Sequence[Switch]) -> Iterator[Part | None]:
+def _parts(found: Sequence[CommandedSwitch]) -> Iterator[Distribution | None]:
     for to in ("robot", "cloud"):
         there = [switch for switch in found if switch.to == to]
         yield part(f"to the {to}: asked until answered", "ms", (s.answer_ms for s in there))

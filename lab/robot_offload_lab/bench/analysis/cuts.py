@@ -27,8 +27,8 @@ from robot_offload_lab.bench.analysis import lease
 from robot_offload_lab.bench.analysis.commanded import stream
 from robot_offload_lab.bench.analysis.share import MUST_SHARE, cloud_share
 from robot_offload_lab.bench.observed import BeatHeard, Observation, Transition, only
-from robot_offload_lab.bench.resource import COMMAND, Case
-from robot_offload_lab.bench.results import Figure, Outcome, Part, Priority, at_or_none, part, parts
+from robot_offload_lab.bench.resource import COMMAND, BenchCase
+from robot_offload_lab.bench.results import Distribution, Figure, GroupResult, Priority, at_or_none, part, parts
 from robot_offload_lab.judge.measures import Interval
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Recording
 
@@ -76,7 +76,7 @@ class Fall:
 
 
 @dataclass(frozen=True)
-class Account:
+class CutAccount:
     """What is needed to judge cuts.
 
     Attributes:
@@ -96,7 +96,7 @@ class Account:
     lease_s: float
 
 
-def falls(account: Account) -> tuple[Fall, ...]:
+def falls(account: CutAccount) -> tuple[Fall, ...]:
     """What came of each cut."""
     placements = only(PlacementChange, account.robot)
     active = [event.t_s for event in only(Transition, account.robot) if event.state == "active"]
@@ -161,7 +161,7 @@ def _ms(from_s: float | None, to_s: float | None) -> float | None:
     return None if from_s is None or to_s is None else (to_s - from_s) * 1e3
 
 
-def good_intervals(account: Account) -> tuple[Interval, ...]:
+def good_intervals(account: CutAccount) -> tuple[Interval, ...]:
     """When the link was not cut, from the first cut's own beginning of good time on."""
     begin_s = account.recording.run.start_s
     found = []
@@ -171,10 +171,10 @@ def good_intervals(account: Account) -> tuple[Interval, ...]:
     return (*found, Interval(begin_s, account.recording.end_s))
 
 
-def outcome(case: Case, priority: Priority, account: Account) -> Outcome:
+def outcome(case: BenchCase, priority: Priority, account: CutAccount) -> GroupResult:
     """The figures of a run of cuts."""
     found = falls(account)
-    return Outcome(
+    return GroupResult(
         group=GROUP,
         priority=priority,
         figures=(*_gaps(case, account, found), *_heals(case, found), *_safety(case, account, found)),
@@ -183,7 +183,7 @@ def outcome(case: Case, priority: Priority, account: Account) -> Outcome:
     )
 
 
-def _gaps(case: Case, account: Account, found: Sequence[Fall]) -> Iterator[Figure]:
+def _gaps(case: BenchCase, account: CutAccount, found: Sequence[Fall]) -> Iterator[Figure]:
     run = account.recording.run
     limit_ms = run.loss_timeout_ms + run.robot_period_ms
     for direction, words in DIRECTIONS.items():
@@ -199,7 +199,7 @@ def _gaps(case: Case, account: Account, found: Sequence[Fall]) -> Iterator[Figur
             )  # fmt: skip
 
 
-def _heals(case: Case, found: Sequence[Fall]) -> Iterator[Figure]:
+def _heals(case: BenchCase, found: Sequence[Fall]) -> Iterator[Figure]:
     for length_s in sorted({fall.length_s for fall in found}):
         there = [fall for fall in found if fall.length_s == length_s]
         heals = [fall.first_good_beat_ms for fall in there if fall.first_good_beat_ms is not None]
@@ -212,7 +212,7 @@ def _heals(case: Case, found: Sequence[Fall]) -> Iterator[Figure]:
         )  # fmt: skip
 
 
-def _safety(case: Case, account: Account, found: Sequence[Fall]) -> Iterator[Figure]:
+def _safety(case: BenchCase, account: CutAccount, found: Sequence[Fall]) -> Iterator[Figure]:
     run, count = account.recording.run, len(found)
     seen = stream(account.recording)
     yield Figure(
@@ -237,7 +237,7 @@ def _safety(case: Case, account: Account, found: Sequence[Fall]) -> Iterator[Fig
     )  # fmt: skip
 
 
-def _parts(found: Sequence[Fall]) -> Iterator[Part | None]:
+def _parts(found: Sequence[Fall]) -> Iterator[Distribution | None]:
     for direction, words in DIRECTIONS.items():
         there = [fall for fall in found if fall.direction == direction]
         yield part(f"{words}: noticed (cut until decision)", "ms", (f.noticed_ms for f in there))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from robot_offload_lab.bench.analysis.cuts import Cut, Fall
-from robot_offload_lab.bench.results import Figure, Outcome, Part, Priority, Sample, at_or_none, part, parts
+from robot_offload_lab.bench.results import Distribution, Figure, GroupResult, Priority, Sample, at_or_none, part, parts
 from robot_offload_lab.bench.rivals import LIVELINESS, RIVALS, Rival, Told
 from robot_offload_lab.judge.measures import Interval
 
@@ -53,7 +53,7 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class Account:
+class DetectionAccount:
     """A case with all its detectors; quiet is the time that was watched for false alarms."""
 
     variant: Variant
@@ -96,7 +96,7 @@ def per_hour(count: int, seconds: float) -> str:
     return f"{count / hours:.0f} per hour, in {seconds / 60:.1f} minutes"
 
 
-def outcome(priority: Priority, found: Sequence[Account], refused: str) -> Outcome:
+def outcome(priority: Priority, found: Sequence[DetectionAccount], refused: str) -> GroupResult:
     """The figures of all cases; `refused` says why the rivals did not run, empty when they did."""
     figures = [figure for account in found for figure in _figures(account)]
     if refused:
@@ -106,10 +106,10 @@ def outcome(priority: Priority, found: Sequence[Account], refused: str) -> Outco
             )
             for kind in RIVALS
         ]
-    return Outcome(GROUP, priority, tuple(figures), parts(_parts(found)), tuple(_samples(found)))
+    return GroupResult(GROUP, priority, tuple(figures), parts(_parts(found)), tuple(_samples(found)))
 
 
-def _figures(account: Account) -> Iterator[Figure]:
+def _figures(account: DetectionAccount) -> Iterator[Figure]:
     variant = account.variant
     conditions = f"{variant.title}, {variant.conditions}"
     beside = next((j for j in account.judged if j.detector == LIVELINESS.title), None)
@@ -144,7 +144,7 @@ def _note(values: Sequence[float | None]) -> str:
     return "; ".join(words)
 
 
-def _parts(found: Sequence[Account]) -> Iterator[Part | None]:
+def _parts(found: Sequence[DetectionAccount]) -> Iterator[Distribution | None]:
     for account in found:
         words = f"{account.variant.title}, {account.variant.conditions}"
         for judged in account.judged:
@@ -153,7 +153,7 @@ def _parts(found: Sequence[Account]) -> Iterator[Part | None]:
             yield part(f"{words}: {judged.detector}, gap", "ms", judged.gaps)
 
 
-def _samples(found: Sequence[Account]) -> Iterator[Sample]:
+def _samples(found: Sequence[DetectionAccount]) -> Iterator[Sample]:
     for account in found:
         for judged in account.judged:
             gaps = judged.gaps or (None,) * len(judged.noticed)

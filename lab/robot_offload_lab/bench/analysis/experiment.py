@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from robot_offload_lab.bench.analysis.travel import travel_ms
-from robot_offload_lab.bench.results import Figure, Outcome, Part, Priority, Sample, at_or_none, part, parts
+from robot_offload_lab.bench.results import Distribution, Figure, GroupResult, Priority, Sample, at_or_none, part, parts
 from robot_offload_lab.judge.measures import Interval
 from robot_offload_lab.judge.recording import Arrival
 
@@ -22,7 +22,7 @@ LIMITS: Final = {"p50": (4.0, 2.5), "p99": (12.0, 6.0)}
 
 
 @dataclass(frozen=True)
-class Scenario:
+class ExperimentScenario:
     """Where the ten topics travel.
 
     Attributes:
@@ -57,7 +57,7 @@ class Travelled:
         agent_percent: of one core, by the robot's agent; None without one.
     """
 
-    scenario: Scenario
+    scenario: ExperimentScenario
     latencies_ms: Mapping[str, tuple[float, ...]]
     lost: int
     own_ms: float | None
@@ -89,7 +89,7 @@ def lost(arrivals: Iterable[Arrival], window: Interval) -> int:
     return max(numbers) - min(numbers) + 1 - len(numbers) if numbers else 0
 
 
-def outcome(priority: Priority, found: Sequence[Travelled], refused: Mapping[str, str]) -> Outcome:
+def outcome(priority: Priority, found: Sequence[Travelled], refused: Mapping[str, str]) -> GroupResult:
     """The figures of all scenarios.
 
     Args:
@@ -103,7 +103,7 @@ def outcome(priority: Priority, found: Sequence[Travelled], refused: Mapping[str
         Figure(f"missing_{title}", "Latency", title, None, 0, None, "ms", note=f"not run: {why}")
         for title, why in refused.items()
     ]
-    return Outcome(GROUP, priority, tuple(figures), parts(_parts(found)), tuple(_samples(found)))
+    return GroupResult(GROUP, priority, tuple(figures), parts(_parts(found)), tuple(_samples(found)))
 
 
 def _figures(one: Travelled, beside: Travelled | None) -> Iterator[Figure]:
@@ -146,7 +146,7 @@ def _added(one: Travelled, beside: Travelled | None) -> Iterator[Figure]:
         )  # fmt: skip
 
 
-def _parts(found: Sequence[Travelled]) -> Iterator[Part | None]:
+def _parts(found: Sequence[Travelled]) -> Iterator[Distribution | None]:
     for one in found:
         yield part(one.scenario.title, "ms", one.all_ms)
     for one in found:

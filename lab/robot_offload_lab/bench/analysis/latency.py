@@ -13,8 +13,8 @@ from typing import Final
 
 from robot_offload_lab.bench.analysis.travel import travel_ms
 from robot_offload_lab.bench.observed import Hop, size_of
-from robot_offload_lab.bench.resource import Case
-from robot_offload_lab.bench.results import Figure, Outcome, Part, Priority, Sample, at_or_none, part, parts
+from robot_offload_lab.bench.resource import BenchCase
+from robot_offload_lab.bench.results import Distribution, Figure, GroupResult, Priority, Sample, at_or_none, part, parts
 from robot_offload_lab.judge.recording import Arrival
 
 GROUP: Final = "latency"
@@ -32,7 +32,7 @@ class Journeys:
 
 
 @dataclass(frozen=True)
-class Account:
+class LatencyAccount:
     """Arrivals of commands (from the cloud), of inputs (in the cloud) and of the direct topic, and the link's hops."""
 
     commands: tuple[Arrival, ...]
@@ -49,7 +49,7 @@ def by_size(arrivals: Iterable[Arrival], sizes: Sequence[int]) -> dict[int, tupl
     return {size: tuple(values) for size, values in found.items()}
 
 
-def outcome(case: Case, priority: Priority, account: Account) -> Outcome:
+def outcome(case: BenchCase, priority: Priority, account: LatencyAccount) -> GroupResult:
     """The figures of one run."""
     sizes = case.command_bytes
     commands = [arrival for arrival in account.commands if arrival.site == "cloud"]
@@ -59,7 +59,7 @@ def outcome(case: Case, priority: Priority, account: Account) -> Outcome:
     )
     direct = by_size(account.direct, sizes)
     wire = {size: at_or_none((hop.delay_ms for hop in account.hops if hop.size == size), 0.5) for size in sizes}
-    return Outcome(
+    return GroupResult(
         group=GROUP,
         priority=priority,
         figures=tuple(_figures(case, ways, direct, wire)),
@@ -69,7 +69,7 @@ def outcome(case: Case, priority: Priority, account: Account) -> Outcome:
 
 
 def _figures(
-    case: Case, ways: Sequence[Journeys], direct: dict[int, tuple[float, ...]], wire: dict[int, float | None]
+    case: BenchCase, ways: Sequence[Journeys], direct: dict[int, tuple[float, ...]], wire: dict[int, float | None]
 ) -> Iterator[Figure]:
     for way in ways:
         for size, latencies in way.latencies_ms.items():
@@ -91,7 +91,7 @@ def text(size: int) -> str:
 
 def _parts(
     ways: Sequence[Journeys], direct: dict[int, tuple[float, ...]], hops: Sequence[Hop], sizes: Sequence[int]
-) -> Iterator[Part | None]:
+) -> Iterator[Distribution | None]:
     for size in sizes:
         for way in ways:
             yield part(f"{text(size)}: {way.title}, whole way", "ms", way.latencies_ms[size])

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from robot_offload_lab.bench.results import Figure, Outcome, Part, Priority, Sample, at_or_none, part, parts
+from robot_offload_lab.bench.results import Distribution, Figure, GroupResult, Priority, Sample, at_or_none, part, parts
 
 GROUP: Final = "lifecycle"
 TRANSITIONS: Final = {"activate": "activation", "deactivate": "deactivation"}
@@ -14,7 +14,7 @@ BASELINE: Final = "alone"
 
 
 @dataclass(frozen=True)
-class Case:
+class TransitionCase:
     """One situation in which nodes are activated and deactivated.
 
     Attributes:
@@ -38,13 +38,13 @@ class Rounds:
         unanswered: transitions of which no answer came; each was asked for once.
     """
 
-    case: Case
+    case: TransitionCase
     answers: Mapping[str, Sequence[Sequence[float]]]
     refused: int
     unanswered: int
 
     @classmethod
-    def from_json(cls, case: Case, said: Mapping[str, Any]) -> Rounds:
+    def from_json(cls, case: TransitionCase, said: Mapping[str, Any]) -> Rounds:
         """From what the manager has said."""
         return cls(case, {word: said[word] for word in TRANSITIONS}, said["refused"], said["unanswered"])
 
@@ -65,7 +65,7 @@ class Rounds:
 _FIRST_ANSWER = "asked once each; DDS loses an answer to somebody not discovered yet; the agents ask again"
 
 
-def outcome(priority: Priority, found: Sequence[Rounds], refused: Mapping[str, str]) -> Outcome:
+def outcome(priority: Priority, found: Sequence[Rounds], refused: Mapping[str, str]) -> GroupResult:
     """The figures of all cases.
 
     Args:
@@ -73,7 +73,7 @@ def outcome(priority: Priority, found: Sequence[Rounds], refused: Mapping[str, s
         found: what was measured.
         refused: title of a case -> why it could not run on this machine.
     """
-    return Outcome(
+    return GroupResult(
         group=GROUP,
         priority=priority,
         figures=(*_figures(found), *(_missing(title, why) for title, why in refused.items())),
@@ -117,7 +117,7 @@ def _missing(title: str, why: str) -> Figure:
     return Figure(f"missing_{title}", "Activation and deactivation", title, None, 0, None, "ms", note=f"not run: {why}")
 
 
-def _parts(found: Sequence[Rounds]) -> Iterator[Part | None]:
+def _parts(found: Sequence[Rounds]) -> Iterator[Distribution | None]:
     for rounds in found:
         for transition, word in TRANSITIONS.items():
             yield part(f"{rounds.case.title}: {word} of a node", "ms", rounds.each(transition))

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
-from robot_offload_lab.bench.resource import Case
-from robot_offload_lab.bench.results import Figure, Outcome, Priority
+from robot_offload_lab.bench.resource import BenchCase
+from robot_offload_lab.bench.results import Figure, GroupResult, Priority
 
 GROUP: Final = "resources"
 CPU_MUST: Final = 15.0
@@ -99,12 +99,14 @@ def alone_mb(usages: Sequence[Usage]) -> float:
     return (sum(usage.anonymous_bytes for usage in usages) + sum(files.values())) / MB
 
 
-def outcome(case: Case, priority: Priority, before: Sequence[Usage], after: Sequence[Usage], seconds: float) -> Outcome:
+def outcome(
+    case: BenchCase, priority: Priority, before: Sequence[Usage], after: Sequence[Usage], seconds: float
+) -> GroupResult:
     """The figures of one observation."""
     found = costs(before, after, seconds)
     conditions = f"{load(case)}, {seconds:.0f} s"
     shares = ", ".join(f"{cost.name.removeprefix('ro-robot-')} {cost.cpu_percent:.1f}" for cost in found)
-    return Outcome(
+    return GroupResult(
         group=GROUP,
         priority=priority,
         figures=(
@@ -123,7 +125,7 @@ def outcome(case: Case, priority: Priority, before: Sequence[Usage], after: Sequ
     )  # fmt: skip
 
 
-def load(case: Case) -> str:
+def load(case: BenchCase) -> str:
     """What the agent was busy with."""
     rates = sorted({case.sensor_rate_hz, case.cloud_rate_hz, case.robot_rate_hz})
     shown = " and ".join(f"{rate:g}" for rate in rates)

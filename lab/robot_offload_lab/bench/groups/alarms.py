@@ -6,15 +6,15 @@ import dataclasses
 from typing import Final
 
 from robot_offload_lab.bench.analysis import alarms
-from robot_offload_lab.bench.analysis.alarms import Watch
+from robot_offload_lab.bench.analysis.alarms import QuietStretch
 from robot_offload_lab.bench.plan import Amounts, Order
-from robot_offload_lab.bench.resource import Case, Sensor
-from robot_offload_lab.bench.results import Outcome
-from robot_offload_lab.bench.world import World
+from robot_offload_lab.bench.resource import BenchCase, Sensor
+from robot_offload_lab.bench.results import GroupResult
+from robot_offload_lab.bench.world import MeasuredSystem
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 
-CASE: Final = Case(
+CASE: Final = BenchCase(
     "alarms",
     LinkOptions(delay="40ms", jitter="5ms", loss="3%"),
     tolerance_ms=100,
@@ -33,12 +33,12 @@ def steps(amounts: Amounts) -> float:
     return amounts.stretches * amounts.minutes * 60 / STEP_S
 
 
-def run(order: Order) -> Outcome:
+def run(order: Order) -> GroupResult:
     """Watches, each stretch with fresh agents and other chances of the link."""
     watches = []
     for number in range(order.amounts.stretches):
         setting = dataclasses.replace(order.setting(f"{CASE.name}-{number + 1}"), seed=order.seed + number)
-        with World(CASE, setting) as world:
+        with MeasuredSystem(CASE, setting) as world:
             start_s = steady_s()
             end_s = start_s + order.amounts.minutes * 60
             while steady_s() < end_s:
@@ -46,5 +46,5 @@ def run(order: Order) -> Outcome:
                 order.advance(1)
             end_s = steady_s()
             evidence = world.finish()
-        watches.append(Watch(start_s, end_s, evidence.robot))
+        watches.append(QuietStretch(start_s, end_s, evidence.robot))
     return alarms.outcome(CASE, order.priority, watches)

@@ -16,7 +16,7 @@ from robot_offload.render import ros_names
 from robot_offload_lab.bench.analysis import collector
 from robot_offload_lab.bench.analysis.collector import Load, Passed
 from robot_offload_lab.bench.plan import Amounts, Order
-from robot_offload_lab.bench.results import Outcome
+from robot_offload_lab.bench.results import GroupResult
 from robot_offload_lab.bench.stage import Stage
 from robot_offload_lab.run.certificates import make_certificates
 from robot_offload_lab.run.free import HOST, free_domains, free_ports
@@ -48,7 +48,7 @@ def steps(_amounts: Amounts) -> float:
     return len(LOADS) + len(LARGE_LOADS)
 
 
-def run(order: Order) -> Outcome:
+def run(order: Order) -> GroupResult:
     """All loads with the default transports, then the large ones with those that are made for them."""
     found = _measure(order, "collector", LOADS, {})
     found += _measure(order, "collector-large", LARGE_LOADS, {"FASTDDS_BUILTIN_TRANSPORTS": LARGE})

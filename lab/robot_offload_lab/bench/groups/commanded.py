@@ -7,12 +7,12 @@ from typing import Final
 
 from robot_offload_lab.bench.analysis import commanded
 from robot_offload_lab.bench.plan import Amounts, Order
-from robot_offload_lab.bench.resource import Case
-from robot_offload_lab.bench.results import Outcome
-from robot_offload_lab.bench.world import World
+from robot_offload_lab.bench.resource import BenchCase
+from robot_offload_lab.bench.results import GroupResult
+from robot_offload_lab.bench.world import MeasuredSystem
 from robot_offload_lab.wire.options import LinkOptions
 
-CASE: Final = Case("commanded", LinkOptions(delay="5ms"), tolerance_ms=30)
+CASE: Final = BenchCase("commanded", LinkOptions(delay="5ms"), tolerance_ms=30)
 REST_S: Final = (0.4, 0.8)
 """Between two switches, at random, so that they meet every phase of the timers."""
 
@@ -22,10 +22,10 @@ def steps(amounts: Amounts) -> float:
     return amounts.switches
 
 
-def run(order: Order) -> Outcome:
+def run(order: Order) -> GroupResult:
     """Switches there and back."""
     chance = random.Random(order.seed)
-    with World(CASE, order.setting(CASE.name)) as world:
+    with MeasuredSystem(CASE, order.setting(CASE.name)) as world:
         for _ in range(order.amounts.switches):
             world.rest(chance.uniform(*REST_S))
             world.ask("robot" if world.site == "cloud" else "cloud")

@@ -6,15 +6,15 @@ import random
 from typing import Final
 
 from robot_offload_lab.bench.analysis import cuts
-from robot_offload_lab.bench.analysis.cuts import Account, Cut
+from robot_offload_lab.bench.analysis.cuts import Cut, CutAccount
 from robot_offload_lab.bench.plan import Amounts, Order
-from robot_offload_lab.bench.resource import Case
-from robot_offload_lab.bench.results import Outcome
-from robot_offload_lab.bench.world import Direction, World
+from robot_offload_lab.bench.resource import BenchCase
+from robot_offload_lab.bench.results import GroupResult
+from robot_offload_lab.bench.world import Direction, MeasuredSystem
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 
-CASE: Final = Case("cuts", LinkOptions(delay="5ms"), tolerance_ms=30)
+CASE: Final = BenchCase("cuts", LinkOptions(delay="5ms"), tolerance_ms=30)
 SHORT_S: Final = 2.0
 LONG_S: Final = 10.0
 LONGER_S: Final = (0.0, 0.7)
@@ -42,11 +42,11 @@ def order_of_cuts(amounts: Amounts, chance: random.Random) -> list[tuple[Directi
     return found
 
 
-def run(order: Order) -> Outcome:
+def run(order: Order) -> GroupResult:
     """Cuts the link, mends it, waits until the policy has gone back to the cloud, and stays there for a while."""
     chance = random.Random(order.seed)
     done = []
-    with World(CASE, order.watching(CASE.name)) as world:
+    with MeasuredSystem(CASE, order.watching(CASE.name)) as world:
         world.rest(1.0)
         for number, (direction, length_s) in enumerate(order_of_cuts(order.amounts, chance), start=1):
             world.rest(chance.uniform(*STAY_MORE_S))
@@ -60,7 +60,7 @@ def run(order: Order) -> Outcome:
             order.advance(1)
         evidence = world.finish()
         switching = world.system.spec.switching
-    account = Account(
+    account = CutAccount(
         cuts=tuple(done),
         recording=evidence.recording,
         robot=evidence.robot,

@@ -10,16 +10,16 @@ from dataclasses import dataclass
 from typing import Final
 
 from robot_offload_lab.bench.analysis import alarms, cuts, detect
-from robot_offload_lab.bench.analysis.alarms import Watch
+from robot_offload_lab.bench.analysis.alarms import QuietStretch
 from robot_offload_lab.bench.analysis.cuts import Cut
 from robot_offload_lab.bench.analysis.detect import Judged, Variant
 from robot_offload_lab.bench.groups.alarms import CASE as BAD_CASE
 from robot_offload_lab.bench.plan import Amounts, Order
-from robot_offload_lab.bench.resource import Case, Sensor
-from robot_offload_lab.bench.results import Outcome
+from robot_offload_lab.bench.resource import BenchCase, Sensor
+from robot_offload_lab.bench.results import GroupResult
 from robot_offload_lab.bench.rivals import RIVALS, Told
 from robot_offload_lab.bench.stage import Stage
-from robot_offload_lab.bench.world import World
+from robot_offload_lab.bench.world import MeasuredSystem
 from robot_offload_lab.judge.measures import Interval
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
@@ -36,7 +36,7 @@ WATCHER: Final = "rival-watcher"
 
 
 @dataclass(frozen=True)
-class Run:
+class DetectionRun:
     """One case.
 
     Attributes:
@@ -44,7 +44,7 @@ class Run:
         cut_s: length of the cuts. quiet: whether it is watched without a cut before them.
     """
 
-    case: Case
+    case: BenchCase
     heartbeat_ms: int
     silence_ms: int
     cut_s: float = SHORT_S
@@ -62,9 +62,9 @@ class Run:
         return Variant(self.name, words, self.case.describe())
 
 
-def _run(name: str, heartbeat_ms: int, silence_ms: int, lease_ms: int, standby: str = "Warm") -> Case:
+def _run(name: str, heartbeat_ms: int, silence_ms: int, lease_ms: int, standby: str = "Warm") -> BenchCase:
     settings = {"heartbeatPeriod": heartbeat_ms, "lossTimeout": silence_ms, "lease": lease_ms}
-    return Case(
+    return BenchCase(
         f"{PREFIX}{name}", LinkOptions(delay="5ms"), standby=standby,
         switching=tuple((key, f"{value}ms") for key, value in settings.items()),
     )  # fmt: skip
@@ -74,17 +74,20 @@ BAD: Final = dataclasses.replace(
     BAD_CASE, name=f"{PREFIX}bad", sensors=(Sensor("odom", (64,), 1000),), output=(("deadline", "400ms"),)
 )
 RUNS: Final = (
-    Run(_run("warm", 20, 90, 250), 20, 90, LONG_S, quiet=True),
-    Run(_run("hot", 20, 90, 250, "Hot"), 20, 90),
-    Run(_run("slow", 50, 225, 400), 50, 225),
-    Run(BAD, 20, 90, quiet=True),
+    DetectionRun(_run("warm", 20, 90, 250), 20, 90, LONG_S, quiet=True),
+    DetectionRun(_run("hot", 20, 90, 250, "Hot"), 20, 90),
+    DetectionRun(_run("slow", 50, 225, 400), 50, 225),
+    DetectionRun(BAD, 20, 90, quiet=True),
 )
-MORE: Final = (Run(_run("fast", 10, 45, 250), 10, 45, quiet=True), Run(_run("fast-hot", 10, 45, 250, "Hot"), 10, 45))
+MORE: Final = (
+    DetectionRun(_run("fast", 10, 45, 250), 10, 45, quiet=True),
+    DetectionRun(_run("fast-hot", 10, 45, 250, "Hot"), 10, 45),
+)
 """Only in the long form."""
 CASES: Final = tuple(one.name for one in (*RUNS, *MORE))
 
 
-def runs(amounts: Amounts) -> tuple[Run, ...]:
+def runs(amounts: Amounts) -> tuple[DetectionRun, ...]:
     """The cases of a form."""
     return RUNS if amounts.form == "short" else (*RUNS, *MORE)
 
@@ -94,7 +97,7 @@ def steps(amounts: Amounts) -> float:
     return len(runs(amounts)) * (amounts.detections + 1)
 
 
-def run(order: Order) -> Outcome:
+def run(order: Order) -> GroupResult:
     """One case after the other, each with its rivals where this machine can run them."""
     refused = TwoHosts.refusal()
     known = (*RUNS, *MORE) if order.cases else runs(order.amounts)
@@ -106,7 +109,7 @@ def run(order: Order) -> Outcome:
 class _Rivals:
     """The rivals of a run, over a link of their own."""
 
-    def __init__(self, stack: ExitStack, order: Order, one: Run, limit_s: float) -> None:
+    def __init__(self, stack: ExitStack, order: Order, one: DetectionRun, limit_s: float) -> None:
         self.cuts: list[Cut] = []
         self._one = one
         self._hosts = stack.enter_context(TwoHosts(one.case.link, order.seed))
@@ -143,12 +146,12 @@ class _Rivals:
         return [detect.rival(kind, self.told, self.cuts, quiet) for kind in RIVALS]
 
 
-def _measure(order: Order, one: Run, *, rivals: bool) -> detect.Account:
+def _measure(order: Order, one: DetectionRun, *, rivals: bool) -> detect.DetectionAccount:
     chance = random.Random(order.seed)
     with ExitStack() as stack:
         limit_s = (one.case.robot_period_ms + one.case.tolerance_ms - 1e3 / one.case.cloud_rate_hz) / 1e3
         beside = _Rivals(stack, order, one, limit_s) if rivals else None
-        world = stack.enter_context(World(one.case, order.setting(one.case.name)))
+        world = stack.enter_context(MeasuredSystem(one.case, order.setting(one.case.name)))
         if beside is not None:
             beside.until_back()
         quiet = _quiet(world, order.amounts.quiet_s) if one.quiet else None
@@ -157,7 +160,7 @@ def _measure(order: Order, one: Run, *, rivals: bool) -> detect.Account:
         evidence = world.finish()
         judged = beside.judged(quiet) if beside is not None else []
         switching = world.system.spec.switching
-    account = cuts.Account(
+    account = cuts.CutAccount(
         cuts=tuple(done),
         recording=evidence.recording,
         robot=evidence.robot,
@@ -167,18 +170,23 @@ def _measure(order: Order, one: Run, *, rivals: bool) -> detect.Account:
     )
     sudden = None
     if quiet is not None:
-        sudden = sum(leave.sudden for leave in alarms.leaves(Watch(quiet.start_s, quiet.end_s, evidence.robot)))
-    return detect.Account(one.variant, quiet, (detect.ours(cuts.falls(account), sudden), *judged))
+        sudden = sum(leave.sudden for leave in alarms.leaves(QuietStretch(quiet.start_s, quiet.end_s, evidence.robot)))
+    return detect.DetectionAccount(one.variant, quiet, (detect.ours(cuts.falls(account), sudden), *judged))
 
 
-def _quiet(world: World, seconds: float) -> Interval:
+def _quiet(world: MeasuredSystem, seconds: float) -> Interval:
     start_s = steady_s()
     world.rest(seconds)
     return Interval(start_s, steady_s())
 
 
 def _cut(
-    world: World, beside: _Rivals | None, one: Run, number: int, chance: random.Random, advance: Callable[[float], None]
+    world: MeasuredSystem,
+    beside: _Rivals | None,
+    one: DetectionRun,
+    number: int,
+    chance: random.Random,
+    advance: Callable[[float], None],
 ) -> Cut:
     """Both links at the same moment; each with its own time stamp."""
     world.rest(chance.uniform(*REST_S))

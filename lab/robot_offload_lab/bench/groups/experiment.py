@@ -12,15 +12,15 @@ from typing import Final
 from robot_offload.errors import RobotOffloadError
 from robot_offload_lab.bench import kinds, observed, processor
 from robot_offload_lab.bench.analysis import experiment
-from robot_offload_lab.bench.analysis.experiment import Scenario, Travelled
+from robot_offload_lab.bench.analysis.experiment import ExperimentScenario, Travelled
 from robot_offload_lab.bench.analysis.share import stays
 from robot_offload_lab.bench.kinds import KINDS, RATE_HZ
 from robot_offload_lab.bench.observed import Hop, only
 from robot_offload_lab.bench.plan import Amounts, Order
-from robot_offload_lab.bench.resource import Case
-from robot_offload_lab.bench.results import Outcome, at_or_none
+from robot_offload_lab.bench.resource import BenchCase
+from robot_offload_lab.bench.results import GroupResult, at_or_none
 from robot_offload_lab.bench.stage import Stage
-from robot_offload_lab.bench.world import World
+from robot_offload_lab.bench.world import MeasuredSystem
 from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.measures import Interval
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, RunInfo
@@ -34,20 +34,20 @@ from robot_offload_lab.wire.two_hosts import CLOUD_ADDRESS, TwoHosts
 DELAY_MS: Final = 10.0
 LINK: Final = LinkOptions(delay=f"{DELAY_MS:g}ms")
 CLEAR: Final = LinkOptions()
-ONE_HOST: Final = Scenario("one_host", "direct DDS, one host", "one host", False, thesis="60 % under 1 ms")
-RETURNED: Final = Scenario("one_host_echo", "direct DDS there and back, one host", "one host", True)
-BRIDGE: Final = Scenario(
+ONE_HOST: Final = ExperimentScenario("one_host", "direct DDS, one host", "one host", False, thesis="60 % under 1 ms")
+RETURNED: Final = ExperimentScenario("one_host_echo", "direct DDS there and back, one host", "one host", True)
+BRIDGE: Final = ExperimentScenario(
     "bridge", "one host, two domains, through the bridge (Zenoh)", "no delay", True, RETURNED.name,
     thesis="a DDS Router adds less than 1 ms",
 )  # fmt: skip
-TWO_HOSTS: Final = Scenario(
+TWO_HOSTS: Final = ExperimentScenario(
     "two_hosts", "direct DDS between two hosts", f"{DELAY_MS:g}ms each way", True, RETURNED.name, thesis="LAN 8-9 ms"
 )
-ZENOH: Final = Scenario(
+ZENOH: Final = ExperimentScenario(
     "zenoh", "robot to cloud, Zenoh", f"{DELAY_MS:g}ms each way", True, TWO_HOSTS.name, True,
     thesis="two DDS Routers 100-500 ms",
 )  # fmt: skip
-TOPICS: Final = Scenario(
+TOPICS: Final = ExperimentScenario(
     "topics", "robot to cloud, topics (StaticPeers)", f"{DELAY_MS:g}ms each way", True, TWO_HOSTS.name
 )
 PODS: Final = "cloud pods, and every transport of a real cluster"
@@ -65,7 +65,7 @@ def steps(_amounts: Amounts) -> float:
     return len(RUNS)
 
 
-def run(order: Order) -> Outcome:
+def run(order: Order) -> GroupResult:
     """All scenarios, one after the other."""
     found: list[Travelled] = []
     refused = {}
@@ -95,10 +95,10 @@ def _topics(order: Order) -> list[Travelled]:
 # -- with both agents -------------------------------------------------------------------------------------------------
 
 
-def _through(order: Order, scenario: Scenario, transport: str, link: LinkOptions) -> Travelled:
+def _through(order: Order, scenario: ExperimentScenario, transport: str, link: LinkOptions) -> Travelled:
     resource = kinds.offload(transport, 2 * DELAY_MS)
     setting = dataclasses.replace(order.setting(f"experiment-{scenario.name}"), offload=resource, hops=True)
-    with World(Case(scenario.name, link), setting) as world:
+    with MeasuredSystem(BenchCase(scenario.name, link), setting) as world:
         world.rest(SETTLE_S)
         pids, agent = marked.find(world.system.run), world.robot_agent()
         before, agent_before = processor.read(pids), processor.read(agent)
@@ -198,7 +198,7 @@ def _window(order: Order, rest: Callable[[float], None]) -> Interval:
 
 
 def _travelled(
-    scenario: Scenario,
+    scenario: ExperimentScenario,
     outputs: Mapping[str, Sequence[Arrival]],
     window: Interval,
     within: Sequence[Interval],
@@ -222,7 +222,7 @@ def _travelled(
     )
 
 
-RUNS: Final[dict[str, tuple[Scenario, Callable[[Order], list[Travelled]]]]] = {
+RUNS: Final[dict[str, tuple[ExperimentScenario, Callable[[Order], list[Travelled]]]]] = {
     "one-host": (ONE_HOST, _one_host),
     "bridge": (BRIDGE, _bridge),
     "two-hosts": (TWO_HOSTS, _two_hosts),

@@ -5,16 +5,16 @@ from __future__ import annotations
 from typing import Final
 
 from robot_offload_lab.bench.analysis import latency
-from robot_offload_lab.bench.analysis.latency import Account
+from robot_offload_lab.bench.analysis.latency import LatencyAccount
 from robot_offload_lab.bench.observed import Hop, only
 from robot_offload_lab.bench.plan import Amounts, Order
-from robot_offload_lab.bench.resource import COMMAND, Case, Sensor
-from robot_offload_lab.bench.results import Outcome
-from robot_offload_lab.bench.world import DIRECT_TOPIC, World
+from robot_offload_lab.bench.resource import COMMAND, BenchCase, Sensor
+from robot_offload_lab.bench.results import GroupResult
+from robot_offload_lab.bench.world import DIRECT_TOPIC, MeasuredSystem
 from robot_offload_lab.wire.options import LinkOptions
 
 SIZES: Final = (64, 1024, 16384)
-CASE: Final = Case(
+CASE: Final = BenchCase(
     "latency",
     LinkOptions(delay="10ms"),
     tolerance_ms=30,
@@ -29,15 +29,15 @@ def steps(amounts: Amounts) -> float:
     return amounts.latency_s / STEP_S
 
 
-def run(order: Order) -> Outcome:
+def run(order: Order) -> GroupResult:
     """Lets messages of all sizes travel."""
-    with World(CASE, order.timing(CASE.name)) as world:
+    with MeasuredSystem(CASE, order.timing(CASE.name)) as world:
         for _ in range(round(order.amounts.latency_s / STEP_S)):
             world.rest(STEP_S)
             order.advance(1)
         evidence = world.finish()
     assert evidence.inputs is not None
-    account = Account(
+    account = LatencyAccount(
         commands=evidence.recording.outputs.get(COMMAND, ()),
         inputs=evidence.inputs.outputs.get(CASE.sensors[0].topic, ()),
         direct=evidence.recording.outputs.get(DIRECT_TOPIC, ()),

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from robot_offload_lab.bench.analysis import lifecycle
-from robot_offload_lab.bench.analysis.lifecycle import BASELINE, Case, Rounds
+from robot_offload_lab.bench.analysis.lifecycle import BASELINE, Rounds, TransitionCase
 from robot_offload_lab.bench.plan import Amounts, Order
-from robot_offload_lab.bench.results import Outcome
+from robot_offload_lab.bench.results import GroupResult
 from robot_offload_lab.bench.stage import Stage
 from robot_offload_lab.wire.options import LinkOptions
 from robot_offload_lab.wire.two_hosts import TwoHosts
@@ -22,11 +22,13 @@ LIGHT: Final = "light"
 OTHERS: Final = tuple(f"other_{number}" for number in range(20))
 OTHER_PROCESSES: Final = 2
 TEN: Final = tuple(f"ten_{number}" for number in range(10))
-ALONE: Final = Case(BASELINE, "one node alone", "1-12 ms")
-HEAVY: Final = Case("heavy", f"a heavy node, {WORK_MS:g} ms of work in its callbacks", "up to 60 ms (deactivation)")
-AMONG: Final = Case("among", "one node among 20 active others", "1-12 ms")
-TOGETHER: Final = Case("together", "10 nodes at once, each a process")
-ACROSS: Final = Case("across", "manager and node on two hosts, 10ms each way", "1-12 ms (LAN)")
+ALONE: Final = TransitionCase(BASELINE, "one node alone", "1-12 ms")
+HEAVY: Final = TransitionCase(
+    "heavy", f"a heavy node, {WORK_MS:g} ms of work in its callbacks", "up to 60 ms (deactivation)"
+)
+AMONG: Final = TransitionCase("among", "one node among 20 active others", "1-12 ms")
+TOGETHER: Final = TransitionCase("together", "10 nodes at once, each a process")
+ACROSS: Final = TransitionCase("across", "manager and node on two hosts, 10ms each way", "1-12 ms (LAN)")
 CASES: Final = (ALONE, HEAVY, AMONG, TOGETHER, ACROSS)
 WORKER: Final = "robot_offload_lab.bench.parts.worker"
 
@@ -36,7 +38,7 @@ def steps(_amounts: Amounts) -> float:
     return len(CASES)
 
 
-def run(order: Order) -> Outcome:
+def run(order: Order) -> GroupResult:
     """Measures the cases on this host one after the other, then the one on two hosts."""
     found = []
     with _stage(order, "lifecycle") as stage:
@@ -84,7 +86,7 @@ def _started(stage: Stage, groups: Sequence[Sequence[str]], *options: object) ->
     return names
 
 
-def _measure(stage: Stage, order: Order, case: Case, names: Sequence[str]) -> Rounds:
+def _measure(stage: Stage, order: Order, case: TransitionCase, names: Sequence[str]) -> Rounds:
     stage.rest(1.0)  # discovery among all of them comes to rest
     what = f"the rounds of {case.title!r} end"
     said = stage.ask(MANAGER, {"nodes": names, "rounds": order.amounts.rounds, "rest_ms": REST_MS}, what, 600.0)

@@ -10,13 +10,13 @@ from typing import Final
 from robot_offload_lab.bench.analysis import resources
 from robot_offload_lab.bench.analysis.resources import Usage
 from robot_offload_lab.bench.plan import Amounts, Order
-from robot_offload_lab.bench.resource import Case, Sensor
-from robot_offload_lab.bench.results import Outcome
-from robot_offload_lab.bench.world import World
+from robot_offload_lab.bench.resource import BenchCase, Sensor
+from robot_offload_lab.bench.results import GroupResult
+from robot_offload_lab.bench.world import MeasuredSystem
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 
-CASE: Final = Case(
+CASE: Final = BenchCase(
     "resources",
     LinkOptions(delay="5ms"),
     tolerance_ms=60,
@@ -33,9 +33,9 @@ def steps(amounts: Amounts) -> float:
     return amounts.resources_s / STEP_S
 
 
-def run(order: Order) -> Outcome:
+def run(order: Order) -> GroupResult:
     """Reads /proc before and after."""
-    with World(CASE, order.setting(CASE.name)) as world:
+    with MeasuredSystem(CASE, order.setting(CASE.name)) as world:
         world.rest(SETTLE_S)
         pids = world.robot_agent()
         before, start_s = usages(pids), steady_s()

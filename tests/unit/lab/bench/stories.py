@@ -9,7 +9,7 @@ from robot_offload_core.beats import Beat, CloudReport, Echo, Permission
 from robot_offload_core.token import Site as Side
 from robot_offload_lab.bench.observed import Answered, BeatHeard, Transition
 from robot_offload_lab.bench.resource import COMMAND
-from robot_offload_lab.judge.recording import Arrival, Outcome, PlacementChange, Recording, RunInfo, Site, assemble
+from robot_offload_lab.judge.recording import Arrival, Ending, PlacementChange, Recording, RunInfo, Site, assemble
 
 ROBOT, CLOUD, OTHER = "a" * 32, "b" * 32, "c" * 32
 START_S = 100.0
@@ -24,7 +24,7 @@ def arrivals(site: Site, first: int, times_s: Iterable[float], age_s: float = 0.
 
 def recording(*found: Iterable[Arrival], end_s: float = 200.0) -> Recording:
     run = RunInfo("offload", 1, START_S, 150.0, 90.0, 250.0, 50.0, 20.0, 60.0)
-    return assemble([run, *(arrival for some in found for arrival in some), Outcome(end_s)])
+    return assemble([run, *(arrival for some in found for arrival in some), Ending(end_s)])
 
 
 def every(from_s: float, to_s: float, period_s: float) -> list[float]:

@@ -1,15 +1,15 @@
 import pytest
 
 from robot_offload_lab.bench.analysis import alarms
-from robot_offload_lab.bench.analysis.alarms import Watch
+from robot_offload_lab.bench.analysis.alarms import QuietStretch
 from robot_offload_lab.bench.analysis.share import cloud_share, stays
 from robot_offload_lab.bench.groups.alarms import CASE
 from robot_offload_lab.judge.measures import Interval
 from tests.unit.lab.bench.stories import cloud_beat, placed
 
 
-def watch(*seen: object, start_s: float = 100.0, end_s: float = 160.0) -> Watch:
-    return Watch(start_s, end_s, tuple(seen))  # type: ignore[arg-type]
+def watch(*seen: object, start_s: float = 100.0, end_s: float = 160.0) -> QuietStretch:
+    return QuietStretch(start_s, end_s, tuple(seen))  # type: ignore[arg-type]
 
 
 def test_a_sudden_takeover_is_an_alarm_and_a_decision_of_the_latency_rule_is_none():

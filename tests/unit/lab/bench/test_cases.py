@@ -2,13 +2,13 @@ import pytest
 
 from robot_offload_core.settings import Settings
 from robot_offload_lab.bench.groups import alarms, commanded, cuts, latency, resources
-from robot_offload_lab.bench.resource import Case, offload
+from robot_offload_lab.bench.resource import BenchCase, offload
 
 CASES = (alarms.CASE, commanded.CASE, cuts.CASE, latency.CASE, resources.CASE)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_every_case_is_a_resource_whose_settings_work_together(case: Case):
+def test_every_case_is_a_resource_whose_settings_work_together(case: BenchCase):
     switching = offload(case).spec.switching
     Settings(
         loss_timeout_s=switching.loss_timeout_ms / 1e3,
@@ -21,7 +21,7 @@ def test_every_case_is_a_resource_whose_settings_work_together(case: Case):
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_the_tolerance_allows_the_link_of_every_case(case: Case):
+def test_the_tolerance_allows_the_link_of_every_case(case: BenchCase):
     up, down = case.link.schedule().at(0.0)
     four_sigma_ms = 4 * (up.jitter_ms**2 + down.jitter_ms**2) ** 0.5
     assert up.delay_ms + down.delay_ms + four_sigma_ms <= offload(case).spec.switching.latency.allowed_loop_ms

@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 
 from robot_offload.cli.main import app
 from robot_offload_lab.bench import page
-from robot_offload_lab.bench.session import Session
+from robot_offload_lab.bench.session import BenchSession
 from robot_offload_lab.bench.store import Store
 from tests.unit.lab.bench.test_results import kept
 
@@ -87,5 +87,5 @@ def test_without_matplotlib_there_are_tables_and_a_word_about_the_pictures(tmp_p
 
 def test_the_page_can_be_written_again_without_measuring(tmp_path: Path):
     Store(tmp_path / "out").put(kept("commanded", 51.0))
-    Session(Console(file=io.StringIO(), width=200), Store(tmp_path / "out"), tmp_path / "docs").show()
+    BenchSession(Console(file=io.StringIO(), width=200), Store(tmp_path / "out"), tmp_path / "docs").show()
     assert "51.0 ms" in (tmp_path / "docs" / page.PAGE).read_text()

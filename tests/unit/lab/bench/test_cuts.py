@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from robot_offload_lab.bench.analysis import cuts
-from robot_offload_lab.bench.analysis.cuts import Account, Cut
+from robot_offload_lab.bench.analysis.cuts import Cut, CutAccount
 from robot_offload_lab.bench.groups.cuts import CASE, order_of_cuts
 from robot_offload_lab.bench.plan import QUICK
 from tests.unit.lab.bench.stories import START_S, active, arrivals, cloud_beat, every, placed, recording
@@ -13,7 +13,7 @@ from tests.unit.lab.bench.stories import START_S, active, arrivals, cloud_beat, 
 CUT = Cut(1, "both", 2.0, cut_s=110.0, healed_s=112.0)
 
 
-def account(**changes: object) -> Account:
+def account(**changes: object) -> CutAccount:
     """Cut at 110 s; the cloud's last command passes 4 ms later, the decision falls at 110.092 s."""
     cloud = arrivals("cloud", 1, [*every(104.004, 110.0, 0.02), 110.004])
     robot = arrivals("robot", 1, every(110.13, 112.9, 0.05))
@@ -28,7 +28,7 @@ def account(**changes: object) -> Account:
         cloud_beat(112.5, echo_age_s=0.015),
         placed(112.9, "cloud"),
     ]
-    whole = Account((CUT,), recording(cloud, robot, again, end_s=120.0), tuple(seen), (), 0.15, 0.25)
+    whole = CutAccount((CUT,), recording(cloud, robot, again, end_s=120.0), tuple(seen), (), 0.15, 0.25)
     return replace(whole, **changes)
 
 

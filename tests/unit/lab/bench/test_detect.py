@@ -3,8 +3,8 @@ import pytest
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload_lab.bench.analysis import detect
 from robot_offload_lab.bench.analysis.cuts import Cut
-from robot_offload_lab.bench.analysis.detect import Account, Judged, Variant
-from robot_offload_lab.bench.groups.detect import Run, runs
+from robot_offload_lab.bench.analysis.detect import DetectionAccount, Judged, Variant
+from robot_offload_lab.bench.groups.detect import DetectionRun, runs
 from robot_offload_lab.bench.plan import FULL, QUICK
 from robot_offload_lab.bench.resource import offload
 from robot_offload_lab.bench.rivals import BOND, LIVELINESS, MESSAGE, Told
@@ -53,7 +53,7 @@ def test_a_rate_of_alarms_says_how_long_was_watched(count: int, seconds: float, 
 def test_ours_is_compared_with_dds_liveliness_of_the_same_run():
     ours = Judged(detect.OURS, (80.0, 90.0), (400.0, None), 0, (120.0, None))
     beside = Judged(LIVELINESS.title, (160.0, 180.0), (100.0, 100.0), 3)
-    outcome = detect.outcome("realtime", [Account(VARIANT, QUIET, (ours, beside))], "")
+    outcome = detect.outcome("realtime", [DetectionAccount(VARIANT, QUIET, (ours, beside))], "")
     figures = {figure.name: figure for figure in outcome.figures}
     assert figures["warm_0_noticed_p50"].ratio == pytest.approx(0.5)
     assert figures["warm_0_gap_p50"].count == 1
@@ -68,7 +68,7 @@ def test_rivals_that_could_not_run_are_named_with_the_reason():
 
 
 @pytest.mark.parametrize("one", runs(FULL), ids=lambda one: one.case.name)
-def test_every_case_is_a_resource_with_its_standby_and_heartbeat(one: Run):
+def test_every_case_is_a_resource_with_its_standby_and_heartbeat(one: DetectionRun):
     spec = RobotOffload.model_validate(offload(one.case).model_dump(by_alias=True)).spec
     assert spec.switching.heartbeat_period_ms == one.heartbeat_ms
     assert spec.switching.loss_timeout_ms == one.silence_ms

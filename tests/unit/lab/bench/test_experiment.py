@@ -4,7 +4,7 @@ import pytest
 
 from robot_offload_lab.bench import kinds
 from robot_offload_lab.bench.analysis import experiment
-from robot_offload_lab.bench.analysis.experiment import Scenario, Travelled
+from robot_offload_lab.bench.analysis.experiment import ExperimentScenario, Travelled
 from robot_offload_lab.bench.groups.experiment import EVER
 from robot_offload_lab.bench.kinds import KINDS
 from robot_offload_lab.judge.measures import Interval
@@ -19,7 +19,9 @@ def arrival(number: int, sent_s: float, took_ms: float, passed_ms: float = 0.1) 
     return Arrival("/bench/out/imu", sent_s + took_ms / 1e3, "imu", number, sent_s, "robot", passed_s)
 
 
-def travelled(scenario: Scenario, values: tuple[float, ...], own_ms: float | None = None, lost: int = 0) -> Travelled:
+def travelled(
+    scenario: ExperimentScenario, values: tuple[float, ...], own_ms: float | None = None, lost: int = 0
+) -> Travelled:
     return Travelled(scenario, {"imu": values}, lost, own_ms, 30.0, 20.0, 5.0)
 
 
@@ -50,8 +52,8 @@ def test_missing_numbers_are_lost_messages():
 
 
 def test_what_is_added_is_over_the_links_own_delay_and_held_against_the_limits():
-    direct = Scenario("direct", "direct DDS", "10ms each way", True)
-    ours = Scenario("ours", "Zenoh", "10ms each way", True, "direct", demanded=True)
+    direct = ExperimentScenario("direct", "direct DDS", "10ms each way", True)
+    ours = ExperimentScenario("ours", "Zenoh", "10ms each way", True, "direct", demanded=True)
     found = [travelled(direct, (10.5,), 10.0), travelled(ours, (11.5,), 10.0)]
     figures = {figure.name: figure for figure in experiment.outcome("realtime", found, {}).figures}
     assert figures["ours_added_p50"].value == pytest.approx(1.5)
@@ -63,7 +65,7 @@ def test_what_is_added_is_over_the_links_own_delay_and_held_against_the_limits()
 
 
 def test_processor_time_and_lost_messages_stand_beside_every_scenario():
-    one = Scenario("one", "one host", "one host", False)
+    one = ExperimentScenario("one", "one host", "one host", False)
     figures = {f.name: f for f in experiment.outcome("realtime", [travelled(one, (1.0,), lost=3)], {}).figures}
     assert figures["one_lost"].value == 3
     assert figures["one_cpu"].value == 20.0

@@ -1,7 +1,7 @@
 import pytest
 
 from robot_offload_lab.bench.analysis import latency
-from robot_offload_lab.bench.analysis.latency import Account
+from robot_offload_lab.bench.analysis.latency import LatencyAccount
 from robot_offload_lab.bench.groups.latency import CASE, SIZES
 from robot_offload_lab.bench.observed import Hop, size_of
 from robot_offload_lab.bench.parts.hop import datagrams
@@ -12,10 +12,10 @@ def arrival(sequence: int, ms: float, site: str = "cloud") -> Arrival:
     return Arrival("/t", 100.0 + ms / 1e3, "p", sequence, 100.0, site)  # type: ignore[arg-type]
 
 
-def account(commands: list[Arrival]) -> Account:
+def account(commands: list[Arrival]) -> LatencyAccount:
     hops = tuple(Hop(100.0, size, 10.2) for size in SIZES)
     direct = tuple(arrival(number, 0.5) for number in range(9))
-    return Account(tuple(commands), tuple(arrival(number, 12.2) for number in range(9)), direct, hops)
+    return LatencyAccount(tuple(commands), tuple(arrival(number, 12.2) for number in range(9)), direct, hops)
 
 
 def test_sizes_take_turns_by_sequence():
@@ -37,7 +37,7 @@ def test_commands_of_the_robot_are_no_carried_ones():
 
 
 def test_without_a_measured_link_nothing_is_claimed():
-    empty = Account((arrival(0, 13.2),), (), (), ())
+    empty = LatencyAccount((arrival(0, 13.2),), (), (), ())
     assert {figure.value for figure in latency.outcome(CASE, "realtime", empty).figures} == {None}
 
 

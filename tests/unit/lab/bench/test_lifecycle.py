@@ -1,13 +1,13 @@
 import pytest
 
 from robot_offload_lab.bench.analysis import lifecycle
-from robot_offload_lab.bench.analysis.lifecycle import BASELINE, Case, Rounds
+from robot_offload_lab.bench.analysis.lifecycle import BASELINE, Rounds, TransitionCase
 
-ALONE = Case(BASELINE, "one node alone", "1-12 ms")
-TEN = Case("together", "ten at once")
+ALONE = TransitionCase(BASELINE, "one node alone", "1-12 ms")
+TEN = TransitionCase("together", "ten at once")
 
 
-def rounds(case: Case, activate: list[list[float]], deactivate: list[list[float]], **lost: int) -> Rounds:
+def rounds(case: TransitionCase, activate: list[list[float]], deactivate: list[list[float]], **lost: int) -> Rounds:
     said = {"activate": activate, "deactivate": deactivate, "refused": 0, "unanswered": 0}
     return Rounds.from_json(case, said | lost)
 

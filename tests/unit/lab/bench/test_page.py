@@ -9,7 +9,7 @@ from robot_offload_lab.bench import page, pictures
 from robot_offload_lab.bench.analysis import commanded, cuts, latency
 from robot_offload_lab.bench.groups.commanded import CASE
 from robot_offload_lab.bench.plan import FULL, QUICK, Amounts
-from robot_offload_lab.bench.results import Outcome, Sample
+from robot_offload_lab.bench.results import GroupResult, Sample
 from robot_offload_lab.bench.store import Kept
 from tests.unit.lab.bench.test_commanded import to_the_robot
 from tests.unit.lab.bench.test_cuts import account
@@ -17,7 +17,7 @@ from tests.unit.lab.bench.test_cuts import account
 MACHINE = {"cores": 2, "processor": "CPU X", "memory_gb": 24, "system": "Linux 6", "python": "3.12", "versions": {}}
 
 
-def outcomes() -> list[Outcome]:
+def outcomes() -> list[GroupResult]:
     run, seen = to_the_robot()
     ways: tuple[Sample, ...] = tuple(
         {"way": way, "payload_bytes": 64.0, "latency_ms": value} for way in pictures.WAYS for value in (1.0, 2.0)
@@ -26,7 +26,7 @@ def outcomes() -> list[Outcome]:
         commanded.outcome(CASE, "realtime", run, seen, []),
         commanded.outcome(CASE, "normal", run, seen, []),
         cuts.outcome(CASE, "realtime", account()),
-        Outcome(latency.GROUP, "realtime", (), (), ways),
+        GroupResult(latency.GROUP, "realtime", (), (), ways),
     ]
 
 
@@ -98,7 +98,7 @@ def test_the_pictures_tell_date_load_and_machine_of_each_measurement_once():
 
 
 def test_groups_without_samples_have_no_picture():
-    assert pictures.draw([Outcome("resources", "realtime", (), (), ())]) == {}
+    assert pictures.draw([GroupResult("resources", "realtime", (), (), ())]) == {}
 
 
 def test_the_tables_of_markdown_are_whole(tmp_path: Path):

@@ -6,7 +6,7 @@ import pytest
 from robot_offload.errors import InputError
 from robot_offload_lab.bench import results, table
 from robot_offload_lab.bench.plan import QUICK
-from robot_offload_lab.bench.results import Figure, Outcome
+from robot_offload_lab.bench.results import Figure, GroupResult
 from robot_offload_lab.bench.store import Kept, Store
 
 
@@ -65,7 +65,9 @@ def kept(group: str, value: float, priority: results.Priority = "realtime") -> K
     machine = {
         "cores": 2, "processor": "CPU", "memory_gb": 24, "system": "Linux", "python": "3.12", "versions": {"X": "1"}
     }  # fmt: skip
-    return Kept(Outcome(group, priority, (figure(value),), parts, samples), "2026-01-02", machine, (0.5, 1.0), QUICK)
+    return Kept(
+        GroupResult(group, priority, (figure(value),), parts, samples), "2026-01-02", machine, (0.5, 1.0), QUICK
+    )
 
 
 def test_what_is_put_into_the_folder_comes_out_again(tmp_path: Path):

@@ -11,37 +11,37 @@ from rich.console import Console
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.bench import session
 from robot_offload_lab.bench.plan import QUICK, Order
-from robot_offload_lab.bench.results import Figure, Outcome
-from robot_offload_lab.bench.session import Group, Session, Work
+from robot_offload_lab.bench.results import Figure, GroupResult
+from robot_offload_lab.bench.session import BenchSession, Group, Work
 from robot_offload_lab.bench.store import Store
 
 
 def measured(group: str):
-    def run(order: Order) -> Outcome:
+    def run(order: Order) -> GroupResult:
         order.advance(1)
-        return Outcome(group, order.priority, (Figure("x", "X", "none", None, 1, 1.0, "ms"),), (), ())
+        return GroupResult(group, order.priority, (Figure("x", "X", "none", None, 1, 1.0, "ms"),), (), ())
 
     return run
 
 
 def failing(error: Exception):
-    def run(_order: Order) -> Outcome:
+    def run(_order: Order) -> GroupResult:
         raise error
 
     return run
 
 
-def slow(_order: Order) -> Outcome:
+def slow(_order: Order) -> GroupResult:
     time.sleep(30)
     raise AssertionError
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Session:
-    return Session(Console(file=io.StringIO(), width=200), Store(tmp_path))
+def bench(tmp_path: Path) -> BenchSession:
+    return BenchSession(Console(file=io.StringIO(), width=200), Store(tmp_path))
 
 
-def run(bench: Session, groups: list[Group], *, resume: bool = False) -> list[str]:
+def run(bench: BenchSession, groups: list[Group], *, resume: bool = False) -> list[str]:
     order = Order(QUICK, "realtime", bench.store.folder, 1, None, lambda _: None)
     return bench.run(groups, ["realtime"], order, resume=resume)
 
@@ -52,7 +52,7 @@ def use(monkeypatch: pytest.MonkeyPatch, works: dict[Group, object]) -> None:
 
 @pytest.mark.parametrize("error", [RobotOffloadError("the cloud was not seen"), ZeroDivisionError("division by zero")])
 def test_a_group_that_fails_is_told_and_the_others_are_kept(
-    bench: Session, monkeypatch: pytest.MonkeyPatch, error: Exception
+    bench: BenchSession, monkeypatch: pytest.MonkeyPatch, error: Exception
 ):
     use(monkeypatch, {Group.CUTS: failing(error), Group.LIFECYCLE: measured("lifecycle")})
     [line] = run(bench, [Group.CUTS, Group.LIFECYCLE])
@@ -61,7 +61,7 @@ def test_a_group_that_fails_is_told_and_the_others_are_kept(
     assert [one.outcome.group for one in bench.store.all()] == ["lifecycle"]
 
 
-def test_a_group_that_does_not_end_is_ended_and_the_others_run(bench: Session, monkeypatch: pytest.MonkeyPatch):
+def test_a_group_that_does_not_end_is_ended_and_the_others_run(bench: BenchSession, monkeypatch: pytest.MonkeyPatch):
     use(monkeypatch, {Group.CUTS: slow, Group.LIFECYCLE: measured("lifecycle")})
     monkeypatch.setattr(session, "LIMITS_S", {"short": 1})
     [line] = run(bench, [Group.CUTS, Group.LIFECYCLE])
@@ -70,7 +70,7 @@ def test_a_group_that_does_not_end_is_ended_and_the_others_run(bench: Session, m
 
 
 def test_a_run_that_goes_on_leaves_out_what_was_measured_today_in_the_same_form(
-    bench: Session, monkeypatch: pytest.MonkeyPatch
+    bench: BenchSession, monkeypatch: pytest.MonkeyPatch
 ):
     use(monkeypatch, {Group.CUTS: measured("cuts")})
     run(bench, [Group.CUTS])
@@ -81,11 +81,11 @@ def test_a_run_that_goes_on_leaves_out_what_was_measured_today_in_the_same_form(
 
 
 def test_the_bench_itself_is_punctual_while_it_measures_and_what_it_starts_is_a_normal_process(
-    bench: Session, monkeypatch: pytest.MonkeyPatch
+    bench: BenchSession, monkeypatch: pytest.MonkeyPatch
 ):
     seen = []
 
-    def look(order: Order) -> Outcome:
+    def look(order: Order) -> GroupResult:
         question = "import os; print(os.sched_getscheduler(0))"
         started = subprocess.run([sys.executable, "-c", question], capture_output=True, text=True, check=True)
         seen.append((os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK, int(started.stdout)))
@@ -98,7 +98,9 @@ def test_the_bench_itself_is_punctual_while_it_measures_and_what_it_starts_is_a_
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
 
-def test_a_folder_of_something_else_is_refused_before_anything_runs(bench: Session, monkeypatch: pytest.MonkeyPatch):
+def test_a_folder_of_something_else_is_refused_before_anything_runs(
+    bench: BenchSession, monkeypatch: pytest.MonkeyPatch
+):
     use(monkeypatch, {Group.CUTS: failing(AssertionError("ran"))})
     (bench.store.folder / "results.json").write_text('{"schema": "other"}')
     with pytest.raises(InputError, match="give another --out"):
@@ -117,10 +119,10 @@ def test_every_group_counts_its_steps_from_the_amounts():
     assert all(work.steps(QUICK) > 0 for work in session.WORK.values())
 
 
-def test_the_pictures_are_drawn_into_the_folder(bench: Session, monkeypatch: pytest.MonkeyPatch):
-    def run_lifecycle(order: Order) -> Outcome:
+def test_the_pictures_are_drawn_into_the_folder(bench: BenchSession, monkeypatch: pytest.MonkeyPatch):
+    def run_lifecycle(order: Order) -> GroupResult:
         samples = tuple({"series": "alone", "ms": value} for value in (1.0, 2.0))
-        return Outcome("lifecycle", order.priority, (), (), samples)
+        return GroupResult("lifecycle", order.priority, (), (), samples)
 
     use(monkeypatch, {Group.LIFECYCLE: run_lifecycle})
     run(bench, [Group.LIFECYCLE])

@@ -15,11 +15,11 @@ from robot_offload.images.builders import commands
 from robot_offload.images.inside import pins
 from robot_offload.objects.facts import default_images
 from robot_offload_lab.images import ours, wheels_base
-from robot_offload_lab.images.ours import OURS, ROOT, Settings, request
+from robot_offload_lab.images.ours import OURS, ROOT, BuildSettings, request
 from tests.golden.dockerfiles.test_dockerfiles import IGNORED
 from tests.unit.operator.images import parsed
 
-SETTINGS = Settings(registry="registry.example", version="1.2.3", revision="abc")
+SETTINGS = BuildSettings(registry="registry.example", version="1.2.3", revision="abc")
 NAMES = [image.name for image in OURS]
 
 
@@ -31,7 +31,7 @@ def text_of(name: str) -> str:
 def test_there_is_an_image_for_everything_that_a_cluster_runs_of_ours() -> None:
     images = default_images("1.2.3")
     wanted = {images.agent, images.operator, images.discovery, images.router}
-    settings = Settings(registry=ours.REGISTRY, version="1.2.3", revision="abc")
+    settings = BuildSettings(registry=ours.REGISTRY, version="1.2.3", revision="abc")
     assert {request(image, settings).tag for image in OURS} == wanted
 
 

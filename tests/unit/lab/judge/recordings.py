@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 
 from robot_offload_lab.judge.recording import (
     Arrival,
+    Ending,
     Inhibit,
     LinkSample,
     NetworkStatus,
     Obstacle,
-    Outcome,
     PathPoint,
     PlacementChange,
     Record,
@@ -94,7 +94,7 @@ def calm_run() -> list[Record]:
         *path,
         Obstacle(6.0, 0.5, 0.25),
         Obstacle(11.0, -0.6, 0.2),
-        Outcome(START_S + 20.0, collisions=0, stops=0, goal_reached=True),
+        Ending(START_S + 20.0, collisions=0, stops=0, goal_reached=True),
     ]
 
 

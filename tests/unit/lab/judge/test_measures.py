@@ -7,7 +7,7 @@ import dataclasses
 import pytest
 
 from robot_offload_lab.judge.measures import measure
-from robot_offload_lab.judge.recording import Arrival, LinkSample, NetworkStatus, Outcome, Record
+from robot_offload_lab.judge.recording import Arrival, Ending, LinkSample, NetworkStatus, Record
 from robot_offload_lab.judge.streams import Stream, examine, quantile
 from tests.unit.lab.judge.recordings import RUN, START_S, calm_run, later, link, placement, recording, stay
 
@@ -40,33 +40,33 @@ def test_the_gap_of_a_switch_is_the_longest_silence_that_touches_its_window() ->
 
 def test_a_silence_longer_than_the_window_counts_as_a_whole() -> None:
     records: list[Record] = [RUN, *stay("cloud", 0.0, 5.0), *stay("robot", 8.0, 10.0), placement(0, "cloud", 1),
-               placement(5.1, "robot", 2), Outcome(START_S + 10, 0, 0, False)]  # fmt: skip
+               placement(5.1, "robot", 2), Ending(START_S + 10, 0, 0, False)]  # fmt: skip
     [switch] = measure(recording(records)).switches
     assert switch.gap_ms["/cmd_vel"] == pytest.approx(3020.0)
 
 
 def test_an_output_that_never_returns_is_silent_until_the_end() -> None:
     records: list[Record] = [RUN, *stay("cloud", 0.0, 5.0), placement(0, "cloud", 1), placement(5.1, "robot", 2),
-               Outcome(START_S + 9, 0, 0, False)]  # fmt: skip
+               Ending(START_S + 9, 0, 0, False)]  # fmt: skip
     [switch] = measure(recording(records)).switches
     assert switch.gap_ms["/cmd_vel"] == pytest.approx(4016.0)
 
 
 def test_what_a_side_publishes_between_two_stays_is_not_lost_even_if_nobody_else_was_heard() -> None:
     records: list[Record] = [RUN, *stay("cloud", 0.0, 5.0), *stay("cloud", 8.0, 10.0), placement(0, "cloud", 1),
-               placement(5.1, "robot", 2), placement(7.9, "cloud", 3), Outcome(START_S + 10, 0, 0, False)]  # fmt: skip
+               placement(5.1, "robot", 2), placement(7.9, "cloud", 3), Ending(START_S + 10, 0, 0, False)]  # fmt: skip
     assert measure(recording(records)).streams["/cmd_vel"].lost == 0
 
 
 def test_what_is_missing_within_a_stay_is_lost_also_beside_an_announcement() -> None:
     records: list[Record] = [RUN, *stay("robot", 0.0, 5.0), *stay("cloud", 5.0, 5.1), *stay("cloud", 5.2, 10.0),
-               placement(0, "robot", 1), placement(5.15, "cloud", 2), Outcome(START_S + 10, 0, 0, False)]  # fmt: skip
+               placement(0, "robot", 1), placement(5.15, "cloud", 2), Ending(START_S + 10, 0, 0, False)]  # fmt: skip
     assert measure(recording(records)).streams["/cmd_vel"].lost == 5
 
 
 def test_nothing_is_judged_after_the_end() -> None:
     records: list[Record] = [RUN, *stay("robot", 0.0, 5.0), placement(0, "robot", 1), placement(4, "cloud", 2),
-               Outcome(START_S + 3, 0, 0, True)]  # fmt: skip
+               Ending(START_S + 3, 0, 0, True)]  # fmt: skip
     measures = measure(recording(records))
     assert measures.switches == ()
     assert measures.messages_passed == {"robot": 60, "cloud": 0}
@@ -119,7 +119,7 @@ def test_an_alarm_on_a_good_link_is_false() -> None:
 
 def test_time_above_the_threshold_is_not_good() -> None:
     samples = [LinkSample(START_S + t, rtt) for t, rtt in ((0, 20.0), (4, 61.0), (6, 60.0), (9, None))]
-    measures = measure(recording([RUN, *samples, placement(0, "cloud", 1), Outcome(START_S + 10, 0, 0, True)]))
+    measures = measure(recording([RUN, *samples, placement(0, "cloud", 1), Ending(START_S + 10, 0, 0, True)]))
     assert measures.good_s == pytest.approx(7.0)
     assert measures.cloud_share_of_good_time == pytest.approx(1.0)
 

@@ -10,7 +10,7 @@ from typing import Any
 import matplotlib as mpl
 
 from robot_offload_lab.judge.measures import measure
-from robot_offload_lab.judge.recording import Outcome, PathPoint, Record, Recording
+from robot_offload_lab.judge.recording import Ending, PathPoint, Record, Recording
 from robot_offload_lab.judge.report import build, html, write
 from tests.unit.lab.judge.recordings import RUN, START_S, calm_run, changed, is_arrival, placement, recording, stay
 
@@ -109,7 +109,7 @@ def test_a_run_that_was_cut_short_still_has_a_report() -> None:
 
 
 def test_a_run_without_a_wheelchair_has_an_end_and_no_collisions() -> None:
-    report = report_of(recording([RUN, *stay("robot", 0.0, 2.0), placement(0, "robot", 1), Outcome(START_S + 2.0)]))
+    report = report_of(recording([RUN, *stay("robot", 0.0, 2.0), placement(0, "robot", 1), Ending(START_S + 2.0)]))
     assert report["duration_s"] == 2.0
     assert (report["collisions"], report["stops"], report["goal_reached"]) == (None, None, None)
 
@@ -131,7 +131,7 @@ def test_the_page_tells_violations_and_escapes_what_comes_from_outside() -> None
         *stay("robot", 0.0, 2.0, topic="/<b>"),
         placement(0.0, "robot", 1),
         placement(1.0, "cloud", 1, reason="<script>alert(1)</script>"),
-        Outcome(START_S + 2.0, collisions=1, stops=2, goal_reached=False),
+        Ending(START_S + 2.0, collisions=1, stops=2, goal_reached=False),
     ]
     measures = measure(recording(records))
     text = html(build(measures), measures)

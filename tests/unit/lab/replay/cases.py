@@ -10,7 +10,7 @@ from robot_offload_core.token import Site
 from robot_offload_lab.links.recorded import Trace, load_trace, parse_trace
 from robot_offload_lab.replay.costs import Weights
 from robot_offload_lab.replay.heartbeats import Heartbeats, derive
-from robot_offload_lab.replay.study import Case, case
+from robot_offload_lab.replay.study import StudiedLink, case
 
 ROOT = Path(__file__).parents[4]
 EXAMPLES = {"corridor-wifi.txt": 0.020, "yard-4g.csv": 0.100}
@@ -40,12 +40,12 @@ def beats_of(trace: Trace) -> Heartbeats:
     return derive(trace, PERIOD_S)
 
 
-def made_case(trace: Trace, tolerance_s: float = 0.030, weights: Weights | None = None) -> Case:
+def made_case(trace: Trace, tolerance_s: float = 0.030, weights: Weights | None = None) -> StudiedLink:
     """A case with the default periods: good enough up to 30 ms + the tolerance."""
     return case(trace, Settings(tolerance_s=tolerance_s), weights or Weights())
 
 
-def example(name: str) -> Case:
+def example(name: str) -> StudiedLink:
     """One of our made-up recordings."""
     return made_case(load_trace(ROOT / "examples" / "traces" / name), EXAMPLES[name])
 

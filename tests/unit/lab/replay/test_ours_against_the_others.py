@@ -8,7 +8,7 @@ import pytest
 
 from robot_offload_lab.links.made_up import FAMILIES, made
 from robot_offload_lab.replay.named import CONSTANT, OURS, POLICIES
-from robot_offload_lab.replay.study import Case, outcome
+from robot_offload_lab.replay.study import StudiedLink, outcome
 from robot_offload_lab.replay.tune import DEFAULT, GRID, Figures, Sights, search, steps
 from tests.unit.lab.replay.cases import EXAMPLES, example, made_case
 
@@ -30,11 +30,11 @@ def test_on_unseen_kinds_of_links_our_rule_is_as_good_as_the_best_fixed_one_in_h
 
 
 @pytest.fixture(scope="module")
-def examples() -> list[Case]:
+def examples() -> list[StudiedLink]:
     return [example(name) for name in EXAMPLES]
 
 
-def test_the_search_drives_the_same_rule_as_the_replay(examples: list[Case]) -> None:
+def test_the_search_drives_the_same_rule_as_the_replay(examples: list[StudiedLink]) -> None:
     for subject in examples:
         assert Sights(subject).cost(DEFAULT) == pytest.approx(outcome(OURS, subject).score.cost)
 
@@ -43,7 +43,7 @@ def test_the_present_figures_are_among_those_that_are_searched() -> None:
     assert DEFAULT in GRID
 
 
-def test_a_report_tells_of_a_recording_that_was_not_searched(examples: list[Case]) -> None:
+def test_a_report_tells_of_a_recording_that_was_not_searched(examples: list[StudiedLink]) -> None:
     grid = (Figures(hold_down_initial_s=0.25), Figures(handicap=10.0), Figures(margin=0.2, half_life_s=100.0))
     told: list[int] = []
     reports = search(examples, (), outcome, told.append, grid)

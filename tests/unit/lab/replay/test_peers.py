@@ -8,7 +8,7 @@ from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.links.recorded import Trace
 from robot_offload_lab.replay.contract import SwitchingPolicy
-from robot_offload_lab.replay.peers import Constant, Dwell, Mean, Threshold
+from robot_offload_lab.replay.peers import Dwell, Mean, OneSide, Threshold
 from robot_offload_lab.replay.play import play
 from tests.unit.lab.replay.cases import beats_of, link
 
@@ -23,8 +23,8 @@ def moves(policy: SwitchingPolicy, trace: Trace) -> list[tuple[float, Site]]:
 
 
 def test_a_constant_moves_at_the_beginning_or_never() -> None:
-    assert moves(Constant(Site.ROBOT), CUT) == []
-    assert moves(Constant(Site.CLOUD), CUT) == [(0.0, Site.CLOUD)]
+    assert moves(OneSide(Site.ROBOT), CUT) == []
+    assert moves(OneSide(Site.CLOUD), CUT) == [(0.0, Site.CLOUD)]
 
 
 def test_the_threshold_moves_with_the_first_echo() -> None:

@@ -14,11 +14,11 @@ from robot_offload_lab.replay.costs import Change, Weights, score
 from robot_offload_lab.replay.heartbeats import Heartbeats
 from robot_offload_lab.replay.limits import newest
 from robot_offload_lab.replay.rent_or_buy import BACKS, OUTS, SILENCES_S, RentOrBuy, grid
-from robot_offload_lab.replay.study import Case
+from robot_offload_lab.replay.study import StudiedLink
 from tests.unit.lab.replay.cases import example, link, made_case
 
 
-def told_slowly(subject: Case, silence_s: float, out: float, back: float) -> float:
+def told_slowly(subject: StudiedLink, silence_s: float, out: float, back: float) -> float:
     """J of one rule, told in the words of the definition."""
     beats, weights = subject.beats, subject.weights
     period_s = beats.period_us / 1e6
@@ -40,7 +40,7 @@ def told_slowly(subject: Case, silence_s: float, out: float, back: float) -> flo
     return score(changes, beats, subject.limit_us, weights).cost
 
 
-def rules_of(subject: Case) -> dict[tuple[float, float, float], RentOrBuy]:
+def rules_of(subject: StudiedLink) -> dict[tuple[float, float, float], RentOrBuy]:
     found = grid(subject.beats, subject.limit_us, subject.weights, subject.forbidden)
     return {(rule.silence_s, rule.out, rule.back): rule for rule in found}
 

@@ -10,19 +10,19 @@ from rich.console import Console
 from robot_offload_lab.judge import translate
 from robot_offload_lab.judge.recording import LINES, Arrival, LinkSample, PlacementChange
 from robot_offload_lab.show.view import LineView, LiveView, Terminal, picture
-from robot_offload_lab.show.watch import Watch
+from robot_offload_lab.show.watch import LiveRun
 from tests.unit.lab.judge.test_translate import state
 
 
-def message(watch: Watch, n: int) -> None:
+def message(watch: LiveRun, n: int) -> None:
     """The messages come every 50 ms, and 300 ms later after a silence."""
     t_s = 100.0 + n * 0.05 + (0.3 if n >= 190 else 0.0)
     watch.take(LINES.encode(Arrival("/cmd_vel", t_s, "controller", n, t_s, "robot")))
 
 
-def watched() -> Watch:
+def watched() -> LiveRun:
     """A run with one sudden loss and a silence of 350 ms until 9.8 s."""
-    watch = Watch(threshold_ms=60.0, outputs=("/cmd_vel",))
+    watch = LiveRun(threshold_ms=60.0, outputs=("/cmd_vel",))
     watch.start_s = 100.0
     watch.take(LINES.encode(LinkSample(100.0, 20.0)))
     watch.take(LINES.encode(PlacementChange(99.0, "cloud", 2, "LinkGood", "The link is good")))
@@ -62,7 +62,7 @@ def test_the_link_is_told_when_it_changes() -> None:
 
 
 def test_nothing_is_missing_once_every_output_was_heard() -> None:
-    assert Watch(60.0, outputs=("/cmd_vel", "/arm")).missing() == ("/cmd_vel", "/arm")
+    assert LiveRun(60.0, outputs=("/cmd_vel", "/arm")).missing() == ("/cmd_vel", "/arm")
     assert watched().missing() == ()
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload_lab.wire.emulated import Forward, Wire, WireConfig, WireProcessError
+from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig, WireProcessError
 from robot_offload_lab.wire.model import WireError
 from tests.unit.lab.wire.wires import (
     HOST,
@@ -70,7 +70,7 @@ def test_both_protocols_on_one_number_share_one_link(tmp_path: Path) -> None:
             ),
             control=str(tmp_path / "control.sock"),
         )
-        with Wire(config) as emulated, socket.create_connection((HOST, number), timeout=5), accept(listener):
+        with EmulatedWire(config) as emulated, socket.create_connection((HOST, number), timeout=5), accept(listener):
             assert emulated.port("quic") == emulated.port("tls") == number
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
                 client.connect((HOST, number))
@@ -84,7 +84,7 @@ def test_a_control_message_needs_no_answer_and_nonsense_is_logged(tmp_path: Path
     config = WireConfig(
         (Forward("port", "udp", f"{HOST}:0", f"{HOST}:9"),), control=str(tmp_path / "c.sock"), log=str(log)
     )
-    with Wire(config) as emulated, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as anonymous:
+    with EmulatedWire(config) as emulated, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as anonymous:
         for message in (b"\xff", b"[]", b'{"set": 3}', b'{"start": true, "set": {}}', b'{"set": {"cut": "left"}}'):
             anonymous.sendto(message, config.control)
         anonymous.sendto(b'{"set": {"cut": "both"}}', config.control)
@@ -98,7 +98,7 @@ def test_a_taken_port_is_told_and_nothing_is_left(tmp_path: Path) -> None:
     with udp_echo() as port:
         config = WireConfig((Forward("pulse", "udp", f"{HOST}:{port}", f"{HOST}:9"),), control=str(tmp_path / "c"))
         with pytest.raises(WireProcessError, match=rf"udp port {HOST}:{port} \(pulse\): .*in use"):
-            Wire(config).start()
+            EmulatedWire(config).start()
     assert not (tmp_path / "c").exists()
 
 
@@ -133,7 +133,7 @@ def test_a_killed_link_is_noticed() -> None:
 def test_the_process_ends_with_its_parent(tmp_path: Path) -> None:
     script = (
         "import time; from robot_offload_lab.wire.emulated import *\n"
-        "wire = Wire(WireConfig((Forward('p', 'udp', '127.0.0.1:0', '127.0.0.1:9'),)))\n"
+        "wire = EmulatedWire(WireConfig((Forward('p', 'udp', '127.0.0.1:0', '127.0.0.1:9'),)))\n"
         "wire.start(); print(wire.pid, flush=True); time.sleep(60)\n"
     )
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, cwd=tmp_path) as parent:
@@ -161,7 +161,7 @@ def test_a_broken_configuration_file_ends_with_code_2(tmp_path: Path) -> None:
 def test_real_time_priority_is_taken_or_its_refusal_logged(tmp_path: Path) -> None:
     log = tmp_path / "wire.jsonl"
     forward = Forward("port", "udp", f"{HOST}:0", f"{HOST}:9")
-    with Wire(WireConfig((forward,), log=str(log), realtime=True)) as emulated:
+    with EmulatedWire(WireConfig((forward,), log=str(log), realtime=True)) as emulated:
         assert emulated.pid is not None
         realtime = os.sched_getscheduler(emulated.pid) == os.SCHED_FIFO
     assert realtime != any(line["event"] == "realtime_refused" for line in lines(log))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from robot_offload_lab.wire.emulated import Forward, LinkOptions, Wire, WireConfig
+from robot_offload_lab.wire.emulated import EmulatedWire, Forward, LinkOptions, WireConfig
 
 HOST = "127.0.0.1"
 
@@ -59,24 +59,24 @@ def free_port(kind: socket.SocketKind) -> int:
         return int(sock.getsockname()[1])
 
 
-def wire(protocol: Any, target: int, *, log: Path | None = None, seed: int = 1, **link: Any) -> Wire:
+def wire(protocol: Any, target: int, *, log: Path | None = None, seed: int = 1, **link: Any) -> EmulatedWire:
     forward = Forward("port", protocol, f"{HOST}:0", f"{HOST}:{target}")
-    return Wire(WireConfig((forward,), LinkOptions(**link), seed=seed, log=str(log) if log else ""))
+    return EmulatedWire(WireConfig((forward,), LinkOptions(**link), seed=seed, log=str(log) if log else ""))
 
 
-def udp_client(emulated: Wire) -> socket.socket:
+def udp_client(emulated: EmulatedWire) -> socket.socket:
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     sock.connect((HOST, emulated.port("port")))
     sock.settimeout(2)
     return sock
 
 
-def tcp_client(emulated: Wire) -> socket.socket:
+def tcp_client(emulated: EmulatedWire) -> socket.socket:
     return socket.create_connection((HOST, emulated.port("port")), timeout=5)
 
 
 @contextlib.contextmanager
-def stream(**link: Any) -> Iterator[tuple[Wire, socket.socket, socket.socket]]:
+def stream(**link: Any) -> Iterator[tuple[EmulatedWire, socket.socket, socket.socket]]:
     """A link and both ends of one connection through it: (wire, client, server)."""
     with tcp_listener() as listener, wire("tcp", listener.getsockname()[1], **link) as emulated:
         with tcp_client(emulated) as client, accept(listener) as server:
