@@ -12,7 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_offload_core.change import replace
+from robot_offload_core.checks import require
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.reasons import Explained
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
 
@@ -97,19 +99,48 @@ class Collector:
     judged_from_s: float = 0.0
 
 
+class Ruling(Explained):
+    """Why a message passes, or not."""
+
+    ROBOT_IN_CHARGE = "RobotInCharge", "The robot is in charge"
+    CURRENT = "Current", "The cloud is in charge and the message carries its token"
+    CHANGED_OVER = "ChangedOver", "With this message the new side took over"
+    NOT_ALL_READY = (
+        "NotAllReady",
+        "The side that gets ready published, other rated outputs of it do not flow yet: kept, the newest per output",
+    )
+    CLOUD_IN_CHARGE = "CloudInCharge", "The cloud is in charge, the robot's message is left out"
+    CONTROL_SILENT = "ControlSilent", "Control has not spoken for a lease, or not yet"
+    STALE = "Stale", "The message is older than `maxCommandAge`, or echoes nobody here"
+    BEFORE_RESTART = "BeforeRestart", "The message was sent before this collector started"
+    REORDERED = "Reordered", "A newer message of the same output was heard before"
+    FOREIGN_TOKEN = "ForeignToken", "The message carries another token than the side in charge"
+
+    @property
+    def passes(self) -> bool:
+        """The message reaches the consumers."""
+        return self in _PASSES
+
+
+_PASSES = frozenset({Ruling.ROBOT_IN_CHARGE, Ruling.CURRENT, Ruling.CHANGED_OVER})
+
+
 @dataclass(frozen=True)
 class Passage:
-    """Whether a message passes, and why (not).
+    """What becomes of a message.
 
     Attributes:
-        passes: publish it.
-        reason: CamelCase. `NotAllReady`: to be kept, the newest per output, it may pass at the changeover.
-        also: with `ChangedOver`: outputs whose kept message passes now too, before this one; the rest is forgotten.
+        reason: why it passes, or not. `NOT_ALL_READY`: to be kept, it may pass at the changeover.
+        also: with `CHANGED_OVER`: outputs whose kept message passes now too, before this one; the rest is forgotten.
     """
 
-    passes: bool
-    reason: str
+    reason: Ruling
     also: tuple[int, ...] = ()
+
+    @property
+    def passes(self) -> bool:
+        """Publish the message."""
+        return self.reason.passes
 
 
 @dataclass(frozen=True)
@@ -136,6 +167,29 @@ def start(outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: flo
 
 def set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
     """Takes control's wish. It can only move forward: an epoch already left behind is never entered again."""
+    after = _set_gate(collector, gate, now_s)
+    check(collector, after, gate)
+    return after
+
+
+def check(before: Collector, after: Collector, event: object) -> None:
+    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    if after.charge is before.charge and after.next is before.next and after.fell_back is before.fell_back:
+        return
+    ours, theirs, following = before.charge, after.charge, after.next
+    same = after.started_us == before.started_us
+    require(
+        "collector",
+        event,
+        (theirs is not None or ours is None, "who passes was forgotten"),
+        (after.started_us >= before.started_us, "an earlier control was heard"),
+        (ours is None or theirs is None or not same or theirs.token.epoch >= ours.token.epoch, "the epoch fell"),
+        (following is None or (theirs is not None and following.token.epoch > theirs.token.epoch), "next is not newer"),
+        (following is None or not after.fell_back, "fell back, and somebody is next"),
+    )
+
+
+def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
     if gate.started_us < collector.started_us:
         return collector
     same_control = gate.started_us == collector.started_us
@@ -170,7 +224,9 @@ def tick(collector: Collector, now_s: float) -> Collector:
     spoken_s = collector.resumed_s if collector.gate_s is None else collector.gate_s
     if collector.fell_back or spoken_s is None or now_s - spoken_s <= collector.gate_timeout_s:
         return collector
-    return replace(collector, fell_back=True, next=None)
+    after = replace(collector, fell_back=True, next=None)
+    check(collector, after, "silence")
+    return after
 
 
 def resume(collector: Collector, charge: Charge, started_us: int, fell_back: bool, now_s: float) -> Collector:
@@ -187,9 +243,9 @@ def offer_robot(collector: Collector, index: int, sequence: int, now_s: float) -
     collector = tick(collector, now_s)
     collector = _output(collector, index, robot_s=now_s)
     if collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back:
-        return _output(collector, index, last_sequence=sequence), Passage(True, "RobotInCharge")
+        return _output(collector, index, last_sequence=sequence), Passage(Ruling.ROBOT_IN_CHARGE)
     if collector.next is None or collector.next.site is not Site.ROBOT:
-        return collector, Passage(False, "CloudInCharge")
+        return collector, Passage(Ruling.CLOUD_IN_CHARGE)
     return _offer_next(collector, index, sequence, now_s, now_s)
 
 
@@ -197,23 +253,23 @@ def offer_cloud(collector: Collector, index: int, envelope: Envelope, now_s: flo
     """A message of the cloud's replica has arrived for output `index`."""
     collector = tick(collector, now_s)
     if collector.fell_back or collector.charge is None or collector.gate_s is None:
-        return collector, Passage(False, "ControlSilent")
+        return collector, Passage(Ruling.CONTROL_SILENT)
     if not 0 <= envelope.age_s(now_s) <= collector.max_age_s:  # less than 0: an echo of nobody here
-        return collector, Passage(False, "Stale")
+        return collector, Passage(Ruling.STALE)
     if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s:
-        return collector, Passage(False, "BeforeRestart")
+        return collector, Passage(Ruling.BEFORE_RESTART)
     state = collector.outputs[index]
     if collector.charge.site is Site.CLOUD and envelope.token == collector.charge.token:
         if envelope.sequence <= state.last_sequence:
-            return collector, Passage(False, "Reordered")
-        return _output(collector, index, cloud_s=now_s, last_sequence=envelope.sequence), Passage(True, "Current")
+            return collector, Passage(Ruling.REORDERED)
+        return _output(collector, index, cloud_s=now_s, last_sequence=envelope.sequence), Passage(Ruling.CURRENT)
     following = collector.next
     if following is not None and following.site is Site.CLOUD and envelope.token == following.token:
         if envelope.sequence <= state.next_sequence:
-            return collector, Passage(False, "Reordered")
+            return collector, Passage(Ruling.REORDERED)
         collector = _output(collector, index, cloud_s=now_s)
         return _offer_next(collector, index, envelope.sequence, envelope.echo_us / 1e6, now_s)
-    return collector, Passage(False, "ForeignToken")
+    return collector, Passage(Ruling.FOREIGN_TOKEN)
 
 
 def admits_effect(collector: Collector, token: Token, now_s: float) -> Passage:
@@ -221,10 +277,10 @@ def admits_effect(collector: Collector, token: Token, now_s: float) -> Passage:
     collector = tick(collector, now_s)
     charge = collector.charge
     if collector.fell_back or charge is None or collector.gate_s is None:
-        return Passage(False, "ControlSilent")
+        return Passage(Ruling.CONTROL_SILENT)
     if charge.site is not Site.CLOUD or charge.token != token:
-        return Passage(False, "ForeignToken")
-    return Passage(True, "Current")
+        return Passage(Ruling.FOREIGN_TOKEN)
+    return Passage(Ruling.CURRENT)
 
 
 def report(collector: Collector, now_s: float) -> GateReport:
@@ -248,15 +304,16 @@ def _offer_next(
     """
     collector = _output(collector, index, next_ready_s=now_s, next_sequence=sequence, next_born_s=born_s)
     if not all(_flows(o, now_s) for o in collector.outputs):
-        return collector, Passage(False, "NotAllReady")
+        return collector, Passage(Ruling.NOT_ALL_READY)
     assert collector.next is not None
     also = tuple(
         i
         for i, o in enumerate(collector.outputs)
         if i != index and o.next_ready_s is not None and now_s - o.next_born_s <= collector.max_age_s
     )
-    collector = _enter(collector, collector.next, None, now_s)
-    return _output(collector, index, last_sequence=sequence), Passage(True, "ChangedOver", also)
+    before, collector = collector, _enter(collector, collector.next, None, now_s)
+    check(before, collector, sequence)
+    return _output(collector, index, last_sequence=sequence), Passage(Ruling.CHANGED_OVER, also)
 
 
 def _flows(output: OutputState, now_s: float) -> bool:
@@ -277,6 +334,9 @@ def _enter(collector: Collector, charge: Charge, following: Charge | None, now_s
 def _arm(collector: Collector, following: Charge | None) -> Collector:
     if following == collector.next:
         return collector
+    assert collector.charge is not None
+    if following is not None and following.token.epoch <= collector.charge.token.epoch:
+        following = None  # only what is newer may follow
     outputs = tuple(replace(o, next_ready_s=None, next_sequence=-1) for o in collector.outputs)
     return replace(collector, next=following, outputs=outputs)
 

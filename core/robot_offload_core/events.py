@@ -3,6 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NoReturn
+
+
+def assert_never(unexpected: NoReturn) -> NoReturn:
+    """Ends a `match` over a union: a kind that no case takes in is an error of types, and raises at run time.
+
+    Raises:
+        TypeError: something came that is none of the union's types.
+    """
+    raise TypeError(f"nobody takes in {unexpected!r}")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_offload_core.change import replace
-from robot_offload_core.events import Acting, Tick
+from robot_offload_core.checks import require
+from robot_offload_core.events import Acting, Tick, assert_never
+from robot_offload_core.reasons import Explained
 from robot_offload_core.settings import NodeSpec
 
 TRANSITION_DEADLINE_S = 2.0
@@ -47,6 +49,17 @@ class Transition(str, Enum):
     CONFIGURE = "configure"
     ACTIVATE = "activate"
     DEACTIVATE = "deactivate"
+
+
+class NodeEvent(Explained):
+    """What happened to a managed node."""
+
+    STATE_CHANGED = "StateChanged", "The node is in another lifecycle state"
+    RESTARTED = "NodeRestarted", "The node is unconfigured again and is brought up again", "Look why it restarted"
+    TRANSITION_FAILED = (
+        "TransitionFailed", "A transition was refused or not answered, it is asked for again", "Look at the node's log"
+    )  # fmt: skip
+    GAVE_UP = "GaveUp", "Transitions failed for 60 s", "Restart the node, or switch again to retry"
 
 
 GOAL = {
@@ -175,7 +188,7 @@ class NodeNews:
     """For the log and diagnostics."""
 
     name: str
-    reason: str
+    reason: NodeEvent
     message: str
 
 
@@ -190,17 +203,37 @@ def start(specs: Iterable[NodeSpec], grace_s: float, has_driver: bool = False) -
 def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list[Command]]:
     """Takes in one event and does all that has become due."""
     commands: list[Command] = []
-    if isinstance(event, Observed):
-        guardian = _each(guardian, event.name, lambda n: _observe(n, event.state, now_s, commands))
-    elif isinstance(event, Answered):
-        guardian = _each(guardian, event.name, lambda n: _answer(n, event, now_s, commands))
-    elif isinstance(event, Acting):
-        guardian = _act(guardian, event, now_s)
-    elif isinstance(event, InhibitAnswered):
-        guardian = replace(guardian, inhibited=event.inhibited)
+    before = guardian
+    match event:
+        case Observed(name, state):
+            guardian = _each(guardian, name, lambda n: _observe(n, state, now_s, commands))
+        case Answered():
+            guardian = _each(guardian, event.name, lambda n: _answer(n, event, now_s, commands))
+        case Acting():
+            guardian = _act(guardian, event, now_s)
+        case InhibitAnswered():
+            guardian = replace(guardian, inhibited=event.inhibited)
+        case Tick():
+            pass
+        case _:
+            assert_never(event)
     nodes = tuple(_expire(node, now_s, commands) for node in guardian.nodes)
     guardian = _advance(replace(guardian, nodes=nodes), now_s, commands)
-    return _core_rule(guardian, now_s, commands), commands
+    guardian = _core_rule(guardian, now_s, commands)
+    check(before, guardian, event)
+    return guardian, commands
+
+
+def check(before: Guardian, after: Guardian, event: Event) -> None:
+    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    require(
+        "guardian",
+        event,
+        (len(after.nodes) == len(before.nodes), "a node was lost"),
+        (all(n.asked is None or n.spec.lifecycle for n in after.nodes), "a transition of a node without a lifecycle"),
+        (after.acting or not after.in_charge, "in charge without acting"),
+        (after.has_driver or after.inhibit_said is None, "a driver was inhibited that does not exist"),
+    )
 
 
 def is_ready(guardian: Guardian) -> bool:
@@ -254,9 +287,11 @@ def _observe(node: Node, state: State, now_s: float, commands: list[Command]) ->
     node = replace(node, state=state, state_s=now_s, read_due_s=now_s + period_s, reading_until_s=None)
     if state is before:
         return node
-    commands.append(NodeNews(node.spec.name, "StateChanged", f"{before.value} -> {state.value}"))
+    commands.append(NodeNews(node.spec.name, NodeEvent.STATE_CHANGED, f"{before.value} -> {state.value}"))
     if state is State.UNCONFIGURED and before is not State.UNKNOWN:
-        commands.append(NodeNews(node.spec.name, "NodeRestarted", "It is back in unconfigured and is brought up again"))
+        commands.append(
+            NodeNews(node.spec.name, NodeEvent.RESTARTED, "It is back in unconfigured and is brought up again")
+        )
     fresh = state is State.UNCONFIGURED or before is State.UNKNOWN
     if fresh:  # a new process, or one found again: earlier failures say nothing about it
         node = replace(node, gave_up="", failures=0, failing_since_s=None, retry_s=0.0)
@@ -301,10 +336,10 @@ def _failed(node: Node, why: str, now_s: float, commands: list[Command]) -> Node
     if now_s - since_s >= GIVE_UP_S:
         node = replace(node, gave_up=f"{why}, {node.failures} times in {now_s - since_s:.0f} s")
         commands.append(
-            NodeNews(node.spec.name, "GaveUp", f"{node.gave_up}; restart the node or switch again to retry")
+            NodeNews(node.spec.name, NodeEvent.GAVE_UP, f"{node.gave_up}; restart the node or switch again to retry")
         )
     else:
-        commands.append(NodeNews(node.spec.name, "TransitionFailed", f"{why}, next attempt in {wait_s:.1f} s"))
+        commands.append(NodeNews(node.spec.name, NodeEvent.TRANSITION_FAILED, f"{why}, next attempt in {wait_s:.1f} s"))
     return node
 
 

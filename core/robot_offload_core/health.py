@@ -13,7 +13,8 @@ from robot_offload_core import links
 from robot_offload_core.beats import CloudReport
 from robot_offload_core.collectors import GateReport
 from robot_offload_core.links import Link
-from robot_offload_core.policies import Fitness, Verdict
+from robot_offload_core.policies import Fitness
+from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import InputSpec, Settings
 from robot_offload_core.token import Site
 
@@ -77,7 +78,7 @@ def cloud_fault(situation: Situation, link: Link, frame: Frame, now_s: float, *,
             return None
         if known_s is not None:
             message = "The robot's own control process stood still for longer than a lease, the cloud has stopped"
-            return Verdict(Site.ROBOT, "ControlStalled", message)
+            return Verdict(Site.ROBOT, Reason.CONTROL_STALLED, message)
     checks = [
         _pulse(situation, link, frame, now_s),
         _identity(situation, frame),
@@ -100,8 +101,8 @@ def fitness(link: Link, settings: Settings, now_s: float) -> Fitness:
     if latency_s > limit_s:
         shown = "unknown" if latency_s == float("inf") else f"{latency_s * 1e3:.0f} ms"
         message = f"Loop latency {shown} is over the limit of {limit_s * 1e3:.0f} ms"
-        return Fitness(False, "LatencyTooHigh", message, latency_s, silent_s)
-    return Fitness(True, "LinkGood", f"Loop latency {latency_s * 1e3:.0f} ms", latency_s, silent_s)
+        return Fitness(False, Reason.LATENCY_TOO_HIGH, message, latency_s, silent_s)
+    return Fitness(True, Reason.LINK_GOOD, f"Loop latency {latency_s * 1e3:.0f} ms", latency_s, silent_s)
 
 
 def clock_fault(link: Link, settings: Settings) -> Verdict | None:
@@ -113,28 +114,28 @@ def clock_fault(link: Link, settings: Settings) -> Verdict | None:
         f"The system clocks differ by at least {excess_s * 1e3:.0f} ms, the limit is "
         f"{settings.max_clock_offset_s * 1e3:.0f} ms; synchronise them (chrony, ptp)"
     )
-    return Verdict(Site.ROBOT, "ClockOffset", message)
+    return Verdict(Site.ROBOT, Reason.CLOCK_OFFSET, message)
 
 
-Findings = Iterator[tuple[str, str]]
+Findings = Iterator[tuple[Reason, str]]
 
 
 def _pulse(situation: Situation, link: Link, frame: Frame, now_s: float) -> Findings:
     timeout_s = frame.settings.loss_timeout_s
     if situation.pulse_s is None or now_s - situation.pulse_s > timeout_s:
-        yield "PulseSilent", "The robot's own pulse process does not send"
+        yield Reason.PULSE_SILENT, "The robot's own pulse process does not send"
     if link.heard_s is None:
-        yield "NeverHeard", "The cloud has not been heard yet"
+        yield Reason.NEVER_HEARD, "The cloud has not been heard yet"
         return
     if now_s - link.heard_s > timeout_s:
-        yield "HeartbeatLost", f"No heartbeat from the cloud for {(now_s - link.heard_s) * 1e3:.0f} ms"
+        yield Reason.HEARTBEAT_LOST, f"No heartbeat from the cloud for {(now_s - link.heard_s) * 1e3:.0f} ms"
     age_s = situation.control_age_s
     if situation.report is None or age_s is None or age_s > timeout_s:
-        yield "CloudControlSilent", "The cloud's control process does not renew its report"
+        yield Reason.CLOUD_CONTROL_SILENT, "The cloud's control process does not renew its report"
     refused = situation.report is not None and situation.report.refused == frame.incarnation
     echo_stale = link.echo_sent_s is None or now_s - link.echo_sent_s > frame.settings.echo_limit_s
     if echo_stale and not refused:  # who is refused gets no echoes: the refusal is what a person must read
-        yield "EchoStale", "The cloud is heard but has not heard us in time"
+        yield Reason.ECHO_STALE, "The cloud is heard but has not heard us in time"
 
 
 def _identity(situation: Situation, frame: Frame) -> Findings:
@@ -143,47 +144,47 @@ def _identity(situation: Situation, frame: Frame) -> Findings:
         return
     if report.refused == frame.incarnation:
         yield (
-            "DuplicateIdentity",
+            Reason.DUPLICATE_IDENTITY,
             "Another robot with this identity is being served; give each robot its own bundle",
         )
     if report.serves != frame.incarnation:
-        yield "NotServed", "The cloud does not serve this robot (yet)"
+        yield Reason.NOT_SERVED, "The cloud does not serve this robot (yet)"
 
 
 def _data(situation: Situation, link: Link, now_s: float) -> Findings:
     if situation.data_s is None or now_s - situation.data_s > DATA_TIMEOUT_S:
-        yield "DataProcessSilent", "The robot's own data process does not report"
+        yield Reason.DATA_PROCESS_SILENT, "The robot's own data process does not report"
     elif not situation.data_connected:
-        yield "DataDisconnected", "The data session is not connected"
+        yield Reason.DATA_DISCONNECTED, "The data session is not connected"
     elif situation.data_heard_s is None or now_s - situation.data_heard_s > DATA_TIMEOUT_S:
-        yield "DataSilent", "Nothing arrives on the data session"
+        yield Reason.DATA_SILENT, "Nothing arrives on the data session"
     elif situation.data_cloud != link.peer:
-        yield "DataMismatch", "Pulse and data sessions end at different cloud agents"
+        yield Reason.DATA_MISMATCH, "Pulse and data sessions end at different cloud agents"
     report = situation.report
     if report is not None and not 0 <= report.data_age_us <= DATA_TIMEOUT_S * 1e6:
-        yield "DataUnheard", "The cloud hears nothing on the data session"
+        yield Reason.DATA_UNHEARD, "The cloud hears nothing on the data session"
 
 
 def _acting(situation: Situation, link: Link, frame: Frame, now_s: float) -> Findings:
     if link.peer != frame.partner:
-        yield "CloudRestarted", "Another incarnation of the cloud agent answers"
+        yield Reason.CLOUD_RESTARTED, "Another incarnation of the cloud agent answers"
     report = situation.report
     if report is not None and not report.ready:
-        yield "CloudNodesDown", "The cloud's CORE nodes are not Active"
+        yield Reason.CLOUD_NODES_DOWN, "The cloud's CORE nodes are not Active"
     says_so = report is not None and report.acting and report.epoch == frame.epoch
     if not says_so or situation.good_s is None or now_s - situation.good_s > frame.settings.loss_timeout_s:
-        yield "CloudNotActing", "The cloud is heard but does not act under the current epoch"
+        yield Reason.CLOUD_NOT_ACTING, "The cloud is heard but does not act under the current epoch"
     gate = situation.gate
     if gate is not None and not gate.cloud_flows:
-        yield "OutputSilent", "A rated output of the cloud is silent"
+        yield Reason.OUTPUT_SILENT, "A rated output of the cloud is silent"
 
 
 def _collector(situation: Situation, frame: Frame, now_s: float) -> Findings:
     gate = situation.gate
     if gate is None or situation.gate_s is None or now_s - situation.gate_s > frame.settings.lease_s:
-        yield "CollectorSilent", "The collector does not report"
+        yield Reason.COLLECTOR_SILENT, "The collector does not report"
     elif gate.fell_back and gate.charge is not None and gate.charge.token.epoch >= frame.epoch:
-        yield "CollectorFellBack", "The collector did not hear control for too long and passes only the robot"
+        yield Reason.COLLECTOR_FELL_BACK, "The collector did not hear control for too long and passes only the robot"
 
 
 def _inputs(situation: Situation, frame: Frame) -> Findings:
@@ -192,12 +193,12 @@ def _inputs(situation: Situation, frame: Frame) -> Findings:
     if report is None:
         return
     if len(report.input_ages_us) != len(required):
-        yield "InputsDiffer", "Robot and cloud are configured with different inputs"
+        yield Reason.INPUTS_DIFFER, "Robot and cloud are configured with different inputs"
         return
     for spec, age_us in zip(required, report.input_ages_us, strict=True):
         if not 0 <= age_us <= spec.max_age_s * 1e6:
             shown = "never arrived" if age_us < 0 else f"is {age_us / 1e3:.0f} ms old"
             yield (
-                "InputStale",
+                Reason.INPUT_STALE,
                 f"Input {spec.name} {shown} in the cloud, the limit is {spec.max_age_s * 1e3:.0f} ms",
             )

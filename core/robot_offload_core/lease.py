@@ -11,7 +11,9 @@ from dataclasses import dataclass
 
 from robot_offload_core.beats import Beat, CloudReport, Permission
 from robot_offload_core.change import replace
-from robot_offload_core.events import Acting, Tick
+from robot_offload_core.checks import require
+from robot_offload_core.events import Acting, Tick, assert_never
+from robot_offload_core.reasons import Explained
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Token
 
@@ -19,6 +21,18 @@ ROBOT_LIVE_S = 1.0
 """Silence after which a robot is no longer live, so that another incarnation may be served."""
 PAUSE_LIMIT_S = 0.150
 """A distance of two steps that counts as a pause: many times the tick, less than a lease."""
+
+
+class Stand(Explained):
+    """What the cloud's side does."""
+
+    ASLEEP = "Asleep", "The robot acts, or no robot is heard"
+    WAKING = "Waking", "The cloud holds a lease and brings up its nodes"
+    ACTING = "Acting", "The cloud holds a lease and its nodes are ready"
+    LEASE_EXPIRED = "LeaseExpired", "The lease has run out and no new grant came", "Look at the link"
+    DUPLICATE_IDENTITY = (
+        "DuplicateIdentity", "A second robot of this identity is heard and refused", "Give each robot its own bundle"
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -59,7 +73,7 @@ class Cloud:
     refused_s: float = 0.0
     stepped_s: float | None = None
     void_before_s: float = 0.0
-    reported: str = "Asleep"
+    reported: Stand = Stand.ASLEEP
 
 
 @dataclass(frozen=True)
@@ -107,7 +121,7 @@ class SetReport:
 class StandChanged:
     """For the log and diagnostics: reason and message of a change."""
 
-    reason: str
+    reason: Stand
     message: str
 
 
@@ -119,20 +133,41 @@ def step(cloud: Cloud, event: Event, now_s: float) -> tuple[Cloud, list[Command]
 
     The three levels (egress, acting, report) come with every step: losing one message of them loses nothing.
     """
+    before = cloud
     cloud = _notice_pause(cloud, now_s)
-    if isinstance(event, RobotBeat):
-        cloud = _hear(cloud, event.beat, event.arrived_s, now_s)
-    elif isinstance(event, CloudNodes):
-        cloud = replace(cloud, ready=event.ready)
-    elif isinstance(event, CloudData):
-        cloud = replace(cloud, data_age_s=event.age_s, input_ages_s=event.input_ages_s)
+    match event:
+        case RobotBeat():
+            cloud = _hear(cloud, event.beat, event.arrived_s, now_s)
+        case CloudNodes():
+            cloud = replace(cloud, ready=event.ready)
+        case CloudData():
+            cloud = replace(cloud, data_age_s=event.age_s, input_ages_s=event.input_ages_s)
+        case Tick():
+            pass
+        case _:
+            assert_never(event)
     cloud = _forget(cloud, now_s)
     commands: list[Command] = [*_levels(cloud, now_s)]
     reason, message = situation(cloud, now_s)
     if reason != cloud.reported:
         cloud = replace(cloud, reported=reason)
         commands.append(StandChanged(reason, message))
+    check(before, cloud, event, now_s)
     return cloud, commands
+
+
+def check(before: Cloud, after: Cloud, event: Event, now_s: float) -> None:
+    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    same = after.robot == before.robot
+    require(
+        "lease",
+        event,
+        (not same or after.epoch >= before.epoch, "the epoch fell"),
+        (after.granted or after.lease_end_s == 0.0, "a lease without a grant"),
+        (not after.granted or after.robot != "", "a grant of nobody"),
+        (after.lease_end_s <= now_s + after.settings.lease_s, "the lease is longer than a lease from now"),
+        (same or not holds_lease(before, now_s), "another robot is served while a lease is held"),
+    )
 
 
 def holds_lease(cloud: Cloud, now_s: float) -> bool:
@@ -145,17 +180,17 @@ def token(cloud: Cloud) -> Token:
     return Token(cloud.robot, cloud.epoch, cloud.incarnation)
 
 
-def situation(cloud: Cloud, now_s: float) -> tuple[str, str]:
+def situation(cloud: Cloud, now_s: float) -> tuple[Stand, str]:
     """(reason, message) of what this side does."""
     if cloud.refused:
-        return "DuplicateIdentity", f"A second robot of this identity is refused: {cloud.refused[:8]}"
+        return Stand.DUPLICATE_IDENTITY, f"A second robot of this identity is refused: {cloud.refused[:8]}"
     if holds_lease(cloud, now_s):
         if cloud.ready:
-            return "Acting", f"Acting under epoch {cloud.epoch}"
-        return "Waking", f"Bringing up the nodes for epoch {cloud.epoch}"
+            return Stand.ACTING, f"Acting under epoch {cloud.epoch}"
+        return Stand.WAKING, f"Bringing up the nodes for epoch {cloud.epoch}"
     if cloud.granted:
-        return "LeaseExpired", f"The lease of epoch {cloud.epoch} has run out"
-    return "Asleep", "The robot acts" if cloud.robot else "No robot is heard"
+        return Stand.LEASE_EXPIRED, f"The lease of epoch {cloud.epoch} has run out"
+    return Stand.ASLEEP, "The robot acts" if cloud.robot else "No robot is heard"
 
 
 def _notice_pause(cloud: Cloud, now_s: float) -> Cloud:
@@ -183,7 +218,9 @@ def _hear(cloud: Cloud, beat: Beat, arrived_s: float, now_s: float) -> Cloud:
         return cloud
     cloud = replace(cloud, granted=True)
     echo = beat.echo
-    if echo is None or echo.incarnation != cloud.incarnation or echo.sent_us / 1e6 < cloud.void_before_s:
+    if echo is None or echo.incarnation != cloud.incarnation:
+        return cloud
+    if not cloud.void_before_s <= echo.sent_us / 1e6 <= now_s:  # from before a pause, or of a beat that is still unsent
         return cloud
     end_s = echo.sent_us / 1e6 + min(cloud.settings.lease_s, permission.lease_us / 1e6)
     return replace(cloud, lease_end_s=max(cloud.lease_end_s, end_s))

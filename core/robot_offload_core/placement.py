@@ -10,7 +10,8 @@ from robot_offload_core.collectors import Gate, GateReport
 from robot_offload_core.events import Acting, Tick
 from robot_offload_core.health import Situation
 from robot_offload_core.links import Link
-from robot_offload_core.policies import Policy, Verdict
+from robot_offload_core.policies import Policy
+from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import InputSpec, Settings
 from robot_offload_core.token import Site
 
@@ -37,6 +38,9 @@ IN_CHARGE = {
     Phase.TO_ROBOT: Site.CLOUD,
     Phase.TAKEOVER: Site.ROBOT,
 }
+
+
+STARTING = Verdict(Site.ROBOT, Reason.STARTING, "The robot acts; the cloud has not been heard yet")
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,7 @@ class Robot:
     stepped_s: float | None = None
     stall_until_s: float = 0.0
     fell_at_s: float | None = None
-    decided: Verdict = Verdict(Site.ROBOT, "Starting", "The robot acts; the cloud has not been heard yet")
+    decided: Verdict = STARTING
     decided_s: float = 0.0
     told: tuple[object, ...] = ()
     told_s: float = -1.0
@@ -211,7 +215,7 @@ class SetGate:
 class Reopen:
     """To pulse and data: drop the sessions with everything buffered in them."""
 
-    reason: str
+    reason: Reason
 
 
 @dataclass(frozen=True)

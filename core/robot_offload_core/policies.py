@@ -21,6 +21,7 @@ from robot_offload_core import outlooks
 from robot_offload_core.change import replace
 from robot_offload_core.links import Link
 from robot_offload_core.outlooks import EXPOSED_PER_S, SWITCH, WASTED_PER_S, Outlook, Seen
+from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 
@@ -31,15 +32,6 @@ PROVEN_S = 4.0
 UNTAUGHT = Outlook()
 ROUNDING_S = 1e-6
 """Less than this is left of a wait only because sums of floats are not exact."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A decision with its reason (CamelCase, for machines) and message (for people)."""
-
-    site: Site
-    reason: str
-    message: str
 
 
 @dataclass(frozen=True)
@@ -54,7 +46,7 @@ class Fitness:
     """
 
     ok: bool
-    reason: str
+    reason: Reason
     message: str
     latency_s: float = 0.0
     silent_s: float = 0.0
@@ -85,8 +77,8 @@ class Policy:
     outlook: Outlook = UNTAUGHT
 
 
-ROBOT_PREFERRED = Verdict(Site.ROBOT, "RobotPreferred", "The robot is preferred and able to act")
-CLOUD_PREFERRED = Verdict(Site.CLOUD, "CloudPreferred", "The link is good enough for the cloud")
+ROBOT_PREFERRED = Verdict(Site.ROBOT, Reason.ROBOT_PREFERRED, "The robot is preferred and able to act")
+CLOUD_PREFERRED = Verdict(Site.CLOUD, Reason.CLOUD_PREFERRED, "The link is good enough for the cloud")
 
 
 def heard(policy: Policy, sent_s: float, latency_s: float, settings: Settings) -> Policy:
@@ -158,12 +150,12 @@ def _in_cloud(policy: Policy, fitness: Fitness, settings: Settings) -> Verdict:
             overdue = fitness.silent_s > settings.beat_period_s * outlooks.SILENT_BEATS
             silent = f"No heartbeat for {fitness.silent_s * 1e3:.0f} ms"
             message = silent if overdue else f"{fitness.message}, and it gets worse"
-            return Verdict(Site.ROBOT, "LinkUnsteady", message + usual)
+            return Verdict(Site.ROBOT, Reason.LINK_UNSTEADY, message + usual)
     if fitness.ok:
         return CLOUD_PREFERRED
     left_ms = outlooks.wait_s(outlook) * 1e3
     usual = _usual(outlook.spells.bad_s, "slow spells")
-    return Verdict(Site.CLOUD, "CloudPreferred", f"{fitness.message}{usual}: borne for another {left_ms:.0f} ms")
+    return Verdict(Site.CLOUD, Reason.CLOUD_PREFERRED, f"{fitness.message}{usual}: borne for another {left_ms:.0f} ms")
 
 
 def _on_robot(policy: Policy, fitness: Fitness, settings: Settings, now_s: float) -> Verdict:
@@ -171,15 +163,15 @@ def _on_robot(policy: Policy, fitness: Fitness, settings: Settings, now_s: float
         return Verdict(Site.ROBOT, fitness.reason, fitness.message)
     left_s = min(policy.hold_until_s - now_s, PROVEN_S - policy.good_s)
     if left_s > ROUNDING_S:
-        return Verdict(Site.ROBOT, "HoldDown", f"The link is back, hold-down for another {left_s:.1f} s")
+        return Verdict(Site.ROBOT, Reason.HOLD_DOWN, f"The link is back, hold-down for another {left_s:.1f} s")
     outlook = policy.outlook
     left_s = 0.0 if outlooks.in_cloud(outlook) else outlooks.wait_s(outlook)
     left_s = max(left_s, settings.beat_period_s - policy.good_s)  # whatever ended the stay shows for a moment
     if left_s > ROUNDING_S:
         usual = _usual(outlook.spells.bad_s, "outages")
         left = f"waiting for another {left_s:.1f} s"
-        return Verdict(Site.ROBOT, "Proving", f"Link good for {policy.good_s:.1f} s{usual}: {left}")
-    return Verdict(Site.CLOUD, "LinkGood", f"The link has been good for long enough ({policy.good_s:.1f} s)")
+        return Verdict(Site.ROBOT, Reason.PROVING, f"Link good for {policy.good_s:.1f} s{usual}: {left}")
+    return Verdict(Site.CLOUD, Reason.LINK_GOOD, f"The link has been good for long enough ({policy.good_s:.1f} s)")
 
 
 def _seen(fitness: Fitness) -> Seen:

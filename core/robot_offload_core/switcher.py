@@ -11,8 +11,9 @@ from __future__ import annotations
 from robot_offload_core import links, policies, wishes
 from robot_offload_core.beats import CloudReport, Permission
 from robot_offload_core.change import replace
+from robot_offload_core.checks import require
 from robot_offload_core.collectors import Charge, Gate, GateReport
-from robot_offload_core.events import Acting
+from robot_offload_core.events import Acting, Tick, assert_never
 from robot_offload_core.health import Frame, cloud_fault
 from robot_offload_core.placement import (
     IN_CHARGE,
@@ -37,8 +38,8 @@ from robot_offload_core.placement import (
     Wish,
     is_good,
 )
-from robot_offload_core.policies import Verdict
 from robot_offload_core.pulse import PERMISSION_BEATS
+from robot_offload_core.reasons import Kind, Reason, Verdict
 from robot_offload_core.settings import Mode, Settings
 from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site, Token
@@ -55,19 +56,37 @@ from the end of the stall (for no longer than a lease, see health.cloud_fault).
 """
 TELL_PERIOD_S = 0.5
 """Changes of reason that change nothing else are told at most this often."""
-URGENT = ("ByHand", "PinnedToRobot", "PinnedToCloud", "ClockOffset", "PodStopping")
-"""Reasons that wait for no dwell and start no hold-down."""
 
 
 def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]]:
     """Takes in one event, decides, and tells the levels when they changed or a beat period has passed."""
     commands: list[Command] = []
+    before = robot
     robot = _notice_stall(robot, now_s)
     robot = _take(robot, event, now_s, commands)
     if robot.asked is not None:
         robot = _settle(robot, robot.asked, now_s)
     robot = _move(robot, now_s, commands)
-    return _tell(robot, now_s, commands), commands
+    robot = _tell(robot, now_s, commands)
+    check(before, robot, event)
+    return robot, commands
+
+
+def check(before: Robot, after: Robot, event: Event) -> None:
+    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    preparing = after.phase in (Phase.TO_CLOUD, Phase.TO_ROBOT)
+    changed = site(after) is not site(before)
+    require(
+        "switcher",
+        event,
+        (after.epoch >= before.epoch, "the epoch fell"),
+        (after.last_epoch >= max(before.last_epoch, after.epoch, after.candidate), "an epoch was used beyond the last"),
+        (not changed or after.epoch > before.epoch, "the side in charge changed within one epoch"),
+        ((after.candidate > after.epoch) is preparing, "a candidate is newer exactly while a side gets ready"),
+        (preparing or not (after.candidate or after.armed or after.offered), "armed, and nobody gets ready"),
+        (after.partner != "" or (site(after) is Site.ROBOT and not preparing), "the cloud is addressed by no name"),
+        (after.incarnation == before.incarnation, "the incarnation changed"),
+    )
 
 
 def site(robot: Robot) -> Site:
@@ -112,28 +131,33 @@ def _settle(robot: Robot, asked: Settings, now_s: float) -> Robot:
 # -- taking events in -------------------------------------------------------------------------------------------------
 
 
-def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> Robot:
-    if isinstance(event, CloudBeat):
-        return _hear(robot, event, now_s)
-    if isinstance(event, PulseSent):
-        return replace(robot, situation=replace(robot.situation, pulse_s=event.sent_s))
-    if isinstance(event, GateReported):
-        return _gate_reported(robot, event.report, now_s, commands)
-    if isinstance(event, DataReported):
-        heard_s = None if event.age_s is None else now_s - event.age_s
-        data = replace(robot.situation, data_connected=event.connected, data_heard_s=heard_s, data_cloud=event.cloud)
-        return replace(robot, situation=replace(data, data_s=now_s))
-    if isinstance(event, NodesReported):
-        return replace(robot, nodes_ready=event.ready)
-    if isinstance(event, SetPin):
-        return replace(robot, pin=event.pin)
-    if isinstance(event, CloudLeaving):
-        return replace(robot, leaving=event)
-    if isinstance(event, SetSettings):
-        return replace(robot, asked=event.settings, inputs=event.inputs)
-    if isinstance(event, SwitchByHand):
-        robot, accepted, message = _by_hand(robot, event.site, now_s)
-        commands.append(Answer(event.key, accepted, message))
+def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> Robot:  # noqa: C901 - a flat table
+    match event:
+        case CloudBeat():
+            robot = _hear(robot, event, now_s)
+        case PulseSent():
+            robot = replace(robot, situation=replace(robot.situation, pulse_s=event.sent_s))
+        case GateReported():
+            robot = _gate_reported(robot, event.report, now_s, commands)
+        case DataReported():
+            heard_s = None if event.age_s is None else now_s - event.age_s
+            data = replace(robot.situation, data_connected=event.connected, data_heard_s=heard_s)
+            robot = replace(robot, situation=replace(data, data_cloud=event.cloud, data_s=now_s))
+        case NodesReported():
+            robot = replace(robot, nodes_ready=event.ready)
+        case SetPin():
+            robot = replace(robot, pin=event.pin)
+        case CloudLeaving():
+            robot = replace(robot, leaving=event)
+        case SetSettings():
+            robot = replace(robot, asked=event.settings, inputs=event.inputs)
+        case SwitchByHand():
+            robot, accepted, message = _by_hand(robot, event.site, now_s)
+            commands.append(Answer(event.key, accepted, message))
+        case Tick():
+            pass
+        case _:
+            assert_never(event)
     return robot
 
 
@@ -211,13 +235,14 @@ def _move_from_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: lis
     if fault is not None:
         return _take_over(robot, fault, now_s, commands)
     if robot.phase is Phase.CLOUD:
-        dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason in URGENT
+        dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason.urgent
         if verdict.site is Site.ROBOT and dwelt and now_s >= robot.retry_s:
             return _prepare(robot, Phase.TO_ROBOT, verdict, now_s, commands)
         return robot
     robot = replace(robot, armed=robot.nodes_ready)
     if now_s >= robot.deadline_s:
-        why = Verdict(Site.CLOUD, "RobotNotReady", "The robot's nodes did not get ready in time, the cloud goes on")
+        message = "The robot's nodes did not get ready in time, the cloud goes on"
+        why = Verdict(Site.CLOUD, Reason.ROBOT_NOT_READY, message)
         return _call_off(robot, Phase.CLOUD, why, now_s, commands)
     return robot
 
@@ -225,11 +250,12 @@ def _move_from_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: lis
 def _move_to_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
     fault = _fault(robot, now_s, acting=False)
     if fault is None and robot.link.peer != robot.partner:
-        fault = Verdict(Site.ROBOT, "CloudRestarted", "Another incarnation of the cloud agent answers")
-    if fault is None and verdict.site is Site.ROBOT and verdict.reason in URGENT:
+        fault = Verdict(Site.ROBOT, Reason.CLOUD_RESTARTED, "Another incarnation of the cloud agent answers")
+    if fault is None and verdict.site is Site.ROBOT and verdict.reason.urgent:
         fault = verdict
     if fault is None and now_s >= robot.deadline_s:
-        fault = Verdict(Site.ROBOT, "CloudNotReady", "The cloud's nodes did not get ready in time, the robot goes on")
+        message = "The cloud's nodes did not get ready in time, the robot goes on"
+        fault = Verdict(Site.ROBOT, Reason.CLOUD_NOT_READY, message)
     if fault is not None:
         return _call_off(robot, Phase.ROBOT, fault, now_s, commands)
     report = robot.situation.report
@@ -243,19 +269,19 @@ def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: lis
     fell = (
         robot.fell_at_s is not None and now_s - max(robot.fell_at_s, robot.charged_s) > settings.activation_deadline_s
     )
-    forbidden = verdict.site is Site.ROBOT and verdict.reason in ("ClockOffset", "PinnedToRobot")
+    forbidden = verdict.site is Site.ROBOT and not verdict.reason.yields_to_need
     if now_s < robot.stall_until_s:  # what happened meanwhile is still to be read: nothing new is begun on old news
         return robot
     # Retries grow, but not those of a robot that stands still.
     if fault is None and fell and not forbidden and now_s >= min(robot.retry_s, robot.since_s + RETRY_FIRST_S):
-        why = Verdict(Site.CLOUD, "RobotUnable", "The robot cannot act, the cloud can")
+        why = Verdict(Site.CLOUD, Reason.ROBOT_UNABLE, "The robot cannot act, the cloud can")
         robot = replace(robot, manual=None, leaving=None)  # whoever asked for the robot did not ask for a standstill
         return _prepare(robot, Phase.TO_CLOUD, why, now_s, commands)
-    dwelt = now_s - robot.charged_s >= settings.min_dwell_s or verdict.reason in URGENT
-    held = verdict.reason == "PinnedToCloud" and now_s < robot.policy.hold_until_s
+    dwelt = now_s - robot.charged_s >= settings.min_dwell_s or verdict.reason.urgent
+    held = verdict.reason.kind is Kind.PIN and now_s < robot.policy.hold_until_s
     if verdict.site is Site.CLOUD and fault is None and dwelt and not held and now_s >= robot.retry_s:
         return _prepare(robot, Phase.TO_CLOUD, verdict, now_s, commands)
-    chosen = verdict.site is Site.ROBOT and verdict.reason in (*URGENT, "RobotPreferred")
+    chosen = verdict.site is Site.ROBOT and verdict.reason.chosen
     shown = verdict if fault is None or chosen else fault  # a broken limit says more than what the policy waits for
     return _decide(robot, shown, now_s, commands)
 
@@ -316,7 +342,7 @@ def _enter(robot: Robot, charge: Charge, now_s: float, commands: list[Command]) 
     policy = robot.policy
     if phase is Phase.ROBOT:
         robot = replace(robot, clear_s=_clear_s(robot, now_s))
-        if robot.decided.reason not in URGENT:
+        if not robot.decided.reason.urgent:
             policy = policies.lost(policy, robot.settings, now_s)
     robot = replace(robot, policy=policies.entered(policy, charge.site, now_s))
     return _decide(robot, robot.decided, now_s, commands, force=True, switched=True)
@@ -324,7 +350,7 @@ def _enter(robot: Robot, charge: Charge, now_s: float, commands: list[Command]) 
 
 def _call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: list[Command]) -> Robot:
     """A preparation failed (unless a person or the clocks ended it): the old side goes on, the next attempt waits."""
-    failed = why.reason not in URGENT
+    failed = not why.reason.urgent
     wait_s = min(RETRY_MAX_S, RETRY_FIRST_S * 2**robot.failures) if failed else 0.0
     epoch = robot.epoch
     if phase is Phase.ROBOT:  # the candidate may already be passing: only a newer epoch ends it for sure

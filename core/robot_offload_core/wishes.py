@@ -6,7 +6,7 @@ from robot_offload_core import policies
 from robot_offload_core.change import replace
 from robot_offload_core.health import clock_fault, fitness
 from robot_offload_core.placement import IN_CHARGE, Robot
-from robot_offload_core.policies import Verdict
+from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.token import Site
 
 
@@ -22,7 +22,8 @@ def veto(robot: Robot, now_s: float) -> Verdict | None:
     fault = clock_fault(robot.link, robot.settings)
     leaving = robot.leaving
     if fault is None and leaving is not None and leaving.cloud == robot.link.peer and now_s < leaving.until_s:
-        return Verdict(Site.ROBOT, "PodStopping", "The cloud's pods are stopping, the robot acts until they are back")
+        message = "The cloud's pods are stopping, the robot acts until they are back"
+        return Verdict(Site.ROBOT, Reason.POD_STOPPING, message)
     return fault
 
 
@@ -36,9 +37,9 @@ def wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:
         return robot, forbidden
     pinned = pin(robot, now_s)
     if pinned is not None:
-        name = pinned.value
-        return robot, Verdict(pinned, f"PinnedTo{name.capitalize()}", f"Placement is pinned to the {name}")
+        reason = Reason.PINNED_TO_ROBOT if pinned is Site.ROBOT else Reason.PINNED_TO_CLOUD
+        return robot, Verdict(pinned, reason, f"Placement is pinned to the {pinned.value}")
     if robot.manual is not None and robot.manual.holds(now_s):
         asked = robot.manual.site
-        return robot, Verdict(asked, "ByHand", f"The {asked.value} was asked for by hand")
+        return robot, Verdict(asked, Reason.BY_HAND, f"The {asked.value} was asked for by hand")
     return robot, verdict

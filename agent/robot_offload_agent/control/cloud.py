@@ -13,6 +13,7 @@ from robot_offload_agent.settings.notes import NotesError, decode_robot, encode
 from robot_offload_agent.settings.offer import offered_limits
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import lease
+from robot_offload_core.lease import Stand
 from robot_offload_core.process.cloud_control import CloudControlProcess
 from robot_offload_core.process.messages import Limits, Notes
 from robot_offload_core.token import Site
@@ -46,7 +47,7 @@ class CloudControlShell(ControlShell):
         """Answers a call of one of the services."""
         self.services.answer(key, accepted, message)
 
-    def decided(self, reason: str, message: str) -> None:
+    def decided(self, reason: Stand, message: str) -> None:
         """Logs a decision."""
         log.info("%s reason=%s", message, reason)
 

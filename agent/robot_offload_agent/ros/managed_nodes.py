@@ -16,6 +16,7 @@ from std_srvs.srv import SetBool
 
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import guardians
+from robot_offload_core.events import assert_never
 from robot_offload_core.guardians import State, Transition
 from robot_offload_core.token import Site
 
@@ -77,13 +78,18 @@ class ManagedNodes:
             self.post(guardians.Observed(name, state))
 
     def carry_out(self, command: guardians.Command) -> None:
-        """One command of the core, except NodeNews."""
-        if isinstance(command, guardians.ChangeState):
-            self._change(command.name, command.transition)
-        elif isinstance(command, guardians.GetState):
-            self._read(command.name)
-        elif isinstance(command, guardians.Inhibit):
-            self._inhibit(command)
+        """Carries out one command of the core; news of nodes are for the log and not for us."""
+        match command:
+            case guardians.ChangeState():
+                self._change(command.name, command.transition)
+            case guardians.GetState():
+                self._read(command.name)
+            case guardians.Inhibit():
+                self._inhibit(command)
+            case guardians.NodeNews():
+                pass
+            case _:
+                assert_never(command)
 
     def _change(self, name: str, transition: Transition) -> None:
         client = self.change[name]

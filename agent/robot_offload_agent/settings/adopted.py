@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from robot_offload_agent.settings import store
 from robot_offload_agent.settings.notes import NotesError, RobotNotes, decode_cloud, encode
-from robot_offload_agent.settings.offer import Judgement, Offer, input_limits, judge
+from robot_offload_agent.settings.offer import Answer, Judgement, Offer, input_limits, judge
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.process.messages import Limits
 from robot_offload_core.token import Site
@@ -36,7 +36,7 @@ class RobotSettings:
         self.disk = threading.Lock()
         self.present, offer, self.problem = store.load(local)
         self.judged = offer.digest if offer is not None else ""
-        self.judgement = Judgement(self.present, "Accepted", f"The robot runs generation {self.generation}")
+        self.judgement = Judgement(self.present, Answer.ACCEPTED, f"The robot runs generation {self.generation}")
         if self.problem is not None:
             log.warning("%s reason=%s", self.problem[1], self.problem[0])
         elif offer is not None:
@@ -60,7 +60,7 @@ class RobotSettings:
             log.warning("Notes of the cloud that are none of ours: %s", error)
             return ""
         offer = notes.offer
-        again = self.judgement.reason == "NotKept" and not self.keeping  # the disk may have been freed
+        again = self.judgement.reason is Answer.NOT_KEPT and not self.keeping  # the disk may have been freed
         if offer is not None and (offer.digest != self.judged or again):
             again, self.judged = offer.digest == self.judged, offer.digest
             judgement = judge(self.local, self.generation, offer)
@@ -70,14 +70,14 @@ class RobotSettings:
                 # Until it is on the disk nothing is answered: what was accepted must hold at an offline start.
                 self.keeping = True
                 if not again:
-                    self.judgement = Judgement(None, "Keeping", "The robot writes the settings to its disk")
+                    self.judgement = Judgement(None, Answer.KEEPING, "The robot writes the settings to its disk")
                 threading.Thread(target=self._keep, args=(offer, judgement), name="keep", daemon=True).start()
         return notes.leaving
 
     def notes(self, left: str, site: Site, reason: str, message: str) -> str:
         """What the cloud is told."""
         judgement = self.judgement
-        digest = "" if judgement.reason == "Keeping" else self.judged
+        digest = "" if judgement.reason is Answer.KEEPING else self.judged
         accepted = judgement.configuration is not None
         told = RobotNotes(
             self.generation, digest, accepted, judgement.reason, judgement.message, left, site.value, reason, message
@@ -91,7 +91,7 @@ class RobotSettings:
                     store.keep(self.local, offer)
         except OSError as error:
             message = f"{store.path(self.local)} cannot be written: {error.strerror}; free the disk, or set state_dir"
-            judgement = Judgement(None, "NotKept", message)
+            judgement = Judgement(None, Answer.NOT_KEPT, message)
         self.post(lambda now: self._kept(offer, judgement, now))
 
     def _kept(self, offer: Offer, judgement: Judgement, now: float) -> None:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from robot_offload_agent.settings.notes import CloudNotes, RobotNotes
-from robot_offload_agent.settings.offer import Offer
+from robot_offload_agent.settings.offer import Answer, Offer
+from robot_offload_core.events import assert_never
 from robot_offload_core.links import Health
 
 LEAVING_S = 25.0
@@ -83,22 +84,26 @@ Event = SettingsRead | HandoverAsked | RobotSaid | Seen
 
 def step(liaison: Liaison, event: Event, now_s: float) -> Liaison:
     """Takes in one event."""
-    if isinstance(event, SettingsRead):
-        liaison = replace(liaison, offer=event.offer, problem=event.problem)
-    elif isinstance(event, HandoverAsked):
-        if event.name and event.name != liaison.leaving:
-            liaison = replace(liaison, leaving=event.name, leaving_until_s=now_s + LEAVING_S)
-    elif isinstance(event, RobotSaid):
-        liaison = replace(liaison, robot=event.notes, generation=event.notes.generation)
-    elif event.connected is not liaison.connected or not liaison.since:
-        liaison = replace(liaison, connected=event.connected, since=event.wall, robot=None)
+    match event:
+        case SettingsRead():
+            liaison = replace(liaison, offer=event.offer, problem=event.problem)
+        case HandoverAsked():
+            if event.name and event.name != liaison.leaving:
+                liaison = replace(liaison, leaving=event.name, leaving_until_s=now_s + LEAVING_S)
+        case RobotSaid():
+            liaison = replace(liaison, robot=event.notes, generation=event.notes.generation)
+        case Seen():
+            if event.connected is not liaison.connected or not liaison.since:
+                liaison = replace(liaison, connected=event.connected, since=event.wall, robot=None)
+        case _:
+            assert_never(event)
     return replace(liaison, handed_over=liaison.leaving) if _left(liaison) else liaison
 
 
 def notes(liaison: Liaison, now_s: float) -> CloudNotes:
     """What to tell the robot; settings that it could not keep are offered again and again."""
     robot = liaison.robot
-    answered = robot is not None and _answered(robot, liaison.offer) and robot.reason != "NotKept"
+    answered = robot is not None and _answered(robot, liaison.offer) and robot.reason != Answer.NOT_KEPT
     leaving = liaison.leaving if now_s < liaison.leaving_until_s else ""
     return CloudNotes(None if answered else liaison.offer, leaving)
 

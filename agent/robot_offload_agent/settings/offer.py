@@ -25,6 +25,7 @@ from robot_offload_agent.settings.parameters import (
     parse,
     read,
 )
+from robot_offload_core.reasons import Explained
 
 RUN_TIME = (
     "generation", "mode", "pin", "prefer", "loss_timeout_ms", "lease_ms", "max_command_age_ms", "robot_period_ms",
@@ -55,18 +56,36 @@ class Offer:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+class Answer(Explained):
+    """The robot's answer to settings that the cloud offers."""
+
+    ACCEPTED = "Accepted", "The robot runs these settings"
+    OLDER_GENERATION = (
+        "OlderGeneration", "The settings are older than those that the robot runs", "Make a new bundle if that is meant"
+    )  # fmt: skip
+    UNKNOWN_PARAMETER = "UnknownParameter", "The robot's agent is too old for a parameter", "Update the robot's agent"
+    INVALID = "Invalid", "A value is outside its range", "Change the value"
+    NEEDS_BUNDLE = "NeedsBundle", "A value cannot change while the robot runs", "Make a new bundle for the robot"
+    HARD_LIMIT = (
+        "HardLimit", "A value is looser than the robot's own file allows", "Make a new bundle, or a stricter value"
+    )  # fmt: skip
+    INCONSISTENT = "Inconsistent", "Values are good by themselves and cannot work together", "Read the message"
+    KEEPING = "Keeping", "The robot writes the settings to its disk and answers after that"
+    NOT_KEPT = "NotKept", "The robot's disk does not take the settings", "Free the disk, or set `state_dir`"
+
+
 @dataclass(frozen=True)
 class Judgement:
     """Whether an offer is taken, and why (not).
 
     Attributes:
         configuration: the robot's file with the offer in it; None: refused.
-        reason: CamelCase. Accepted, UnknownParameter, Invalid, NeedsBundle, HardLimit, Inconsistent, OlderGeneration.
+        reason: see Answer.
         message: for people.
     """
 
     configuration: Configuration | None
-    reason: str
+    reason: Answer
     message: str
 
 
@@ -90,12 +109,12 @@ def judge(local: Configuration, running: int, offer: Offer) -> Judgement:
             f"Generation {offer.generation} is older than {max(running, local['generation'])}, which the robot runs; "
             "make a new bundle when that is meant"
         )
-        return Judgement(None, "OlderGeneration", message)
+        return Judgement(None, Answer.OLDER_GENERATION, message)
     for reason, findings in (
-        ("UnknownParameter", _unknown(offer)),
-        ("Invalid", _invalid(offer)),
-        ("NeedsBundle", _fixed(local, offer)),
-        ("HardLimit", _loosened(local, offer)),
+        (Answer.UNKNOWN_PARAMETER, _unknown(offer)),
+        (Answer.INVALID, _invalid(offer)),
+        (Answer.NEEDS_BUNDLE, _fixed(local, offer)),
+        (Answer.HARD_LIMIT, _loosened(local, offer)),
     ):
         problems = list(findings)  # not all beforehand: the later questions make sense for what has passed the earlier
         if problems:
@@ -103,8 +122,8 @@ def judge(local: Configuration, running: int, offer: Offer) -> Judgement:
     try:
         configuration = parse({**local.values, **offer.parameters, "generation": offer.generation})
     except ConfigurationError as error:
-        return Judgement(None, "Inconsistent", "; ".join(str(error).splitlines()))
-    return Judgement(configuration, "Accepted", f"The robot runs generation {offer.generation}")
+        return Judgement(None, Answer.INCONSISTENT, "; ".join(str(error).splitlines()))
+    return Judgement(configuration, Answer.ACCEPTED, f"The robot runs generation {offer.generation}")
 
 
 def input_limits(configuration: Configuration) -> tuple[tuple[str, float, float], ...]:

@@ -7,7 +7,8 @@ from typing import Protocol
 from robot_offload_core import guardians, lease, links
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
-from robot_offload_core.events import Acting, Tick
+from robot_offload_core.events import Acting, Tick, assert_never
+from robot_offload_core.lease import Stand
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import DataStatus, Egress, Speak
 from robot_offload_core.settings import NodeSpec, Settings
@@ -20,7 +21,7 @@ REQUEST_LIFE_S = 2.0
 class CloudControlPorts(ControlPorts, Protocol):
     """What the shell does for the cloud's control process besides."""
 
-    def decided(self, reason: str, message: str) -> None:
+    def decided(self, reason: Stand, message: str) -> None:
         """Logs a decision."""
 
 
@@ -108,10 +109,16 @@ class CloudControlProcess(ControlProcess):
             words = (self.incarnation, self.cloud.robot, egress, self.node_states(), self.request)
             self.ports.send("data", Egress(*words))
         for command in commands:
-            if isinstance(command, Acting) and command.acting is not self.guardian.acting:
-                self.guard(Acting(command.acting))
-            elif isinstance(command, lease.StandChanged):
-                self.ports.decided(command.reason, command.message)
+            match command:
+                case Acting():
+                    if command.acting is not self.guardian.acting:
+                        self.guard(command)
+                case lease.StandChanged():
+                    self.ports.decided(command.reason, command.message)
+                case lease.SetReport() | lease.SetEgress():
+                    pass  # levels, see above
+                case _:
+                    assert_never(command)
 
     def health(self) -> links.Health | None:
         """Returns the health of the link to the robot served; None when there is none."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from robot_offload_core import collectors, envelope
-from robot_offload_core.collectors import Charge, Collector, Passage
+from robot_offload_core.collectors import Charge, Collector, Passage, Ruling
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import SetGate
 from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CollectorStatus, Limits
@@ -139,14 +139,14 @@ class CollectorProcess:
 
     def _publish(self, index: int, payload: Any, passage: Passage) -> None:
         """Publishes a message, or holds it for the changeover, as the machine says."""
-        if passage.reason == "NotAllReady":
+        if passage.reason is Ruling.NOT_ALL_READY:
             self.held[index] = payload
         if not passage.passes:
             return
         for other in passage.also:
             if other in self.held:
                 self.ports.publish(other, self.held[other])
-        if passage.reason == "ChangedOver":
+        if passage.reason is Ruling.CHANGED_OVER:
             self.held.clear()
         self.ports.publish(index, payload)
 

@@ -8,7 +8,7 @@ from typing import Protocol
 from robot_offload_core import guardians, health, placement, switcher
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
-from robot_offload_core.events import Acting, Tick
+from robot_offload_core.events import Acting, Tick, assert_never
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import CollectorStatus, DataStatus, Orders, Speak
@@ -165,32 +165,36 @@ class RobotControlProcess(ControlProcess):
             self._carry_out(command)
 
     def _carry_out(self, command: placement.Command) -> None:
-        if isinstance(command, SetGate):
-            self._renew("collector", command)
-        elif isinstance(command, placement.Permit):
-            self.ports.send("pulse", Speak(self.incarnation, command.permission, self.ports.now_s()))
-            self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud()))
-        elif isinstance(command, Acting):
-            known = (self.guardian.acting, self.guardian.outputs_flow, self.guardian.in_charge)
-            if known != (command.acting, command.outputs_flow, command.acting and command.in_charge):
-                self.guard(Acting(command.acting, command.outputs_flow, command.in_charge))
-        elif isinstance(command, placement.Reopen):
-            for process in ("pulse", "data"):
-                self.ports.send(process, command)
-        elif isinstance(command, placement.Answer):
-            if command.key == FROM_CLOUD:
-                self.cloud_answer = f"{int(command.accepted)}|{command.message}"
-            else:
-                self.ports.answer(command.key, command.accepted, command.message)
-        elif isinstance(command, Decided):
-            self.ports.decided(command)
+        match command:
+            case SetGate():
+                self._renew("collector", command)
+            case placement.Permit():
+                self.ports.send("pulse", Speak(self.incarnation, command.permission, self.ports.now_s()))
+                self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud()))
+            case Acting():
+                known = (self.guardian.acting, self.guardian.outputs_flow, self.guardian.in_charge)
+                if known != (command.acting, command.outputs_flow, command.acting and command.in_charge):
+                    self.guard(command)
+            case placement.Reopen():
+                for process in ("pulse", "data"):
+                    self.ports.send(process, command)
+            case placement.Answer():
+                if command.key == FROM_CLOUD:
+                    self.cloud_answer = f"{int(command.accepted)}|{command.message}"
+                else:
+                    self.ports.answer(command.key, command.accepted, command.message)
+            case Decided():
+                self.ports.decided(command)
+            case _:
+                assert_never(command)
 
     def _renew(self, process: str, message: SetGate | Orders) -> None:
         """Sends a level at once when it changed, else five times in a lease: the others live with an older one."""
         now_s = self.ports.now_s()
-        told, told_s = self.levels.get(process, (None, 0.0))
-        if message != told or now_s - told_s >= self.settings.lease_s / LEVELS_PER_LEASE:
-            self.levels[process] = message, now_s
+        level = SetGate(replace(message.gate, said_s=None)) if isinstance(message, SetGate) else message
+        sent, sent_s = self.levels.get(process, (None, 0.0))
+        if level != sent or now_s - sent_s >= self.settings.lease_s / LEVELS_PER_LEASE:
+            self.levels[process] = level, now_s
             self.ports.send(process, message)
 
     def _answered_cloud(self) -> str:

@@ -23,14 +23,13 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from robot_offload_core.reasons import Reason
 from robot_offload_lab.judge.measures import SWITCH_WINDOW_S, Interval, Measures, link_was_good
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Recording
 from robot_offload_lab.judge.streams import Gap, Stream
 
 GAP_MARGIN_MS = 200.0
 """For what a busy computer adds to the sum of the declared times: scheduling, the middleware, the recorder itself."""
-TOO_SLOW = "LatencyTooHigh"
-"""The agents' word for a loop that is slower than its limit."""
 ANNOUNCEMENT_LAG_S = 0.3
 """How late the announcement of a placement may be against the messages that pass the collector: a lease (250 ms by
 default), because control that is silent for longer makes the collector pass the robot only, and its way to us."""
@@ -216,7 +215,7 @@ def _lost(measures: Measures) -> Iterator[Violation]:
         start_s, end_s = switch.t_s - SWITCH_WINDOW_S, switch.t_s + SWITCH_WINDOW_S
         lost = _lost_from_cloud(measures, start_s, end_s)
         known_link = bool(measures.recording.link)
-        if not switch.commanded or not lost or switch.change.reason == TOO_SLOW:
+        if not switch.commanded or not lost or switch.change.reason == Reason.LATENCY_TOO_HIGH:
             continue
         if known_link and not link_was_good(measures.recording, start_s, end_s):
             continue

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
-from robot_offload_core.policies import Verdict
+from robot_offload_core.reasons import Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A side with the reason and message of a policy of anybody's own, both for results.json."""
+
+    site: Site
+    reason: str = ""
+    message: str = ""
 
 
 class SwitchingPolicy(Protocol):
@@ -22,8 +32,8 @@ class SwitchingPolicy(Protocol):
         """The echo of the heartbeat sent at `sent_s` came back at `arrived_s`; the difference is the loop latency."""
         ...
 
-    def place(self, now_s: float) -> Verdict | Site | str:
-        """The side to act from now on: `Site`, "robot" or "cloud", or a Verdict with the reason as well."""
+    def place(self, now_s: float) -> Decision | Verdict | Site | str:
+        """Returns the side to act from now on: `Site`, "robot", "cloud", or a Decision with the reason as well."""
         ...
 
 

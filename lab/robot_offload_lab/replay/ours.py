@@ -11,7 +11,8 @@ from robot_offload_core.collectors import GateReport
 from robot_offload_core.health import Frame, Situation, cloud_fault, fitness
 from robot_offload_core.links import Link
 from robot_offload_core.outlooks import Figures, Outlook
-from robot_offload_core.policies import Fitness, Policy, Verdict
+from robot_offload_core.policies import Fitness, Policy
+from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 
@@ -115,7 +116,7 @@ class Mind:
         silent_s = sight.now_s - max(self._entered_s, sight.good_s)
         if silent_s <= self._settings.loss_timeout_s:
             return None
-        return Verdict(Site.ROBOT, "CloudNotActing", "No good heartbeat: each one echoes a beat that is too old")
+        return Verdict(Site.ROBOT, Reason.CLOUD_NOT_ACTING, "No good heartbeat: each one echoes a beat that is too old")
 
 
 class Ours:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-from robot_offload_core.policies import Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
+from robot_offload_lab.replay.contract import Decision
 
 DWELL_S: Final = 20.0
 WINDOW_S: Final = 3.0
@@ -18,12 +18,12 @@ class OneSide:
     """One side always, whatever happens: what the others must beat."""
 
     def __init__(self, site: Site) -> None:
-        self._verdict = Verdict(site, "Always", f"The {site.value} always acts")
+        self._verdict = Decision(site, "Always", f"The {site.value} always acts")
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
         """Does not matter."""
 
-    def place(self, now_s: float) -> Verdict:
+    def place(self, now_s: float) -> Decision:
         """The one side."""
         return self._verdict
 
@@ -49,13 +49,13 @@ class Threshold:
         """Nothing has come for longer than the loss timeout."""
         return now_s - self.heard_s > self._settings.loss_timeout_s
 
-    def place(self, now_s: float) -> Verdict:
+    def place(self, now_s: float) -> Decision:
         """The thesis's rule."""
         if self.silent(now_s):
-            return Verdict(Site.ROBOT, "Silent", "No message for longer than the loss timeout")
+            return Decision(Site.ROBOT, "Silent", "No message for longer than the loss timeout")
         if self.latency_s > self._settings.allowed_loop_s:
-            return Verdict(Site.ROBOT, "LatencyTooHigh", "The newest message was over the threshold")
-        return Verdict(Site.CLOUD, "LinkGood", "The newest message was under the threshold")
+            return Decision(Site.ROBOT, "LatencyTooHigh", "The newest message was over the threshold")
+        return Decision(Site.CLOUD, "LinkGood", "The newest message was under the threshold")
 
 
 class Dwell:
@@ -63,14 +63,14 @@ class Dwell:
 
     def __init__(self, settings: Settings) -> None:
         self._threshold = Threshold(settings)
-        self._verdict = Verdict(Site.ROBOT, "Starting", "The robot acts first")
+        self._verdict = Decision(Site.ROBOT, "Starting", "The robot acts first")
         self._changed_s = float("-inf")
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
         """Hands it on."""
         self._threshold.heard(sent_s, arrived_s)
 
-    def place(self, now_s: float) -> Verdict:
+    def place(self, now_s: float) -> Decision:
         """The threshold's answer, when the dwell is over or nothing comes."""
         wanted = self._threshold.place(now_s)
         lost = wanted.site is Site.ROBOT and self._threshold.silent(now_s)
@@ -98,10 +98,10 @@ class Mean:
         while self._window[0][0] < arrived_s - WINDOW_S:
             self._sum_s -= self._window.popleft()[1]
 
-    def place(self, now_s: float) -> Verdict:
+    def place(self, now_s: float) -> Decision:
         """The mean against the threshold."""
         if not self._window or now_s - self._window[-1][0] > WINDOW_LOSS_S:
-            return Verdict(Site.ROBOT, "Silent", "No message for longer than 10 s")
+            return Decision(Site.ROBOT, "Silent", "No message for longer than 10 s")
         if self._sum_s / len(self._window) > self._limit_s:
-            return Verdict(Site.ROBOT, "LatencyTooHigh", "The mean of the last 3 s was over the threshold")
-        return Verdict(Site.CLOUD, "LinkGood", "The mean of the last 3 s was under the threshold")
+            return Decision(Site.ROBOT, "LatencyTooHigh", "The mean of the last 3 s was over the threshold")
+        return Decision(Site.CLOUD, "LinkGood", "The mean of the last 3 s was under the threshold")

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from robot_offload.errors import InputError
-from robot_offload_core.policies import Verdict
+from robot_offload_core.reasons import Verdict
 from robot_offload_core.token import Site
-from robot_offload_lab.replay.contract import SwitchingPolicy
+from robot_offload_lab.replay.contract import Decision, SwitchingPolicy
 from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.heartbeats import NEVER_US, Heartbeats
 
 Progress = Callable[[int], None]
-"""Told now and then how many beats more have been replayed."""
+"""Called now and then with how many beats more have been replayed."""
 PROGRESS_BEATS = 1000
 
 
@@ -52,7 +52,9 @@ def play(policy: SwitchingPolicy, beats: Heartbeats, progress: Progress | None =
         wanted = answer if isinstance(answer, Site) else _site(answer)
         if wanted is not site:
             site = wanted
-            reason, message = (answer.reason, answer.message) if isinstance(answer, Verdict) else ("", "")
+            reason, message = (
+                (str(answer.reason), answer.message) if isinstance(answer, (Decision, Verdict)) else ("", "")
+            )
             changes.append(Change(at_us, site, reason, message))
         if progress and at_us >= (seen + PROGRESS_BEATS) * beats.period_us:
             progress(PROGRESS_BEATS)
@@ -61,7 +63,7 @@ def play(policy: SwitchingPolicy, beats: Heartbeats, progress: Progress | None =
 
 
 def _site(answer: object) -> Site:
-    if isinstance(answer, Verdict):
+    if isinstance(answer, (Decision, Verdict)):
         return answer.site
     try:
         return Site(str(answer).lower())

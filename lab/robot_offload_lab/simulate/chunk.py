@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass, field
 
+from robot_offload_core.checks import InvariantError
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate import scenario as scenarios
 from robot_offload_lab.simulate.coverage import Pair
@@ -62,6 +63,9 @@ class Chunk:
             system.world.run(CHUNK_S)
         except ViolationError as broken:
             violation = f"{broken.invariant}: {broken.text} (at {broken.at_s:.4f} s)"
+            story = system.world.story(STORY_LENGTH)
+        except InvariantError as broken:
+            violation = f"check: {broken} (at {system.world.now:.4f} s)"
             story = system.world.story(STORY_LENGTH)
         return Outcome(
             simulated_s=system.world.now,

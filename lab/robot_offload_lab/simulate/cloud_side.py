@@ -9,6 +9,7 @@ from typing import Any
 from robot_offload_core import lease, pulse
 from robot_offload_core.beats import Beat, CloudReport
 from robot_offload_core.guardians import Command, Guardian
+from robot_offload_core.lease import Stand
 from robot_offload_core.process.cloud_control import CloudControlProcess
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.messages import Heard, Notes, Speak
@@ -136,10 +137,10 @@ class CloudControl(Shell):
     def network_status(self, sustained: int) -> None:
         """Publishes nothing here."""
 
-    def decided(self, reason: str, message: str) -> None:
+    def decided(self, reason: Stand, message: str) -> None:
         """Shows a decision."""
-        self.world.note("cloud", reason, message)
-        self.around.entered("cloud " + reason)
+        self.world.note("cloud", reason.value, message)
+        self.around.entered("cloud " + reason.value)
 
 
 class CloudPulse(Shell):

@@ -12,7 +12,7 @@ from fnmatch import fnmatchcase
 
 from robot_offload_core import lease, placement
 from robot_offload_core.beats import Beat, CloudReport, Permission
-from robot_offload_core.collectors import Collector, Gate
+from robot_offload_core.collectors import Collector, Gate, Ruling
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.events import Tick
 from robot_offload_core.switcher import STALL_BEATS
@@ -150,10 +150,10 @@ class Coverage:
         """The collector is about to take a gate."""
         self.collector(collector, "gate: " + _gate_event(collector, gate))
 
-    def passage(self, site: Site, reason: str) -> None:
+    def passage(self, site: Site, reason: Ruling) -> None:
         """What came of an offer, where that is a cause of its own."""
-        cause = {"ChangedOver": f"changed over to the {site.value}", "NotAllReady": "not all ready",
-                 "BeforeRestart": "before restart"}.get(reason)  # fmt: skip
+        cause = {Ruling.CHANGED_OVER: f"changed over to the {site.value}", Ruling.NOT_ALL_READY: "not all ready",
+                 Ruling.BEFORE_RESTART: "before restart"}.get(reason)  # fmt: skip
         if cause:
             pair = ("collector", ANY, cause)
             self.pairs[pair] = self.pairs.get(pair, 0) + 1
@@ -164,7 +164,7 @@ class Coverage:
 
 def cloud_state(cloud: lease.Cloud) -> str:
     """As the cloud tells it; alone when it hears no robot."""
-    return "Alone" if not cloud.robot and cloud.reported == "Asleep" else cloud.reported
+    return "Alone" if not cloud.robot and cloud.reported is lease.Stand.ASLEEP else cloud.reported.value
 
 
 def collector_state(collector: Collector) -> str:

@@ -7,7 +7,8 @@ from robot_offload_lab.simulate.mutants import Edit, Mutant
 
 MUTANTS: dict[str, Mutant] = {
     "L1": Mutant(
-        "pause does not void old echoes", (Edit("lease", " or echo.sent_us / 1e6 < cloud.void_before_s", ""),)
+        "pause does not void old echoes",
+        (Edit("lease", "cloud.void_before_s <= echo.sent_us / 1e6 <= now_s", "echo.sent_us / 1e6 <= now_s"),),
     ),
     "L2": Mutant("pause never noticed", (Edit("lease", "PAUSE_LIMIT_S = 0.150", "PAUSE_LIMIT_S = 1e9"),)),
     "L3": Mutant(
@@ -70,7 +71,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "L12": Mutant(
         "echo of another incarnation grants",
-        (Edit("lease", "if echo is None or echo.incarnation != cloud.incarnation or", "if echo is None or"),),
+        (Edit("lease", "if echo is None or echo.incarnation != cloud.incarnation:", "if echo is None:"),),
     ),
     "L13": Mutant(
         "robot never forgotten",
@@ -158,8 +159,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                "return replace(collector, fell_back=True, next=None)",
-                "return replace(collector, fell_back=True)",
+                "after = replace(collector, fell_back=True, next=None)",
+                "after = replace(collector, fell_back=True)",
             ),
         ),
     ),
@@ -187,8 +188,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                'return collector, Passage(False, "CloudInCharge")',
-                'return collector, Passage(True, "CloudInCharge")',
+                "return collector, Passage(Ruling.CLOUD_IN_CHARGE)",
+                "return collector, Passage(Ruling.ROBOT_IN_CHARGE)",
             ),
         ),
     ),
@@ -200,7 +201,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                '        if envelope.sequence <= state.next_sequence:\n            return collector, Passage(False, "Reordered")\n',
+                "        if envelope.sequence <= state.next_sequence:\n            return collector, Passage(Ruling.REORDERED)\n",
                 "",
             ),
         ),
@@ -210,8 +211,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                '    if collector.fell_back or collector.charge is None or collector.gate_s is None:\n        return collector, Passage(False, "ControlSilent")\n    if not 0',
-                '    if collector.fell_back or collector.charge is None:\n        return collector, Passage(False, "ControlSilent")\n    if not 0',
+                "    if collector.fell_back or collector.charge is None or collector.gate_s is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    if not 0",
+                "    if collector.fell_back or collector.charge is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    if not 0",
             ),
         ),
     ),
@@ -307,7 +308,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason in URGENT",
+                "dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason.urgent",
                 "dwelt = True",
             ),
         ),
@@ -359,8 +360,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "    if now_s >= robot.deadline_s:\n        why = Verdict(Site.CLOUD",
-                "    if False:\n        why = Verdict(Site.CLOUD",
+                "    if now_s >= robot.deadline_s:\n        message",
+                "    if False:\n        message",
             ),
         ),
     ),

@@ -124,7 +124,9 @@ class Observer:
         timeout (less a hand-over), and none for silence of the pulse process while it sends: a stall of control itself
         is nobody's silence.
         """
-        self.world.note("robot", decided.phase.value, decided.epoch, decided.verdict.reason, decided.verdict.message)
+        self.world.note(
+            "robot", decided.phase.value, decided.epoch, decided.verdict.reason.value, decided.verdict.message
+        )
         if decided.phase in (placement.Phase.ROBOT, placement.Phase.TAKEOVER):
             self.robot_since_s = self.world.now
         self.run.around.entered("robot " + decided.phase.value)
@@ -137,7 +139,7 @@ class Observer:
             self.changeovers["commanded"] += 1
             return
         self.changeovers["sudden"] += 1
-        reason = decided.verdict.reason
+        reason = decided.verdict.reason.value
         self.alarms[reason] = self.alarms.get(reason, 0) + 1
         handed_s = self.good_s if self.world.now - self.good_s > HANDOVER_S else self.good_before_s
         told_s = self.pulse_s if self.world.now - self.pulse_s > HANDOVER_S else self.pulse_before_s

@@ -7,7 +7,7 @@ from typing import Any
 
 from robot_offload_core import collectors, envelope, placement, pulse, switcher
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.collectors import Charge, Passage
+from robot_offload_core.collectors import Charge, Passage, Ruling
 from robot_offload_core.guardians import Command, Guardian, Inhibit, InhibitAnswered
 from robot_offload_core.process.collector import CollectorPlan, CollectorProcess
 from robot_offload_core.process.messages import Carried, Heard, Limits, Notes, Speak
@@ -298,7 +298,7 @@ class WatchedCollector(CollectorProcess):
         super()._count(side, index, passage)
 
     def _publish(self, index: int, payload: Any, passage: Passage) -> None:
-        if passage.reason == "ChangedOver":
+        if passage.reason is Ruling.CHANGED_OVER:
             self.around.witness.flipped()
         super()._publish(index, payload, passage)
 

@@ -16,7 +16,8 @@ from robot_offload_core.collectors import Charge, GateReport
 from robot_offload_core.health import Situation
 from robot_offload_core.links import Link
 from robot_offload_core.placement import IN_CHARGE, Command, Phase, Robot
-from robot_offload_core.policies import Policy, Verdict
+from robot_offload_core.policies import Policy
+from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import InputSpec, Settings
 from robot_offload_core.token import Site, Token
 
@@ -161,7 +162,7 @@ def robot_in(phase: Phase = Phase.ROBOT, now_s: float = NOW_S, **changes: Any) -
         nodes_ready=phase not in (Phase.CLOUD, Phase.TO_ROBOT, Phase.TAKEOVER),
         clear_s=now_s - 90.0,
         stepped_s=now_s - 0.010,
-        decided=Verdict(IN_CHARGE[phase], "Built", "Put there by the test"),
+        decided=Verdict(IN_CHARGE[phase], Reason.STARTING, "Put there by the test"),
         decided_s=now_s - 100.0,
     )
     return replace(robot, **changes)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from robot_offload_core import collectors
-from robot_offload_core.collectors import PAUSE_GRACE_S, Charge, Collector, Gate, GateReport, Passage
+from robot_offload_core.collectors import PAUSE_GRACE_S, Charge, Collector, Gate, GateReport, Passage, Ruling
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
@@ -46,7 +46,7 @@ def offered(state: Collector, envelope: Envelope, index: int = CMD_VEL, now_s: f
 
 
 ROBOT_3, CLOUD_4, ROBOT_5 = charge(Site.ROBOT, 3), charge(Site.CLOUD, 4), charge(Site.ROBOT, 5)
-CURRENT, IN_CHARGE = Passage(True, "Current"), Passage(True, "RobotInCharge")
+CURRENT, IN_CHARGE = Passage(Ruling.CURRENT), Passage(Ruling.ROBOT_IN_CHARGE)
 
 
 # -- one side
@@ -69,7 +69,7 @@ def test_while_the_robot_is_in_charge_only_the_robot_passes() -> None:
 def test_while_the_cloud_is_in_charge_only_the_cloud_passes() -> None:
     state = passing(CLOUD_4)
     assert collectors.offer_cloud(state, CMD_VEL, sent(4, 1), NOW_S)[1] == CURRENT
-    assert collectors.offer_robot(state, CMD_VEL, 1, NOW_S)[1] == Passage(False, "CloudInCharge")
+    assert collectors.offer_robot(state, CMD_VEL, 1, NOW_S)[1] == Passage(Ruling.CLOUD_IN_CHARGE)
 
 
 @pytest.mark.parametrize(
@@ -112,8 +112,8 @@ def test_the_old_side_passes_until_the_new_sides_first_message() -> None:
     state, passage = collectors.offer_robot(state, CMD_VEL, 1, NOW_S)
     assert passage == IN_CHARGE
     state, passage = collectors.offer_cloud(state, CMD_VEL, sent(4, 1), NOW_S)
-    assert (passage, state.charge) == (Passage(True, "ChangedOver"), CLOUD_4)
-    assert collectors.offer_robot(state, CMD_VEL, 2, NOW_S)[1] == Passage(False, "CloudInCharge")
+    assert (passage, state.charge) == (Passage(Ruling.CHANGED_OVER), CLOUD_4)
+    assert collectors.offer_robot(state, CMD_VEL, 2, NOW_S)[1] == Passage(Ruling.CLOUD_IN_CHARGE)
     assert offered(state, sent(4, 2)) == "Current"
 
 
@@ -122,23 +122,23 @@ def test_towards_the_robot_it_is_the_same() -> None:
     state, passage = collectors.offer_cloud(state, CMD_VEL, sent(4, 1), NOW_S)
     assert passage == CURRENT
     state, passage = collectors.offer_robot(state, CMD_VEL, 1, NOW_S)
-    assert (passage, state.charge) == (Passage(True, "ChangedOver"), ROBOT_5)
+    assert (passage, state.charge) == (Passage(Ruling.CHANGED_OVER), ROBOT_5)
     assert offered(state, sent(4, 2)) == "ForeignToken"
 
 
 def test_it_changes_over_only_when_all_rated_outputs_of_the_new_side_flow() -> None:
     state = passing(ROBOT_3, CLOUD_4, outputs=RATED)
     state, passage = collectors.offer_cloud(state, CMD_VEL, sent(4, 1), NOW_S)
-    assert (passage, state.charge) == (Passage(False, "NotAllReady"), ROBOT_3)
+    assert (passage, state.charge) == (Passage(Ruling.NOT_ALL_READY), ROBOT_3)
     assert collectors.offer_robot(state, CMD_VEL, 1, NOW_S)[1].passes
     state, passage = collectors.offer_cloud(state, OTHER, sent(4, 1), NOW_S)
-    assert (passage, state.charge) == (Passage(True, "ChangedOver", also=(CMD_VEL,)), CLOUD_4)
+    assert (passage, state.charge) == (Passage(Ruling.CHANGED_OVER, also=(CMD_VEL,)), CLOUD_4)
 
 
 def test_it_changes_over_for_all_outputs_at_once() -> None:
     state = passing(ROBOT_3, CLOUD_4)
     state, _ = collectors.offer_cloud(state, CMD_VEL, sent(4, 1), NOW_S)
-    assert collectors.offer_robot(state, OTHER, 1, NOW_S)[1] == Passage(False, "CloudInCharge")
+    assert collectors.offer_robot(state, OTHER, 1, NOW_S)[1] == Passage(Ruling.CLOUD_IN_CHARGE)
     assert offered(state, sent(4, 1), OTHER) == "Current"
 
 
@@ -158,13 +158,13 @@ def test_a_kept_message_that_grew_too_old_does_not_pass_with_the_changeover() ->
     assert passage.reason == "NotAllReady"
     later_s = NOW_S + 0.020
     _, passage = collectors.offer_cloud(state, CMD_VEL, sent(4, 1, now_s=later_s), later_s)
-    assert passage == Passage(True, "ChangedOver", also=())
+    assert passage == Passage(Ruling.CHANGED_OVER, also=())
 
 
 def test_a_kept_message_that_is_young_enough_passes_with_the_changeover_and_never_twice() -> None:
     state, _ = collectors.offer_cloud(passing(ROBOT_3, CLOUD_4), OTHER, sent(4, 7), NOW_S)
     state, passage = collectors.offer_cloud(state, CMD_VEL, sent(4, 1), NOW_S)
-    assert passage == Passage(True, "ChangedOver", also=(OTHER,))
+    assert passage == Passage(Ruling.CHANGED_OVER, also=(OTHER,))
     assert offered(state, sent(4, 7), OTHER) == "Reordered"
     assert offered(state, sent(4, 8), OTHER) == "Current"
 
@@ -330,7 +330,7 @@ def test_an_effect_is_admitted_from_the_holder_of_the_token_only() -> None:
     state = passing(CLOUD_4)
     assert collectors.admits_effect(state, CLOUD_4.token, NOW_S) == CURRENT
     for foreign in (ROBOT_3.token, Token(ROBOT, 4, STRANGER), Token(ROBOT, 5, CLOUD)):
-        assert collectors.admits_effect(state, foreign, NOW_S) == Passage(False, "ForeignToken")
+        assert collectors.admits_effect(state, foreign, NOW_S) == Passage(Ruling.FOREIGN_TOKEN)
 
 
 def test_an_effect_of_a_cloud_that_only_gets_ready_is_not_admitted() -> None:
@@ -343,7 +343,7 @@ def test_an_effect_of_a_cloud_that_only_gets_ready_is_not_admitted() -> None:
     ids=["never spoken", "restarted", "fallen back", "silent"],
 )
 def test_without_control_no_effect_of_the_cloud_is_admitted(state: Collector) -> None:
-    assert collectors.admits_effect(state, CLOUD_4.token, NOW_S) == Passage(False, "ControlSilent")
+    assert collectors.admits_effect(state, CLOUD_4.token, NOW_S) == Passage(Ruling.CONTROL_SILENT)
 
 
 # -- reports

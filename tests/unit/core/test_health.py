@@ -14,6 +14,7 @@ from robot_offload_core import health
 from robot_offload_core.health import DATA_TIMEOUT_S, Frame, Situation
 from robot_offload_core.links import Link, Offset
 from robot_offload_core.placement import Phase
+from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import InputSpec
 from robot_offload_core.token import Site
 from tests.unit.core.builders import (
@@ -199,7 +200,8 @@ def test_what_stays_just_within_its_limit_is_no_fault(change: Change) -> None:
 def test_every_reason_of_the_module_has_a_case_here() -> None:
     tree = ast.parse(inspect.getsource(health))
     pairs = [node.value for node in ast.walk(tree) if isinstance(node, ast.Yield)]
-    yielded = {ast.literal_eval(pair.elts[0]) for pair in pairs if isinstance(pair, ast.Tuple)}
+    first = [pair.elts[0] for pair in pairs if isinstance(pair, ast.Tuple)]
+    yielded = {Reason[name.attr].value for name in first if isinstance(name, ast.Attribute)}
     assert yielded | {"ControlStalled"} == {case[0] for case in ALWAYS + ONLY_ACTING}
 
 

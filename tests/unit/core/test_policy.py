@@ -10,14 +10,15 @@ from hypothesis import strategies as st
 
 from robot_offload_core import policies
 from robot_offload_core.outlooks import EVERYBODY, NOBODY, Outlook, Spells
-from robot_offload_core.policies import CLOUD_PREFERRED, PROVEN_S, Fitness, Policy, Verdict
+from robot_offload_core.policies import CLOUD_PREFERRED, PROVEN_S, Fitness, Policy
+from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 from tests.unit.core.builders import NOW_S, SETTINGS, many
 
-GOOD = Fitness(True, "LinkGood", "Loop latency 10 ms", 0.010, 0.010)
-UNEASY = Fitness(True, "LinkGood", "Loop latency 50 ms", 0.050, 0.010)
-BAD = Fitness(False, "LatencyTooHigh", "Loop latency 200 ms is over the limit of 60 ms", 0.200, 0.010)
+GOOD = Fitness(True, Reason.LINK_GOOD, "Loop latency 10 ms", 0.010, 0.010)
+UNEASY = Fitness(True, Reason.LINK_GOOD, "Loop latency 50 ms", 0.050, 0.010)
+BAD = Fitness(False, Reason.LATENCY_TOO_HIGH, "Loop latency 200 ms is over the limit of 60 ms", 0.200, 0.010)
 TICK_S = 0.010
 FIRST_S, MOST_S = SETTINGS.hold_down_initial_s, SETTINGS.hold_down_max_s
 STAYS = Policy(outlook=Outlook(ticked_s=NOW_S, clouds=EVERYBODY))

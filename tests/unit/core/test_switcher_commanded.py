@@ -23,7 +23,7 @@ from robot_offload_core.placement import (
     SwitchByHand,
     Wish,
 )
-from robot_offload_core.policies import Verdict
+from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import OutputSpec, Settings
 from robot_offload_core.switcher import PREPARE_EXTRA_S, RETRY_MAX_S
 from robot_offload_core.token import Site
@@ -353,7 +353,7 @@ def test_clocks_that_differ_move_the_robot_in_charge_and_keep_it_there() -> None
 
 def test_the_decision_shown_is_the_one_that_was_taken() -> None:
     robot, commands = switcher.step(robot_in(Phase.CLOUD), ASKED_ROBOT, NOW_S)
-    asked = Verdict(Site.ROBOT, "ByHand", "The robot was asked for by hand")
+    asked = Verdict(Site.ROBOT, Reason.BY_HAND, "The robot was asked for by hand")
     assert only(commands, Decided) == Decided(Site.CLOUD, 4, Phase.TO_ROBOT, asked, switched=False)
     assert robot.decided == asked
 

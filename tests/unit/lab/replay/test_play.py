@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from robot_offload.errors import InputError
-from robot_offload_core.policies import Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
+from robot_offload_lab.replay.contract import Decision
 from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.named import POLICIES
 from robot_offload_lab.replay.play import moments, play
@@ -65,8 +65,8 @@ def test_the_future_changes_no_decision_of_the_past(name: str) -> None:
 
 def test_the_changes_keep_moment_side_and_reason() -> None:
     class Reasons(Script):
-        def place(self, now_s: float) -> Verdict | str:  # type: ignore[override]
-            return Verdict(Site.CLOUD, "Because", "it is so") if now_s >= 0.04 else "robot"
+        def place(self, now_s: float) -> Decision | str:  # type: ignore[override]
+            return Decision(Site.CLOUD, "Because", "it is so") if now_s >= 0.04 else "robot"
 
     assert play(Reasons(), beats_of(text(*[20] * 9))) == (Change(40_000, Site.CLOUD, "Because", "it is so"),)
 

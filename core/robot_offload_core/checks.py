@@ -1,0 +1,24 @@
+"""What must hold after every step of a machine, checked in production too: a state that breaks it is never acted on."""
+
+from __future__ import annotations
+
+
+class InvariantError(Exception):
+    """A machine reached a state that it must never be in: a defect, not an input. The process ends and starts anew.
+
+    Attributes:
+        machine: name of the machine.
+        rule: what does not hold.
+        event: what led there.
+    """
+
+    def __init__(self, machine: str, rule: str, event: object) -> None:
+        super().__init__(f"{machine}: {rule}; after {event!r}")
+        self.machine, self.rule, self.event = machine, rule, event
+
+
+def require(machine: str, event: object, *rules: tuple[bool, str]) -> None:
+    """Raises InvariantError with the first of `rules` (holds, what does not hold) that is broken."""
+    for holds, rule in rules:
+        if not holds:
+            raise InvariantError(machine, rule, event)
