@@ -6,7 +6,7 @@ from typing import Final
 
 from robot_offload_lab.judge.invariants import Violation, gap_limit_ms, violations
 from robot_offload_lab.judge.measures import Measures
-from robot_offload_lab.judge.streams import age_ms, quantile
+from robot_offload_lab.judge.streams import quantile
 from tests.e2e.figures import figure
 
 
@@ -19,7 +19,8 @@ def judged(measures: Measures, label: str = "") -> Measures:
     """
     before = f"{label}: " if label else ""
     gaps = [gap.length_ms for stream in measures.streams.values() for gap in stream.gaps]
-    ages = [age_ms(each) for stream in measures.streams.values() for each in stream.arrivals if each.site == "cloud"]
+    arrivals = [each for stream in measures.streams.values() for each in stream.arrivals]
+    ages = [each.age_s * 1e3 for each in arrivals if each.site == "cloud"]
     figure(f"{before}messages from the cloud", measures.messages_passed["cloud"])
     figure(f"{before}messages from the robot", measures.messages_passed["robot"])
     figure(f"{before}switches", len(measures.switches))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from robot_offload_lab.judge.recording import Arrival
-from robot_offload_lab.judge.streams import age_ms, quantile
+from robot_offload_lab.judge.streams import quantile
 from tests.e2e.figures import figure
 from tests.e2e.images import APP
 from tests.e2e.judged import assert_faultless
@@ -123,7 +123,7 @@ def in_charge(robot: Robot, delay_ms: float, label: str) -> Arrival:
     robot.until(lambda: robot.heard("cloud") >= heard + SAMPLES, f"{SAMPLES} messages from the cloud", PATIENCE_S)
     measures = robot.finish()
     arrivals = [each for each in measures.recording.outputs[OUTPUT] if each.site == "cloud"]
-    ages = [age_ms(each) - delay_ms for each in arrivals]
+    ages = [each.age_s * 1e3 - delay_ms for each in arrivals]
     figure(f"{label}: added to the wire's {delay_ms:g} ms p50", quantile(ages, 0.5), "ms")
     figure(f"{label}: added to the wire's {delay_ms:g} ms p99", quantile(ages, 0.99), "ms")
     assert_faultless(measures)
