@@ -1,10 +1,11 @@
 """Which message passes: the gate in front of the consumers (protocol sections 2 and 3).
 
 The collector holds the token of the side in charge and, while a commanded switch is under way, the one of the side
-that is getting ready. It passes the old side until the new side's outputs flow, changes over between two messages for
-all outputs at once, and never goes back: a token is accepted by equality only. When control falls silent for as long as
-a lease lasts it passes the robot and refuses the cloud until control names a new epoch. What it does for the cloud it
-does on control's word alone, and that word counts from when control said it, not from when it was read.
+that is getting ready. It passes the old side until the new side's rated outputs flow (on control's word when none is
+rated), changes over between two messages for all outputs at once, and never goes back: a token is accepted by equality
+only. When control falls silent for as long as a lease lasts it passes the robot and refuses the cloud until control
+names a new epoch. What it does for the cloud it does on control's word alone, and that word counts from when control
+said it, not from when it was read.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from robot_offload_core.token import Site, Token
 
 PAUSE_S = 0.120
 """Own turns this far apart are a pause of ours, not silence of an output: six turns of 20 ms."""
+HEALTHY_S = 0.5
+"""Without a pause for so long the process is healthy: a later pause begins a new row."""
 PAUSE_GRACE_S = 0.100
 """So long after a pause silence is not reported: what waited is too old by then, new messages must come first."""
 
@@ -82,7 +85,10 @@ class Collector:
         resumed_s: when this process took up what its predecessor had reached; None when it had none.
         fell_back: control went silent; only the robot passes until a new epoch is named.
         flipped_s: when the last changeover took place.
+        acts_s: since when the side that passes now has passed, under whatever epochs.
         turned_s: the last turn of this process. judged_from_s: silence is not reported before, see `turn`.
+        paused_s: end of the last pause of this process. first_pause_s: of the first pause of the present row, with less
+            than HEALTHY_S between them.
     """
 
     max_age_s: float
@@ -95,8 +101,11 @@ class Collector:
     resumed_s: float | None = None
     fell_back: bool = False
     flipped_s: float | None = None
+    acts_s: float | None = None
     turned_s: float | None = None
     judged_from_s: float = 0.0
+    paused_s: float | None = None
+    first_pause_s: float = 0.0
 
 
 class Ruling(Explained):
@@ -145,19 +154,21 @@ class Passage:
 
 @dataclass(frozen=True)
 class GateReport:
-    """What the collector tells control.
+    """What the collector reports to control.
 
     Attributes:
         charge: who passes now; None before the first gate.
         fell_back: see Collector.
         robot_flows: every rated output has a message of the robot's replica within its deadline.
         cloud_flows: the same for messages of the cloud with the current (or next) token.
+        robot_flowing: the rated outputs, by index, of which the robot's replica has spoken within the deadline.
     """
 
     charge: Charge | None
     fell_back: bool
     robot_flows: bool
     cloud_flows: bool
+    robot_flowing: tuple[int, ...] = ()
 
 
 def start(outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: float) -> Collector:
@@ -167,7 +178,7 @@ def start(outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: flo
 
 def set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
     """Takes control's wish. It can only move forward: an epoch already left behind is never entered again."""
-    after = _set_gate(collector, gate, now_s)
+    after = _change_over_idle(_set_gate(collector, gate, now_s), now_s)
     check(collector, after, gate)
     return after
 
@@ -187,6 +198,16 @@ def check(before: Collector, after: Collector, event: object) -> None:
         (following is None or (theirs is not None and following.token.epoch > theirs.token.epoch), "next is not newer"),
         (following is None or not after.fell_back, "fell back, and somebody is next"),
     )
+
+
+def _change_over_idle(collector: Collector, now_s: float) -> Collector:
+    """Changes over on control's word when no rated output is to be waited for.
+
+    An idle robot must be able to change: where nobody need speak there is nothing to pass twice and nothing to lose.
+    """
+    if collector.next is None or any(o.spec.deadline_s > 0 for o in collector.outputs):
+        return collector
+    return _enter(collector, collector.next, None, now_s)
 
 
 def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
@@ -215,7 +236,9 @@ def limit(collector: Collector, max_age_s: float, gate_timeout_s: float) -> Coll
 def turn(collector: Collector, now_s: float) -> Collector:
     """A turn of the process's loop: notices a pause of its own, and what `tick` notices."""
     if collector.turned_s is not None and now_s - collector.turned_s > PAUSE_S:
-        collector = replace(collector, judged_from_s=now_s + PAUSE_GRACE_S)
+        in_a_row = collector.paused_s is not None and now_s - collector.paused_s < HEALTHY_S
+        first_s = collector.first_pause_s if in_a_row else now_s
+        collector = replace(collector, judged_from_s=now_s + PAUSE_GRACE_S, paused_s=now_s, first_pause_s=first_s)
     return tick(replace(collector, turned_s=now_s), now_s)
 
 
@@ -233,8 +256,10 @@ def resume(collector: Collector, charge: Charge, started_us: int, fell_back: boo
     """Takes up what a collector that died had reached, so that nothing already left behind passes again.
 
     For the cloud it passes nothing before control has spoken, and nothing sent before `now_s`: the predecessor may have
-    passed it.
+    passed it. Silence counts from now: a restart of ours is nobody's silence.
     """
+    outputs = tuple(replace(o, robot_s=now_s, cloud_s=now_s) for o in collector.outputs)
+    collector = replace(collector, outputs=outputs)
     return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s)
 
 
@@ -285,13 +310,26 @@ def admits_effect(collector: Collector, token: Token, now_s: float) -> Passage:
 
 def report(collector: Collector, now_s: float) -> GateReport:
     """The state as control needs it."""
+    starved = now_s - collector.first_pause_s > collector.gate_timeout_s
+    judged = now_s >= collector.judged_from_s or starved  # pauses one after the other hide silence no longer than that
+    rated = [o for o in collector.outputs if o.spec.deadline_s > 0]
+    acts = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
+    charged_s = collector.acts_s if acts else None  # a slow output speaks one period after its nodes woke
 
-    def flows(name: str) -> bool:
-        rated = [(getattr(o, name), o.spec.deadline_s) for o in collector.outputs if o.spec.deadline_s > 0]
-        judged = now_s >= collector.judged_from_s
-        return all(t is not None and (now_s - t <= deadline_s or not judged) for t, deadline_s in rated)
+    def robot_flows(output: OutputState) -> bool:
+        known = [t for t in (output.robot_s, charged_s) if t is not None]
+        return bool(known) and (now_s - max(known) <= output.spec.deadline_s or not judged)
 
-    return GateReport(collector.charge, collector.fell_back, flows("robot_s"), flows("cloud_s"))
+    def cloud_flows(output: OutputState) -> bool:
+        return output.cloud_s is not None and (now_s - output.cloud_s <= output.spec.deadline_s or not judged)
+
+    flowing = tuple(
+        i for i, o in enumerate(collector.outputs)
+        if o.spec.deadline_s > 0 and o.robot_s is not None and now_s - o.robot_s <= o.spec.deadline_s
+    )  # fmt: skip
+    return GateReport(
+        collector.charge, collector.fell_back, all(map(robot_flows, rated)), all(map(cloud_flows, rated)), flowing
+    )
 
 
 def _offer_next(
@@ -327,7 +365,11 @@ def _enter(collector: Collector, charge: Charge, following: Charge | None, now_s
                 next_ready_s=None)
         for o in collector.outputs
     )  # fmt: skip
-    collector = replace(collector, charge=charge, outputs=outputs, fell_back=False, flipped_s=now_s, next=None)
+    stays = collector.charge is not None and collector.charge.site is charge.site
+    acts_s = collector.acts_s if stays else now_s
+    collector = replace(
+        collector, charge=charge, outputs=outputs, fell_back=False, flipped_s=now_s, acts_s=acts_s, next=None
+    )
     return _arm(collector, following)
 
 

@@ -1,9 +1,10 @@
 """Wanted against observed lifecycle states -> ordered transitions with deadlines and retries, and the CORE rule.
 
 States and transitions by the names of the ROS 2 managed node design (design.ros2.org/articles/node_lifecycle.html).
-Bring-up follows the order of the list, going to sleep the reverse. A transition whose answer does not come in time has
-not necessarily failed: the state is read while it is under way and before it is asked for again. Retries wait longer
-each time and end at a deadline, with a reason; a node that shows up again (restarted: Unconfigured) gets a new chance.
+Bring-up follows the order of the list, going to sleep the reverse; a CORE node waits for CORE nodes only, and nobody
+waits for a node that is dead or refuses. A transition whose answer does not come in time has not necessarily failed:
+the state is read while it is under way and before it is asked for again. Retries wait longer each time and end at a
+deadline, with a reason; a node that shows up again (restarted: Unconfigured) gets a new chance.
 """
 
 from __future__ import annotations
@@ -59,6 +60,10 @@ class NodeEvent(Explained):
     TRANSITION_FAILED = (
         "TransitionFailed", "A transition was refused or not answered, it is asked for again", "Look at the node's log"
     )  # fmt: skip
+    DEGRADED = (
+        "Degraded", "A node that is not CORE should be Active and is dead, refuses or was given up",
+        "Look at the node's log; the robot moves without it",
+    )  # fmt: skip
     GAVE_UP = "GaveUp", "Transitions failed for 60 s", "Restart the node, or switch again to retry"
 
 
@@ -110,6 +115,7 @@ class Guardian:
         acting_since_s: since when.
         in_charge: it is in charge; only then its duplicated CORE nodes matter to the driver.
         outputs_flow: the rated outputs of this side flow (judged by the collector).
+        flowing: see Flowing.
         grace_s: how long a CORE node may be on its way to Active before the driver is inhibited.
         has_driver: there is an inhibit service (the robot's side).
         inhibited: last confirmed by the driver; None before the first confirmation.
@@ -125,6 +131,7 @@ class Guardian:
     acting_since_s: float = 0.0
     in_charge: bool = False
     outputs_flow: bool = True
+    flowing: tuple[str, ...] = ()
     inhibited: bool | None = None
     inhibit_said: bool | None = None
     inhibit_due_s: float = 0.0
@@ -149,13 +156,20 @@ class Answered:
 
 
 @dataclass(frozen=True)
+class Flowing:
+    """Level: the nodes all of whose rated outputs flow. One that is too busy to answer a read is not dead."""
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class InhibitAnswered:
     """The driver confirmed an inhibit request."""
 
     inhibited: bool
 
 
-Event = Observed | Answered | Acting | InhibitAnswered | Tick
+Event = Observed | Answered | Acting | Flowing | InhibitAnswered | Tick
 
 
 @dataclass(frozen=True)
@@ -211,13 +225,15 @@ def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list
             guardian = _each(guardian, event.name, lambda n: _answer(n, event, now_s, commands))
         case Acting():
             guardian = _act(guardian, event, now_s)
+        case Flowing():
+            guardian = replace(guardian, flowing=event.names)
         case InhibitAnswered():
             guardian = replace(guardian, inhibited=event.inhibited)
         case Tick():
             pass
         case _:
             assert_never(event)
-    nodes = tuple(_expire(node, now_s, commands) for node in guardian.nodes)
+    nodes = tuple(_expire(node, node.spec.name in guardian.flowing, now_s, commands) for node in guardian.nodes)
     guardian = _advance(replace(guardian, nodes=nodes), now_s, commands)
     guardian = _core_rule(guardian, now_s, commands)
     check(before, guardian, event)
@@ -308,9 +324,11 @@ def _answer(node: Node, event: Answered, now_s: float, commands: list[Command]) 
     return _failed(node, f"{event.transition.value} was refused", now_s, commands)
 
 
-def _expire(node: Node, now_s: float, commands: list[Command]) -> Node:
-    """Deadlines of calls under way. A transition without an answer is followed by a read, not by a retry."""
+def _expire(node: Node, flows: bool, now_s: float, commands: list[Command]) -> Node:
+    """Ends calls at their deadlines. A transition without an answer is followed by a read, not by a retry."""
     if node.reading_until_s is not None and now_s >= node.reading_until_s:
+        if flows and node.state is State.ACTIVE:  # a long callback answers nobody; what it publishes shows its life
+            return replace(node, reading_until_s=None, read_due_s=now_s + UNKNOWN_PERIOD_S)
         node = _observe(node, State.UNKNOWN, now_s, commands)
     if node.asked and now_s >= node.asked_until_s:
         node = _failed(node, f"{node.asked.value} got no answer in {TRANSITION_DEADLINE_S:g} s", now_s, commands)
@@ -344,14 +362,18 @@ def _failed(node: Node, why: str, now_s: float, commands: list[Command]) -> Node
 
 
 def _advance(guardian: Guardian, now_s: float, commands: list[Command]) -> Guardian:
-    """Asks for what is due: bring-up in order, sleep in reverse, reads in between."""
+    """Asks for what is due: bring-up in order, sleep in reverse, reads in between.
+
+    A CORE node waits for CORE nodes only: without it the robot does not move, and no other node is worth that.
+    """
     nodes = {n.spec.name: n for n in guardian.nodes}
-    waits = False  # an earlier node is still on its way up: later ones wait for it
+    waits = waits_core = False  # an earlier node is still on its way up: later ones wait for it
     for node in guardian.nodes:
         if node.spec.lifecycle and wanted(guardian, node) is State.ACTIVE:
-            if not waits:
+            if not (waits_core if node.spec.core else waits):
                 nodes[node.spec.name] = _ask(node, _upwards(node), now_s, commands)
-            waits = waits or (node.state is not State.ACTIVE and not node.gave_up)
+            waits = waits or _rises(node)
+            waits_core = waits_core or (node.spec.core and _rises(node))
     up = waits
     waits = False
     for node in reversed(guardian.nodes):
@@ -361,12 +383,28 @@ def _advance(guardian: Guardian, now_s: float, commands: list[Command]) -> Guard
                 nodes[node.spec.name] = _ask(node, Transition.DEACTIVATE, now_s, commands)
             elif node.state is State.UNCONFIGURED and not up:
                 nodes[node.spec.name] = _ask(node, Transition.CONFIGURE, now_s, commands)
-            waits = waits or (sleepy and not node.gave_up)
+            waits = waits or (sleepy and not node.gave_up and node.failures == 0)
     for name, node in nodes.items():
         if node.spec.lifecycle and node.reading_until_s is None and now_s >= node.read_due_s:
             commands.append(GetState(name, READ_DEADLINE_S))
             nodes[name] = replace(node, reading_until_s=now_s + READ_DEADLINE_S)
     return replace(guardian, nodes=tuple(nodes.values()))
+
+
+def _rises(node: Node) -> bool:
+    """Returns whether a node is on its way up for the first time; a dead or refusing one holds up nobody."""
+    unread = node.state_s is None
+    return unread or (node.state in (State.UNCONFIGURED, State.INACTIVE) and node.failures == 0 and not node.gave_up)
+
+
+def degraded(guardian: Guardian) -> tuple[str, ...]:
+    """Returns the nodes, none of them CORE, that should be Active and are dead, refuse or were given up."""
+    return tuple(
+        n.spec.name
+        for n in guardian.nodes
+        if n.spec.lifecycle and not n.spec.core and wanted(guardian, n) is State.ACTIVE
+        and n.state is not State.ACTIVE and not _rises(n)
+    )  # fmt: skip
 
 
 def _upwards(node: Node) -> Transition | None:

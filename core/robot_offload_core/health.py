@@ -1,25 +1,20 @@
-"""Whether the cloud may act: the worst of pulse, data, inputs and outputs (protocol section 1).
+"""What the robot's control process knows of the cloud, and the questions that are no hard limit (limits.py).
 
-`cloud_fault` holds the hard limits: any of them ends a stay in the cloud at once and forbids a new one. `fitness` is
-the soft question for the policy: is the loop fast enough to be worth it.
+Is a beat a good one; is the loop fast enough to be worth it; do the clocks agree.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from robot_offload_core import links
-from robot_offload_core.beats import CloudReport
+from robot_offload_core.beats import Beat, CloudReport
 from robot_offload_core.collectors import GateReport
 from robot_offload_core.links import Link
 from robot_offload_core.policies import Fitness
 from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import InputSpec, Settings
 from robot_offload_core.token import Site
-
-DATA_TIMEOUT_S = 0.5
-"""Silence of the data session's probes (ten a second) that means it is dead, while rated outputs are judged sooner."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +50,8 @@ class Frame:
         partner: incarnation of the cloud addressed; "" while the robot acts and nobody is addressed yet.
         epoch: under which the cloud acts.
         settings, inputs: from the configuration.
-        stall_until_s: silence is not judged before this (our own stall), see cloud_fault.
+        stall_until_s: silence is not judged before this (our own stall), see limits.cloud_fault.
+        starved: our own stalls have followed each other for longer than a lease.
     """
 
     incarnation: str
@@ -63,34 +59,29 @@ class Frame:
     epoch: int
     settings: Settings
     inputs: tuple[InputSpec, ...]
-    stall_until_s: float
+    stall_until_s: float = 0.0
+    starved: bool = False
 
 
-def cloud_fault(situation: Situation, link: Link, frame: Frame, now_s: float, *, acting: bool) -> Verdict | None:
-    """The first broken hard limit, None when all hold. `acting`: the cloud is in charge, not only wished for.
+def is_good(beat: Beat, arrived_s: float, link: Link, frame: Frame) -> bool:
+    """Returns whether a beat proves that the cloud acts: current token, a living loop, and it says so.
 
-    After a stall of our own process silence is judged anew from its end, but the cloud is never kept in charge for
-    longer than a lease: it has stopped by then.
+    Args:
+        beat: of the cloud.
+        arrived_s: when it arrived.
+        link: to the cloud addressed.
+        frame: with the epoch that the cloud is to act under, also while it only gets ready.
     """
-    if now_s < frame.stall_until_s:
-        known_s = situation.good_s if acting else now_s
-        if known_s is not None and now_s - known_s <= frame.settings.lease_s:
-            return None
-        if known_s is not None:
-            message = "The robot's own control process stood still for longer than a lease, the cloud has stopped"
-            return Verdict(Site.ROBOT, Reason.CONTROL_STALLED, message)
-    checks = [
-        _pulse(situation, link, frame, now_s),
-        _identity(situation, frame),
-        _data(situation, link, now_s),
-    ]
-    if acting:
-        checks += [_acting(situation, link, frame, now_s)]
-    checks += [_collector(situation, frame, now_s), _inputs(situation, frame)]
-    for found in checks:
-        for reason, message in found:
-            return Verdict(Site.ROBOT, reason, message)
-    return None
+    report = beat.body
+    if not isinstance(report, CloudReport) or beat.echo is None or beat.echo.incarnation != frame.incarnation:
+        return False
+    return (
+        beat.incarnation == link.peer
+        and report.serves == frame.incarnation
+        and report.epoch == frame.epoch
+        and report.acting
+        and arrived_s - beat.echo.sent_us / 1e6 <= frame.settings.echo_limit_s
+    )
 
 
 def fitness(link: Link, settings: Settings, now_s: float) -> Fitness:
@@ -115,90 +106,3 @@ def clock_fault(link: Link, settings: Settings) -> Verdict | None:
         f"{settings.max_clock_offset_s * 1e3:.0f} ms; synchronise them (chrony, ptp)"
     )
     return Verdict(Site.ROBOT, Reason.CLOCK_OFFSET, message)
-
-
-Findings = Iterator[tuple[Reason, str]]
-
-
-def _pulse(situation: Situation, link: Link, frame: Frame, now_s: float) -> Findings:
-    timeout_s = frame.settings.loss_timeout_s
-    if situation.pulse_s is None or now_s - situation.pulse_s > timeout_s:
-        yield Reason.PULSE_SILENT, "The robot's own pulse process does not send"
-    if link.heard_s is None:
-        yield Reason.NEVER_HEARD, "The cloud has not been heard yet"
-        return
-    if now_s - link.heard_s > timeout_s:
-        yield Reason.HEARTBEAT_LOST, f"No heartbeat from the cloud for {(now_s - link.heard_s) * 1e3:.0f} ms"
-    age_s = situation.control_age_s
-    if situation.report is None or age_s is None or age_s > timeout_s:
-        yield Reason.CLOUD_CONTROL_SILENT, "The cloud's control process does not renew its report"
-    refused = situation.report is not None and situation.report.refused == frame.incarnation
-    echo_stale = link.echo_sent_s is None or now_s - link.echo_sent_s > frame.settings.echo_limit_s
-    if echo_stale and not refused:  # who is refused gets no echoes: the refusal is what a person must read
-        yield Reason.ECHO_STALE, "The cloud is heard but has not heard us in time"
-
-
-def _identity(situation: Situation, frame: Frame) -> Findings:
-    report = situation.report
-    if report is None:
-        return
-    if report.refused == frame.incarnation:
-        yield (
-            Reason.DUPLICATE_IDENTITY,
-            "Another robot with this identity is being served; give each robot its own bundle",
-        )
-    if report.serves != frame.incarnation:
-        yield Reason.NOT_SERVED, "The cloud does not serve this robot (yet)"
-
-
-def _data(situation: Situation, link: Link, now_s: float) -> Findings:
-    if situation.data_s is None or now_s - situation.data_s > DATA_TIMEOUT_S:
-        yield Reason.DATA_PROCESS_SILENT, "The robot's own data process does not report"
-    elif not situation.data_connected:
-        yield Reason.DATA_DISCONNECTED, "The data session is not connected"
-    elif situation.data_heard_s is None or now_s - situation.data_heard_s > DATA_TIMEOUT_S:
-        yield Reason.DATA_SILENT, "Nothing arrives on the data session"
-    elif situation.data_cloud != link.peer:
-        yield Reason.DATA_MISMATCH, "Pulse and data sessions end at different cloud agents"
-    report = situation.report
-    if report is not None and not 0 <= report.data_age_us <= DATA_TIMEOUT_S * 1e6:
-        yield Reason.DATA_UNHEARD, "The cloud hears nothing on the data session"
-
-
-def _acting(situation: Situation, link: Link, frame: Frame, now_s: float) -> Findings:
-    if link.peer != frame.partner:
-        yield Reason.CLOUD_RESTARTED, "Another incarnation of the cloud agent answers"
-    report = situation.report
-    if report is not None and not report.ready:
-        yield Reason.CLOUD_NODES_DOWN, "The cloud's CORE nodes are not Active"
-    says_so = report is not None and report.acting and report.epoch == frame.epoch
-    if not says_so or situation.good_s is None or now_s - situation.good_s > frame.settings.loss_timeout_s:
-        yield Reason.CLOUD_NOT_ACTING, "The cloud is heard but does not act under the current epoch"
-    gate = situation.gate
-    if gate is not None and not gate.cloud_flows:
-        yield Reason.OUTPUT_SILENT, "A rated output of the cloud is silent"
-
-
-def _collector(situation: Situation, frame: Frame, now_s: float) -> Findings:
-    gate = situation.gate
-    if gate is None or situation.gate_s is None or now_s - situation.gate_s > frame.settings.lease_s:
-        yield Reason.COLLECTOR_SILENT, "The collector does not report"
-    elif gate.fell_back and gate.charge is not None and gate.charge.token.epoch >= frame.epoch:
-        yield Reason.COLLECTOR_FELL_BACK, "The collector did not hear control for too long and passes only the robot"
-
-
-def _inputs(situation: Situation, frame: Frame) -> Findings:
-    report = situation.report
-    required = [i for i in frame.inputs if i.max_age_s > 0]
-    if report is None:
-        return
-    if len(report.input_ages_us) != len(required):
-        yield Reason.INPUTS_DIFFER, "Robot and cloud are configured with different inputs"
-        return
-    for spec, age_us in zip(required, report.input_ages_us, strict=True):
-        if not 0 <= age_us <= spec.max_age_s * 1e6:
-            shown = "never arrived" if age_us < 0 else f"is {age_us / 1e3:.0f} ms old"
-            yield (
-                Reason.INPUT_STALE,
-                f"Input {spec.name} {shown} in the cloud, the limit is {spec.max_age_s * 1e3:.0f} ms",
-            )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from robot_offload_core.beats import Beat, CloudReport, Permission
+from robot_offload_core.beats import Beat, Permission
 from robot_offload_core.collectors import Gate, GateReport
 from robot_offload_core.events import Acting, Tick
 from robot_offload_core.health import Situation
@@ -68,6 +68,43 @@ class CloudLeaving:
 
 
 @dataclass(frozen=True)
+class Preparation:
+    """A side that gets ready to take over.
+
+    Attributes:
+        candidate: epoch that it gets ready under; newer than the one in charge.
+        deadline_s: called off when the collector has not changed over by then.
+        armed: the collector may change over at the candidate's first messages.
+        offered: the collector was once given this preparation of the cloud, and may have changed over even if it was
+            asked for something else since.
+        need: the robot cannot act; nobody asked for the changeover.
+    """
+
+    candidate: int
+    deadline_s: float
+    armed: bool = False
+    offered: bool = False
+    need: bool = False
+
+
+@dataclass(frozen=True)
+class Stalls:
+    """Steps of our own that came late. Times on the robot's steady clock, seconds.
+
+    Attributes:
+        stepped_s: the last step; None before the first.
+        until_s: silence is not judged before this.
+        last_s: end of the last stall; None when there was none.
+        first_s: end of the first stall of the present row: stalls with less than HEALTHY_S between them.
+    """
+
+    stepped_s: float | None = None
+    until_s: float = 0.0
+    last_s: float | None = None
+    first_s: float = 0.0
+
+
+@dataclass(frozen=True)
 class Robot:
     """State of the robot's control process. Times on its steady clock, seconds.
 
@@ -78,20 +115,20 @@ class Robot:
         policy: state of the rule.
         phase, since_s: the present phase and when it began. charged_s: when the side in charge last changed.
         partner: incarnation of the cloud that is (to be) in charge.
-        epoch: of the side in charge. candidate: of the side that gets ready; 0 = none. last_epoch: highest used.
-        deadline_s: of the present preparation.
-        armed: the collector may change over at the candidate's first messages. offered: it was told so once in this
-        preparation of the cloud, and may have done it even if told otherwise since.
+        epoch: of the side in charge. last_epoch: highest used, also by preparations.
+        preparation: the side that gets ready; None while nobody does.
         failures, retry_s: called-off preparations in a row; no new one before retry_s.
-        good_s: arrival of the newest good beat of the stay in charge.
+        both_silent: the last preparation for need ended because the cloud's outputs were as silent as the robot's.
         situation: everything heard besides the link, see Situation.
-        nodes_ready: the robot's CORE nodes are Active; ready_since_s: since when not, for the return at once.
+        nodes_ready: the robot's CORE nodes are Active.
+        slowest_output_s: the longest deadline of a rated output; 0 when none is rated.
+        duplicated: the robot has duplicated nodes; without any there is nothing to change over.
         clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
         pin: on the robot; manual: the last switch by hand; leaving: what the cloud said of its end.
-        stepped_s, stall_until_s: own steps, and until when silence is not judged after a stall.
+        stalls: see Stalls.
         fell_at_s: when the robot became unable to act; None while able.
-        decided, decided_s: the last decision told, and when.
-        told_s: when the levels were last told.
+        decided, decided_s: the last decision given out, and when.
+        levels, levels_s: the levels last given out, and when.
     """
 
     incarnation: str
@@ -105,32 +142,36 @@ class Robot:
     charged_s: float = 0.0
     partner: str = ""
     epoch: int = 1
-    candidate: int = 0
     last_epoch: int = 1
-    deadline_s: float = 0.0
-    armed: bool = False
-    offered: bool = False
+    preparation: Preparation | None = None
     failures: int = 0
     retry_s: float = 0.0
+    both_silent: bool = False
     situation: Situation = Situation()
     nodes_ready: bool = False
+    duplicated: bool = True
+    slowest_output_s: float = 0.0
     clear_s: float | None = None
     pin: Wish | None = None
     manual: Wish | None = None
     leaving: CloudLeaving | None = None
     asked: Settings | None = None
-    stepped_s: float | None = None
-    stall_until_s: float = 0.0
+    stalls: Stalls = Stalls()
     fell_at_s: float | None = None
     decided: Verdict = STARTING
     decided_s: float = 0.0
-    told: tuple[object, ...] = ()
-    told_s: float = -1.0
+    levels: tuple[object, ...] = ()
+    levels_s: float = -1.0
+
+    @property
+    def candidate(self) -> int:
+        """Epoch of the side that gets ready; 0 for none."""
+        return 0 if self.preparation is None else self.preparation.candidate
 
 
 @dataclass(frozen=True)
 class CloudBeat:
-    """A beat of the cloud arrived, as told by the pulse process. `wall_us`: system clock minus steady clock here."""
+    """A beat of the cloud arrived at the pulse process. `wall_us`: system clock minus steady clock here."""
 
     beat: Beat
     arrived_s: float
@@ -163,9 +204,15 @@ class DataReported:
 
 @dataclass(frozen=True)
 class NodesReported:
-    """The guardian reported whether the robot's duplicated CORE nodes are Active."""
+    """Level of the guardian, given with each tick.
+
+    Attributes:
+        ready: the robot's duplicated CORE nodes are Active.
+        duplicated: there are duplicated nodes at all.
+    """
 
     ready: bool
+    duplicated: bool = True
 
 
 @dataclass(frozen=True)
@@ -248,17 +295,3 @@ class Answer:
 
 
 Command = Permit | SetGate | Acting | Reopen | Decided | Answer
-
-
-def is_good(robot: Robot, beat: Beat, arrived_s: float) -> bool:
-    """Current token, a living loop, and the cloud acts under my epoch (protocol section 1)."""
-    report = beat.body
-    if not isinstance(report, CloudReport) or beat.echo is None or beat.echo.incarnation != robot.incarnation:
-        return False
-    return (
-        beat.incarnation == robot.link.peer
-        and report.serves == robot.incarnation
-        and report.epoch == (robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch)
-        and report.acting
-        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s
-    )

@@ -96,6 +96,10 @@ class Reason(Explained):
         "ControlStalled", Kind.LIMIT, "The robot's own control process stood still for longer than a lease",
         "Give the agent CPU time: real-time priority, no fractional CPU limit",
     )  # fmt: skip
+    CONTROL_STARVED = (
+        "ControlStarved", Kind.LIMIT, "The robot's own control process gets its CPU in slices, for longer than a lease",
+        "Give the agent CPU time: real-time priority, no fractional CPU limit",
+    )  # fmt: skip
     PULSE_SILENT = (
         "PulseSilent", Kind.LIMIT, "The robot's own pulse process does not send",
         "Look for its restarts in the agent's log; give the agent CPU time",
@@ -204,6 +208,11 @@ class Reason(Explained):
     )  # fmt: skip
     ROBOT_UNABLE = (
         "RobotUnable", Kind.NEED, "The robot cannot act, the cloud can", "Look at the robot's nodes and collector"
+    )  # fmt: skip
+
+    BOTH_SILENT = (
+        "BothSilent", Kind.NEED, "A rated output is silent on the robot, and was in the cloud when that was asked",
+        "Look at the nodes; an output that is silent when there is nothing to do must not have a `rate`",
     )  # fmt: skip
 
     # policy

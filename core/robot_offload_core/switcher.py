@@ -14,7 +14,8 @@ from robot_offload_core.change import replace
 from robot_offload_core.checks import require
 from robot_offload_core.collectors import Charge, Gate, GateReport
 from robot_offload_core.events import Acting, Tick, assert_never
-from robot_offload_core.health import Frame, cloud_fault
+from robot_offload_core.health import Frame, is_good
+from robot_offload_core.limits import cloud_fault
 from robot_offload_core.placement import (
     IN_CHARGE,
     Answer,
@@ -28,6 +29,7 @@ from robot_offload_core.placement import (
     NodesReported,
     Permit,
     Phase,
+    Preparation,
     PulseSent,
     Reopen,
     Robot,
@@ -36,7 +38,6 @@ from robot_offload_core.placement import (
     SetSettings,
     SwitchByHand,
     Wish,
-    is_good,
 )
 from robot_offload_core.pulse import PERMISSION_BEATS
 from robot_offload_core.reasons import Kind, Reason, Verdict
@@ -45,21 +46,25 @@ from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site, Token
 
 PREPARE_EXTRA_S = 0.5
-"""Added to the activation deadline for a commanded switch: outputs must flow, reports must come back."""
+"""Added to the activation deadline for a commanded switch: outputs must flow; slow ones get their deadline instead."""
+REPORT_BEATS = 2
+"""Beats added to that: the grant must go there, the report must come back."""
 RETRY_FIRST_S = 1.0
 RETRY_MAX_S = 30.0
 STALL_BEATS = 2.5
 """Own steps this many beat periods apart are a stall of ours, not silence of the link.
 
 The queues between our processes hold only so much: what came last during a stall may be lost. Therefore silence counts
-from the end of the stall (for no longer than a lease, see health.cloud_fault).
+from the end of the stall (for no longer than a lease, see limits.cloud_fault).
 """
-TELL_PERIOD_S = 0.5
-"""Changes of reason that change nothing else are told at most this often."""
+HEALTHY_S = 0.5
+"""Without a stall for so long our process is healthy: a later stall begins a new row (see Stalls)."""
+DECIDED_PERIOD_S = 0.5
+"""Changes of reason that change nothing else are given out at most this often."""
 
 
 def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]]:
-    """Takes in one event, decides, and tells the levels when they changed or a beat period has passed."""
+    """Takes in one event, decides, and gives out the levels when they changed or a beat period has passed."""
     commands: list[Command] = []
     before = robot
     robot = _notice_stall(robot, now_s)
@@ -82,8 +87,8 @@ def check(before: Robot, after: Robot, event: Event) -> None:
         (after.epoch >= before.epoch, "the epoch fell"),
         (after.last_epoch >= max(before.last_epoch, after.epoch, after.candidate), "an epoch was used beyond the last"),
         (not changed or after.epoch > before.epoch, "the side in charge changed within one epoch"),
-        ((after.candidate > after.epoch) is preparing, "a candidate is newer exactly while a side gets ready"),
-        (preparing or not (after.candidate or after.armed or after.offered), "armed, and nobody gets ready"),
+        ((after.preparation is not None) is preparing, "a preparation exactly while a side gets ready"),
+        (not preparing or after.candidate > after.epoch, "the candidate is not newer than who is in charge"),
         (after.partner != "" or (site(after) is Site.ROBOT and not preparing), "the cloud is addressed by no name"),
         (after.incarnation == before.incarnation, "the incarnation changed"),
     )
@@ -98,7 +103,7 @@ def effects_site(robot: Robot, now_s: float) -> Site | None:
     """The side whose effects that are not collected are admitted now; None while the other might still act."""
     if site(robot) is Site.CLOUD:
         return Site.CLOUD
-    if robot.offered:
+    if robot.preparation is not None and robot.preparation.offered:
         return None  # the collector may change over at any moment, and we hear of it later
     clear_s = _clear_s(robot, robot.started_us / 1e6) if robot.clear_s is None else robot.clear_s
     return Site.ROBOT if now_s >= clear_s else None
@@ -115,10 +120,18 @@ def _clear_s(robot: Robot, revoked_s: float) -> float:
 
 
 def _notice_stall(robot: Robot, now_s: float) -> Robot:
-    period_s = robot.settings.beat_period_s
-    if robot.stepped_s is not None and now_s - robot.stepped_s > STALL_BEATS * period_s:
-        robot = replace(robot, stall_until_s=now_s + robot.settings.loss_timeout_s)
-    return replace(robot, stepped_s=now_s)
+    stalls, settings = robot.stalls, robot.settings
+    if stalls.stepped_s is not None and now_s - stalls.stepped_s > STALL_BEATS * settings.beat_period_s:
+        in_a_row = stalls.last_s is not None and now_s - stalls.last_s < HEALTHY_S
+        first_s = stalls.first_s if in_a_row else now_s
+        stalls = replace(stalls, until_s=now_s + settings.loss_timeout_s, last_s=now_s, first_s=first_s)
+    return replace(robot, stalls=replace(stalls, stepped_s=now_s))
+
+
+def _starved(robot: Robot, now_s: float) -> bool:
+    """Stalls have followed each other for longer than a lease: to wait for the end of the last one is no answer."""
+    stalls = robot.stalls
+    return now_s < stalls.until_s and now_s - stalls.first_s > robot.settings.lease_s
 
 
 def _settle(robot: Robot, asked: Settings, now_s: float) -> Robot:
@@ -144,7 +157,7 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
             data = replace(robot.situation, data_connected=event.connected, data_heard_s=heard_s)
             robot = replace(robot, situation=replace(data, data_cloud=event.cloud, data_s=now_s))
         case NodesReported():
-            robot = replace(robot, nodes_ready=event.ready)
+            robot = replace(robot, nodes_ready=event.ready, duplicated=event.duplicated)
         case SetPin():
             robot = replace(robot, pin=event.pin)
         case CloudLeaving():
@@ -174,7 +187,8 @@ def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
         return robot  # a bare beat feeds statistics only
     control_age_s = None if beat.control_age_us < 0 else beat.control_age_us / 1e6
     robot = replace(robot, situation=replace(robot.situation, report=beat.body, control_age_s=control_age_s))
-    if is_good(robot, beat, event.arrived_s):
+    epoch = robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch
+    if is_good(beat, event.arrived_s, robot.link, replace(_frame(robot, now_s), epoch=epoch)):
         robot = replace(robot, situation=replace(robot.situation, good_s=event.arrived_s))
     return robot
 
@@ -208,16 +222,21 @@ def _by_hand(robot: Robot, asked: Site, now_s: float) -> tuple[Robot, bool, str]
 # -- deciding ---------------------------------------------------------------------------------------------------------
 
 
-def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
-    frame = Frame(
-        robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stall_until_s
+def _frame(robot: Robot, now_s: float) -> Frame:
+    return Frame(
+        robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stalls.until_s,
+        _starved(robot, now_s),
     )  # fmt: skip
-    return cloud_fault(robot.situation, robot.link, frame, now_s, acting=acting)
+
+
+def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
+    return cloud_fault(robot.situation, robot.link, _frame(robot, now_s), now_s, acting=acting)
 
 
 def _move(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     able = robot.nodes_ready and _outputs_flow(robot, now_s)
-    robot = replace(robot, fell_at_s=None if able else (robot.fell_at_s if robot.fell_at_s is not None else now_s))
+    fell_at_s = now_s if robot.fell_at_s is None else robot.fell_at_s
+    robot = replace(robot, fell_at_s=None if able else fell_at_s, both_silent=robot.both_silent and not able)
     robot, verdict = wishes.wanted(robot, now_s)
     if robot.settings.mode is Mode.OBSERVE:
         return _observe_only(robot, verdict, now_s, commands)
@@ -239,8 +258,10 @@ def _move_from_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: lis
         if verdict.site is Site.ROBOT and dwelt and now_s >= robot.retry_s:
             return _prepare(robot, Phase.TO_ROBOT, verdict, now_s, commands)
         return robot
-    robot = replace(robot, armed=robot.nodes_ready)
-    if now_s >= robot.deadline_s:
+    preparation = robot.preparation
+    assert preparation is not None
+    robot = replace(robot, preparation=replace(preparation, armed=robot.nodes_ready))
+    if now_s >= preparation.deadline_s:
         message = "The robot's nodes did not get ready in time, the cloud goes on"
         why = Verdict(Site.CLOUD, Reason.ROBOT_NOT_READY, message)
         return _call_off(robot, Phase.CLOUD, why, now_s, commands)
@@ -253,44 +274,66 @@ def _move_to_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: list[
         fault = Verdict(Site.ROBOT, Reason.CLOUD_RESTARTED, "Another incarnation of the cloud agent answers")
     if fault is None and verdict.site is Site.ROBOT and verdict.reason.urgent:
         fault = verdict
-    if fault is None and now_s >= robot.deadline_s:
+    preparation = robot.preparation
+    assert preparation is not None
+    if fault is None and now_s >= preparation.deadline_s:
         message = "The cloud's nodes did not get ready in time, the robot goes on"
+        if preparation.armed:
+            message = "The cloud's nodes got ready, its rated outputs were silent; the robot goes on"
+            robot = replace(robot, both_silent=preparation.need)
         fault = Verdict(Site.ROBOT, Reason.CLOUD_NOT_READY, message)
     if fault is not None:
         return _call_off(robot, Phase.ROBOT, fault, now_s, commands)
     report = robot.situation.report
-    ready = report is not None and report.acting and report.epoch == robot.candidate
-    return replace(robot, armed=ready, offered=robot.offered or ready)
+    ready = report is not None and report.acting and report.epoch == preparation.candidate
+    preparation = replace(preparation, armed=ready, offered=preparation.offered or ready)
+    return replace(robot, preparation=preparation)
 
 
 def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
     settings = robot.settings
     fault = _fault(robot, now_s, acting=False)
-    fell = (
-        robot.fell_at_s is not None and now_s - max(robot.fell_at_s, robot.charged_s) > settings.activation_deadline_s
-    )
-    forbidden = verdict.site is Site.ROBOT and not verdict.reason.yields_to_need
-    if now_s < robot.stall_until_s:  # what happened meanwhile is still to be read: nothing new is begun on old news
-        return robot
-    # Retries grow, but not those of a robot that stands still.
-    if fault is None and fell and not forbidden and now_s >= min(robot.retry_s, robot.since_s + RETRY_FIRST_S):
+    if now_s < robot.stalls.until_s:  # what happened meanwhile is still to be read: nothing new is begun on old news
+        return robot if fault is None or robot.phase is not Phase.ROBOT else _decide(robot, fault, now_s, commands)
+    if fault is None and _in_need(robot, verdict, now_s):
         why = Verdict(Site.CLOUD, Reason.ROBOT_UNABLE, "The robot cannot act, the cloud can")
         robot = replace(robot, manual=None, leaving=None)  # whoever asked for the robot did not ask for a standstill
         return _prepare(robot, Phase.TO_CLOUD, why, now_s, commands)
     dwelt = now_s - robot.charged_s >= settings.min_dwell_s or verdict.reason.urgent
     held = verdict.reason.kind is Kind.PIN and now_s < robot.policy.hold_until_s
-    if verdict.site is Site.CLOUD and fault is None and dwelt and not held and now_s >= robot.retry_s:
+    free = dwelt and not held and now_s >= robot.retry_s and robot.duplicated
+    if verdict.site is Site.CLOUD and fault is None and free:
         return _prepare(robot, Phase.TO_CLOUD, verdict, now_s, commands)
     chosen = verdict.site is Site.ROBOT and verdict.reason.chosen
+    if robot.both_silent and not chosen:
+        message = "Rated outputs are silent on the robot and in the cloud; the cloud is asked again less and less often"
+        verdict = Verdict(Site.ROBOT, Reason.BOTH_SILENT, message)
     shown = verdict if fault is None or chosen else fault  # a broken limit says more than what the policy waits for
     return _decide(robot, shown, now_s, commands)
+
+
+def _in_need(robot: Robot, verdict: Verdict, now_s: float) -> bool:
+    """The robot has not been able to act for longer than its nodes may take, and the cloud may be asked (again).
+
+    Retries grow, but not those of a robot that stands still: unless the cloud's outputs were as silent as the robot's.
+    Then there may be nothing to do, and to wake the cloud's nodes each second would not help.
+    """
+    since_s = robot.fell_at_s
+    if since_s is None or not robot.duplicated:
+        return False
+    if now_s - max(since_s, robot.charged_s) <= robot.settings.activation_deadline_s:
+        return False
+    if verdict.site is Site.ROBOT and not verdict.reason.yields_to_need:
+        return False
+    hurried_s = robot.retry_s if robot.both_silent else robot.since_s + RETRY_FIRST_S
+    return now_s >= min(robot.retry_s, hurried_s)
 
 
 def _observe_only(robot: Robot, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
     fault = _fault(robot, now_s, acting=False)
     would = fault if fault is not None else verdict
-    told = Verdict(would.site, would.reason, f"Observing only; would act on the {would.site.value}: {would.message}")
-    return _decide(robot, told, now_s, commands)
+    message = f"Observing only; would act on the {would.site.value}: {would.message}"
+    return _decide(robot, Verdict(would.site, would.reason, message), now_s, commands)
 
 
 def _outputs_flow(robot: Robot, now_s: float) -> bool:
@@ -301,9 +344,9 @@ def _outputs_flow(robot: Robot, now_s: float) -> bool:
     if site(robot) is Site.CLOUD:
         return True
     started_s = robot.started_us / 1e6
-    gate, told_s = robot.situation.gate, robot.situation.gate_s
-    if now_s - (started_s if told_s is None else told_s) > robot.settings.lease_s:
-        return False
+    gate, reported_s = robot.situation.gate, robot.situation.gate_s
+    if now_s - (started_s if reported_s is None else reported_s) > robot.settings.lease_s:
+        return now_s < robot.stalls.until_s and not _starved(robot, now_s)  # its reports may still be unread
     if now_s - max(robot.charged_s, started_s) < robot.settings.activation_deadline_s:
         return True
     return gate is not None and gate.robot_flows
@@ -314,17 +357,11 @@ def _outputs_flow(robot: Robot, now_s: float) -> bool:
 
 def _prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
     candidate = robot.last_epoch + 1
-    deadline_s = now_s + robot.settings.activation_deadline_s + PREPARE_EXTRA_S
-    robot = replace(
-        robot,
-        phase=phase,
-        since_s=now_s,
-        candidate=candidate,
-        last_epoch=candidate,
-        deadline_s=deadline_s,
-        armed=False,
-        offered=False,
-    )
+    settings = robot.settings
+    flow_s = max(PREPARE_EXTRA_S, robot.slowest_output_s) + REPORT_BEATS * settings.beat_period_s
+    deadline_s = now_s + settings.activation_deadline_s + flow_s
+    preparation = Preparation(candidate, deadline_s, need=verdict.reason.kind is Kind.NEED)
+    robot = replace(robot, phase=phase, since_s=now_s, last_epoch=candidate, preparation=preparation)
     if phase is Phase.TO_CLOUD:
         robot = replace(robot, partner=robot.link.peer, situation=replace(robot.situation, good_s=None))
     return _decide(robot, verdict, now_s, commands, force=True)
@@ -335,8 +372,8 @@ def _enter(robot: Robot, charge: Charge, now_s: float, commands: list[Command]) 
     phase = Phase.CLOUD if charge.site is Site.CLOUD else Phase.ROBOT
     good_s = robot.situation.good_s
     robot = replace(
-        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=charge.token.epoch, candidate=0, armed=False,
-        offered=False, failures=0, retry_s=0.0,
+        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=charge.token.epoch, preparation=None,
+        failures=0, retry_s=0.0, both_silent=False,
         situation=replace(robot.situation, good_s=now_s if good_s is None else good_s),
     )  # fmt: skip
     policy = robot.policy
@@ -357,8 +394,8 @@ def _call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: 
         epoch = robot.last_epoch + 1
         robot = replace(robot, clear_s=_clear_s(robot, now_s))
     robot = replace(
-        robot, phase=phase, since_s=now_s, epoch=epoch, last_epoch=max(epoch, robot.last_epoch), candidate=0,
-        armed=False, offered=False, failures=robot.failures + failed, retry_s=now_s + wait_s,
+        robot, phase=phase, since_s=now_s, epoch=epoch, last_epoch=max(epoch, robot.last_epoch),
+        preparation=None, failures=robot.failures + failed, retry_s=now_s + wait_s,
     )  # fmt: skip
     return _decide(robot, why, now_s, commands, force=True)
 
@@ -372,8 +409,8 @@ def _take_over(robot: Robot, fault: Verdict, now_s: float, commands: list[Comman
     # A loss ends the wish for the cloud: it would take the hold-down's place and flap with the link.
     manual = robot.manual if robot.manual is not None and robot.manual.site is Site.ROBOT else None
     robot = replace(
-        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=epoch, last_epoch=epoch, candidate=0, armed=False,
-        offered=False, failures=0, retry_s=0.0, manual=manual, clear_s=_clear_s(robot, now_s), policy=policy,
+        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=epoch, last_epoch=epoch, preparation=None,
+        failures=0, both_silent=False, retry_s=0.0, manual=manual, clear_s=_clear_s(robot, now_s), policy=policy,
         situation=replace(robot.situation, good_s=None),
     )  # fmt: skip
     commands.append(Reopen(fault.reason))
@@ -385,13 +422,13 @@ def _decide(
     force: bool = False, switched: bool = False, silent_s: float | None = None,
 ) -> Robot:  # fmt: skip
     changed = (verdict.site, verdict.reason) != (robot.decided.site, robot.decided.reason)
-    if not force and not (changed and now_s - robot.decided_s >= TELL_PERIOD_S):
+    if not force and not (changed and now_s - robot.decided_s >= DECIDED_PERIOD_S):
         return robot
     commands.append(Decided(site(robot), robot.epoch, robot.phase, verdict, switched, silent_s))
     return replace(robot, decided=verdict, decided_s=now_s)
 
 
-# -- telling ----------------------------------------------------------------------------------------------------------
+# -- levels -----------------------------------------------------------------------------------------------------------
 
 
 def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
@@ -403,7 +440,7 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
         epoch, granted, robot.partner if granted else robot.link.peer, round(settings.lease_s * 1e6)
     )
     following = None
-    if robot.armed:
+    if robot.preparation is not None and robot.preparation.armed:
         following = _charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate)
     gate = Gate(robot.started_us, _charge(robot, site(robot), robot.epoch), following)
     acting = Acting(
@@ -411,10 +448,10 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
         outputs_flow=_outputs_flow(robot, now_s),
         in_charge=site(robot) is Site.ROBOT,
     )
-    told = (permission, gate, acting)
-    if told != robot.told or now_s - robot.told_s >= settings.beat_period_s - 1e-6:
+    levels = (permission, gate, acting)
+    if levels != robot.levels or now_s - robot.levels_s >= settings.beat_period_s - 1e-6:
         commands += [Permit(permission), SetGate(replace(gate, said_s=now_s)), acting]
-        robot = replace(robot, told=told, told_s=now_s)
+        robot = replace(robot, levels=levels, levels_s=now_s)
     return robot
 
 

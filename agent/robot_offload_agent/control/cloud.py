@@ -102,6 +102,7 @@ class CloudControlShell(ControlShell):
         """Publishes diagnostics and network status."""
         process = self.process
         self.report.publish_network_status(process.sustained())
+        self.report.note("degraded", process.degraded())
         self.send_notes(now)
         reason, message = lease.situation(process.cloud, now)
         status = process.data_status

@@ -38,7 +38,8 @@ class RobotControlShell(ControlShell):
         present = self.tuned.present
         plan = RobotPlan(
             configuration.settings(), present.settings(), present.input_specs(), configuration.node_specs(),
-            bool(configuration["inhibit_service"]), self.override.wish(self.since_s),
+            bool(configuration["inhibit_service"]), self.override.wish(self.since_s), configuration.output_specs(),
+            tuple(o["node"] for o in configuration.outputs),
         )  # fmt: skip
         self.process = RobotControlProcess(plan, self, self.incarnation, started_us)
         self.report.show_settings(present)
@@ -148,6 +149,7 @@ class RobotControlShell(ControlShell):
         process = self.process
         self.report.publish_network_status(process.sustained())
         self.report.note("replicas", process.missing_replicas())
+        self.report.note("degraded", process.degraded())
         self.report.note("settings", self.tuned.problem)
         self.send_limits()
         self.send_notes()

@@ -11,7 +11,7 @@ from typing import Protocol
 from robot_offload_core import guardians
 from robot_offload_core.beats import Beat
 from robot_offload_core.events import Tick
-from robot_offload_core.guardians import Guardian
+from robot_offload_core.guardians import Guardian, NodeEvent
 
 
 class ControlPorts(Protocol):
@@ -64,6 +64,13 @@ class ControlProcess(ABC):
     def is_ready(self) -> bool:
         """Returns whether this side's CORE nodes are Active."""
         return guardians.is_ready(self.guardian)
+
+    def degraded(self) -> tuple[str, str] | None:
+        """Returns a problem while nodes that are not CORE are dead, refuse or were given up."""
+        names = guardians.degraded(self.guardian)
+        if not names:
+            return None
+        return NodeEvent.DEGRADED, f"Should be Active and are not: {', '.join(names)}; nobody waits for them"
 
     def node_states(self) -> tuple[tuple[str, str], ...]:
         """Returns (node, lifecycle state) of this side."""

@@ -9,10 +9,11 @@ from robot_offload_core import guardians, health, placement, switcher
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
 from robot_offload_core.events import Acting, Tick, assert_never
+from robot_offload_core.guardians import Flowing
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import CollectorStatus, DataStatus, Orders, Speak
-from robot_offload_core.settings import InputSpec, NodeSpec, Settings
+from robot_offload_core.settings import InputSpec, NodeSpec, OutputSpec, Settings
 from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site
 
@@ -44,6 +45,7 @@ class RobotPlan:
         settings: of the robot's file. asked: settings in force, which may have been changed since.
         inputs: topics to the cloud. nodes: managed here. has_driver: there is an inhibit service.
         pin: of a person on the robot.
+        outputs: the collected outputs. publishers: the node that publishes each of them; "" unknown.
     """
 
     settings: Settings
@@ -52,6 +54,8 @@ class RobotPlan:
     nodes: tuple[NodeSpec, ...]
     has_driver: bool = False
     pin: Wish | None = None
+    outputs: tuple[OutputSpec, ...] = ()
+    publishers: tuple[str, ...] = ()
 
 
 class RobotControlProcess(ControlProcess):
@@ -76,8 +80,10 @@ class RobotControlProcess(ControlProcess):
         self.robot = Robot(
             incarnation, started_us, meanwhile(plan.settings, plan.asked), plan.inputs,
             since_s=started_s, charged_s=started_s, pin=plan.pin, asked=plan.asked,
+            slowest_output_s=max((o.deadline_s for o in plan.outputs), default=0.0),
         )  # fmt: skip
         self.settings = plan.asked
+        self._published = tuple(zip(plan.outputs, plan.publishers))  # noqa: B905 - publishers may be unknown
         self.data_status: DataStatus | None = None
         self.collector_status: CollectorStatus | None = None
         self.levels: dict[str, tuple[SetGate | Orders, float]] = {}
@@ -103,6 +109,7 @@ class RobotControlProcess(ControlProcess):
             if message.counters:
                 self.collector_status = message
             self.step(placement.GateReported(message.report))
+            self._note_flowing(message.report.robot_flowing)
         elif isinstance(message, DataStatus) and message.report is not None:
             if message.counters or message.replicas:
                 self.data_status = message
@@ -110,6 +117,14 @@ class RobotControlProcess(ControlProcess):
                 self.replicas = dict(message.replicas)
             self.step(message.report)
             self._ask_for_cloud(message.word)
+
+    def _note_flowing(self, outputs: tuple[int, ...]) -> None:
+        """Takes which rated outputs flow: their nodes live, however long they take to answer."""
+        rated = [(i, name) for i, (o, name) in enumerate(self._published) if o.deadline_s > 0 and name]
+        silent = {name for i, name in rated if i not in outputs}
+        names = tuple(dict.fromkeys(name for _, name in rated if name not in silent))
+        if names != self.guardian.flowing:
+            self.guard(Flowing(names))
 
     def adopt(self, settings: Settings, inputs: tuple[InputSpec, ...]) -> None:
         """Takes settings that were changed at run time."""
@@ -154,7 +169,7 @@ class RobotControlProcess(ControlProcess):
 
     def ready_changed(self, ready: bool) -> None:
         """Takes the changed readiness of the robot's nodes."""
-        self.step(placement.NodesReported(ready))
+        self.step(placement.NodesReported(ready, any(n.spec.duplicated for n in self.guardian.nodes)))
 
     # -- commands out -------------------------------------------------------------------------------------------------
 

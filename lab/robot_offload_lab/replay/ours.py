@@ -8,7 +8,8 @@ from typing import Final
 from robot_offload_core import links, policies
 from robot_offload_core.beats import Beat, CloudReport, Echo
 from robot_offload_core.collectors import GateReport
-from robot_offload_core.health import Frame, Situation, cloud_fault, fitness
+from robot_offload_core.health import Frame, Situation, fitness
+from robot_offload_core.limits import cloud_fault
 from robot_offload_core.links import Link
 from robot_offload_core.outlooks import Figures, Outlook
 from robot_offload_core.policies import Fitness, Policy
@@ -41,7 +42,7 @@ class Sight:
 
 
 class Eyes:
-    """What the agent makes of the echoes: `link.hear`, `health.fitness` and `health.cloud_fault`.
+    """What the agent makes of the echoes: `link.hear`, `health.fitness` and `limits.cloud_fault`.
 
     Each echo stands for one beat of the cloud, which is heard when the echo is back. So silence is judged a little too
     severely: when a link becomes slower in one step, an agent hears the next beat of the cloud after half of it.

@@ -186,7 +186,8 @@ def collector_state(collector: Collector) -> str:
 
 def _robot_event(robot: placement.Robot, event: placement.Event, now_s: float) -> tuple[str, str]:
     if isinstance(event, Tick):
-        late = robot.stepped_s is not None and now_s - robot.stepped_s > STALL_BEATS * robot.settings.beat_period_s
+        stepped_s = robot.stalls.stepped_s
+        late = stepped_s is not None and now_s - stepped_s > STALL_BEATS * robot.settings.beat_period_s
         return "tick: after a stall" if late else "tick", ""
     if isinstance(event, placement.CloudBeat):
         return _cloud_beat(robot, event.beat, event.arrived_s)

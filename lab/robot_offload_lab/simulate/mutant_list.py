@@ -181,7 +181,13 @@ MUTANTS: dict[str, Mutant] = {
     "C8": Mutant("silence never judged", (Edit("collectors", "PAUSE_S = 0.120", "PAUSE_S = 0.0"),)),
     "C9": Mutant(
         "one rated output that flows is enough",
-        (Edit("collectors", "return all(t is not None and", "return any(t is not None and"),),
+        (
+            Edit(
+                "collectors",
+                "all(map(robot_flows, rated)), all(map(cloud_flows, rated))",
+                "any(map(robot_flows, rated)), any(map(cloud_flows, rated))",
+            ),
+        ),
     ),
     "C10": Mutant(
         "Hot robot passes while the cloud acts",
@@ -269,7 +275,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "    if robot.offered:\n        return None  # the collector may change over at any moment, and we hear of it later\n",
+                "    if robot.preparation is not None and robot.preparation.offered:\n        return None  # the collector may change over at any moment, and we hear of it later\n",
                 "",
             ),
         ),
@@ -290,7 +296,13 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "S8": Mutant(
         "robot armed before its nodes are ready",
-        (Edit("switcher", "robot = replace(robot, armed=robot.nodes_ready)", "robot = replace(robot, armed=True)"),),
+        (
+            Edit(
+                "switcher",
+                "preparation=replace(preparation, armed=robot.nodes_ready)",
+                "preparation=replace(preparation, armed=True)",
+            ),
+        ),
     ),
     "S9": Mutant("no wait between attempts", (Edit("switcher", "RETRY_FIRST_S = 1.0", "RETRY_FIRST_S = 0.0"),)),
     "S10": Mutant(
@@ -332,7 +344,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "    if now_s - (started_s if told_s is None else told_s) > robot.settings.lease_s:\n        return False\n",
+                "    if now_s - (started_s if reported_s is None else reported_s) > robot.settings.lease_s:\n        return now_s < robot.stalls.until_s and not _starved(robot, now_s)  # its reports may still be unread\n",
                 "",
             ),
         ),
@@ -349,25 +361,37 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "S16": Mutant(
         "retry wait holds a robot that stands still",
-        (Edit("switcher", "now_s >= min(robot.retry_s, robot.since_s + RETRY_FIRST_S)", "now_s >= robot.retry_s"),),
+        (
+            Edit(
+                "switcher",
+                "hurried_s = robot.retry_s if robot.both_silent else robot.since_s + RETRY_FIRST_S",
+                "hurried_s = robot.retry_s",
+            ),
+        ),
     ),
     "S17": Mutant(
         "robot unable is never helped",
-        (Edit("switcher", "if fault is None and fell and not forbidden", "if False and fell and not forbidden"),),
+        (
+            Edit(
+                "switcher",
+                "if fault is None and _in_need(robot, verdict, now_s)",
+                "if False and _in_need(robot, verdict, now_s)",
+            ),
+        ),
     ),
     "S18": Mutant(
         "no deadline for the robot to get ready",
         (
             Edit(
                 "switcher",
-                "    if now_s >= robot.deadline_s:\n        message",
+                "    if now_s >= preparation.deadline_s:\n        message",
                 "    if False:\n        message",
             ),
         ),
     ),
     "S19": Mutant(
         "begins on old news after a stall",
-        (Edit("switcher", "    if now_s < robot.stall_until_s:  # what", "    if False:  # what"),),
+        (Edit("switcher", "    if now_s < robot.stalls.until_s:  # what", "    if False:  # what"),),
     ),
     "S20": Mutant(
         "another cloud's charge taken as ours",
@@ -381,71 +405,69 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "H1": Mutant(
         "good beat without echo limit",
-        (Edit("placement", "        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s\n", ""),),
+        (Edit("health", "        and arrived_s - beat.echo.sent_us / 1e6 <= frame.settings.echo_limit_s\n", ""),),
     ),
-    "H2": Mutant("good beat without acting", (Edit("placement", "        and report.acting\n", ""),)),
-    "H3": Mutant(
-        "good beat of any epoch",
+    "H2": Mutant("good beat without acting", (Edit("health", "        and report.acting\n", ""),)),
+    "H3": Mutant("good beat of any epoch", (Edit("health", "        and report.epoch == frame.epoch\n", ""),)),
+    "H4": Mutant(
+        "good beat that serves another robot", (Edit("health", "        and report.serves == frame.incarnation\n", ""),)
+    ),
+    "H5": Mutant(
+        "stale inputs of the cloud ignored",
+        (Edit("limits", "    Limit(Reason.INPUT_STALE, _R, False, _input_stale),\n", ""),),
+    ),
+    "H6": Mutant(
+        "silent outputs of the cloud ignored",
+        (Edit("limits", "    Limit(Reason.OUTPUT_SILENT, _R, True, _output_silent),\n", ""),),
+    ),
+    "H7": Mutant(
+        "data session never judged",
         (
             Edit(
-                "placement",
-                "        and report.epoch == (robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch)\n",
+                "limits",
+                "    Limit(Reason.DATA_PROCESS_SILENT, _S, False, _data_process_silent),\n    Limit(Reason.DATA_DISCONNECTED, _R, False, _data_disconnected),\n    Limit(Reason.DATA_SILENT, _S, False, _data_silent),\n    Limit(Reason.DATA_MISMATCH, _R, False, _data_mismatch),\n    Limit(Reason.DATA_UNHEARD, _R, False, _data_unheard),\n",
                 "",
             ),
         ),
     ),
-    "H4": Mutant(
-        "good beat that serves another robot",
-        (Edit("placement", "        and report.serves == robot.incarnation\n", ""),),
-    ),
-    "H5": Mutant(
-        "stale inputs of the cloud ignored",
-        (
-            Edit(
-                "health",
-                "checks += [_collector(situation, frame, now_s), _inputs(situation, frame)]",
-                "checks += [_collector(situation, frame, now_s)]",
-            ),
-        ),
-    ),
-    "H6": Mutant(
-        "silent outputs of the cloud ignored",
-        (Edit("health", "    if gate is not None and not gate.cloud_flows:\n", "    if False:\n"),),
-    ),
-    "H7": Mutant("data session never judged", (Edit("health", "        _data(situation, link, now_s),\n", ""),)),
     "H8": Mutant(
         "dead CORE nodes of the cloud ignored",
-        (Edit("health", "    if report is not None and not report.ready:\n", "    if False:\n"),),
+        (Edit("limits", "    Limit(Reason.CLOUD_NODES_DOWN, _R, True, _cloud_nodes_down),\n", ""),),
     ),
     "H9": Mutant(
         "collector never judged",
         (
             Edit(
-                "health",
-                "[_collector(situation, frame, now_s), _inputs(situation, frame)]",
-                "[_inputs(situation, frame)]",
+                "limits",
+                "    Limit(Reason.COLLECTOR_SILENT, _S, False, _collector_silent),\n    Limit(Reason.COLLECTOR_FELL_BACK, _R, False, _collector_fell_back),\n",
+                "",
             ),
         ),
     ),
-    "H10": Mutant("identity never judged", (Edit("health", "        _identity(situation, frame),\n", ""),)),
-    "H11": Mutant("late echoes ignored", (Edit("health", "if echo_stale and not refused:", "if False:"),)),
-    "H12": Mutant(
-        "good beats never judged",
+    "H10": Mutant(
+        "identity never judged",
         (
             Edit(
-                "health",
-                "if not says_so or situation.good_s is None or now_s - situation.good_s > frame.settings.loss_timeout_s:",
-                "if not says_so:",
+                "limits",
+                "    Limit(Reason.DUPLICATE_IDENTITY, _R, False, _duplicate_identity),\n    Limit(Reason.NOT_SERVED, _R, False, _not_served),\n",
+                "",
             ),
         ),
+    ),
+    "H11": Mutant(
+        "late echoes ignored", (Edit("limits", "    Limit(Reason.ECHO_STALE, _S, False, _echo_stale),\n", ""),)
+    ),
+    "H12": Mutant(
+        "good beats never judged",
+        (Edit("limits", "    Limit(Reason.CLOUD_NOT_ACTING, _S, True, _no_good_beat),\n", ""),),
     ),
     "H13": Mutant(
         "loss timeout doubled",
         (
             Edit(
-                "health",
-                "    timeout_s = frame.settings.loss_timeout_s\n",
-                "    timeout_s = 2 * frame.settings.loss_timeout_s\n",
+                "limits",
+                "if heard_s is None or not view.silent(heard_s, view.frame.settings.loss_timeout_s):",
+                "if heard_s is None or not view.silent(heard_s, 2 * view.frame.settings.loss_timeout_s):",
             ),
         ),
     ),
@@ -453,26 +475,37 @@ MUTANTS: dict[str, Mutant] = {
         "stall grace without end",
         (
             Edit(
-                "health",
-                "if known_s is not None and now_s - known_s <= frame.settings.lease_s:",
-                "if known_s is not None:",
+                "limits",
+                "    if acting and view.silent(view.situation.good_s, view.frame.settings.lease_s):",
+                "    if False:",
             ),
         ),
     ),
     "H15": Mutant(
         "pulse and data at different clouds",
-        (Edit("health", "elif situation.data_cloud != link.peer:", "elif False:"),),
+        (Edit("limits", "    Limit(Reason.DATA_MISMATCH, _R, False, _data_mismatch),\n", ""),),
     ),
     "H16": Mutant(
         "silent cloud control ignored",
         (
             Edit(
-                "health",
-                "if situation.report is None or age_s is None or age_s > timeout_s:",
-                "if situation.report is None:",
+                "limits",
+                "broken = view.report is None or age_s is None or age_s > view.frame.settings.loss_timeout_s",
+                "broken = view.report is None",
             ),
         ),
     ),
+    "H17": Mutant(
+        "what was reported waits for the end of a stall",
+        (
+            Edit(
+                "limits",
+                "if (limit.only_acting and not acting) or (stalled and limit.basis is Basis.SILENCE):",
+                "if (limit.only_acting and not acting) or stalled:",
+            ),
+        ),
+    ),
+    "H18": Mutant("a starved control waits for ever", (Edit("limits", "    if view.frame.starved:", "    if False:"),)),
     "W1": Mutant(
         "pins ignored",
         (
@@ -537,7 +570,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "G1": Mutant(
         "nodes do not wait for each other",
-        (Edit("guardians", "waits = waits or (node.state is not State.ACTIVE and not node.gave_up)", "waits = False"),),
+        (Edit("guardians", "waits_core = waits_core or (node.spec.core and _rises(node))", "waits = False"),),
     ),
     "G2": Mutant(
         "one CORE node is enough",

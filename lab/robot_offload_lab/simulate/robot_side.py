@@ -98,7 +98,14 @@ class RobotControl(Shell):
 
     def _made(self, incarnation: str) -> WatchedControl:
         scenario = self.around.scenario
-        plan = RobotPlan(scenario.settings, self.in_force, scenario.input_specs, scenario.robot_nodes, has_driver=True)
+        plan = RobotPlan(
+            scenario.settings,
+            self.in_force,
+            scenario.input_specs,
+            scenario.robot_nodes,
+            has_driver=True,
+            outputs=scenario.outputs,
+        )
         process = WatchedControl(plan, self, incarnation, round(self.host.now_s() * 1e6))
         process.watch = self.around.coverage.robot
         return process

@@ -15,7 +15,7 @@ from robot_offload_core.beats import Beat, CloudReport, Echo, Permission
 from robot_offload_core.collectors import Charge, GateReport
 from robot_offload_core.health import Situation
 from robot_offload_core.links import Link
-from robot_offload_core.placement import IN_CHARGE, Command, Phase, Robot
+from robot_offload_core.placement import IN_CHARGE, Command, Phase, Preparation, Robot, Stalls
 from robot_offload_core.policies import Policy
 from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import InputSpec, Settings
@@ -141,8 +141,14 @@ EPOCHS = {
 
 
 def robot_in(phase: Phase = Phase.ROBOT, now_s: float = NOW_S, **changes: Any) -> Robot:
-    """A robot that has been in `phase` for a while, in a world in which all is well."""
+    """A robot that has been in `phase` for a while, in a world in which all is well.
+
+    Changes of fields of the preparation and of the stalls are taken as changes of these.
+    """
     epoch, candidate = EPOCHS[phase]
+    parts = {key: changes.pop(key) for key in ("deadline_s", "armed", "offered", "need") if key in changes}
+    preparation = replace(Preparation(candidate, now_s + 0.650), **parts) if candidate else None
+    stepped_s = changes.pop("stepped_s", now_s - 0.010)
     robot = Robot(
         incarnation=ROBOT,
         started_us=us(STARTED_S),
@@ -155,13 +161,12 @@ def robot_in(phase: Phase = Phase.ROBOT, now_s: float = NOW_S, **changes: Any) -
         charged_s=now_s - 100.0,
         partner="" if phase is Phase.ROBOT else CLOUD,
         epoch=epoch,
-        candidate=candidate,
         last_epoch=max(epoch, candidate),
-        deadline_s=now_s + 0.650 if candidate else 0.0,
+        preparation=preparation,
         situation=situation(phase, now_s),
         nodes_ready=phase not in (Phase.CLOUD, Phase.TO_ROBOT, Phase.TAKEOVER),
         clear_s=now_s - 90.0,
-        stepped_s=now_s - 0.010,
+        stalls=Stalls(stepped_s),
         decided=Verdict(IN_CHARGE[phase], Reason.STARTING, "Put there by the test"),
         decided_s=now_s - 100.0,
     )

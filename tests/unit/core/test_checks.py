@@ -14,7 +14,7 @@ from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.events import Tick
 from robot_offload_core.guardians import Guardian
 from robot_offload_core.lease import Cloud, RobotBeat
-from robot_offload_core.placement import Phase, Robot
+from robot_offload_core.placement import Phase, Preparation, Robot
 from robot_offload_core.settings import NodeSpec, OutputSpec
 from robot_offload_core.token import Site, Token
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, SETTINGS, robot_in
@@ -30,8 +30,9 @@ class Unknown:
         (robot_in(), replace(robot_in(), epoch=robot_in().epoch - 1), "the epoch fell"),
         (robot_in(), replace(robot_in(Phase.CLOUD), epoch=robot_in().epoch), "within one epoch"),
         (robot_in(), replace(robot_in(), last_epoch=0), "beyond the last"),
-        (robot_in(), replace(robot_in(), armed=True), "nobody gets ready"),
-        (robot_in(Phase.TO_CLOUD), replace(robot_in(Phase.TO_CLOUD), candidate=0), "a candidate is newer"),
+        (robot_in(), replace(robot_in(), preparation=Preparation(9, 0.0), last_epoch=9), "while a side gets ready"),
+        (robot_in(Phase.TO_CLOUD), replace(robot_in(Phase.TO_CLOUD), preparation=None), "while a side gets ready"),
+        (robot_in(), replace(robot_in(Phase.TO_CLOUD), preparation=Preparation(3, 0.0)), "is not newer"),
         (robot_in(Phase.CLOUD), replace(robot_in(Phase.CLOUD), partner=""), "by no name"),
     ],
 )

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from robot_offload_core import collectors
-from robot_offload_core.collectors import PAUSE_GRACE_S, Charge, Collector, Gate, GateReport, Passage, Ruling
+from robot_offload_core.collectors import PAUSE_GRACE_S, PAUSE_S, Charge, Collector, Gate, GateReport, Passage, Ruling
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
@@ -169,9 +169,49 @@ def test_a_kept_message_that_is_young_enough_passes_with_the_changeover_and_neve
     assert offered(state, sent(4, 8), OTHER) == "Current"
 
 
-def test_without_rated_outputs_the_first_message_of_any_changes_over() -> None:
-    free = (OutputSpec("plan", 0.0), OutputSpec("path", 0.0))
-    assert offered(passing(ROBOT_3, CLOUD_4, outputs=free), sent(4, 1), OTHER) == "ChangedOver"
+@pytest.mark.parametrize("outputs", [(), (OutputSpec("plan", 0.0), OutputSpec("path", 0.0))], ids=["none", "unrated"])
+@pytest.mark.parametrize(("current", "following"), [(ROBOT_3, CLOUD_4), (CLOUD_4, ROBOT_5)])
+def test_without_rated_outputs_control_s_word_changes_over(
+    outputs: tuple[OutputSpec, ...], current: Charge, following: Charge
+) -> None:
+    state = passing(current, outputs=outputs)
+    assert state.charge == current
+    state = collectors.set_gate(state, gate(current, following), NOW_S)
+    assert (state.charge, state.next) == (following, None)
+    again = collectors.set_gate(state, gate(current, following), NOW_S)  # control has not read our report yet
+    assert again.charge == following
+
+
+def test_an_idle_collector_that_fell_back_to_the_robot_is_not_led_back_by_the_old_word() -> None:
+    state = collectors.tick(passing(CLOUD_4, outputs=()), NOW_S + TIMEOUT_S + 0.001)
+    assert state.fell_back
+    assert collectors.set_gate(state, gate(CLOUD_4, ROBOT_5), NOW_S + 1.0).fell_back
+
+
+def test_a_process_that_pauses_again_and_again_hides_silence_for_no_longer_than_a_lease() -> None:
+    state, now_s = passing(ROBOT_3, outputs=RATED), NOW_S
+    state, _ = collectors.offer_robot(state, CMD_VEL, 1, now_s)
+    while collectors.report(state, now_s).robot_flows and now_s < NOW_S + 5.0:
+        now_s += PAUSE_S + 0.010
+        state = collectors.turn(state, now_s)
+    assert now_s - NOW_S <= RATED[CMD_VEL].deadline_s + TIMEOUT_S + 2 * (PAUSE_S + 0.010)
+
+
+def test_a_robot_in_charge_has_one_deadline_for_its_first_message() -> None:
+    slow = (OutputSpec("status", 3.0),)
+    state = passing(ROBOT_3, outputs=slow)
+    assert collectors.report(state, NOW_S + 2.9).robot_flows
+    assert not collectors.report(state, NOW_S + 3.1).robot_flows
+
+
+def test_a_restarted_collector_takes_its_own_restart_for_nobody_s_silence() -> None:
+    state = collectors.start(RATED, MAX_AGE_S, TIMEOUT_S)
+    state = collectors.resume(state, CLOUD_4, STARTED_US, fell_back=False, now_s=NOW_S)
+    state = collectors.set_gate(state, gate(CLOUD_4), NOW_S + 0.020)
+    report = collectors.report(state, NOW_S + 0.020)
+    assert report.cloud_flows
+    late_s = NOW_S + max(o.deadline_s for o in RATED) + 0.001
+    assert not collectors.report(state, late_s).cloud_flows
 
 
 def test_a_stale_message_of_the_new_side_is_no_sign_of_life() -> None:

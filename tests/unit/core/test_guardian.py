@@ -17,6 +17,7 @@ from robot_offload_core.guardians import (
     TRANSITION_DEADLINE_S,
     Answered,
     ChangeState,
+    Flowing,
     GetState,
     NodeNews,
     Observed,
@@ -29,6 +30,7 @@ from tests.unit.core.shift import STEP_S, Shift
 
 MAP, PLANNER, CONTROLLER = NodeSpec("map"), NodeSpec("planner"), NodeSpec("controller", core=True)
 BASE = NodeSpec("base", duplicated=False)
+CORES = tuple(NodeSpec(name, core=True) for name in ("map", "planner", "controller"))
 HOT = NodeSpec("hot", hot=True)
 PLAIN = NodeSpec("plain", lifecycle=False, core=True)
 
@@ -59,7 +61,7 @@ def asleep(*specs: NodeSpec) -> Shift:
 
 
 def test_bring_up_follows_the_order_of_the_list() -> None:
-    shift = Shift(MAP, PLANNER, CONTROLLER)
+    shift = Shift(*CORES)
     shift.act()
     shift.run(1.0)
     assert shift.asked() == [
@@ -68,10 +70,70 @@ def test_bring_up_follows_the_order_of_the_list() -> None:
 
 
 def test_waking_from_inactive_follows_the_order_too() -> None:
-    shift = asleep(MAP, PLANNER, CONTROLLER)
+    shift = asleep(*CORES)
     shift.act()
     shift.run(1.0)
     assert shift.asked() == [(name, "activate") for name in ("map", "planner", "controller")]
+
+
+def test_a_core_node_waits_for_core_nodes_only() -> None:
+    shift = Shift(MAP, PLANNER, CONTROLLER)
+    shift.slow_s = {"map": 0.5}
+    shift.act()
+    shift.run(0.2)
+    assert states(shift)[2] is State.ACTIVE
+    assert ("planner", "configure") not in shift.asked(), "a node that is not CORE waits for all before it"
+
+
+@pytest.mark.parametrize("core", [True, False], ids=["CORE", "not CORE"])
+@pytest.mark.parametrize("state", [State.UNKNOWN, State.FINALIZED])
+def test_a_dead_node_holds_up_nobody(state: State, core: bool) -> None:
+    shift = Shift(NodeSpec("map", core=core), CONTROLLER)
+    shift.states["map"] = state
+    shift.act()
+    shift.run(1.5)
+    assert shift.states["controller"] is State.ACTIVE
+    assert guardians.degraded(shift.guardian) == (() if core else ("map",))
+
+
+def test_a_node_that_refuses_holds_up_nobody_after_its_first_attempt() -> None:
+    shift = Shift(NodeSpec("map", core=True), PLANNER, CONTROLLER)
+    shift.stubborn = {"map", "planner"}
+    shift.act()
+    shift.run(0.3)
+    assert shift.states["controller"] is State.ACTIVE
+    assert guardians.degraded(shift.guardian) == ("planner",)
+
+
+def test_a_node_that_refuses_to_sleep_lets_the_others_sleep() -> None:
+    shift = awake(MAP, CONTROLLER)
+    shift.stubborn = {"controller"}
+    shift.act(False)
+    shift.run(0.5)
+    assert shift.states["map"] is State.INACTIVE
+
+
+def test_nodes_of_the_cloud_alone_are_always_active_there_and_no_part_of_its_readiness() -> None:
+    shift = Shift(NodeSpec("navigator", duplicated=False), CONTROLLER)
+    shift.states["navigator"] = State.UNKNOWN
+    shift.act()
+    shift.run(1.5)
+    assert guardians.is_ready(shift.guardian)
+    shift.states["navigator"] = State.UNCONFIGURED
+    shift.act(False)
+    shift.run(2.0)
+    assert shift.states == {"navigator": State.ACTIVE, "controller": State.INACTIVE}
+
+
+def test_a_busy_node_whose_rated_outputs_flow_is_not_dead() -> None:
+    shift = awake(CONTROLLER, MAP)
+    shift.happen(Flowing(("controller",)))
+    shift.states = dict.fromkeys(shift.states, State.UNKNOWN)  # both in a long callback: no read is answered
+    shift.run(5.0)
+    assert states(shift) == [State.ACTIVE, State.UNKNOWN]
+    shift.happen(Flowing(()))
+    shift.run(2.0)
+    assert states(shift) == [State.UNKNOWN, State.UNKNOWN]
 
 
 def test_going_to_sleep_is_in_reverse() -> None:
@@ -83,7 +145,7 @@ def test_going_to_sleep_is_in_reverse() -> None:
 
 
 def test_each_node_waits_for_the_one_before_it() -> None:
-    shift = Shift(MAP, CONTROLLER)
+    shift = Shift(CORES[0], CONTROLLER)
     shift.slow_s = {"map": 0.5}
     shift.act()
     shift.run(0.9)

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import pytest
 
-from robot_offload_core import health
-from robot_offload_core.health import DATA_TIMEOUT_S, Frame, Situation
+from robot_offload_core import health, limits
+from robot_offload_core.health import Frame, Situation
+from robot_offload_core.limits import DATA_TIMEOUT_S, LIMITS, Basis
 from robot_offload_core.links import Link, Offset
 from robot_offload_core.placement import Phase
-from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import InputSpec
 from robot_offload_core.token import Site
 from tests.unit.core.builders import (
@@ -47,7 +45,7 @@ class World:
 
     def reason(self) -> str:
         """Of the first broken limit; "" when all hold."""
-        found = health.cloud_fault(self.situation, self.link, self.frame, self.now_s, acting=self.acting)
+        found = limits.cloud_fault(self.situation, self.link, self.frame, self.now_s, acting=self.acting)
         if found is None:
             return ""
         assert found.site is Site.ROBOT
@@ -140,6 +138,7 @@ ONLY_ACTING = [
     ("CloudNodesDown", reported(ready=False, acting=False)),
     ("OutputSilent", told(gate=gate_report(Site.CLOUD, 4, cloud_flows=False))),
     ("CollectorFellBack", told(gate=gate_report(Site.CLOUD, 4, fell_back=True))),
+    ("ControlStarved", framed(stall_until_s=NOW_S + 0.010, starved=True)),
     ("ControlStalled", lambda was: silent("good_s", SETTINGS.lease_s + NUDGE_S)(STALLED(was))),
 ]  # fmt: skip
 
@@ -197,12 +196,9 @@ def test_what_stays_just_within_its_limit_is_no_fault(change: Change) -> None:
     assert change(world()).reason() == ""
 
 
-def test_every_reason_of_the_module_has_a_case_here() -> None:
-    tree = ast.parse(inspect.getsource(health))
-    pairs = [node.value for node in ast.walk(tree) if isinstance(node, ast.Yield)]
-    first = [pair.elts[0] for pair in pairs if isinstance(pair, ast.Tuple)]
-    yielded = {Reason[name.attr].value for name in first if isinstance(name, ast.Attribute)}
-    assert yielded | {"ControlStalled"} == {case[0] for case in ALWAYS + ONLY_ACTING}
+def test_every_limit_has_a_case_here() -> None:
+    stalls = {"ControlStalled", "ControlStarved"}
+    assert {limit.reason.value for limit in LIMITS} | stalls == {case[0] for case in ALWAYS + ONLY_ACTING}
 
 
 # -- which reason comes first
@@ -233,14 +229,14 @@ def test_an_input_without_a_limit_is_not_judged_and_has_no_place_in_the_report()
 
 def test_the_message_of_a_stale_input_names_the_input_its_age_and_the_limit() -> None:
     both = framed(inputs=(SCAN, InputSpec("odom", 0.100)))(reported(input_ages_us=(1_000, 120_000))(world()))
-    found = health.cloud_fault(both.situation, both.link, both.frame, NOW_S, acting=True)
+    found = limits.cloud_fault(both.situation, both.link, both.frame, NOW_S, acting=True)
     assert found is not None
     assert found.message == "Input odom is 120 ms old in the cloud, the limit is 100 ms"
 
 
 def test_the_message_of_an_input_that_never_arrived_says_so() -> None:
     missing = reported(input_ages_us=(-1,))(world())
-    found = health.cloud_fault(missing.situation, missing.link, missing.frame, NOW_S, acting=True)
+    found = limits.cloud_fault(missing.situation, missing.link, missing.frame, NOW_S, acting=True)
     assert found is not None
     assert found.message == "Input scan never arrived in the cloud, the limit is 300 ms"
 
@@ -266,9 +262,25 @@ def test_a_collector_that_fell_back_hinders_a_wish_under_the_same_epoch() -> Non
 # -- our own stall
 
 
+SILENCES = {limit.reason.value for limit in LIMITS if limit.basis is Basis.SILENCE}
+
+
 @pytest.mark.parametrize(("reason", "change"), ALWAYS, ids=[f"{i}-{case[0]}" for i, case in enumerate(ALWAYS)])
-def test_after_a_stall_of_ours_nothing_is_judged_before_what_arrived_was_read(reason: str, change: Change) -> None:
-    assert STALLED(change(world())).reason() == ""
+def test_after_a_stall_of_ours_silence_waits_for_what_is_still_unread(reason: str, change: Change) -> None:
+    judged = reason not in SILENCES
+    never_heard = change(world()).link.peer == ""  # so that the data session is another cloud's
+    assert judged or never_heard or STALLED(change(world())).reason() == ""
+    assert not judged or STALLED(change(world())).reason() == reason
+
+
+@pytest.mark.parametrize(
+    ("reason", "change"),
+    [case for case in ONLY_ACTING if not case[0].startswith("Control")],
+    ids=[case[0] for case in ONLY_ACTING if not case[0].startswith("Control")],
+)
+def test_what_was_reported_of_a_cloud_in_charge_is_judged_during_a_stall_of_ours(reason: str, change: Change) -> None:
+    quiet = change(world()).situation.good_s != world().situation.good_s  # only the beats are silent
+    assert STALLED(change(world())).reason() in ((reason,) if not quiet else ("", "ControlStalled"))
 
 
 def test_a_stall_of_ours_hides_silence_for_no_longer_than_a_lease() -> None:

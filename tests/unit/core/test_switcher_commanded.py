@@ -7,11 +7,12 @@ from itertools import pairwise
 
 import pytest
 
-from robot_offload_core import switcher
+from robot_offload_core import collectors, switcher
 from robot_offload_core.beats import Permission
 from robot_offload_core.collectors import Gate
 from robot_offload_core.events import Acting, Tick
 from robot_offload_core.placement import (
+    CloudLeaving,
     Decided,
     GateReported,
     NodesReported,
@@ -25,9 +26,10 @@ from robot_offload_core.placement import (
 )
 from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import OutputSpec, Settings
-from robot_offload_core.switcher import PREPARE_EXTRA_S, RETRY_MAX_S
+from robot_offload_core.switcher import PREPARE_EXTRA_S, REPORT_BEATS, RETRY_MAX_S
 from robot_offload_core.token import Site
 from tests.unit.core.builders import (
+    BEAT_S,
     CLOUD,
     LEASE_US,
     NOW_S,
@@ -42,7 +44,7 @@ from tests.unit.core.builders import (
 )
 from tests.unit.core.story import NEVER_S, Story, in_cloud, on_robot
 
-DEADLINE_S = SETTINGS.activation_deadline_s + PREPARE_EXTRA_S
+DEADLINE_S = SETTINGS.activation_deadline_s + PREPARE_EXTRA_S + REPORT_BEATS * BEAT_S
 JITTER_S = 0.015
 """What the story's grid of time and the way over its link add to a period."""
 ASKED_CLOUD, ASKED_ROBOT = SwitchByHand(Site.CLOUD), SwitchByHand(Site.ROBOT)
@@ -119,7 +121,8 @@ def test_the_side_that_gets_ready_is_waited_for_while_the_other_one_acts(site: S
 def test_a_preparation_of_the_cloud_grants_a_candidate_and_the_robot_acts_on() -> None:
     robot, commands = switcher.step(robot_in(), ASKED_CLOUD, NOW_S)
     assert (robot.phase, robot.epoch, robot.candidate, robot.last_epoch) == (Phase.TO_CLOUD, 3, 4, 4)
-    assert robot.deadline_s == pytest.approx(NOW_S + DEADLINE_S)
+    assert robot.preparation is not None
+    assert robot.preparation.deadline_s == pytest.approx(NOW_S + DEADLINE_S)
     assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US)
     assert only(commands, Acting) == Acting(acting=True, outputs_flow=True, in_charge=True)
     assert only(commands, SetGate).gate.current == charge(Site.ROBOT, 3)
@@ -136,14 +139,16 @@ def test_the_collector_may_change_over_once_the_cloud_says_that_it_acts_under_th
     robot = robot_in(Phase.TO_CLOUD, situation=ready_cloud())
     robot, commands = switcher.step(robot, Tick(), NOW_S)
     assert only(commands, SetGate).gate.next == charge(Site.CLOUD, 4)
-    assert robot.offered
+    assert robot.preparation is not None
+    assert robot.preparation.offered
 
 
 @pytest.mark.parametrize("epoch", [3, 5])
 def test_a_cloud_that_acts_under_another_epoch_is_not_ready(epoch: int) -> None:
     robot, commands = switcher.step(robot_in(Phase.TO_CLOUD, situation=ready_cloud(epoch)), Tick(), NOW_S)
     assert only(commands, SetGate).gate.next is None
-    assert not robot.offered
+    assert robot.preparation is not None
+    assert not robot.preparation.offered
 
 
 def test_the_cloud_is_in_charge_when_the_collector_says_that_it_has_changed_over() -> None:
@@ -365,3 +370,51 @@ def test_with_outputs_that_are_not_rated_the_first_message_changes_over() -> Non
     story.until_in(Phase.CLOUD)
     story.run(0.5)
     assert [site for site, _ in runs_of(story)] == [Site.ROBOT, Site.CLOUD]
+
+
+# -- idle robots
+
+IDLE = (OutputSpec("plan", 0.0),)
+
+
+def test_a_pin_to_the_robot_is_obeyed_although_nothing_is_published() -> None:
+    story = idle(on_robot())
+    story.tell(SetPin(Wish(Site.CLOUD)))
+    assert story.until_in(Phase.CLOUD) < 0.5
+    story.tell(SetPin(Wish(Site.ROBOT)))
+    assert story.until_in(Phase.ROBOT) < 0.5
+    assert [d.verdict.reason for d in story.switches()] == ["PinnedToCloud", "PinnedToRobot"]
+
+
+@pytest.mark.parametrize("reason", ["ClockOffset", "PodStopping"])
+def test_a_veto_is_obeyed_although_nothing_is_published(reason: str) -> None:
+    story = idle(on_robot())
+    story.tell(SetPin(None))
+    story.until_in(Phase.CLOUD)
+    if reason == "ClockOffset":
+        story.cloud_wall_error_s = 60.0
+    else:
+        story.tell(CloudLeaving(CLOUD, story.now_s + 60.0))
+    assert story.until_in(Phase.ROBOT) < 0.5
+    assert story.reason == reason
+
+
+def idle(story: Story) -> Story:
+    """Its nodes publish nothing while they have nothing to do, and no output is rated."""
+    story.gate = collectors.start(IDLE, story.settings.max_command_age_s, story.settings.lease_s)
+    story.robot_nodes.mute = story.cloud_nodes.mute = True
+    return story
+
+
+def test_a_robot_without_duplicated_nodes_never_prepares_a_changeover() -> None:
+    robot, commands = switcher.step(robot_in(pin=Wish(Site.CLOUD)), NodesReported(True, duplicated=False), NOW_S)
+    assert robot.phase is Phase.ROBOT
+    assert none_of(commands, Decided) or only(commands, Decided).phase is Phase.ROBOT
+    unable = robot_in(nodes_ready=False, fell_at_s=NOW_S - 60.0, duplicated=False)
+    assert switcher.step(unable, Tick(), NOW_S)[0].phase is Phase.ROBOT
+
+
+def test_a_slow_output_has_its_deadline_to_show_in_a_preparation() -> None:
+    robot, _ = switcher.step(robot_in(slowest_output_s=40.0), ASKED_CLOUD, NOW_S)
+    assert robot.preparation is not None
+    assert robot.preparation.deadline_s >= NOW_S + 40.0 + SETTINGS.activation_deadline_s

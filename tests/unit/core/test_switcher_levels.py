@@ -196,7 +196,7 @@ def test_a_late_step_of_ours_is_a_stall_and_not_silence() -> None:
     stalled = silent_since(NOW_S - 0.2, stepped_s=NOW_S - 0.190)
     robot, _ = switcher.step(stalled, Tick(), NOW_S)
     assert robot.phase is Phase.CLOUD
-    assert robot.stall_until_s == pytest.approx(NOW_S + SETTINGS.loss_timeout_s)
+    assert robot.stalls.until_s == pytest.approx(NOW_S + SETTINGS.loss_timeout_s)
 
 
 def test_the_same_silence_without_a_stall_is_a_loss() -> None:
@@ -207,7 +207,7 @@ def test_the_same_silence_without_a_stall_is_a_loss() -> None:
 @pytest.mark.parametrize(("beats", "stalls"), [(STALL_BEATS - 0.1, False), (STALL_BEATS + 0.1, True)])
 def test_a_step_that_is_a_few_beats_late_is_a_stall(beats: float, stalls: bool) -> None:
     robot, _ = switcher.step(robot_in(stepped_s=NOW_S - beats * BEAT_S), Tick(), NOW_S)
-    assert (robot.stall_until_s > NOW_S) is stalls
+    assert (robot.stalls.until_s > NOW_S) is stalls
 
 
 def test_after_the_grace_silence_is_silence() -> None:
@@ -268,5 +268,5 @@ def test_the_levels_of_a_robot_do_not_depend_on_how_often_it_is_stepped() -> Non
         often, _ = switcher.step(often, Tick(), NOW_S + tick * 0.001)
     seldom, _ = switcher.step(seldom, Tick(), NOW_S + 0.020)
     seldom, _ = switcher.step(seldom, Tick(), NOW_S + 0.040)
-    assert often.told == seldom.told
-    assert replace(often, policy=seldom.policy, told_s=seldom.told_s, decided_s=seldom.decided_s) == seldom
+    assert often.levels == seldom.levels
+    assert replace(often, policy=seldom.policy, levels_s=seldom.levels_s, decided_s=seldom.decided_s) == seldom

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -22,6 +23,7 @@ from robot_offload_core.placement import (
     Reopen,
     Robot,
     SetGate,
+    Stalls,
     Wish,
 )
 from robot_offload_core.policies import Policy
@@ -45,7 +47,7 @@ from tests.unit.core.builders import (
     situation,
     us,
 )
-from tests.unit.core.story import CLOUD_AHEAD_S, NEVER_S, TICK_S, Story, in_cloud
+from tests.unit.core.story import CLOUD_AHEAD_S, NEVER_S, TICK_S, Story, in_cloud, on_robot
 
 LOSS_S = SETTINGS.loss_timeout_s
 SLACK_S = 2 * BEAT_S
@@ -342,7 +344,7 @@ def test_a_robot_whose_output_is_silent_is_unable_too() -> None:
     assert not only(commands, Acting).outputs_flow
     later_s = NOW_S + DEADLINE_S + 0.010
     robot = replace(robot, situation=situation(Phase.ROBOT, later_s, gate=silent), link=good_link(later_s))
-    robot, commands = switcher.step(replace(robot, stepped_s=later_s - 0.010), Tick(), later_s)
+    robot, commands = switcher.step(replace(robot, stalls=Stalls(later_s - 0.010)), Tick(), later_s)
     assert (robot.phase, only(commands, Decided).verdict.reason) == (Phase.TO_CLOUD, "RobotUnable")
 
 
@@ -371,3 +373,65 @@ def test_after_a_loss_with_a_dead_standby_the_cloud_returns_as_soon_as_it_is_bac
         assert story.until_in(Phase.CLOUD) <= 0.5
         story.run(0.3)
     assert "RobotUnable" in {reason for _, reason in story.decisions()}
+
+
+def test_a_cloud_as_silent_as_the_robot_is_woken_less_and_less_often() -> None:
+    story = Story()
+    story.robot_nodes.mute = story.cloud_nodes.mute = True
+    story.run(40.0)
+    tries_s = [at_s for at_s, decided in story.of(Decided) if decided.phase is Phase.TO_CLOUD]
+    waits_s = [after - before for before, after in pairwise(tries_s)]
+    assert all(after > 1.5 * before for before, after in pairwise(waits_s[:4]))
+    assert len(tries_s) <= 6
+    assert story.reason == "BothSilent"
+    assert not any(acting.outputs_flow for at_s, acting in story.of(Acting) if at_s > NOW_S + 1.0), "inhibited, once"
+
+
+def test_a_robot_whose_outputs_flow_again_forgets_that_both_were_silent() -> None:
+    robot = robot_in(both_silent=True)
+    assert not switcher.step(robot, Tick(), NOW_S)[0].both_silent
+
+
+# -- a control process that gets its CPU in slices
+
+
+def test_what_was_reported_is_judged_although_our_own_steps_are_late() -> None:
+    stalled = robot_in(Phase.CLOUD, stepped_s=NOW_S - 0.060)
+    robot, _ = switcher.step(stalled, GateReported(gate_report(Site.CLOUD, 4, cloud_flows=False)), NOW_S)
+    assert (switcher.site(robot), robot.decided.reason) == (Site.ROBOT, "OutputSilent")
+
+
+@pytest.mark.parametrize("gap_s", [0.055, 0.1, 0.2])
+def test_a_starved_control_leaves_the_cloud_after_a_lease(gap_s: float) -> None:
+    story = in_cloud(robot_hot=True)
+    began_s = story.now_s
+    while switcher.site(story.robot) is Site.CLOUD:
+        assert story.now_s - began_s < 2.0
+        story.control_runs = False
+        story.run(gap_s)
+        story.control_runs = True
+        story.tell(Tick())
+        story.run(0.010)
+    assert story.switches()[0].verdict.reason == "ControlStarved"
+    assert story.now_s - began_s <= SETTINGS.lease_s + 3 * (gap_s + 0.010)
+
+
+def test_a_stall_of_control_is_no_silence_of_the_collector() -> None:
+    """The reports are waiting in the inbox: an inhibit of a millisecond would be an emergency stop."""
+    story = on_robot()
+    story.control_runs = False
+    story.run(0.4)
+    story.control_runs = True
+    story.run(1.0)
+    assert all(acting.outputs_flow for _, acting in story.of(Acting))
+
+
+def test_a_dead_collector_stops_the_driver_also_while_control_is_starved() -> None:
+    story = on_robot()
+    story.collector_runs = False
+    for _ in range(20):
+        story.control_runs = False
+        story.run(0.060)
+        story.control_runs = True
+        story.run(0.010)
+    assert not story.of(Acting)[-1][1].outputs_flow

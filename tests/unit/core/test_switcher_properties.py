@@ -179,10 +179,9 @@ def test_an_epoch_belongs_to_one_side_and_one_cloud_for_ever(phase: Phase, life:
 def test_the_parts_of_the_state_agree_with_each_other(phase: Phase, life: list[tuple[float, Act]]) -> None:
     for robot in lived(phase, life).states:
         prepares = robot.phase in (Phase.TO_CLOUD, Phase.TO_ROBOT)
-        assert (robot.candidate != 0) == prepares
+        assert (robot.preparation is not None) == prepares
         assert robot.last_epoch >= max(robot.epoch, robot.candidate)
         assert robot.candidate == 0 or robot.candidate > robot.epoch
-        assert prepares or not (robot.armed or robot.offered)
         assert robot.phase is not Phase.TAKEOVER or not robot.nodes_ready
         assert robot.policy.hold_down_s <= SETTINGS.hold_down_max_s
 

@@ -75,7 +75,7 @@ def test_asking_twice_is_the_same_as_asking_once() -> None:
         once = after(robot_in(phase), SwitchByHand(site))
         twice, commands = switcher.step(once, SwitchByHand(site), NOW_S)
         assert only(commands, Answer).accepted
-        assert (twice.phase, twice.candidate, twice.deadline_s) == (once.phase, once.candidate, once.deadline_s)
+        assert (twice.phase, twice.preparation) == (once.phase, once.preparation)
 
 
 @pytest.mark.parametrize(
