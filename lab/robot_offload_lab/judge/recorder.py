@@ -123,7 +123,7 @@ class ConsumerRecorder:
         arrivals = self._arrivals[topic]
 
         def hear(message: Any, info: Any) -> None:
-            t_s = _received_s(info)
+            t_s = arrivals.delivered_s(_received_s(info))
             header = getattr(message, "header", None)
             if header is not None:
                 self._take(t_s, arrivals.stamped(t_s, header.frame_id, _made_s(header.stamp), _passed_s(info)))

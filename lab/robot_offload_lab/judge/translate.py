@@ -39,6 +39,16 @@ class Arrivals:
     acting: Site = "robot"
     unknown: int = 0
     _highest: dict[str, tuple[int, float]] = field(default_factory=dict)
+    _last_s: float = -math.inf
+
+    def delivered_s(self, received_s: float) -> float:
+        """Returns when a message was delivered that was received then.
+
+        A reliable reader hands messages over in the order of their writer. One that was lost on the way and sent again is
+        received after its successors, which wait for it: they are delivered with it, not before it.
+        """
+        self._last_s = max(self._last_s, received_s)
+        return self._last_s
 
     def stamped(self, t_s: float, frame_id: str, made_s: float, passed_s: float | None = None) -> Arrival:
         """A message with a header; `made_s` is its stamp, `passed_s` its publication, on the clock of `t_s`."""

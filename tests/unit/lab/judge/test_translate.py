@@ -110,3 +110,14 @@ def test_samples_taken_in_pieces_are_the_same_as_at_once() -> None:
     for from_s, to_s in zip(edges, [*edges[1:], 17.0], strict=True):
         pieces += translate.link_samples(schedule, 7.0, from_s, to_s)
     assert pieces == at_once
+
+
+def test_a_message_that_was_sent_again_holds_up_the_ones_behind_it_and_is_not_reordered() -> None:
+    arrivals = translate.Arrivals("/cmd_vel")
+    received_s = {627: 1.00, 628: 1.028, 629: 1.020, 630: 1.040}  # in the order of delivery; 628 came a second time
+    heard = [
+        arrivals.stamped(arrivals.delivered_s(t_s), f"remote_controller#{number}", 0.99, 1.0)
+        for number, t_s in received_s.items()
+    ]
+    assert [each.t_s for each in heard] == [1.00, 1.028, 1.028, 1.040]
+    assert not examine("/cmd_vel", sorted(heard, key=lambda each: each.t_s), 2.0, 150.0).reordered
