@@ -28,7 +28,7 @@ Install it in one of these ways, then run the same command again:
 
 
 def find_python():
-    """The path of a working CPython 3.12, or None."""
+    """Returns the path of a working CPython 3.12, or None."""
     homes = [os.environ.get("PYENV_ROOT", ""), str(Path.home() / ".pyenv"), "/opt/pyenv"]
     candidates = [os.environ.get("PYTHON312", ""), shutil.which("python3.12") or "", sys.executable]
     for home in filter(None, homes):

@@ -28,7 +28,7 @@ metadata:
 
 
 def rendered(helm: Path) -> str:
-    """The text of the file."""
+    """Returns the text of the file."""
     command = [str(helm), "template", "robot-offload", str(CHART), "--namespace", NAMESPACE]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -38,7 +38,7 @@ def rendered(helm: Path) -> str:
 
 
 def main() -> int:
-    """Write the file, or with --check say whether it is up to date."""
+    """Writes the file, or with --check say whether it is up to date."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="change nothing; fail when the file is not up to date")
     text = rendered(programs.ensure(_say, {"helm": programs.CONTROL_PLANE["helm"]}).path("helm"))

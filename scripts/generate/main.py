@@ -21,7 +21,7 @@ class OutOfDateError(RobotOffloadError):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line; the exit code is 0 when all is well, 1 when files are out of date, 2 for a wrong folder."""
+    """Runs the command line; returns 0 when all is well, 1 when files are out of date, 2 for a wrong folder."""
     parser = argparse.ArgumentParser(prog="python -m scripts.generate", description=__doc__)
     parser.add_argument("--check", action="store_true", help="write nothing; say what is out of date, end with 1")
     parser.add_argument("--root", type=Path, default=Path(), help="the repository (default: this folder)")

@@ -34,7 +34,7 @@ more, before anything is sent: topics that two nodes publish, topics that cross 
 
 
 def reference(definition: Schema) -> str:
-    """The page as Markdown.
+    """Returns the page as Markdown.
 
     Args:
         definition: the CustomResourceDefinition.
@@ -59,7 +59,7 @@ def _of(part: Schema, field: str) -> Schema:
 
 
 def _objects(path: str, part: Schema) -> Iterator[tuple[str, Schema]]:
-    """Every object with fields of its own, outer ones first, as (path, schema)."""
+    """Yields every object with fields of its own, outer ones first, as (path, schema)."""
     if part.get("properties"):
         yield path, part
     for name, field in part.get("properties", {}).items():
@@ -69,7 +69,7 @@ def _objects(path: str, part: Schema) -> Iterator[tuple[str, Schema]]:
 
 
 def _rules(path: str, part: Schema) -> Iterator[tuple[str, Schema]]:
-    """The rules between fields; a range of one field stands in its own description already."""
+    """Yields the rules between fields; a range of one field stands in its own description already."""
     if part.get("properties"):
         for rule in part.get("x-kubernetes-validations", ()):
             yield path, rule
@@ -91,7 +91,7 @@ def _section(path: str, part: Schema) -> str:
 
 
 def _kind(field: Schema) -> str:
-    """What a value looks like, in a word or two."""
+    """Returns what a value looks like, in a word or two."""
     if "x-kubernetes-int-or-string" in field:
         return "quantity"
     kind = field.get("type", "object")
@@ -106,5 +106,5 @@ def _kind(field: Schema) -> str:
 
 
 def _text(text: str) -> str:
-    """One line that Markdown does not take apart."""
+    """Returns one line that Markdown does not take apart."""
     return re.sub(r"([|<*_])", r"\\\1", " ".join(text.split()))

@@ -52,7 +52,7 @@ KINDS: Final = (
 
 
 def offload(transport: str, link_ms: float) -> RobotOffload:
-    """A RobotOffload whose node in the cloud sends every message back: through the link there, and the collector back.
+    """Returns a RobotOffload whose node in the cloud sends every message back, by link and collector.
 
     Args:
         transport: `spec.transport.type`.

@@ -26,7 +26,7 @@ def describe() -> dict[str, Any]:
 
 
 def words(known: Mapping[str, Any]) -> str:
-    """What `describe` gave, in one line."""
+    """Returns what `describe` gave, in one line."""
     versions = ", ".join(f"{name} {version}" for name, version in known["versions"].items())
     return (
         f"{known['cores']} cores ({known['processor']}), {known['memory_gb']} GB, {known['system']}, "
@@ -40,7 +40,7 @@ def load() -> float:
 
 
 def today() -> str:
-    """The date, for the page."""
+    """Returns the date, for the page."""
     return datetime.datetime.now(tz=datetime.UTC).strftime("%Y-%m-%d")
 
 
@@ -55,7 +55,7 @@ def _versions() -> Mapping[str, str]:
 
 
 def _field(path: Path, name: str) -> str:
-    """The first `name : value` of a file of the kernel; empty when there is none."""
+    """Returns the first `name : value` of a file of the kernel; empty when there is none."""
     for line in path.read_text().splitlines():
         key, _, value = line.partition(":")
         if key.strip() == name:

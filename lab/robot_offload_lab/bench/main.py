@@ -48,7 +48,7 @@ Only = Annotated[list[Group] | None, typer.Option(help="Group of figures to meas
 
 
 def _case(known: Sequence[str]) -> Any:
-    """An option that picks some cases of a command."""
+    """Returns an option that picks some cases of a command."""
     return typer.Option(metavar="CASE", help=f"Case to measure: {', '.join(known)}; more than once. Default: all.")
 
 
@@ -189,7 +189,7 @@ def _check_cases(cases: Sequence[str], known: Sequence[str]) -> None:
 
 
 def _console(*, stderr: bool = False) -> Console:
-    """A console on standard output, or on standard error if results go to standard output. Wide unless a terminal."""
+    """Returns a console on standard output, or on standard error if results go to the other. Wide unless a terminal."""
     console = Console(stderr=stderr)
     return console if console.is_terminal else Console(stderr=stderr, width=WIDTH)
 

@@ -112,7 +112,7 @@ class _Operator:
         raise RobotOffloadError(f"the operator does not serve; see {self._log}")
 
     def metrics(self) -> dict[str, float]:
-        """All metrics by name and labels."""
+        """Returns all metrics by name and labels."""
         with urllib.request.urlopen(f"http://127.0.0.1:{self.port()}/metrics", timeout=30) as answer:
             lines = answer.read().decode().splitlines()
         return {name: float(value) for name, value in (line.rsplit(" ", 1) for line in lines if line[0] != "#")}
@@ -164,7 +164,7 @@ def main(
 
 @contextmanager
 def _control_plane(kubeconfig: Path | None) -> Iterator[Path]:
-    """The given API server, or a new one of the test cluster for as long as the block runs."""
+    """Yields the kubeconfig of the given API server, or of a new one that lasts as long as the block."""
     if kubeconfig is not None:
         yield kubeconfig
         return

@@ -87,7 +87,7 @@ def write(kept: Sequence[Kept], docs: Path) -> Path:
 
 
 def section(one: Kept) -> Section:
-    """What the page keeps of a measurement."""
+    """Returns what the page keeps of a measurement."""
     outcome = one.outcome
     return Section(
         outcome.group, outcome.priority, one.amounts.form, one.date, machine.words(one.machine), one.load,
@@ -108,7 +108,7 @@ def notes(kept: Sequence[Kept]) -> dict[str, str]:
 
 
 def merged(old: Sequence[Section], new: Sequence[Section]) -> tuple[Section, ...]:
-    """The new ones in the place of the old ones with the same key, in the order of the page."""
+    """Returns the new ones in the place of the old ones with the same key, in the order of the page."""
     by_key = {one.key: one for one in (*old, *new)}
     groups = [group for _, _, groups in CHAPTERS for group in groups]
     order = [(group, form, priority) for group in groups for form in FORMS for priority in PRIORITIES]
@@ -119,7 +119,7 @@ def merged(old: Sequence[Section], new: Sequence[Section]) -> tuple[Section, ...
 
 
 def read(docs: Path) -> tuple[Section, ...]:
-    """The sections of the page as it stands; none when there is no page.
+    """Returns the sections of the page as it stands; none when there is no page.
 
     Raises:
         InputError: the file is damaged or of another kind.
@@ -137,7 +137,7 @@ def read(docs: Path) -> tuple[Section, ...]:
 
 
 def encode(sections: Sequence[Section]) -> str:
-    """The file."""
+    """Returns the file."""
     return json.dumps({"schema": SCHEMA, "sections": [_encoded(one) for one in sections]}, indent=1) + "\n"
 
 
@@ -159,7 +159,7 @@ def _decoded(values: Mapping[str, Any]) -> Section:
 
 
 def text(sections: Sequence[Section], images: set[str]) -> str:
-    """The page; `images` are the files of pictures that there are."""
+    """Returns the page; `images` are the files of pictures that there are."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("robot_offload_lab.bench"),
         autoescape=False,  # noqa: S701 - Markdown, and nothing in it comes from outside

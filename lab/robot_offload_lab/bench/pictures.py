@@ -24,7 +24,7 @@ PIECES: Final = {
     "detection_ms": ("detection", "#0072B2"),
     "activation_ms": ("activation", "#E69F00"),
     "phase_ms": ("timer phase", "#999999"),
-    "rest_ms": ("activation and phase, not told apart", "#DDDDDD"),
+    "rest_ms": ("activation and phase together", "#DDDDDD"),
 }
 CUTS_CAPTION: Final = (
     "Sudden cuts of both directions: the gap of each and what it is made of. A gap is shorter than its parts where the "
@@ -47,7 +47,7 @@ class Picture:
 
 
 def draw(outcomes: Sequence[GroupResult], notes: Mapping[str, str] = MappingProxyType({})) -> dict[str, Picture]:
-    """Every picture for which there are samples, by name.
+    """Returns every picture for which there are samples, by name.
 
     Args:
         outcomes: with their samples.
@@ -82,7 +82,7 @@ class Spread:
     Attributes:
         caption: of the picture; the axis is in milliseconds.
         value: name of the values in the samples.
-        series: names of the fields that tell the curves apart.
+        series: names of the fields that distinguish the curves.
     """
 
     caption: str
@@ -120,7 +120,7 @@ WIDE_FACTOR: Final = 30.0
 
 
 def spread(group: str, outcomes: Sequence[GroupResult]) -> Canvas:
-    """The share of samples with at most a value on the left, boxes from quartile to quartile on the right."""
+    """Returns the share of samples with at most a value on the left, boxes from quartile to quartile on the right."""
     of = SPREADS[group]
     found: dict[str, list[float]] = {}
     for outcome in outcomes:
@@ -161,7 +161,7 @@ def _word(value: object) -> str:
 
 
 def commanded_gaps(outcomes: Sequence[GroupResult]) -> Canvas:
-    """The share of switches with at most a gap, for each priority."""
+    """Returns the share of switches with at most a gap, for each priority."""
     canvas = _canvas()
     axes = canvas.subplots()
     for outcome in outcomes:
@@ -178,7 +178,7 @@ def commanded_gaps(outcomes: Sequence[GroupResult]) -> Canvas:
 
 
 def cut_gaps(outcomes: Sequence[GroupResult]) -> Canvas:
-    """Each cut of both directions as a stack of its parts, the shortest gap first."""
+    """Returns each cut of both directions as a stack of its parts, the shortest gap first."""
     canvas = _canvas(len(outcomes))
     for axes, outcome in zip(_row(canvas, len(outcomes)), outcomes, strict=True):
         falls = [s for s in outcome.samples if s["direction"] == "both" and _is_number(s["gap_ms"])]
@@ -199,7 +199,7 @@ def cut_gaps(outcomes: Sequence[GroupResult]) -> Canvas:
 
 
 def _with_rest(fall: Sample) -> Sample:
-    """What is left of a gap whose activation was not seen in time; the last command may come after the last beat."""
+    """Returns the rest of a gap whose activation was not seen in time; the last command may follow the last beat."""
     rest_ms = 0.0
     if not _is_number(fall["activation_ms"]):
         rest_ms = max(0.0, fall["gap_ms"] - (fall["before_ms"] or 0.0) - (fall["detection_ms"] or 0.0))
@@ -238,7 +238,7 @@ def _row(canvas: Canvas, columns: int) -> list[Axes]:
 
 
 def _legend(canvas: Canvas) -> None:
-    """One for all axes, below them."""
+    """Draws one legend for all axes, below them."""
     handles, words = canvas.axes[0].get_legend_handles_labels()
     canvas.legend(handles, words, fontsize=8, loc="outside lower center", ncols=3)
 

@@ -70,7 +70,7 @@ class Order:
         seed: of links and of the moments at which something is done.
         domains: ROS domains of robot and cloud; None picks free ones.
         cases: of a group that has several, the ones to run; empty: all.
-        advance: tells how much of `Group.steps` is done; may be called often.
+        advance: called with how much of `Group.steps` is done; may be called often.
     """
 
     amounts: Amounts
@@ -82,7 +82,7 @@ class Order:
     cases: tuple[str, ...] = ()
 
     def wants(self, case: str) -> bool:
-        """Whether a case is to run."""
+        """Returns whether a case is to run."""
         return not self.cases or case in self.cases
 
     @property
@@ -104,9 +104,9 @@ class Order:
         return Setting(self.folder(name), self.realtime, self.domains, self.seed)
 
     def watching(self, name: str) -> Setting:
-        """The same with the observer of the lease."""
+        """Returns the same with the observer of the lease."""
         return replace(self.setting(name), lease=True)
 
     def timing(self, name: str) -> Setting:
-        """The same with everything that latencies are compared with."""
+        """Returns the same with everything that latencies are compared with."""
         return replace(self.setting(name), latency=True)

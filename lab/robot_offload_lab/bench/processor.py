@@ -41,7 +41,7 @@ def read(pids: Iterable[int]) -> Reading:
 
 
 def machine_percent(before: Reading, after: Reading) -> float:
-    """How busy all cores together were: 100 is every core."""
+    """Returns how busy all cores together were: 100 is every core."""
     return 100.0 * (after.busy - before.busy) / max(1, after.total - before.total)
 
 

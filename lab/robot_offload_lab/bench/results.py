@@ -55,7 +55,7 @@ class Figure:
         return self.value / self.baseline
 
     def met(self, limit: float | None) -> bool | None:
-        """Whether the value keeps a limit; None when there is no value or no limit."""
+        """Returns whether the value keeps a limit; None when there is no value or no limit."""
         if self.value is None or limit is None:
             return None
         return self.value >= limit if self.at_least else self.value <= limit
@@ -86,7 +86,7 @@ class GroupResult:
 
 
 def part(title: str, unit: str, values: Iterable[float | None]) -> Distribution | None:
-    """The distribution of the values that are known; None without any."""
+    """Returns the distribution of the values that are known; None without any."""
     known = [value for value in values if value is not None]
     if not known:
         return None
@@ -95,19 +95,19 @@ def part(title: str, unit: str, values: Iterable[float | None]) -> Distribution 
 
 
 def parts(found: Iterable[Distribution | None]) -> tuple[Distribution, ...]:
-    """Those that are there."""
+    """Returns those that are there."""
     return tuple(one for one in found if one is not None)
 
 
 def at(values: Sequence[float], share: float) -> float:
-    """A quantile of a list that is not empty."""
+    """Returns a quantile of a list that is not empty."""
     value = quantile(values, share)
     assert value is not None
     return value
 
 
 def at_or_none(values: Iterable[float | None], share: float) -> float | None:
-    """A quantile of the values that are known; None without any."""
+    """Returns a quantile of the values that are known; None without any."""
     return quantile([value for value in values if value is not None], share)
 
 
@@ -128,7 +128,7 @@ def to_json(outcome: GroupResult) -> dict[str, Any]:
 
 
 def from_json(group: str, priority: Priority, values: Mapping[str, Any]) -> GroupResult:
-    """The inverse of `to_json`, without the samples."""
+    """Returns the inverse of `to_json`, without the samples."""
     names = {field.name for field in dataclasses.fields(Figure)}
     figures = tuple(Figure(**{key: figure[key] for key in names}) for figure in values["figures"])
     return GroupResult(group, priority, figures, tuple(Distribution(**one) for one in values["parts"]), ())

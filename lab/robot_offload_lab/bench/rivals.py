@@ -24,14 +24,14 @@ class Rival:
 
 
 LIVELINESS: Final = Rival("liveliness", "DDS liveliness, 220 ms lease", 0.200, 0.220)
-"""As the software watchdogs for ROS 2 do it: the middleware itself tells that a publisher has not asserted itself."""
+"""As the software watchdogs for ROS 2 do it: the middleware itself reports that a publisher has not asserted itself."""
 BOND: Final = Rival("bond", "bond as in Nav2, 4 s", 0.250, 4.0)
 MESSAGE: Final = Rival("message", "one message, one threshold (thesis)", None, None)
 RIVALS: Final = (LIVELINESS, BOND, MESSAGE)
 
 
 @dataclass(frozen=True)
-class Told:
+class RivalReport:
     """A rival said that the other side is lost, or that it is back, at t_s of the steady clock."""
 
     t_s: float

@@ -1,6 +1,6 @@
 """Runs groups of figures one after the other, and keeps what each gave as soon as it is there.
 
-A group that fails or takes far too long is told and loses nobody else's figures. What was measured stays in the folder,
+A group that fails or times out is reported; the others keep their results. What was measured stays in the folder,
 so that an interrupted run can go on.
 """
 
@@ -126,7 +126,7 @@ class BenchSession:
         return failed
 
     def show(self) -> None:
-        """The tables, the pictures, and the page if one is wanted."""
+        """Prints the tables, writes the pictures, and the page if one is wanted."""
         kept = self.store.all()
         outcomes = [one.outcome for one in kept]
         for priority in PRIORITIES:

@@ -67,7 +67,7 @@ class Store:
         _write_csv(self._csv(outcome.group, outcome.priority), outcome.samples)
 
     def document(self) -> dict[str, Any]:
-        """The results as they stand; without any when nothing was measured yet.
+        """Returns the results as they stand; without any when nothing was measured yet.
 
         Raises:
             InputError: the file is not of this schema.
@@ -84,7 +84,7 @@ class Store:
         return document
 
     def all(self) -> tuple[Kept, ...]:
-        """Everything measured so far, with samples."""
+        """Returns everything measured so far, with samples."""
         found = []
         for group, by_priority in self.document()["groups"].items():
             for priority in results.PRIORITIES:

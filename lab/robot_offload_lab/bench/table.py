@@ -27,7 +27,7 @@ _STYLES: Final = {"missed": "red", "must": "yellow", "aim": "green"}
 
 
 def number(value: float | None, unit: str) -> str:
-    """A value with as many digits as it deserves."""
+    """Returns a value with as many digits as it deserves."""
     if value is None:
         return "not measured"
     if unit in ("messages", "alarms"):
@@ -37,7 +37,7 @@ def number(value: float | None, unit: str) -> str:
 
 
 def limit(figure: Figure, value: float | None) -> str:
-    """A limit in words; empty without one."""
+    """Returns a limit in words; empty without one."""
     if value is None:
         return ""
     sign = "≥" if figure.at_least else "≤"
@@ -56,7 +56,7 @@ def verdict(figure: Figure) -> str:
 
 
 def table(outcomes: Sequence[GroupResult], priority: Priority) -> Table:
-    """All figures of one priority."""
+    """Returns all figures of one priority."""
     shown = Table(title=f"Figures, {PRIORITY_WORDS[priority]}", title_justify="left")
     for heading in ("figure", "conditions", "n", "measured", "must", "aim", "kept", "beside it, same run", "ratio"):
         shown.add_column(heading, justify="right" if heading in _NUMBERS else "left")
@@ -71,22 +71,22 @@ def table(outcomes: Sequence[GroupResult], priority: Priority) -> Table:
 
 
 def beside(figure: Figure) -> str:
-    """The baseline of the same run; empty without one."""
+    """Returns the baseline of the same run; empty without one."""
     return "" if figure.baseline is None else f"{figure.against}: {number(figure.baseline, figure.unit)}"
 
 
 def ratio(figure: Figure) -> str:
-    """The value in multiples of the baseline; empty without one."""
+    """Returns the value in multiples of the baseline; empty without one."""
     return "" if figure.ratio is None else f"{figure.ratio:.2f}"
 
 
 def link(figure: Figure) -> str:
-    """The conditions with the tolerance."""
+    """Returns the conditions with the tolerance."""
     if figure.tolerance_ms is None:
         return figure.conditions
     return f"{figure.conditions} (tolerance {figure.tolerance_ms} ms)"
 
 
 def figures(outcomes: Iterable[GroupResult], priority: Priority) -> tuple[Figure, ...]:
-    """The figures of one priority, in the order of the outcomes."""
+    """Returns the figures of one priority, in the order of the outcomes."""
     return tuple(figure for outcome in outcomes if outcome.priority == priority for figure in outcome.figures)

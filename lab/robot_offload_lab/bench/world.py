@@ -155,7 +155,7 @@ class MeasuredSystem:
         return before_s, steady_s()
 
     def robot_agent(self) -> tuple[int, ...]:
-        """The processes of the robot's agent: the supervisor and its children."""
+        """Returns the processes of the robot's agent: the supervisor and its children."""
         children = sorted((self.system.temporary / "robot").glob("*.pid"))
         return (self.programs.pids["robot-agent"], *(int(path.read_text()) for path in children))
 
@@ -286,7 +286,7 @@ class MeasuredSystem:
         return Program(INPUT_RECORDER, tuple(command), self.system.temporary, cloud, piped=True)
 
     def _direct(self) -> Program:
-        """What a message costs without us: publisher and consumer in one domain, same sizes and rate."""
+        """Returns what a message costs without us: publisher and consumer in one domain, same sizes and rate."""
         sizes = str(list(self.case.command_bytes))
         parameters = {"topics": f"[{DIRECT_TOPIC}]", "rate_hz": self.case.cloud_rate_hz, "payload_bytes": sizes}
         words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
@@ -300,7 +300,7 @@ class MeasuredSystem:
     # -- following the observers --------------------------------------------------------------------------------------
 
     def _settled(self) -> bool:
-        """Whether the cloud has acted for a while: starting a dozen processes at once is not the subject."""
+        """Returns whether the cloud has acted for a while: starting a dozen processes at once is not the subject."""
         charged_s = self.placed.decided_s if self.placed and self.placed.site == "cloud" else float("inf")
         return self._commands_heard > 0 and steady_s() - charged_s > SETTLE_S
 

@@ -1,4 +1,4 @@
-"""`robot-offload demo`: one RobotOffload on this machine, with a link that fails as it is told to."""
+"""`robot-offload demo`: one RobotOffload on this machine, with a link that fails as its options say."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _option(name: str, metavar: str, text: str) -> Any:
-    """An option with a value; its default stands in the signature."""
+    """Returns an option with a value; its default stands in the signature."""
     return typer.Option(f"--{name}", metavar=metavar, help=text)
 
 
@@ -179,7 +179,7 @@ def _duration_s(given: float | None) -> float | None:
 
 
 def _phases(given: Sequence[str] | None, default: str) -> tuple[str, ...]:
-    """The phases of an option that can be given more than once; `none` is none."""
+    """Returns the phases of an option that can be given more than once; `none` is none."""
     wanted = [default] if given is None and default else given or ()
     return tuple(text for text in wanted if text != NONE)
 

@@ -32,7 +32,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def _option(name: str, metavar: str, text: str) -> Any:
-    """An option with a value; its default stands in the signature."""
+    """Returns an option with a value; its default stands in the signature."""
     return typer.Option(f"--{name}", metavar=metavar, help=text)
 
 
@@ -135,7 +135,7 @@ def simulate(
 
 
 def _work() -> ModuleType:
-    """What needs numpy and matplotlib, which are an extra of this package, loaded only when it is wanted."""
+    """Returns what needs numpy and matplotlib, which are an extra of this package, loaded only when it is wanted."""
     try:
         return importlib.import_module("robot_offload_lab.replay.command")
     except ModuleNotFoundError as error:

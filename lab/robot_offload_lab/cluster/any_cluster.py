@@ -38,43 +38,43 @@ class AnyNode(Protocol):
         ...
 
     def power_off(self) -> None:
-        """Cut the power: everything on it is gone at once, nobody is told."""
+        """Cuts the power: everything on the node is gone at once, without a word to anybody."""
         ...
 
     def power_on(self) -> None:
-        """Start it; `wait_ready` tells when it works."""
+        """Starts it; `wait_ready` waits until the node works."""
         ...
 
     def partition(self) -> None:
-        """Cut it off the network: it runs on, nobody reaches it, it reaches nobody."""
+        """Cuts it off the network: it runs on, nobody reaches it, it reaches nobody."""
         ...
 
     def heal(self) -> None:
-        """Put it back on the network."""
+        """Puts it back on the network."""
         ...
 
     def wait_ready(self) -> None:
-        """Wait until it has reported since it was switched on or healed, and Kubernetes counts on it."""
+        """Waits until it has reported since it was switched on or healed, and Kubernetes counts on it."""
         ...
 
     def is_ready(self) -> bool:
-        """Whether Kubernetes counts on it; it takes a while to notice that it should not."""
+        """Returns whether Kubernetes counts on it; it takes a while to notice that it should not."""
         ...
 
     def has_power(self) -> bool:
-        """Whether it is switched on."""
+        """Returns whether it is switched on."""
         ...
 
     def enforces_policies(self) -> bool:
-        """Whether our rules for NetworkPolicies hold for its pods."""
+        """Returns whether our rules for NetworkPolicies hold for its pods."""
         ...
 
     def import_images(self, archives: Sequence[Path]) -> None:
-        """Import OCI archives."""
+        """Imports OCI archives."""
         ...
 
     def reap(self) -> None:
-        """Wait for what is left of it after everything was killed."""
+        """Waits for what is left of it after everything was killed."""
         ...
 
 
@@ -119,15 +119,15 @@ class AnyCluster:
         return self.plane.kubeconfig
 
     def kubectl(self, namespace: str = "default") -> Kubectl:
-        """Run kubectl as the administrator."""
+        """Runs kubectl as the administrator."""
         return self.plane.kubectl(namespace)
 
     def helm(self, namespace: str = "default") -> Helm:
-        """Run helm as the administrator."""
+        """Runs helm as the administrator."""
         return self.plane.helm(namespace)
 
     def down(self) -> Leftovers:
-        """End it and remove all of it; images that are kept stay for the next cluster of this number.
+        """Ends it and removes all of it; images that are kept stay for the next cluster of this number.
 
         Returns:
             What is left: nothing.
@@ -145,14 +145,14 @@ class AnyCluster:
         return ownership.leftovers(self.layout)
 
     def import_images(self, *archives: Path) -> None:
-        """Import OCI archives into every node, unless it has them already."""
+        """Imports OCI archives into every node, unless it has them already."""
         paths = [each.resolve() for each in archives]
         # A thread per node: unpacking keeps one core busy. Nothing that is to stay is started in them.
         with ThreadPoolExecutor() as pool:
             list(pool.map(lambda node: node.import_images(paths), self.nodes.values()))
 
     def robot(self, name: str, *, realtime: bool = True) -> RobotHost:
-        """A machine outside, behind a wire and NAT: it reaches load balancer addresses, nobody reaches it.
+        """Returns a machine outside, behind a wire and NAT: it reaches load balancer addresses, nobody reaches it.
 
         Args:
             name: Up to 20 of a-z, 0-9 and -.
@@ -161,7 +161,7 @@ class AnyCluster:
         return self._add_host(NatRobot, name, realtime=realtime)
 
     def neighbour(self, name: str, *, realtime: bool = True) -> RobotHost:
-        """A machine in the cluster's own network, behind a wire: it reaches pods and pods reach it.
+        """Returns a machine in the cluster's own network, behind a wire: it reaches pods and pods reach it.
 
         Args:
             name: Up to 20 of a-z, 0-9 and -.
@@ -171,7 +171,7 @@ class AnyCluster:
 
     @contextmanager
     def without_api(self) -> Iterator[None]:
-        """The API server is down within the block; all that runs runs on."""
+        """Takes the API server down for the block; all that runs runs on."""
         self.plane.stop_api()
         try:
             yield

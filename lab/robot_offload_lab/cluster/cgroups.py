@@ -12,7 +12,7 @@ NEEDED = {"cpu", "cpuset", "memory", "pids"}
 
 
 def unified() -> bool:
-    """Whether the machine has cgroup v2 only."""
+    """Returns whether the machine has cgroup v2 only."""
     return (ROOT / "cgroup.controllers").exists()
 
 
@@ -30,7 +30,7 @@ def missing() -> set[str]:
 
 
 def make(name: str) -> None:
-    """Make the group in every hierarchy."""
+    """Makes the group in every hierarchy."""
     for hierarchy in _hierarchies():
         group = hierarchy / name
         group.mkdir(exist_ok=True)
@@ -52,7 +52,7 @@ def left(prefix: str) -> list[Path]:
 
 
 def remove(prefix: str, patience: float = 10.0) -> None:
-    """Remove the groups whose name begins like this; their processes are gone or about to go.
+    """Removes the groups whose name begins like this; their processes are gone or about to go.
 
     Args:
         prefix: Of their names.

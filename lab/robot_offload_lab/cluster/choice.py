@@ -34,14 +34,14 @@ class Choice:
         return f"cluster: {'of kind' if self.kind else 'our own'}, because {self.why}"
 
     def prepare(self, say: Say) -> None:
-        """Build the programs that it needs."""
+        """Builds the programs that it needs."""
         if self.kind:
             kind_cluster.prepare(say)
         else:
             programs.everything(say)
 
     def up(self, *, nodes: int, say: Say) -> AnyCluster:
-        """Start one and return when its nodes and its DNS are ready."""
+        """Starts one and returns when its nodes and its DNS are ready."""
         say(str(self))
         if self.kind:
             return KindCluster.up(nodes=nodes, say=say)
@@ -49,7 +49,7 @@ class Choice:
 
 
 def choose() -> Choice:
-    """What the environment asks for, or what this machine can do.
+    """Returns what the environment asks for, or what this machine can do.
 
     Raises:
         ClusterError: The environment asks for something else.

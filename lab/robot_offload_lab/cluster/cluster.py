@@ -46,7 +46,7 @@ class Cluster(AnyCluster):
         by_hand: Path | None = None,
         say: programs.Say,
     ) -> Cluster:
-        """Start one and return when its nodes and its DNS are ready: some ten seconds once the programs are built.
+        """Starts one and returns when its nodes and its DNS are ready: some ten seconds once the programs are built.
 
         Args:
             nodes: How many.
@@ -76,7 +76,7 @@ class Cluster(AnyCluster):
 
     @classmethod
     def of(cls, layout: Layout, say: programs.Say) -> Cluster:
-        """The cluster that another process has started by hand.
+        """Returns the cluster that another process has started by hand.
 
         Raises:
             ClusterError: There is none.
@@ -98,12 +98,12 @@ class Cluster(AnyCluster):
     def _start(self, nodes: int, inside: programs.Programs, fast_failure: bool, say: programs.Say) -> None:
         begun = time.monotonic()
 
-        def tell(what: str) -> None:
+        def report(what: str) -> None:
             say(f"test cluster {self.number}: {what} after {time.monotonic() - begun:.1f} s")
 
         network.build(self.layout)
         self.plane.start(die_with_us=self._die_with_us)
-        tell("API server ready")
+        report("API server ready")
         self._attend()
         (self.layout.home / _FACTS).write_text(json.dumps({"nodes": nodes, "fast_failure": fast_failure}))
         self._know_nodes(nodes, inside, fast_failure)
@@ -115,9 +115,9 @@ class Cluster(AnyCluster):
         self.kubectl("").apply(*_name_server(self.layout))
         for node in self.nodes.values():
             node.wait_ready()
-        tell(f"{nodes} nodes ready")
+        report(f"{nodes} nodes ready")
         self.kubectl("kube-system")("wait", "--for=condition=Available", "deployment/coredns", "--timeout=120s")
-        tell("DNS ready")
+        report("DNS ready")
 
     def _know_nodes(self, count: int, inside: programs.Programs, fast_failure: bool) -> None:
         self.tester = inside.path("tester")

@@ -28,7 +28,7 @@ class Command:
     """Seconds after which a command counts as hung."""
 
     def __call__(self, *arguments: str, stdin: str | None = None) -> str:
-        """Run it and return what it printed.
+        """Runs it and returns what it printed.
 
         Raises:
             CommandError: It failed; the message holds the command and its error output.
@@ -39,7 +39,7 @@ class Command:
         return done.stdout
 
     def refuses(self, *arguments: str, stdin: str | None = None) -> str:
-        """Run it, expect it to fail, and return its error output."""
+        """Runs it, expects it to fail, and returns its error output."""
         done = self._run(arguments, stdin)
         if not done.returncode:
             raise CommandError(f"{self.program.name} {' '.join(arguments)} should fail, but it printed: {done.stdout}")
@@ -64,19 +64,19 @@ class Kubectl(Command):
     """kubectl."""
 
     def within(self, namespace: str) -> Kubectl:
-        """The same for another namespace."""
+        """Returns the same for another namespace."""
         return replace(self, namespace=namespace)
 
     def json(self, *arguments: str) -> Any:
-        """Run it with `-o json` and return the parsed answer."""
+        """Runs it with `-o json` and returns the parsed answer."""
         return json.loads(self(*arguments, "-o", "json"))
 
     def apply(self, *manifests: Manifest, options: tuple[str, ...] = ("--server-side",)) -> str:
-        """Apply objects; server-side unless told otherwise."""
+        """Applies objects; server-side by default."""
         return self("apply", *options, "-f", "-", stdin=documents(*manifests))
 
     def apply_refused(self, *manifests: Manifest, options: tuple[str, ...] = ("--server-side",)) -> str:
-        """Apply objects, expect the API server to refuse them, and return why."""
+        """Applies objects, expects the API server to refuse them, and returns why."""
         return self.refuses("apply", *options, "-f", "-", stdin=documents(*manifests))
 
     def names(self, kinds: str, *arguments: str) -> list[str]:

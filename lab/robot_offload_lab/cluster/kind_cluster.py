@@ -37,7 +37,7 @@ _NOT_FOR_ROBOTS = ("containerd", "ctr", "runc")
 
 
 def missing() -> str | None:
-    """Why kind cannot make a cluster on this machine, and the next step; None when it can."""
+    """Returns why kind cannot make a cluster on this machine, and the next step; None when it can."""
     if os.geteuid() != 0:
         return "Robots are namespaces of this machine, for which one must be root. Next: run it with sudo."
     if why := kind_docker.silent():
@@ -73,7 +73,7 @@ class KindCluster(AnyCluster):
 
     @classmethod
     def up(cls, *, nodes: int = 2, number: int | None = None, fast_failure: bool = True, say: Say) -> KindCluster:
-        """Start one and return when its nodes and its DNS are ready: half a minute once Docker has the image.
+        """Starts one and returns when its nodes and its DNS are ready: half a minute once Docker has the image.
 
         Args:
             nodes: How many, beside the control plane.
@@ -110,12 +110,12 @@ class KindCluster(AnyCluster):
     def _start(self, kind: Path, nodes: int, inside: Programs, *, fast_failure: bool, say: Say) -> None:
         begun = time.monotonic()
 
-        def tell(what: str) -> None:
+        def report(what: str) -> None:
             say(f"kind cluster {self.number}: {what} after {time.monotonic() - begun:.1f} s")
 
         self._build_network()
         self._create(kind, configuration(self.layout, nodes, fast_failure=fast_failure))
-        tell("made")
+        report("made")
         self._know_nodes()
         self._kindnet = bool(self.kubectl("kube-system")("get", "daemonset/kindnet", "--ignore-not-found"))
         if self._kindnet:
@@ -123,10 +123,10 @@ class KindCluster(AnyCluster):
         self._attend()
         for node in self.nodes.values():
             node.wait_ready()
-        tell(f"{nodes} nodes ready")
+        report(f"{nodes} nodes ready")
         self.import_images(system_images.archive(inside, "tester"))
         self.kubectl("kube-system")("wait", "--for=condition=Available", "deployment/coredns", "--timeout=120s")
-        tell("DNS ready")
+        report("DNS ready")
 
     def _build_network(self) -> None:
         """Docker's network is the cluster's; ours is one more machine in it, the router to the robots' side."""
@@ -143,7 +143,7 @@ class KindCluster(AnyCluster):
         )
 
     def _create(self, kind: Path, text: str) -> None:
-        """Let kind make the containers and Kubernetes in them."""
+        """Lets kind make the containers and Kubernetes in them."""
         layout = self.layout
         layout.registries.mkdir(exist_ok=True)
         layout.plane.mkdir(exist_ok=True)
@@ -166,7 +166,7 @@ class KindCluster(AnyCluster):
         self.plane.adopt(kubeconfig)
 
     def _know_nodes(self) -> None:
-        """The nodes, and the ways between their pods, the router and them."""
+        """Sets up the nodes, and the ways between their pods, the router and them."""
         layout, found = self.layout, {}
         for each in self.kubectl("").json("get", "nodes")["items"]:
             name = str(each["metadata"]["name"])

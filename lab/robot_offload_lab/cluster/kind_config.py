@@ -1,4 +1,4 @@
-"""What kind is told about a cluster: its configuration file."""
+"""The configuration file of a cluster of kind."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ REGISTRIES = "/etc/containerd/certs.d"
 
 
 def configuration(layout: KindLayout, nodes: int, *, fast_failure: bool) -> str:
-    """The file; a JSON text is a YAML text as well.
+    """Returns the file; a JSON text is a YAML text as well.
 
     Args:
         layout: Names and addresses.

@@ -71,7 +71,7 @@ _STORAGE: Final = {
 
 
 def provide(say: Say) -> str:
-    """The name of the image; made where Docker does not have it.
+    """Returns the name of the image; made where Docker does not have it.
 
     Raises:
         ClusterError: It cannot be made here.
@@ -97,7 +97,7 @@ def provide(say: Say) -> str:
 
 
 def kind_source() -> Path:
-    """The source of the pinned kind, from the cache of Go."""
+    """Returns the source of the pinned kind, from the cache of Go."""
     command = ["go", "mod", "download", "-json", "sigs.k8s.io/kind"]
     done = subprocess.run(command, cwd=programs.KIND_MODULE, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -111,7 +111,7 @@ def _missing() -> str:
 
 
 def _key(*parts: Programs | Path) -> str:
-    """A name for what it is made of: programs and sources are named by their versions."""
+    """Returns a name for what it is made of: programs and sources are named by their versions."""
     digest = hashlib.sha256(" ".join(str(each) for each in parts).encode())
     for path in (Path(__file__), _NETWORK, _RUNC):
         digest.update(path.read_bytes())
@@ -126,7 +126,7 @@ def _debian(root: Path) -> None:
 
 
 def _furnish(root: Path, source: Path, servers: Programs, kubeadm: Programs) -> None:
-    """What the Dockerfile of kind's base image does, and what kind's build of a node's image adds."""
+    """Does what the Dockerfile of kind's base image does, and what kind's build of a node's image adds."""
     _copy_files(source / "images" / "base" / "files", root)
     for pattern in _UNWANTED:
         for path in root.glob(pattern):
@@ -215,7 +215,7 @@ def _images(root: Path, folder: Path, servers: Programs, inside: Programs, kubea
 
 
 def _with_libraries(root: Path, program: str) -> Mapping[str, Path]:
-    """A program of Debian and the libraries that it loads."""
+    """Returns a program of Debian and the libraries that it loads."""
     found = re.findall(r"(/\S+) \(0x", _run("chroot", str(root), "ldd", f"/{program}"))
     return {place: root / place for place in (program, *(each.lstrip("/") for each in found))}
 
@@ -224,7 +224,7 @@ def _with_libraries(root: Path, program: str) -> Mapping[str, Path]:
 
 
 def _import(root: Path) -> str:
-    """An image of these files; its name."""
+    """Returns an image of these files; its name."""
     changes = ("ENV container=docker", 'ENTRYPOINT ["/usr/local/bin/entrypoint", "/sbin/init"]')
     options = [word for change in changes for word in ("--change", change)]
     with subprocess.Popen(["tar", "-C", str(root), "--numeric-owner", "-c", "."], stdout=subprocess.PIPE) as packing:
@@ -233,7 +233,7 @@ def _import(root: Path) -> str:
 
 
 def _carry(base: str, archives: list[Path], name: str) -> None:
-    """Let the containerd of the image take the archives, and keep the result under a name."""
+    """Lets the containerd of the image take the archives, and keeps the result under a name."""
     with _started(base) as container:
         for archive in archives:
             with archive.open("rb") as content:
@@ -247,7 +247,7 @@ def _carry(base: str, archives: list[Path], name: str) -> None:
 
 @contextmanager
 def _started(image: str) -> Iterator[str]:
-    """A container in which only containerd runs."""
+    """Yields the name of a container in which only containerd runs."""
     script = "mkdir -p /run/containerd && containerd > /run/containerd.log 2>&1 & sleep infinity"
     name = "rofkind-making"
     kind_docker.run("run", "--detach", "--privileged", "--name", name, "--entrypoint", "sh", image, "-c", script)

@@ -115,7 +115,7 @@ class Layout:
         return self._address(128, 10)
 
     def netns(self, word: str) -> str:
-        """A network namespace."""
+        """Returns a network namespace."""
         return f"{self.name}-{word}"
 
     def node(self, index: int) -> str:
@@ -140,7 +140,7 @@ class Layout:
         return self._address(2, 10 + index + 100 * (turn % 2))
 
     def balancer(self, index: int) -> str:
-        """One of the load balancer addresses."""
+        """Returns one of the load balancer addresses."""
         return self._address(1, index)
 
     def _address(self, third: int, last: int) -> str:

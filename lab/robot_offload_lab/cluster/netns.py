@@ -32,7 +32,7 @@ def into(netns: str) -> tuple[str, ...]:
 
 
 def run(*command: str, netns: str = "", stdin: str | None = None) -> str:
-    """Run a command, in a network namespace if one is named, and return its output.
+    """Runs a command, in a network namespace if one is named, and returns its output.
 
     Raises:
         ClusterError: It failed.
@@ -45,17 +45,17 @@ def run(*command: str, netns: str = "", stdin: str | None = None) -> str:
 
 
 def ip(*lines: str, netns: str = "") -> None:
-    """Run several `ip` commands at once, without the word `ip`."""
+    """Runs several `ip` commands at once, without the word `ip`."""
     run("ip", "-batch", "-", netns=netns, stdin="\n".join(lines) + "\n")
 
 
 def nft(rules: str, netns: str) -> None:
-    """Load rules; all of them or, when one is wrong, none."""
+    """Loads rules; all of them or, when one is wrong, none."""
     run("nft", "-f", "-", netns=netns, stdin=rules)
 
 
 def make(netns: str, *, forwards: bool = False) -> None:
-    """Make a namespace with its loopback interface up."""
+    """Makes a namespace with its loopback interface up."""
     run("ip", "netns", "add", netns)
     settings = [*TIDY, f"net.ipv4.ip_forward={int(forwards)}"]
     run("sysctl", "-q", "-w", *settings, netns=netns)
@@ -63,14 +63,14 @@ def make(netns: str, *, forwards: bool = False) -> None:
 
 
 def attach(netns: str, pid: int) -> None:
-    """Give the namespace of a process a name; in place of what had this name before."""
+    """Gives the namespace of a process a name; in place of what had this name before."""
     if exists(netns):
         run("ip", "netns", "del", netns)
     run("ip", "netns", "attach", netns, str(pid))
 
 
 def exists(netns: str) -> bool:
-    """Whether there is one of this name."""
+    """Returns whether there is one of this name."""
     return (NAMED / netns).exists()
 
 
@@ -96,7 +96,7 @@ def inhabitants(netns: str) -> list[int]:
 
 
 def empty(netns: str, patience: float = 10.0) -> int:
-    """Kill every process in a namespace of ours; how many there were.
+    """Kills every process in a namespace of ours; how many there were.
 
     Args:
         netns: The namespace.
@@ -114,7 +114,7 @@ def empty(netns: str, patience: float = 10.0) -> int:
 
 
 def signal_all(pids: Iterable[int], number: signal.Signals = signal.SIGKILL) -> None:
-    """Send a signal to processes of which some may be gone already."""
+    """Sends a signal to processes of which some may be gone already."""
     for pid in pids:
         try:
             os.kill(pid, number)
@@ -123,7 +123,7 @@ def signal_all(pids: Iterable[int], number: signal.Signals = signal.SIGKILL) -> 
 
 
 def remove(netns: str) -> None:
-    """Remove a namespace with all that is in it; no matter when there is none."""
+    """Removes a namespace with all that is in it; no matter when there is none."""
     if not exists(netns):
         return
     empty(netns)

@@ -25,7 +25,7 @@ def write(
     user: str = NOBODY,
     more: Mapping[str, Path] = {},  # never changed
 ) -> None:
-    """Write an image that holds a static program and starts it.
+    """Writes an image that holds a static program and starts it.
 
     Args:
         archive: The tar file to write; it appears whole or not at all.
@@ -65,7 +65,7 @@ def write(
 
 
 def names(archive: Path) -> list[str]:
-    """The names of the images in an archive."""
+    """Returns the names of the images in an archive."""
     with tarfile.open(archive) as tar:
         index = tar.extractfile("index.json")
         assert index is not None

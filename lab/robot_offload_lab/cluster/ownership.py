@@ -39,7 +39,7 @@ class Leftovers:
 
 
 def claim(number: int | None, by_hand: Path | None) -> tuple[Layout, IO[str]]:
-    """Take a number, the lowest free one unless one is named; what a killed run left under it is removed.
+    """Takes a number, the lowest free one unless one is named; what a killed run left under it is removed.
 
     Args:
         number: 0 to 9, or None.
@@ -74,7 +74,7 @@ def claim(number: int | None, by_hand: Path | None) -> tuple[Layout, IO[str]]:
 
 
 def remove(layout: Layout) -> None:
-    """Remove everything of a cluster, whoever started it and however that ended.
+    """Removes everything of a cluster, whoever started it and however that ended.
 
     Raises:
         ClusterError: There is something of this name that no cluster of ours has made.
@@ -97,7 +97,7 @@ def remove(layout: Layout) -> None:
 
 
 def leftovers(layout: Layout) -> Leftovers:
-    """Count what is there of a cluster."""
+    """Counts what is there of a cluster."""
     places = (f"{layout.home}/", f"{layout.kept}/")
     names = netns.named(f"{layout.name}-")
     others = any(Layout(each).marker.exists() for each in NUMBERS if each != layout.number)
@@ -120,13 +120,13 @@ def known() -> list[Layout]:
 
 
 def by_hand(directory: Path) -> Layout | None:
-    """The cluster that was started by hand and is known by a directory."""
+    """Returns the cluster that was started by hand and is known by a directory."""
     found = (layout for layout in known() if _marked(layout).get("by_hand") == str(directory))
     return next(found, None)
 
 
 def sweep() -> list[Layout]:
-    """Remove what killed runs have left; which clusters that were."""
+    """Removes what killed runs have left; which clusters that were."""
     swept = []
     for layout in known():
         lock = None if _marked(layout).get("by_hand") else _lock(layout)
@@ -138,7 +138,7 @@ def sweep() -> list[Layout]:
 
 
 def is_alive(layout: Layout) -> bool:
-    """Whether a cluster is in use: by a living run, or started by hand since the machine was booted."""
+    """Returns whether a cluster is in use: by a living run, or started by hand since the machine was booted."""
     if _marked(layout).get("by_hand"):
         return True
     lock = _lock(layout)
@@ -149,7 +149,7 @@ def is_alive(layout: Layout) -> bool:
 
 
 def _lock(layout: Layout) -> IO[str] | None:
-    """Hold a number, if nobody else does for longer than a glance takes."""
+    """Holds a number, if nobody else does for longer than a glance takes."""
     lock = (STATE / f"{layout.number}.lock").open("a")
     for _ in range(5):
         try:
@@ -163,7 +163,7 @@ def _lock(layout: Layout) -> IO[str] | None:
 
 
 def _marked(layout: Layout) -> dict[str, Any]:
-    """What the marker says; nothing when it is of an earlier boot: then only files can be left."""
+    """Returns what the marker says; nothing when it is of an earlier boot: then only files can be left."""
     try:
         marker: dict[str, Any] = json.loads(layout.marker.read_text())
     except (FileNotFoundError, ValueError):
@@ -172,7 +172,7 @@ def _marked(layout: Layout) -> dict[str, Any]:
 
 
 def _mark(layout: Layout, by_hand: Path | None) -> None:
-    """Say that all that follows is ours, before there is anything."""
+    """Says that all that follows is ours, before there is anything."""
     name = str(by_hand) if by_hand else None
     marker = {"number": layout.number, "boot": _BOOT.read_text().strip(), "by_hand": name}
     with _machine_lock():
@@ -199,7 +199,7 @@ def _machine_lock() -> Iterator[None]:
 
 
 def _remove_files(home: Path) -> None:
-    """Remove a directory; mounts in it go a moment after the namespace that they are in."""
+    """Removes a directory; mounts in it go a moment after the namespace that they are in."""
     deadline = time.monotonic() + PATIENCE
     while home.exists():
         shutil.rmtree(home, ignore_errors=time.monotonic() < deadline)

@@ -17,7 +17,7 @@ _ADDRESS = {"in": "saddr", "out": "daddr"}  # where the other end's address stan
 
 
 def ruleset(node: str, policies: Iterable[Object], pods: Iterable[Object], namespaces: Iterable[Object]) -> str:
-    """All rules of one node, to be loaded at once.
+    """Returns all rules of one node, to be loaded at once.
 
     Args:
         node: Its name.
@@ -57,12 +57,12 @@ def removal() -> str:
 
 
 def in_force(place: str) -> bool:
-    """Whether rules of ours are loaded in a network namespace."""
+    """Returns whether rules of ours are loaded in a network namespace."""
     return f"table inet {TABLE}\n" in netns.run("nft", "list", "tables", netns=place)
 
 
 def selects(selector: Object, labels: Mapping[str, str]) -> bool:
-    """Whether a label selector selects what has these labels; an empty one selects everything."""
+    """Returns whether a label selector selects what has these labels; an empty one selects everything."""
     if any(labels.get(key) != value for key, value in (selector.get("matchLabels") or {}).items()):
         return False
     return all(_holds(each, labels) for each in selector.get("matchExpressions") or [])
@@ -89,7 +89,7 @@ def _has_address(pod: Object) -> bool:
 def _rules(
     way: str, pod: Object, policies: Sequence[Object], pods: Sequence[Object], namespaces: Mapping[str, Any]
 ) -> list[str] | None:
-    """What is allowed for one pod one way; None when no policy closes that way."""
+    """Returns what is allowed for one pod one way; None when no policy closes that way."""
     kind, section = ("Ingress", "ingress") if way == "in" else ("Egress", "egress")
     found: list[str] | None = None
     for policy in policies:

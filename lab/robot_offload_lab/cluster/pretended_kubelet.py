@@ -11,7 +11,7 @@ LONG_AGO = "2026-01-01T00:00:00Z"  # ready for longer than any minReadySeconds
 
 
 def report_ready(plane: ControlPlane, namespace: str, *, ready: bool = True) -> list[str]:
-    """Report every Pod of a namespace as running and ready, or as running and not ready.
+    """Reports every Pod of a namespace as running and ready, or as running and not ready.
 
     Returns:
         The names of those Pods.
@@ -26,7 +26,7 @@ def report_ready(plane: ControlPlane, namespace: str, *, ready: bool = True) -> 
 def report_ended(
     plane: ControlPlane, namespace: str, job: str, messages: dict[str, str], failing: str = ""
 ) -> list[str]:
-    """Report the Pods of a Job as ended.
+    """Reports the Pods of a Job as ended.
 
     Args:
         plane: the control plane.

@@ -18,7 +18,7 @@ _spawned: list[subprocess.Popen[bytes]] = []
 
 
 def spawn(arguments: Sequence[str], log: Path, *, die_with_us: bool, favoured: bool = False) -> subprocess.Popen[bytes]:
-    """Start a server with its output in a file.
+    """Starts a server with its output in a file.
 
     Args:
         arguments: Program and arguments. One of them must name the cluster's directory: it is how `running` finds it.
@@ -46,7 +46,7 @@ def spawn(arguments: Sequence[str], log: Path, *, die_with_us: bool, favoured: b
 
 
 def without_proxies(environment: Mapping[str, str]) -> dict[str, str]:
-    """An environment in which nothing is sent through a proxy: the cluster's addresses mean nothing to it."""
+    """Returns an environment in which nothing is sent through a proxy: the cluster's addresses mean nothing to it."""
     return {name: value for name, value in environment.items() if not name.lower().endswith("_proxy")}
 
 
@@ -68,7 +68,7 @@ def running(directory: Path) -> dict[int, str]:
 
 
 def kill(directory: Path, patience: float = 10.0) -> None:
-    """Kill the servers of this cluster. Nothing is worth saving; asked politely the API server takes seconds.
+    """Kills the servers of this cluster. Nothing is worth saving; asked politely the API server takes seconds.
 
     Args:
         directory: The cluster's.

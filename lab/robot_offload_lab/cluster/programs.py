@@ -63,18 +63,18 @@ class Programs:
     directory: Path
 
     def path(self, name: str) -> Path:
-        """Where a program is."""
+        """Returns where a program is."""
         return self.directory / name
 
 
 def cache() -> Path:
-    """Where built programs are kept; shared by all checkouts of this user."""
+    """Returns where built programs are kept; shared by all checkouts of this user."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(base) / "robot-offload" / "cluster"
 
 
 def ensure(say: Say, wanted: Mapping[str, str] = CONTROL_PLANE, module: Path = MODULE) -> Programs:
-    """Return the programs, building those that are missing.
+    """Returns the programs, building those that are missing.
 
     Args:
         say: Receives one line of progress at a time.
@@ -103,17 +103,17 @@ def ensure(say: Say, wanted: Mapping[str, str] = CONTROL_PLANE, module: Path = M
 
 
 def everything(say: Say) -> tuple[Programs, Programs]:
-    """The programs of a cluster with nodes, and those that run in its pods."""
+    """Returns the programs of a cluster with nodes, and those that run in its pods."""
     return ensure(say, {**CONTROL_PLANE, **NODES}), ensure(say, PODS, POD_MODULE)
 
 
 def built() -> bool:
-    """Whether a cluster with nodes needs nothing to be built."""
+    """Returns whether a cluster with nodes needs nothing to be built."""
     return bool(_find({**CONTROL_PLANE, **NODES}, MODULE) and _find(PODS, POD_MODULE))
 
 
 def _find(wanted: Mapping[str, str], module: Path) -> Programs | None:
-    """The newest complete set for these pins: of the installed Go version, or of any when Go is not installed."""
+    """Returns the newest complete set for these pins, of the installed Go version or of any without Go."""
     version = _go_version() if shutil.which("go") else "*"
     complete = [home for home in cache().glob(_key(version, module)) if all((home / name).exists() for name in wanted)]
     return Programs(max(complete, key=lambda home: home.stat().st_mtime)) if complete else None
@@ -135,7 +135,7 @@ def _go_version() -> str:
 
 @contextmanager
 def _only_one_builds(say: Say) -> Iterator[None]:
-    """Hold the build lock: a second run waits, then finds everything done."""
+    """Holds the build lock: a second run waits, then finds everything done."""
     cache().mkdir(parents=True, exist_ok=True)
     with (cache() / "lock").open("w") as lock:
         try:
@@ -214,7 +214,7 @@ def _pinned(module: str) -> str:
 
 
 def _output_name(package: str) -> str:
-    """The file name that Go gives to a package's program: its last part that is no version."""
+    """Returns the file name that Go gives to a package's program: its last part that is no version."""
     parts = package.split("/")
     return parts[-2] if re.fullmatch(r"v\d+", parts[-1]) else parts[-1]
 

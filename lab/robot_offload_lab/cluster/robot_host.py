@@ -101,7 +101,7 @@ class RobotHost(ABC):
         piped: bool = False,
         priority: int = 0,
     ) -> subprocess.Popen[bytes]:
-        """Start a program on this machine. It ends with the thread that called this, or when told.
+        """Starts a program on this machine. It ends with the thread that called this, or by `Program.kill`.
 
         Args:
             argv: Program and arguments.
@@ -133,7 +133,7 @@ class RobotHost(ABC):
         return child
 
     def _files(self) -> subprocess.Popen[bytes]:
-        """The process that keeps this machine's own files mounted; started anew after the power was off."""
+        """Returns the process that keeps this machine's own files mounted; started anew after the power was off."""
         if self._own is None or self._own.poll() is not None:
             bond = ["setpriv", "--pdeathsig", "KILL"] if self._die_with_us else []
             private = ["unshare", "--mount", "--propagation", "private", "sh", "-c", _OWN]
@@ -149,13 +149,13 @@ class RobotHost(ABC):
                     start_new_session=True,
                 )
             assert self._own.stdout is not None
-            with self._own.stdout as told:
-                if told.readline() != b"ready\n":
+            with self._own.stdout as words:
+                if words.readline() != b"ready\n":
                     raise ClusterError(f"The machine {self.name} gets no files of its own: {log.read_text().strip()}")
         return self._own
 
     def run(self, *argv: str) -> str:
-        """Run a short command in its network, but among our files, and return the output.
+        """Runs a short command in its network, but among our files, and returns the output.
 
         Raises:
             ClusterError: It failed.
@@ -163,7 +163,7 @@ class RobotHost(ABC):
         return netns.run(*argv, netns=self.netns)
 
     def power_off(self) -> int:
-        """Kill every process on it at once; how many there were. The next `start` is a cold boot."""
+        """Kills every process on it at once; how many there were. The next `start` is a cold boot."""
         there = netns.empty(self.netns)
         if self._own is not None:
             self._own.wait()
@@ -171,7 +171,7 @@ class RobotHost(ABC):
 
     @abstractmethod
     def build(self, *, realtime: bool) -> None:
-        """Make it.
+        """Makes it.
 
         Args:
             realtime: Its wire runs with real-time priority.
@@ -179,14 +179,14 @@ class RobotHost(ABC):
 
     @abstractmethod
     def change_address(self) -> str:
-        """Give it another address, as on its way from one access point to the next; returns the new one."""
+        """Gives it another address, as on its way from one access point to the next; returns the new one."""
 
     @abstractmethod
     def block_udp(self, block: bool) -> None:
-        """Let no UDP pass, as some firewalls do; or let it pass again."""
+        """Lets no UDP pass, as some firewalls do; or lets it pass again."""
 
     def remove(self) -> None:
-        """Take it away with everything that runs on it."""
+        """Takes it away with everything that runs on it."""
         netns.remove(self.netns)
         if self._own is not None:
             self._own.wait()
@@ -199,13 +199,13 @@ class RobotHost(ABC):
         self._gone(self.name)
 
     def reap(self) -> None:
-        """Wait for its helpers, which have been killed."""
+        """Waits for its helpers, which have been killed."""
         self.wire.reap()
         if self._own is not None:
             self._own.wait()
 
     def _lay_wire(self, far: str, far_name: str, *, realtime: bool) -> None:
-        """Connect it: its eth0 - wire - an interface in another namespace."""
+        """Connects it: its eth0 - wire - an interface in another namespace."""
         netns.make(self.netns)
         # One frame is one packet: otherwise the kernel hands over 64 kB of a stream at once, and one loss is 40.
         single = "gso_max_segs 1"
@@ -222,7 +222,7 @@ class RobotHost(ABC):
         )
 
     def _take_address(self, address: str, *routes: str) -> None:
-        """Change to an address of a /24 network, and with it everything that depends on it."""
+        """Changes to an address of a /24 network, and with it everything that depends on it."""
         old = [f"addr del {self.address}/24 dev eth0"] if self.address else ["link set eth0 up"]
         netns.ip(*old, f"addr add {address}/24 dev eth0", *routes, netns=self.netns)
         self.address = address
@@ -230,7 +230,7 @@ class RobotHost(ABC):
         (self._control.parent / _FACTS).write_text(json.dumps(facts))
 
     def recall(self, facts: Mapping[str, Any]) -> None:
-        """Know what another process has written down about it."""
+        """Knows what another process has written down about it."""
         self.address, self._turn = facts["address"], facts["turn"]
 
 
@@ -238,7 +238,7 @@ class NatRobot(RobotHost):
     """It reaches load balancer addresses and node ports; nobody reaches it."""
 
     def build(self, *, realtime: bool) -> None:
-        """Make it with its gateway and its wire."""
+        """Makes it with its gateway and its wire."""
         netns.make(self.gateway, forwards=True)
         self._lay_wire(self.gateway, "lan", realtime=realtime)
         net, port = self._layout.netns("net"), f"gw{self.index}"
@@ -269,7 +269,7 @@ class NatRobot(RobotHost):
         netns.nft(f"flush chain ip gateway blocked\n{rule}", self.gateway)
 
     def remove(self) -> None:
-        """Take it away with its gateway."""
+        """Takes it away with its gateway."""
         super().remove()
         netns.remove(self.gateway)
 
@@ -314,7 +314,7 @@ class Neighbour(RobotHost):
     """In the cluster's network, with a wire but without NAT: it reaches pods and pods reach it."""
 
     def build(self, *, realtime: bool) -> None:
-        """Make it with its wire."""
+        """Makes it with its wire."""
         net, port = self._layout.netns("net"), f"nb{self.index}"
         self._lay_wire(net, port, realtime=realtime)
         netns.ip(f"link set {port} master {network.LAN} up", netns=net)
@@ -344,7 +344,7 @@ class Neighbour(RobotHost):
 
 
 def of(layout: Layout, name: str, **bonds: Unpack[Bonds]) -> RobotHost:
-    """The machine of this name that another process has made."""
+    """Returns the machine of this name that another process has made."""
     facts = json.loads((layout.home / "wires" / name / _FACTS).read_text())
     kind = NatRobot if facts["kind"] == NatRobot.__name__ else Neighbour
     host = kind(layout, name, facts["index"], **bonds)

@@ -33,7 +33,7 @@ def keep_and_raise() -> None:
 
 
 def put_back() -> None:
-    """Set them as they were before the first cluster."""
+    """Sets them as they were before the first cluster."""
     if not _KEPT.exists():
         return
     for name, value in json.loads(_KEPT.read_text()).items():

@@ -22,7 +22,7 @@ def archives(programs: Programs) -> Sequence[Path]:
 
 
 def archive(programs: Programs, program: str) -> Path:
-    """The OCI archive of one of them."""
+    """Returns the OCI archive of one of them."""
     found = programs.directory / f"{program}.tar"
     if not found.exists():
         oci.write(found, IMAGES[program], programs.path(program))

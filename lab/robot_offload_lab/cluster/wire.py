@@ -34,7 +34,7 @@ class RobotWire:
     def start(
         cls, control: Path, place: str, robot: str, cloud: str, *, realtime: bool, die_with_us: bool
     ) -> RobotWire:
-        """Start the process.
+        """Starts the process.
 
         Args:
             control: Path of the socket over which it is steered.
@@ -70,7 +70,7 @@ class RobotWire:
         rate_kbit: float | None = None,
         cut: Cut | Literal["keep"] | None = "keep",
     ) -> None:
-        """Change the link from now on; what is not named stays, and a recording that plays ends.
+        """Changes the link from now on; what is not named stays, and a recording that plays ends.
 
         Args:
             delay_ms: Of each frame, one way.
@@ -86,7 +86,7 @@ class RobotWire:
         self._ask({"set": order})
 
     def play(self, trace: Path) -> float:
-        """Play a recorded link from its beginning; afterwards the values of `set` hold again.
+        """Plays a recorded link from its beginning; afterwards the values of `set` hold again.
 
         A round trip counts half for each way. What is sent during a stall arrives at its end, both ways.
 
@@ -107,7 +107,7 @@ class RobotWire:
         return length_s
 
     def follow(self, link: LinkOptions) -> None:
-        """Behave as this link usually does, without its outages and slow phases, until `start_schedule`.
+        """Behaves as this link usually does, without its outages and slow phases, until `start_schedule`.
 
         Raises:
             WireError: the options cannot be understood.
@@ -116,7 +116,7 @@ class RobotWire:
         self._ask({"follow": dataclasses.asdict(link)})
 
     def start_schedule(self) -> float:
-        """Start the schedule of the link that is followed; the moment, in seconds of the steady clock."""
+        """Starts the schedule of the link that is followed; the moment, in seconds of the steady clock."""
         return float(self._ask({"start": True})["started_s"])
 
     def state(self) -> dict[str, Any]:
@@ -124,12 +124,12 @@ class RobotWire:
         return self._ask({})
 
     def stop(self) -> None:
-        """End the process; nothing passes any more."""
+        """Ends the process; nothing passes any more."""
         processes.kill(self._control.parent)
         self.reap()
 
     def reap(self) -> None:
-        """Wait for the process, which has been killed."""
+        """Waits for the process, which has been killed."""
         if self._process is not None:
             self._process.wait()
 

@@ -46,7 +46,7 @@ class WireSettings:
     cut: str | None = None
 
     def constant(self, *, recorded: bool = False) -> Constant:
-        """Both directions; with a recording, which has the delays, without delay and jitter of its own."""
+        """Returns both directions; with a recording, which has the delays, without delay and jitter of its own."""
         same = LinkConditions(
             delay_ms=0.0 if recorded else self.delay_ms,
             jitter_ms=0.0 if recorded else self.jitter_ms,
@@ -59,7 +59,7 @@ class WireSettings:
 
 
 class Steering:
-    """What is asked of the link: settings, a recording, or a schedule that begins when it is told to."""
+    """What is asked of the link: settings, a recording, or a schedule that begins on command."""
 
     def __init__(self, seed: int) -> None:
         self.settings = WireSettings()
@@ -67,12 +67,12 @@ class Steering:
         self._over_s: float | None = None
 
     def settle(self, now_s: float) -> None:
-        """Give the link back to the settings when a recording is over."""
+        """Gives the link back to the settings when a recording is over."""
         if self._over_s is not None and now_s >= self._over_s:
             self._follow(Schedule((self.settings.constant(),)))
 
     def obey(self, order: Mapping[str, Any], now_s: float) -> dict[str, Any]:
-        """Change what the order names.
+        """Changes what the order names.
 
         Raises:
             WireError, TypeError: the order makes no sense.
@@ -118,7 +118,7 @@ class FrameRelay:
         self._loop.watch(self._control, READ, lambda _: self._answer())
 
     def run(self) -> None:
-        """Carry frames until killed."""
+        """Carries frames until killed."""
         while True:
             self._loop.run_once()
 
@@ -152,7 +152,7 @@ class FrameRelay:
 
 
 def open_interface(name: str) -> socket.socket:
-    """A socket that sees all frames that come in at an interface, and none that go out."""
+    """Returns a socket that sees all frames that come in at an interface, and none that go out."""
     opened = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
     opened.setsockopt(SOL_PACKET, PACKET_VNET_HDR, 1)  # carries unfinished checksums across
     opened.setsockopt(SOL_PACKET, PACKET_IGNORE_OUTGOING, 1)
@@ -166,7 +166,7 @@ def open_interface(name: str) -> socket.socket:
 
 
 def main() -> None:
-    """Run one wire."""
+    """Runs one wire."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--control", required=True, help="path of the socket over which the link is steered")
     parser.add_argument("--robot", required=True, help="interface on the robot's side")

@@ -79,7 +79,7 @@ class BuildSettings:
 
 
 def request(image: OwnImage, settings: BuildSettings, base: str | None = None) -> Request:
-    """How one of our images is built; `base` replaces the base image that its Dockerfile names."""
+    """Returns how one of our images is built; `base` replaces the base image that its Dockerfile names."""
     arguments = {"VERSION": settings.version, "REVISION": settings.revision}
     return Request(
         tag=f"{settings.registry}/{image.name}:{settings.version}",
@@ -176,7 +176,7 @@ def _base(text: str) -> tuple[str, str]:
 
 
 def _revision() -> str:
-    """The commit that is checked out; `unknown` outside of a repository."""
+    """Returns the commit that is checked out; `unknown` outside of a repository."""
     asked = subprocess.run(
         ("git", "-C", str(ROOT), "rev-parse", "HEAD"), capture_output=True, text=True, check=False, timeout=60.0
     )

@@ -45,7 +45,7 @@ _NOT_OF_PYTHON: Final = re.compile(
 
 
 def tag(stage: Stage) -> str:
-    """The name of a stage's image; it belongs to this machine."""
+    """Returns the name of a stage's image; it belongs to this machine."""
     return f"{_name(stage)}:jazzy"
 
 
@@ -103,7 +103,7 @@ def fingerprint(context: Path, kept: Iterable[Path]) -> str:
 
 
 def _is_there(tool: Tool, image: str, environment: Mapping[str, str] | None) -> bool:
-    """Whether an image is there already: having the builder look at the archives again takes longer."""
+    """Returns whether an image is there already: having the builder look at the archives again takes longer."""
     command = (tool, "images", "--quiet", image)
     asked = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60.0, env=environment)
     return asked.returncode == 0 and bool(asked.stdout.strip())
@@ -122,12 +122,12 @@ def lent(tool: Tool) -> tuple[str, ...]:
 
 
 def constraints(requirements: str) -> str:
-    """The pinned versions without hashes and conditions: pip takes hashes for everything or for nothing."""
+    """Returns the pinned versions without hashes and conditions: pip takes hashes for everything or for nothing."""
     return "".join(f"{pin}\n" for pin in re.findall(r"^[A-Za-z0-9_.-]+==[^\s;\\]+", requirements, re.MULTILINE))
 
 
 def archives(folder: Path) -> tuple[Path, Path]:
-    """The archives of the system and of CPython, made if they are not in `folder` yet.
+    """Returns the archives of the system and of CPython, made if they are not in `folder` yet.
 
     Raises:
         InputError: this is not CPython 3.12, or root or debootstrap are missing.
@@ -144,7 +144,7 @@ def archives(folder: Path) -> tuple[Path, Path]:
 
 
 def archives_are_kept() -> bool:
-    """Whether both archives are there, so that debootstrap is not needed."""
+    """Returns whether both archives are there, so that debootstrap is not needed."""
     return all(path.exists() for path in _paths(cache_folder()))
 
 
@@ -170,7 +170,7 @@ def pack(folder: Path, path: Path, chosen: Callable[[tarfile.TarInfo], tarfile.T
 
 
 def of_system(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
-    """All of Debian but caches, logs and manuals."""
+    """Returns all of Debian but caches, logs and manuals."""
     return None if _NOT_OF_SYSTEM.fullmatch(member.name) else member
 
 
@@ -184,7 +184,7 @@ def _write_python(path: Path) -> None:
 
 
 def of_python(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
-    """The interpreter and its library, as they will stand in /usr/local, owned by root."""
+    """Returns the interpreter and its library, as they will stand in /usr/local, owned by root."""
     kept = member.name in ("", "bin") or _OF_PYTHON.fullmatch(member.name)
     if not kept or _NOT_OF_PYTHON.fullmatch(member.name):
         return None
@@ -195,6 +195,6 @@ def of_python(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
 
 
 def cache_folder() -> Path:
-    """Where the archives are kept."""
+    """Returns where the archives are kept."""
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(home) / "robot-offload" / "images"

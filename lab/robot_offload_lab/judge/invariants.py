@@ -51,7 +51,7 @@ class Violation:
 
 
 def violations(measures: Measures) -> tuple[Violation, ...]:
-    """Every broken promise of a run, in the order of time."""
+    """Returns every broken promise of a run, in the order of time."""
     found: list[Violation] = []
     for stream in measures.streams.values():
         found += _duplicates(measures, stream)
@@ -65,7 +65,7 @@ def violations(measures: Measures) -> tuple[Violation, ...]:
 
 
 def gap_limit_ms(recording: Recording) -> float:
-    """The longest silence of an output that the run's settings explain."""
+    """Returns the longest silence of an output that the run's settings explain."""
     run = recording.run
     slower_ms = max(run.robot_period_ms, run.cloud_period_ms)
     return run.loss_timeout_ms + run.activation_deadline_ms + slower_ms + GAP_MARGIN_MS
@@ -110,7 +110,7 @@ def _stale(measures: Measures, stream: Stream) -> Iterator[Violation]:
 
 
 def _interleaved(measures: Measures, stream: Stream) -> Iterator[Violation]:
-    """One violation per stay in which the other side was heard after the new one."""
+    """Yields one violation per stay in which the other side was heard after the new one."""
     placements = measures.recording.placements
     heard: dict[int, list[Arrival]] = {}
     started: set[int] = set()
@@ -139,7 +139,7 @@ def _interleaved(measures: Measures, stream: Stream) -> Iterator[Violation]:
 
 
 def _stay(placements: Sequence[PlacementChange], index: int) -> int | None:
-    """The announcement with which the present stay began (later ones may only repeat the side)."""
+    """Returns the announcement with which the present stay began (later ones may only repeat the side)."""
     if index < 0:
         return None
     while index > 0 and placements[index - 1].site == placements[index].site:
@@ -148,7 +148,7 @@ def _stay(placements: Sequence[PlacementChange], index: int) -> int | None:
 
 
 def _announced_soon(stream: Stream, later: Sequence[PlacementChange], arrival: Arrival) -> bool:
-    """Whether the side of `arrival` is announced to be in charge a moment later, and only it is heard until then."""
+    """Returns whether the side of `arrival` is announced a moment later, and only that side is heard until then."""
     limit_s = arrival.t_s + ANNOUNCEMENT_LAG_S
     announced_s = next((change.t_s for change in later if change.site == arrival.site and change.t_s <= limit_s), None)
     if announced_s is None:
@@ -157,7 +157,7 @@ def _announced_soon(stream: Stream, later: Sequence[PlacementChange], arrival: A
 
 
 def _started_before(stream: Stream, change: PlacementChange) -> bool:
-    """Whether the new side's first message passed shortly before its announcement."""
+    """Returns whether the new side's first message passed shortly before its announcement."""
     return any(
         arrival.site == change.site and change.t_s - ANNOUNCEMENT_LAG_S <= arrival.t_s < change.t_s
         for arrival in stream.arrivals
@@ -185,7 +185,7 @@ def _gaps(measures: Measures, stream: Stream) -> Iterator[Violation]:
 
 
 def inhibited(recording: Recording) -> list[Interval]:
-    """When the driver held the wheels because no core node was able to steer."""
+    """Returns when the driver held the wheels because no core node was able to steer."""
     intervals: list[Interval] = []
     since_s: float | None = None
     for change in recording.inhibits:
@@ -200,7 +200,7 @@ def inhibited(recording: Recording) -> list[Interval]:
 
 
 def _unexplained_ms(gap: Gap, held: Sequence[Interval]) -> float:
-    """The longest part of a gap in which the driver was not inhibited."""
+    """Returns the longest part of a gap in which the driver was not inhibited."""
     longest_s, since_s = 0.0, gap.start_s
     for interval in held:
         if interval.end_s <= gap.start_s or interval.start_s >= gap.end_s:

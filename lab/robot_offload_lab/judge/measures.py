@@ -38,7 +38,7 @@ class Interval:
         return max(0.0, self.end_s - self.start_s)
 
     def overlap_s(self, other: Interval) -> float:
-        """How long both last together."""
+        """Returns how long both last together."""
         return Interval(max(self.start_s, other.start_s), min(self.end_s, other.end_s)).length_s
 
 
@@ -131,18 +131,18 @@ def measure(recording: Recording) -> Measures:
 
 
 def is_good(sample: LinkSample, threshold_ms: float) -> bool:
-    """Whether the link sustains the cloud at that moment."""
+    """Returns whether the link sustains the cloud at that moment."""
     return sample.rtt_ms is not None and sample.rtt_ms <= threshold_ms
 
 
 def link_was_good(recording: Recording, start_s: float, end_s: float) -> bool:
-    """Whether no sample from `start_s` to `end_s` was bad; false when there is none."""
+    """Returns whether no sample from `start_s` to `end_s` was bad; false when there is none."""
     samples = [sample for sample in recording.link if start_s <= sample.t_s <= end_s]
     return bool(samples) and all(is_good(sample, recording.run.threshold_ms) for sample in samples)
 
 
 def median_period_ms(stream: Stream) -> float | None:
-    """The usual distance of two messages of an output."""
+    """Returns the usual distance of two messages of an output."""
     return quantile([gap.length_ms for gap in stream.gaps if gap.after is not None], 0.5)
 
 
@@ -186,7 +186,7 @@ def _count(arrivals: Iterable[Arrival], window: Interval) -> int:
 
 
 def _stays(recording: Recording) -> Iterator[tuple[Site, Interval]]:
-    """Who was in charge when, from the first announcement to the end; neighbours of one side are joined."""
+    """Yields who was in charge when, from the first announcement to the end; neighbours of one side are joined."""
     changes = [change for change in recording.placements if change.t_s <= recording.end_s]
     start_s, end_s = recording.run.start_s, recording.end_s
     site: Site | None = None
@@ -210,7 +210,7 @@ def _shares(stays: Iterable[tuple[Site, Interval]]) -> dict[Site, float]:
 
 
 def _cloud_share(stays: Iterable[tuple[Site, Interval]], good: tuple[Interval, ...]) -> float | None:
-    """The share of the good time, as far as the placement is known, in which the cloud was in charge."""
+    """Returns the share of the good time, as far as the placement is known, in which the cloud was in charge."""
     times = dict.fromkeys(SITES, 0.0)
     for site, stay in stays:
         times[site] += sum(stay.overlap_s(interval) for interval in good)
@@ -219,7 +219,7 @@ def _cloud_share(stays: Iterable[tuple[Site, Interval]], good: tuple[Interval, .
 
 
 def _link_intervals(recording: Recording, chosen: Callable[[LinkSample], bool]) -> Iterator[Interval]:
-    """The stretches of chosen link samples. A sample holds until the next one."""
+    """Yields the stretches of chosen link samples. A sample holds until the next one."""
     start_s: float | None = None
     for sample in recording.link:
         if sample.t_s >= recording.end_s:
@@ -234,7 +234,7 @@ def _link_intervals(recording: Recording, chosen: Callable[[LinkSample], bool]) 
 
 
 def _alarms(recording: Recording) -> Iterator[float]:
-    """When the robot's own verdict fell from good to bad."""
+    """Yields when the robot's own verdict fell from good to bad."""
     up = False
     for status in recording.network_status:
         if status.side != "robot" or status.t_s > recording.end_s:

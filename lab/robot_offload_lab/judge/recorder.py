@@ -95,7 +95,7 @@ class ConsumerRecorder:
         threading.Thread(target=self._read, args=(commands,), name="commands", daemon=True).start()
 
     def run(self) -> None:
-        """Records until it is told to end."""
+        """Records until the command `end`."""
         executor = SingleThreadedExecutor()
         executor.add_node(self._node)
         due_s = steady_s()
@@ -246,7 +246,7 @@ class ConsumerRecorder:
 
 
 def message_class(name: str) -> Any:
-    """The class of a message type such as `geometry_msgs/msg/TwistStamped`.
+    """Returns the class of a message type such as `geometry_msgs/msg/TwistStamped`.
 
     Raises:
         SystemExit: it is not installed.
@@ -259,22 +259,22 @@ def message_class(name: str) -> Any:
 
 
 def _received_s(info: Any) -> float:
-    """When the middleware received a message, on the steady clock: it does not wait for this process's turn."""
+    """Returns when the middleware received a message, on the steady clock: it does not wait for this process's turn."""
     return _steady(info["received_timestamp"] / 1e9)
 
 
 def _passed_s(info: Any) -> float:
-    """When a message was published, as the publisher's middleware stamped it, on the steady clock."""
+    """Returns when a message was published, as the publisher's middleware stamped it, on the steady clock."""
     return _steady(info["source_timestamp"] / 1e9)
 
 
 def _made_s(stamp: Any) -> float:
-    """A message's stamp on the steady clock."""
+    """Returns a message's stamp on the steady clock."""
     return _steady(stamp.sec + stamp.nanosec / 1e9)
 
 
 def _steady(system_s: float) -> float:
-    """A moment of this host's system clock, which stamps messages, on its steady clock."""
+    """Returns a moment of this host's system clock, which stamps messages, on its steady clock."""
     return system_s - (time.clock_gettime(time.CLOCK_REALTIME) - steady_s())
 
 

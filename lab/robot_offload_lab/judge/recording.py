@@ -51,7 +51,7 @@ class RunInfo(Record):
 
 
 def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunInfo:
-    """The setting of a run of this specification; the others as in `RunInfo`."""
+    """Returns the setting of a run of this specification; the others as in `RunInfo`."""
     switching = spec.switching
     return RunInfo(
         mode=mode,
@@ -234,7 +234,7 @@ class Recording:
 
 
 def parse(lines: Iterable[str], source: str) -> Recording:
-    """A recording from its lines. An unfinished last line (the recorder was killed) is left out.
+    """Returns a recording from its lines. An unfinished last line (the recorder was killed) is left out.
 
     Raises:
         RecordingError: naming `source` and the line.
@@ -253,7 +253,7 @@ def parse(lines: Iterable[str], source: str) -> Recording:
 
 
 def assemble(records: Iterable[Record], source: str = "recording") -> Recording:
-    """A recording from single records, sorted by time.
+    """Returns a recording from single records, sorted by time.
 
     Raises:
         RecordingError: the run's own record does not come first, or comes twice.
@@ -283,7 +283,7 @@ def assemble(records: Iterable[Record], source: str = "recording") -> Recording:
 
 
 def read(path: Path) -> Recording:
-    """The recording in a file.
+    """Returns the recording in a file.
 
     Raises:
         RecordingError: it cannot be read or is no recording.

@@ -49,7 +49,7 @@ def write(recording: Recording, directory: Path) -> ReportFiles:
 
 
 def build(measures: Measures) -> dict[str, Any]:
-    """The report as plain values, ready for JSON."""
+    """Returns the report as plain values, ready for JSON."""
     recording = measures.recording
     outcome = recording.outcome
     return {
@@ -73,7 +73,7 @@ def build(measures: Measures) -> dict[str, Any]:
 
 
 def html(report: Mapping[str, Any], measures: Measures) -> str:
-    """The report as one HTML page without references to anything outside."""
+    """Returns the report as one HTML page without references to anything outside."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
         autoescape=True,
@@ -147,5 +147,5 @@ def _round(value: float | None, digits: int = 3) -> float | None:
 
 
 def _number(value: float | None, digits: int = 1) -> str:
-    """A figure for people; a dash where there is none."""
+    """Returns a figure for people; a dash where there is none."""
     return "\N{EN DASH}" if value is None else f"{value:.{digits}f}"

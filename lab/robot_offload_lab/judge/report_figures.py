@@ -58,7 +58,7 @@ def _style() -> AbstractContextManager[None]:
 
 
 def svg(figure: Figure) -> str:
-    """A figure as an `<svg>` element that scales to the page; the same input gives the same text."""
+    """Returns a figure as an `<svg>` element that scales to the page; the same input gives the same text."""
     text = io.StringIO()
     with _style():
         figure.savefig(text, format="svg", metadata={"Date": None})
@@ -66,7 +66,7 @@ def svg(figure: Figure) -> str:
 
 
 def png(figure: Figure) -> bytes:
-    """A figure as a PNG file."""
+    """Returns a figure as a PNG file."""
     data = io.BytesIO()
     with _style():
         figure.savefig(data, format="png", dpi=120, metadata={"Software": None})
@@ -85,7 +85,7 @@ def link_and_placement(measures: Measures) -> Figure:
 
 
 def gaps_per_switch(measures: Measures) -> Figure:
-    """The longest silence of each output at each switch."""
+    """Returns the longest silence of each output at each switch."""
     with _style():
         figure = Figure(figsize=(WIDTH_IN, 2.8), layout="constrained")
         draw_gaps(figure.subplots(), measures)
@@ -101,7 +101,7 @@ def path(measures: Measures) -> Figure:
 
 
 def run(measures: Measures) -> Figure:
-    """All in one picture, for a README."""
+    """Returns all in one picture, for a README."""
     with_path = bool(measures.recording.path)
     heights = (3.2, 1.4, 2.8, 2.4) if with_path else (3.2, 1.4, 2.8)
     with _style():
@@ -146,7 +146,7 @@ def draw_latency(axes: Axes, measures: Measures) -> None:
 
 
 def _note(axes: Axes, height: float, text: str) -> None:
-    """A small word at the right end of a horizontal line."""
+    """Writes a small word at the right end of a horizontal line."""
     axes.annotate(
         text,
         (1.0, height),
@@ -160,7 +160,7 @@ def _note(axes: Axes, height: float, text: str) -> None:
 
 
 def draw_placement(axes: Axes, measures: Measures) -> None:
-    """A band: who was in charge when; outages are hatched through it, and a cross where the driver held the wheels."""
+    """Draws who was in charge when as a band; outages are hatched, crosses mark where the driver held the wheels."""
     start_s = measures.recording.run.start_s
     for site, stay in measures.stays:
         axes.broken_barh(
@@ -199,7 +199,7 @@ def _shade(axes: Axes, interval: Interval, start_s: float) -> None:
 
 
 def draw_gaps(axes: Axes, measures: Measures) -> None:
-    """One bar per switch and output: the longest silence, in the colour of the side that took over."""
+    """Draws a bar per switch and output: the longest silence, in the colour of the side that took over."""
     switches, topics = measures.switches, list(measures.streams)
     width = 0.8 / max(1, len(topics))
     longest = 0.0
@@ -235,12 +235,12 @@ def draw_gaps(axes: Axes, measures: Measures) -> None:
 
 
 def _legend(axes: Axes, handles: Sequence[Artist]) -> None:
-    """A legend in one row above the picture, where it hides nothing; the left is for a title."""
+    """Draws a legend in one row above the picture, where it hides nothing; the left is for a title."""
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1, 1), ncols=len(handles), fontsize=8)
 
 
 def draw_path(axes: Axes, measures: Measures) -> None:
-    """The corridor from above: obstacles, and the way in the colour of the side that steered."""
+    """Draws the corridor from above: obstacles, and the way in the colour of the side that steered."""
     recording = measures.recording
     length_m, width_m = recording.run.corridor_length_m, recording.run.corridor_width_m
     for post in recording.obstacles:

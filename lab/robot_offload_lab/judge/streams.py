@@ -105,7 +105,7 @@ def examine(
 
 
 def quantile(values: Sequence[float], share: float) -> float | None:
-    """The `share` quantile (0..1) of `values`, linear between neighbours; None without values."""
+    """Returns the `share` quantile (0..1) of `values`, linear between neighbours; None without values."""
     ordered = sorted(values)
     if not ordered:
         return None
@@ -132,7 +132,7 @@ def _lives(arrivals: Sequence[Arrival]) -> tuple[int, ...]:
 
 
 def _order(arrivals: Sequence[Arrival], lives: Sequence[int]) -> tuple[tuple[Arrival, ...], tuple[Arrival, ...]]:
-    """The duplicates and the reordered messages."""
+    """Returns the duplicates and the reordered messages."""
     passed: set[tuple[str, int, int]] = set()
     highest: dict[tuple[str, int], int] = {}
     duplicates, reordered = [], []
@@ -175,7 +175,7 @@ def _holes(stay: Sequence[Arrival]) -> list[Hole]:
 
 
 def _gaps(arrivals: Sequence[Arrival], end_s: float) -> tuple[Gap, ...]:
-    """Every silence, the one from the last arrival to the end included."""
+    """Returns every silence, the one from the last arrival to the end included."""
     gaps = [Gap(before, after, after.t_s) for before, after in itertools.pairwise(arrivals)]
     if arrivals:
         gaps.append(Gap(arrivals[-1], None, end_s))

@@ -1,6 +1,6 @@
 """From what a consumer hears in ROS to the records of a run. Pure: no ROS, no clock.
 
-Messages tell who made them. A stamped one carries `PRODUCER#SEQUENCE` in `header.frame_id` and its time of making in
+Messages name who made them. A stamped one carries `PRODUCER#SEQUENCE` in `header.frame_id` and its time of making in
 `header.stamp`; a text reads `hello SEQUENCE from PRODUCER`. Of other messages only the times of arrival can be judged.
 """
 
@@ -27,11 +27,11 @@ _TEXT: Final = re.compile(r"hello (?P<sequence>\d{1,15}) from (?P<producer>[A-Za
 
 @dataclass
 class Arrivals:
-    """Makes arrivals of one output and remembers what is needed to tell repeated messages from a restart.
+    """Makes arrivals of one output and remembers what is needed to distinguish repeated messages from a restart.
 
     Attributes:
         topic: the public topic.
-        acting: the side that is announced to be in charge; the site of messages that do not tell theirs.
+        acting: the side that is announced to be in charge; the site of messages that do not name theirs.
         unknown: messages without an identity so far.
     """
 
@@ -44,14 +44,14 @@ class Arrivals:
     def delivered_s(self, received_s: float) -> float:
         """Returns when a message was delivered that was received then.
 
-        A reliable reader hands messages over in the order of their writer. One that was lost on the way and sent again is
-        received after its successors, which wait for it: they are delivered with it, not before it.
+        A reliable reader hands messages over in the order of their writer. A message that was lost on the way and sent
+        again is received after its successors, which wait for it: they are delivered with it, not before it.
         """
         self._last_s = max(self._last_s, received_s)
         return self._last_s
 
     def stamped(self, t_s: float, frame_id: str, made_s: float, passed_s: float | None = None) -> Arrival:
-        """A message with a header; `made_s` is its stamp, `passed_s` its publication, on the clock of `t_s`."""
+        """Returns a message with a header; `made_s` is its stamp, `passed_s` its publication, on the clock of `t_s`."""
         match = _STAMPED.fullmatch(frame_id)
         if match is None:
             return self.other(t_s)
@@ -59,7 +59,7 @@ class Arrivals:
         return Arrival(self.topic, t_s, producer, sequence, made_s, site_of(producer), passed_s)
 
     def text(self, t_s: float, text: str) -> Arrival:
-        """A text. It carries no time of making: it counts as made when it was first heard.
+        """Returns a text. It carries no time of making: it counts as made when it was first heard.
 
         Without a time a repeated message and a producer that counts anew differ only in how far the count falls
         back: to less than half is taken for a restart.
@@ -75,7 +75,7 @@ class Arrivals:
         return Arrival(self.topic, t_s, producer, sequence, made_s, site_of(producer))
 
     def other(self, t_s: float) -> Arrival:
-        """A message that does not tell who made it."""
+        """Returns a message that does not name who made it."""
         self.unknown += 1
         return Arrival(self.topic, t_s, self.acting, self.unknown, t_s, self.acting)
 
@@ -130,7 +130,7 @@ class Drive:
     obstacles: tuple[Obstacle, ...]
 
     def records(self, before: Drive | None) -> Iterator[PathPoint | Obstacle | Inhibit]:
-        """What is new since the account before."""
+        """Yields what is new since the account before."""
         yield PathPoint(self.t_s, self.x_m, self.y_m, self.speed_mps)
         for obstacle in self.obstacles:
             if before is None or obstacle not in before.obstacles:
@@ -140,7 +140,7 @@ class Drive:
 
 
 def drive(t_s: float, text: str) -> Drive | None:
-    """The account as published; None when it is none."""
+    """Returns the account as published; None when it is none."""
     try:
         said: Mapping[str, Any] = json.loads(text)
         corridor = said["corridor"]
@@ -163,7 +163,7 @@ def drive(t_s: float, text: str) -> Drive | None:
 
 
 def link_samples(schedule: Schedule, start_s: float, from_s: float, to_s: float) -> Iterator[LinkSample]:
-    """What the schedule does from `from_s` up to, not including, `to_s`, in the order of time.
+    """Yields what the schedule does from `from_s` up to, not including, `to_s`, in the order of time.
 
     Args:
         schedule: of the emulated link.

@@ -39,7 +39,7 @@ class TraceBuilder:
         return self.now_s < self.duration_s
 
     def answer(self, rtt_ms: float) -> None:
-        """A request that is answered after `rtt_ms`."""
+        """Adds a request that is answered after `rtt_ms`."""
         rtt_ms = round(max(0.5, rtt_ms), 1)
         self.times_s.append(round(self.now_s, 4))
         self.rtts_ms.append(rtt_ms)
@@ -52,11 +52,11 @@ class TraceBuilder:
             self.answer(base_ms + self.rng.expovariate(1 / jitter_ms))
 
     def stall(self, length_s: float) -> None:
-        """Everything is held, and released at the end."""
+        """Adds a time in which everything is held, and released at the end."""
         self.answer(length_s * 1e3)
 
     def cut(self, length_s: float) -> None:
-        """Everything is lost."""
+        """Adds a time in which everything is lost."""
         until_s = self.now_s + length_s
         while self.now_s < until_s and self.running:
             self.times_s.append(round(self.now_s, 4))
@@ -64,7 +64,7 @@ class TraceBuilder:
             self.now_s += min(LOST_S, max(PACE_S, until_s - self.now_s))
 
     def trace(self) -> Trace:
-        """What was written down."""
+        """Returns what was written down."""
         return Trace(self.name, tuple(self.times_s), tuple(self.rtts_ms), self.now_s)
 
 
@@ -88,7 +88,7 @@ def mobile(out: TraceBuilder) -> None:
 
 
 def roaming(out: TraceBuilder) -> None:
-    """A robot driving through Wi-Fi cells: it gets slower, then nothing comes for a while."""
+    """Adds a robot driving through Wi-Fi cells: it gets slower, then nothing comes for a while."""
     rng = out.rng
     base_ms, jitter_ms = rng.uniform(5, 14), rng.uniform(1, 5)
     every_s, outage_s = rng.uniform(8, 45), rng.uniform(0.3, 6.0)
@@ -102,7 +102,7 @@ def roaming(out: TraceBuilder) -> None:
 
 
 def periodic(out: TraceBuilder) -> None:
-    """The same outage again and again, as in the thesis: 4 s every 20 s."""
+    """Adds the same outage again and again, as in the thesis: 4 s every 20 s."""
     rng = out.rng
     every_s, outage_s = rng.choice([(20.0, 4.0), (20.0, 4.0), (10.0, 1.0), (30.0, 6.0), (5.0, 0.5)])
     base_ms = rng.uniform(5, 25)
@@ -112,7 +112,7 @@ def periodic(out: TraceBuilder) -> None:
 
 
 def repeater(out: TraceBuilder) -> None:
-    """A Wi-Fi repeater: minutes of calm, minutes of jitter around the limit with long round trips in bursts."""
+    """Adds a Wi-Fi repeater: minutes of calm, minutes of jitter around the limit with bursts of long round trips."""
     rng = out.rng
     base_ms, rough_ms = rng.uniform(15, 40), rng.uniform(20, 70)
     calm_s, rough_s = rng.uniform(20, 200), rng.uniform(20, 200)
@@ -136,7 +136,7 @@ def fibre(out: TraceBuilder) -> None:
 
 
 def evening(out: TraceBuilder) -> None:
-    """A line shared with others: queues fill within seconds and empty again, over the limit for a while."""
+    """Adds a line shared with others: queues fill within seconds and empty again, over the limit for a while."""
     rng = out.rng
     base_ms, full_ms = rng.uniform(12, 30), rng.uniform(80, 220)
     idle_s, busy_s, ramp_s = rng.uniform(5, 60), rng.uniform(1, 20), rng.uniform(0.3, 4)
@@ -167,7 +167,7 @@ def tunnel(out: TraceBuilder) -> None:
 
 
 def diurnal(out: TraceBuilder) -> None:
-    """A link whose load swings slowly: stalls are rare at one time and frequent at another."""
+    """Adds a link whose load swings slowly: stalls are rare at one time and frequent at another."""
     rng = out.rng
     base_ms, day_s = rng.uniform(10, 35), rng.uniform(200, 900)
     rare_s, frequent_s, stall_s = rng.uniform(30, 120), rng.uniform(0.7, 4), rng.uniform(0.1, 0.6)
@@ -271,14 +271,14 @@ FAMILIES: Final[Mapping[str, Family]] = {
 
 
 def made(family: str, seed: int, duration_s: float) -> Trace:
-    """A link of the family; the same seed gives the same link."""
+    """Returns a link of the family; the same seed gives the same link."""
     out = TraceBuilder(f"{family}-{seed}", random.Random(f"{family} {seed}"), duration_s)
     FAMILIES[family].make(out)
     return out.trace()
 
 
 def as_csv(trace: Trace, origin: str) -> str:
-    """The text of a recording, its origin in the first line."""
+    """Returns the text of a recording, its origin in the first line."""
     lines = [f"# {origin}", CSV_HEADER]
     for t_s, rtt_ms in zip(trace.times_s, trace.rtts_ms, strict=True):
         lines.append(f"{t_s:g}," if rtt_ms is None else f"{t_s:g},{rtt_ms:g}")
@@ -286,7 +286,7 @@ def as_csv(trace: Trace, origin: str) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line: `FAMILY --seed N --duration S FILE`."""
+    """Returns the command line: `FAMILY --seed N --duration S FILE`."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.links.made_up", description="Made-up links.")
     parser.add_argument("family", choices=sorted(FAMILIES))
     parser.add_argument("--seed", type=int, default=1)

@@ -82,7 +82,7 @@ class Trace:
         return tuple(itertools.accumulate(ends_s, max))
 
     def one_way_ms(self, t_s: float) -> float | None:
-        """What a packet suffers that is sent at `t_s`, in either direction.
+        """Returns what a packet suffers that is sent at `t_s`, in either direction.
 
         Half of the round-trip time of that moment. During a stall a packet is held until the stall's end, and
         none sent later arrives before that. A lost request means no link until the next request. Between the
@@ -203,7 +203,7 @@ def _positive_ms(text: str, where: str) -> float:
 
 
 def generate_wifi(seed: int, duration_s: float) -> str:
-    """A robot driving through a building on Wi-Fi, in the text format.
+    """Returns a robot driving through a building on Wi-Fi, in the text format.
 
     About 11 ms with a long tail; every 15-25 s the robot changes to the next access point: the link stands
     still for 0.15-0.9 s, and for some seconds before that it gets slower.
@@ -227,7 +227,7 @@ def generate_wifi(seed: int, duration_s: float) -> str:
 
 
 def generate_mobile(seed: int, duration_s: float) -> str:
-    """A robot in a yard on 4G, in the CSV format, ten requests a second.
+    """Returns a robot in a yard on 4G, in the CSV format, ten requests a second.
 
     40-60 ms in a slow swell with a long tail; 1 % of the requests are lost alone, and about every 40 s a
     change of the cell loses all for 0.5-2.5 s.
@@ -260,7 +260,7 @@ GENERATORS = {"wifi": generate_wifi, "mobile": generate_mobile}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line: `generate KIND --seed N --duration S FILE`."""
+    """Returns the command line: `generate KIND --seed N --duration S FILE`."""
     parser = argparse.ArgumentParser(
         prog="python -m robot_offload_lab.links.recorded", description="Made-up link recordings."
     )

@@ -119,7 +119,7 @@ def _tuned(cases: Sequence[StudiedLink], held_out: Sequence[StudiedLink], consol
 
 @contextmanager
 def _bar(words: str, total: int) -> Iterator[Step]:
-    """A progress bar on standard error, when that is a terminal."""
+    """Yields the step of a progress bar on standard error, when that is a terminal."""
     columns = TextColumn(words), BarColumn(), TimeRemainingColumn()
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
@@ -156,7 +156,7 @@ def _case(recording: TraceRequest, weights: Weights) -> StudiedLink:
 def _check_tuning(request: Request) -> None:
     """Refuses to report on what was searched, whatever the file is called."""
     if request.compare:
-        raise InputError("--tune, --compare: one of them at a time; --tune tells the best other rule by itself")
+        raise InputError("--tune, --compare: one of them at a time; --tune reports the best other rule by itself")
     searched = {_fingerprint(each.file): each.file for each in request.recordings}
     for each in request.report_on:
         same = searched.get(_fingerprint(each.file))
@@ -172,7 +172,7 @@ def _check_tuning(request: Request) -> None:
 
 
 def _fingerprint(file: Path) -> str:
-    """Equal for equal recordings; a file that cannot be read is told when it is loaded."""
+    """Equal for equal recordings; a file that cannot be read is reported when it is loaded."""
     try:
         return hashlib.sha256(file.read_bytes()).hexdigest()
     except OSError:

@@ -29,7 +29,7 @@ class SwitchingPolicy(Protocol):
     """
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """The echo of the heartbeat sent at `sent_s` came back at `arrived_s`; the difference is the loop latency."""
+        """Takes the echo of the heartbeat sent at `sent_s`, back at `arrived_s`; the difference is the loop latency."""
         ...
 
     def place(self, now_s: float) -> Decision | Verdict | Site | str:

@@ -49,7 +49,7 @@ class Heartbeats:
 
 
 def derive(trace: Trace, period_s: float) -> Heartbeats:
-    """The heartbeats that the link of `trace` would have carried.
+    """Returns the heartbeats that the link of `trace` would have carried.
 
     A beat that leaves during a sample (until the next request) which is no stall is back after that sample's round-trip
     time. During a stall (`Trace.stall_ms`: longer than 40 ms and three medians) it is held and back at the stall's end;

@@ -38,7 +38,7 @@ class Newest:
 
 
 def newest(beats: Heartbeats) -> Newest:
-    """What a causal rule may know at the beginning of each period."""
+    """Returns what a causal rule may know at the beginning of each period."""
     back = beats.arrived_us != NEVER_US
     arrived_us, latency_us = beats.arrived_us[back], beats.latency_us[back]
     index = np.searchsorted(arrived_us, beats.sent_us, side="right") - 1
@@ -53,7 +53,7 @@ def forbidden(beats: Heartbeats, loss_timeout_us: int) -> NDArray[np.bool_]:
 
 
 def clamped(changes: tuple[Change, ...], beats: Heartbeats, loss_timeout_us: int) -> tuple[Change, ...]:
-    """The placement `changes` when the cloud is left at once in silence; after it the policy has its will again."""
+    """Returns the placement `changes` with the cloud left at once in silence; after it the policy decides again."""
     silences = list(_silences(beats, loss_timeout_us))
     if not silences:
         return changes

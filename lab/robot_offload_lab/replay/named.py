@@ -26,7 +26,7 @@ class NamedPolicy:
         name: in options, tables and results.
         text: what it does, in a few words.
         make: makes a fresh one for a recording.
-        foreign: it is a user's own; its errors are told as lines, not as our tracebacks.
+        foreign: it is a user's own; its errors are printed as lines, not as our tracebacks.
     """
 
     name: str
@@ -52,7 +52,7 @@ CONSTANT: Final = ("robot", "cloud")
 
 
 def find(name: str) -> NamedPolicy:
-    """The policy called `name`, or made by the function `module:function` (the current folder is searched as well).
+    """Returns the policy called `name`, or of the function `module:function` (the current folder is searched as well).
 
     Raises:
         InputError: there is no such policy, or the module cannot be used.

@@ -24,7 +24,7 @@ class OneSide:
         """Does not matter."""
 
     def place(self, now_s: float) -> Decision:
-        """The one side."""
+        """Returns the one side."""
         return self._verdict
 
 
@@ -50,7 +50,7 @@ class Threshold:
         return now_s - self.heard_s > self._settings.loss_timeout_s
 
     def place(self, now_s: float) -> Decision:
-        """The thesis's rule."""
+        """Returns the thesis's rule."""
         if self.silent(now_s):
             return Decision(Site.ROBOT, "Silent", "No message for longer than the loss timeout")
         if self.latency_s > self._settings.allowed_loop_s:
@@ -71,7 +71,7 @@ class Dwell:
         self._threshold.heard(sent_s, arrived_s)
 
     def place(self, now_s: float) -> Decision:
-        """The threshold's answer, when the dwell is over or nothing comes."""
+        """Returns the threshold's answer, when the dwell is over or nothing comes."""
         wanted = self._threshold.place(now_s)
         lost = wanted.site is Site.ROBOT and self._threshold.silent(now_s)
         if wanted.site is not self._verdict.site and (lost or now_s - self._changed_s >= DWELL_S):
@@ -99,7 +99,7 @@ class Mean:
             self._sum_s -= self._window.popleft()[1]
 
     def place(self, now_s: float) -> Decision:
-        """The mean against the threshold."""
+        """Returns the mean against the threshold."""
         if not self._window or now_s - self._window[-1][0] > WINDOW_LOSS_S:
             return Decision(Site.ROBOT, "Silent", "No message for longer than 10 s")
         if self._sum_s / len(self._window) > self._limit_s:

@@ -25,7 +25,7 @@ GAP: Final = "#DDDDDD"
 
 
 def draw(subjects: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> bytes:
-    """A PNG: for each recording its loop latency over time, and below it who acted under each policy."""
+    """Returns a PNG: for each recording its loop latency over time, and below it who acted under each policy."""
     heights: list[float] = []
     for _, outcomes in subjects:
         heights += [3.0, 0.32 * (len(outcomes) + 1) + 0.2]
@@ -43,7 +43,7 @@ def draw(subjects: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> bytes:
 
 
 def _link(axes: Axes, subject: StudiedLink) -> None:
-    """The highest latency of each column, the limit, and shades where the link was not good enough."""
+    """Draws the highest latency of each column, the limit, and shades where the link was not good enough."""
     beats, limit_us = subject.beats, subject.limit_us
     good = beats.good(limit_us)
     edges = np.linspace(0, len(good), min(COLUMNS, len(good)) + 1).astype(int)

@@ -49,7 +49,7 @@ class RentOrBuy:
 
 
 def best_fixed(beats: Heartbeats, limit_us: int, weights: Weights, forbidden: NDArray[np.bool_]) -> RentOrBuy:
-    """The cheapest rule of the grid on this recording.
+    """Returns the cheapest rule of the grid on this recording.
 
     Args:
         beats: of the recording.
@@ -65,7 +65,7 @@ def grid(
     beats: Heartbeats, limit_us: int, weights: Weights, forbidden: NDArray[np.bool_], *,
     silences_s: Sequence[float] = SILENCES_S, pairs: Sequence[tuple[float, float]] = PAIRS, share: float = 1.0,
 ) -> list[RentOrBuy]:  # fmt: skip
-    """Every rule of the grid with its cost; `share` of the bound over which a latency is bad."""
+    """Returns every rule of the grid with its cost; `share` of the bound over which a latency is bad."""
     seen, truth = newest(beats), beats.good(limit_us)
     found = []
     for silence_s in silences_s:
@@ -105,7 +105,7 @@ class _Rules:
         return np.asarray(periods * self._period_s + prices.switch * self._switches)
 
     def live(self, start: int, end: int, *, bad: bool, forbidden: bool) -> None:
-        """The periods from `start` to `end`, in which signal and limit stay as they are."""
+        """Takes the periods from `start` to `end`, in which signal and limit stay as they are."""
         leave_per, return_per = self._per_period()
         if forbidden:
             self._switches += self._cloud

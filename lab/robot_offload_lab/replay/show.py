@@ -20,7 +20,7 @@ SHADES = "░▒▓█"
 
 
 def heading(subject: StudiedLink) -> str:
-    """What was replayed, in one line."""
+    """Returns what was replayed, in one line."""
     settings = subject.settings
     good = float(subject.beats.good(subject.limit_us).mean())
     return (
@@ -30,7 +30,7 @@ def heading(subject: StudiedLink) -> str:
 
 
 def table(subject: StudiedLink, outcomes: Sequence[Replayed]) -> Table:
-    """One row for each policy, the best fixed rule and the optimum last."""
+    """Returns one row for each policy, the best fixed rule and the optimum last."""
     found = _table("policy", "cost J", "of optimum", "of best fixed", "exposed s", "wasted s", "switches", "cloud %")
     for each in [*outcomes, subject.best]:
         figures = each.score
@@ -108,7 +108,7 @@ def _shaded(shares: Sequence[float]) -> str:
 
 
 def tuning(reports: Sequence[TuningReport]) -> Table:
-    """One row for each recording that was left out, with the figures that were best on the others."""
+    """Returns one row for each recording that was left out, with the figures that were best on the others."""
     found = _table(
         "left out", "hold-down s", "handicap", "margin", "half-life s", "J with these", "J at present",
         "best other rule", "best fixed", "optimum",

@@ -82,7 +82,7 @@ class Sights:
             self._sights.append((at_us, sent_s, eyes.look(at_us / 1e6)))
 
     def cost(self, figures: Figures) -> float:
-        """What our rule with these figures comes to."""
+        """Returns what our rule with these figures comes to."""
         settings = dataclasses.replace(self._case.settings, hold_down_initial_s=figures.hold_down_initial_s)
         mind = Mind(settings, outlooks.Figures(figures.handicap, figures.margin, figures.half_life_s))
         site, changes = Site.ROBOT, []
@@ -103,13 +103,13 @@ def search(
     done: Callable[[int], None],
     grid: Sequence[Figures] = GRID,
 ) -> list[TuningReport]:
-    """The figures with the least mean ratio on some recordings are tried on others.
+    """Returns the figures with the least mean ratio on some recordings are tried on others.
 
     Args:
         cases: to search on.
         held_out: to report on; without them each of `cases` in turn is left out of the search and reported on.
         outcome: replays a recording for a policy.
-        done: told how many steps of `steps(cases, held_out)` more are done.
+        done: called with how many steps of `steps(cases, held_out)` more are done.
         grid: what is tried.
     """
     everything = [*cases, *held_out]
@@ -140,7 +140,7 @@ def search(
 
 
 def steps(cases: Sequence[StudiedLink], held_out: Sequence[StudiedLink] = (), grid: Sequence[Figures] = GRID) -> int:
-    """How many steps `search` tells."""
+    """Returns how many steps `search` reports."""
     return (len(cases) + len(held_out)) * (len(dict.fromkeys([DEFAULT, *grid])) + 1) + len(held_out or cases)
 
 

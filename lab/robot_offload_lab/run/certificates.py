@@ -35,7 +35,7 @@ class CertificatePaths:
 
 
 def client_paths(directory: Path, name: str) -> SidePaths:
-    """Where `make_certificates` writes what a client of that name dials the cloud with."""
+    """Returns where `make_certificates` writes what a client of that name dials the cloud with."""
     return SidePaths(directory / "server-ca.pem", directory / f"{name}.pem", directory / f"{name}.key")
 
 

@@ -1,4 +1,4 @@
-"""Runs one RobotOffload on this machine, over a link that fails as it is told to, and reports what consumers felt.
+"""Runs one RobotOffload on this machine, over a link that fails as its options say, and reports what consumers felt.
 
     load -> prepare -> start -> wait until both sides are up -> start the link's schedule -> watch -> end -> report
 
@@ -162,12 +162,12 @@ def write_report(system: System) -> Mapping[str, Any]:
 
 
 def agent_errors(system: System) -> Iterator[str]:
-    """What the agents called errors, such as a process that died: one line for each agent that had any."""
+    """Yields what the agents called errors, such as a process that died: one line for each agent that had any."""
     for side in system.sides:
         log = system.logs / f"{side}-agent.log"
         errors = [line for line in log.read_text(errors="replace").splitlines() if " ERROR " in line]
         if errors:
-            yield f"The {side}'s agent told errors, {len(errors)} in all, see {log}; the first: {errors[0]}"
+            yield f"The {side}'s agent logged {len(errors)} errors, see {log}; the first: {errors[0]}"
 
 
 # -- signals ----------------------------------------------------------------------------------------------------------

@@ -68,7 +68,7 @@ def free_domains() -> tuple[int, int]:
 
 
 _claims: dict[int, socket.socket] = {}
-"""Domains of this process. A run that has not opened its ports yet could not be told from none otherwise."""
+"""Domains of this process. Without this claim a run that has not opened its ports yet would be overlooked."""
 
 
 def _claim(domain: int) -> bool:

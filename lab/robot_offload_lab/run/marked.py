@@ -26,7 +26,7 @@ _LOOK_S = 0.05
 
 
 def find(run: str) -> tuple[int, ...]:
-    """The processes that carry the mark of a run, without this one and without dead ones nobody has asked after."""
+    """Returns the living processes that carry the mark of a run, without this one."""
     wanted = f"{MARK}={run}".encode()
     found = []
     for folder in Path("/proc").iterdir():
@@ -55,7 +55,7 @@ def _signal(run: str, number: signal.Signals) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """The warden."""
+    """Returns the warden."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     while sys.stdin.buffer.read(1024):

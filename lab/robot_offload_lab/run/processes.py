@@ -70,7 +70,7 @@ class Ended:
     log: Path
 
     def describe(self) -> str:
-        """How it ended, in words."""
+        """Returns how it ended, in words."""
         how = f"by signal {signal.Signals(-self.code).name}" if self.code < 0 else f"with exit code {self.code}"
         return f"{self.name} ended {how}"
 
@@ -137,11 +137,11 @@ class Processes:
         return child
 
     def log(self, name: str) -> Path:
-        """Where a program writes."""
+        """Returns where a program writes."""
         return self._logs / f"{name}.log"
 
     def last_lines(self, name: str) -> tuple[str, ...]:
-        """The end of a program's log."""
+        """Returns the end of a program's log."""
         try:
             text = self.log(name).read_bytes()[-_MAX_TAIL_BYTES:].decode(errors="replace")
         except OSError:
@@ -149,7 +149,7 @@ class Processes:
         return tuple(line for line in text.splitlines() if line.strip())[-_LAST_LINES:]
 
     def first_ended(self) -> Ended | None:
-        """A process that ended although nobody has stopped it; None while all run."""
+        """Returns a process that ended although nobody has stopped it; None while all run."""
         for name, child in self._children.items():
             code = child.poll()
             if code is not None:

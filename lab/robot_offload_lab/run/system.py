@@ -115,7 +115,7 @@ class System:
         return self.mode is not Mode.ROBOT_ONLY
 
     def runs_on(self, side: Side) -> tuple[Node, ...]:
-        """The nodes that this run starts on a side."""
+        """Returns the nodes that this run starts on a side."""
         bare = self.mode is Mode.CLOUD_ONLY and side == "robot"
         return tuple(node for node in ros_names.nodes_on(self.spec, side) if not (bare and node.duplicated))
 
@@ -141,7 +141,7 @@ class System:
 
 
 def adapted(offload: RobotOffload, mode: Mode, seed: int, transport: str = "") -> RobotOffload:
-    """The resource as this run needs it.
+    """Returns the resource as this run needs it.
 
     Args:
         offload: as the user wrote it.
@@ -167,7 +167,7 @@ def _seeded(node: Node, seed: int) -> Node:
 
 
 def check_runnable(offload: RobotOffload, file: Path) -> None:
-    """Whether everything that the run needs can be started.
+    """Checks that everything that the run needs can be started.
 
     Raises:
         NotRunnableError: with a line for each node that cannot.
@@ -199,7 +199,7 @@ class NotRunnableError(InputError):
 
 
 def run_info(system: System, start_s: float) -> RunInfo:
-    """What the recorder is told at the start of a run; `start_s` is the moment that the report calls 0."""
+    """Returns what the recorder gets at the start of a run; `start_s` is the moment that the report calls 0."""
     return of_run(system.spec, system.mode.value, system.seed, start_s)
 
 
@@ -207,7 +207,7 @@ def run_info(system: System, start_s: float) -> RunInfo:
 
 
 def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]:
-    """Everything that runs beside the wire, in the order in which it is started. Writes the agents' files.
+    """Returns everything that runs beside the wire, in the order in which it is started. Writes the agents' files.
 
     Args:
         system: what to run.
@@ -229,7 +229,7 @@ def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]
 
 
 def recorder(system: System) -> Program:
-    """The consumer that writes down what it gets."""
+    """Returns the consumer that writes down what it gets."""
     command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(system.recording)]
     for topic, type_name in system.outputs.items():
         command += ["--topic", f"{topic}={type_name}"]
@@ -242,7 +242,7 @@ def recorder(system: System) -> Program:
 
 
 def dds_wire(system: System) -> Program:
-    """What carries topics between the two domains where the agents have no sessions of their own."""
+    """Returns what carries topics between the two domains where the agents have no sessions of their own."""
     file = system.out / "dds-wire.json"
     config = DdsWireConfig(system.domains, carried(system.spec), system.link, system.seed)
     file.write_text(config.to_json(), encoding="utf-8")
@@ -276,7 +276,7 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
 
 
 def _nodes(system: System, side: Side) -> Iterator[Program]:
-    """The user's nodes of one side."""
+    """Yields the user's nodes of one side."""
     for node in system.runs_on(side):
         program, *arguments = ros_names.command(system.spec, node, side)
         command = (sys.executable if program in ("python", "python3") else program, *arguments)
@@ -286,7 +286,7 @@ def _nodes(system: System, side: Side) -> Iterator[Program]:
 
 
 def environment(system: System, side: Side) -> Mapping[str, str]:
-    """The variables of a side's processes."""
+    """Returns the variables of a side's processes."""
     own = {name: value for name, value in os.environ.items() if name not in _FOREIGN}
     return own | {
         "ROS_DOMAIN_ID": str(_domain(system, side)),
@@ -306,7 +306,7 @@ def _domain(system: System, side: Side) -> int:
 
 
 def wire_config(system: System) -> WireConfig:
-    """The emulated link: every port of the sessions in both protocols, because the fallback is TLS over TCP."""
+    """Returns the emulated link: every port of the sessions in both protocols, because the fallback is TLS over TCP."""
     forwards = []
     for session, dialled, served in zip(("pulse", "data"), system.dialled, system.served, strict=True):
         forwards.append(Forward(session, "udp", f"{HOST}:{dialled}", f"{HOST}:{served}"))

@@ -43,13 +43,13 @@ class View(Protocol):
     """Shows a run."""
 
     def say(self, text: str) -> None:
-        """A step of the preparation or of the end."""
+        """Shows a step of the preparation or of the end."""
 
     def show(self, watch: LiveRun, now_s: float) -> None:
-        """The present state; called some times a second."""
+        """Shows the present state; called some times a second."""
 
     def close(self) -> None:
-        """The run is over; what is said later comes below."""
+        """Ends the picture; later lines come below."""
 
 
 class LineView:
@@ -115,7 +115,7 @@ class LiveView:
 
 
 def picture(watch: LiveRun, now_s: float, title: str) -> RenderableType:
-    """The whole picture."""
+    """Returns the whole picture."""
     rows = Table.grid(padding=(0, 2))
     rows.add_column(style="dim", min_width=9)
     rows.add_column()

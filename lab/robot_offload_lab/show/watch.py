@@ -1,6 +1,6 @@
 """What is known of a run while it goes on, from the recorder's live stream; nothing of it goes into the report.
 
-`LiveRun` takes the stream's lines and tells what happened, a sentence each. The views only draw it.
+`LiveRun` takes the stream's lines and reports what happened, a sentence each. The views only draw it.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class LiveRun:
     _link_word: str = ""
 
     def take(self, line: str) -> None:
-        """One line of the recorder's stream; what cannot be read is left out."""
+        """Takes one line of the recorder's stream; what cannot be read is left out."""
         try:
             message = json.loads(line)
             if "drive" in message:
@@ -103,12 +103,12 @@ class LiveRun:
                 self._events.append(Event(now_s, f"{text}: {switch.gap_ms:.0f} ms"))
 
     def events(self) -> tuple[Event, ...]:
-        """What has happened since the last call."""
+        """Returns what has happened since the last call."""
         events, self._events = tuple(self._events), []
         return events
 
     def since_start(self, t_s: float) -> float:
-        """A moment of the run; 0 before the start."""
+        """Returns a moment of the run; 0 before the start."""
         return 0.0 if self.start_s is None else t_s - self.start_s
 
     @property
@@ -117,11 +117,11 @@ class LiveRun:
         return bool(self.drive.get("goal_reached"))
 
     def missing(self) -> tuple[str, ...]:
-        """The outputs that were not heard yet."""
+        """Returns the outputs that were not heard yet."""
         return tuple(topic for topic in self.outputs if not self.received.get(topic))
 
     def link_word(self) -> str:
-        """How the link is: `cut`, `slow` or `good`; empty without one."""
+        """Returns how the link is: `cut`, `slow` or `good`; empty without one."""
         if self.link is None:
             return ""
         if self.link.rtt_ms is None:
@@ -175,7 +175,7 @@ class LiveRun:
         self._link_word = word
 
     def _gap_ms(self, topic: str, around_s: float) -> float:
-        """The longest silence of an output that touches the window around a moment."""
+        """Returns the longest silence of an output that touches the window around a moment."""
         return max(self._gaps_ms(topic, around_s - GAP_WINDOW_S, around_s + GAP_WINDOW_S), default=0.0)
 
     def _gaps_ms(self, topic: str, from_s: float, to_s: float) -> Iterator[float]:

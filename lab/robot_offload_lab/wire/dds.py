@@ -128,7 +128,7 @@ class Carrier:
             self._delayer.at(now_s + HEARTBEAT_S, self._beat)
 
     def _beat(self) -> None:
-        """The writer asks what is missing; of use when nothing newer has come since the loss."""
+        """Asks for what is missing, as the writer's heartbeat does, for when nothing newer has come since the loss."""
         if not self._held:
             return
         now_s = steady_s()

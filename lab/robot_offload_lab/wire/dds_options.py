@@ -54,7 +54,7 @@ class DdsWireConfig:
     seed: int
 
     def to_json(self) -> str:
-        """The configuration file."""
+        """Returns the configuration file."""
         return json.dumps(dataclasses.asdict(self), indent=2) + "\n"
 
     @classmethod
@@ -67,7 +67,7 @@ class DdsWireConfig:
 
 
 def carried(spec: RobotOffloadSpec) -> tuple[Carried, ...]:
-    """What a DDS router would be allowed to carry: the agents' own topics, inputs, and outputs that are mirrored.
+    """Returns what a DDS router would be allowed to carry: the agents' topics, inputs, and mirrored outputs.
 
     The names of the agents' topics are those of their link over DDS; nothing of the cloud's nodes crosses by itself.
     """

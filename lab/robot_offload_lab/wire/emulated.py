@@ -125,7 +125,7 @@ class EmulatedWire:
         return self._process.pid if self._process else None
 
     def port(self, name: str) -> int:
-        """The port on which the forward `name` listens."""
+        """Returns the port on which the forward `name` listens."""
         return self._ports[name]
 
     def start_schedule(self) -> float:

@@ -74,7 +74,7 @@ class EmulatedLink:
         self._schedule, self._started_s = schedule, None
 
     def conditions(self, now_s: float) -> Pair:
-        """The conditions of this moment, up and down."""
+        """Returns the conditions of this moment, up and down."""
         if self._started_s is None:
             up, down = self._schedule.quiet()
         else:
@@ -82,7 +82,7 @@ class EmulatedLink:
         return self._overridden("up", up), self._overridden("down", down)
 
     def next_change_s(self, now_s: float) -> float | None:
-        """When the next outage or slow phase begins or ends; None without any."""
+        """Returns when the next outage or slow phase begins or ends; None without any."""
         if self._started_s is None:
             return None
         change_s = self._schedule.next_change_s(now_s - self._started_s)
@@ -98,7 +98,7 @@ class EmulatedLink:
         return arrives_s
 
     def stream(self, direction: Direction) -> StreamModel:
-        """The model of one direction of a new TCP connection."""
+        """Returns the model of one direction of a new TCP connection."""
         return StreamModel(self._models[direction])
 
     def offer(self, direction: Direction, stream: StreamModel, now_s: float, size: int) -> float | None:
@@ -114,7 +114,7 @@ class EmulatedLink:
         return stream.retry(now_s, size, self.conditions(now_s)[_DIRECTIONS.index(direction)])
 
     def room(self, direction: Direction, now_s: float) -> tuple[int, float]:
-        """How much a stream may put on the link now without filling the queue for all others.
+        """Returns how much a stream may put on the link now without filling the queue for all others.
 
         Returns:
             Bytes, and when 0 how long to wait, in seconds.

@@ -71,7 +71,7 @@ class LinkConditions:
             raise ConditionsError(f"loss must be a share from 0 to 1, found {self.loss!r}")
 
     def combined(self, other: LinkConditions) -> LinkConditions:
-        """Both in a row: delays add, independent jitters and losses combine, the narrower rate counts."""
+        """Returns both in a row: delays add, independent jitters and losses combine, the narrower rate counts."""
         if self is CLEAR or other is CLEAR:
             return self if other is CLEAR else other
         narrow = self
@@ -125,7 +125,7 @@ class DirectionModel:
         return None if luck < here.loss else self.arrival(sent_s, here, swing)
 
     def backlog_s(self, now_s: float) -> float:
-        """How long a packet offered now would wait in the queue."""
+        """Returns how long a packet offered now would wait in the queue."""
         return max(0.0, self._queue_free_s - now_s)
 
     def enqueue(self, now_s: float, size: int, here: LinkConditions) -> float:
@@ -136,7 +136,7 @@ class DirectionModel:
         return self._queue_free_s
 
     def arrival(self, sent_s: float, here: LinkConditions, swing: float) -> float:
-        """When a packet arrives that leaves the queue at `sent_s`.
+        """Returns when a packet arrives that leaves the queue at `sent_s`.
 
         Args:
             sent_s: when it leaves the queue.

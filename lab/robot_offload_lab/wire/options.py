@@ -29,7 +29,7 @@ class OptionError(WireError):
 
 
 def parse_ms(option: str, text: str) -> float:
-    """A time with its unit, in milliseconds.
+    """Returns a time with its unit, in milliseconds.
 
     Raises:
         OptionError: no number with `ms` or `s`.
@@ -41,7 +41,7 @@ def parse_ms(option: str, text: str) -> float:
 
 
 def parse_loss(option: str, text: str) -> float:
-    """A share of packets, `3%` or `0.03`, from 0 to 1.
+    """Returns a share of packets, `3%` or `0.03`, from 0 to 1.
 
     Raises:
         OptionError: no share from 0 to 1.
@@ -54,7 +54,7 @@ def parse_loss(option: str, text: str) -> float:
 
 
 def parse_rate(option: str, text: str) -> float:
-    """A rate such as `20mbit` or `512kbit` (also with `/s`), in kbit/s.
+    """Returns a rate such as `20mbit` or `512kbit` (also with `/s`), in kbit/s.
 
     Raises:
         OptionError: no rate above 0.
@@ -249,7 +249,7 @@ class WireConfig:
             raise WireError(f"a wire needs at least one forward, each with a name of its own, found {names}")
 
     def to_json(self) -> str:
-        """The configuration file."""
+        """Returns the configuration file."""
         return json.dumps(dataclasses.asdict(self), indent=2) + "\n"
 
     @classmethod
@@ -271,7 +271,7 @@ class WireConfig:
 
 
 def _object(raw: Any, cls: type, what: str) -> dict[str, Any]:
-    """A JSON object with only fields of `cls`, all that it requires, in the types of the defaults."""
+    """Returns a JSON object with only fields of `cls`, all that it requires, in the types of the defaults."""
     if not isinstance(raw, dict):
         raise WireError(f"{what} must be a JSON object, found {raw!r}")
     fields = {field.name: field for field in dataclasses.fields(cls)}

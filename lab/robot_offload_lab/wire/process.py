@@ -46,7 +46,7 @@ class WireProcessError(RobotOffloadError):
 
 
 class WireProcess:
-    """Runs the relays until told to stop. Everything happens in `run`, on one thread."""
+    """Runs the relays until SIGTERM or SIGINT. Everything happens in `run`, on one thread."""
 
     def __init__(self, config: WireConfig, *, parent: int | None = None) -> None:
         """Reads the trace; opens nothing yet.

@@ -70,7 +70,7 @@ class _End:
         self._watch()
 
     def read(self, size: int) -> bytes | None:
-        """What has come; None if nothing has, empty at the end of the stream.
+        """Returns what has come; None if nothing has, empty at the end of the stream.
 
         Raises:
             OSError: the connection was reset.
@@ -268,7 +268,7 @@ class _Connection:
         self._finished: set[_End] = set()
         self._client.on_finished = functools.partial(self._note_finished, self._client)
         self._server.on_finished = functools.partial(self._note_finished, self._server)
-        # An end that is gone tells the other one by the stream that it would have sent on.
+        # The other end learns that one is gone by the stream that it would have sent on.
         self._client.on_gone = functools.partial(self._up.end, _Mark.RESET)
         self._server.on_gone = functools.partial(self._down.end, _Mark.RESET)
         self.on_closed: Callable[[_Connection], None] = lambda connection: None

@@ -61,7 +61,7 @@ class TwoHosts(EmulatedWire):
 
     @classmethod
     def refusal(cls) -> str:
-        """Why this machine cannot make them; empty when it can."""
+        """Returns why this machine cannot make them; empty when it can."""
         if os.geteuid() != 0:
             return "network namespaces need root"
         if not Path("/dev/net/tun").exists():
@@ -69,11 +69,11 @@ class TwoHosts(EmulatedWire):
         return ""
 
     def namespace(self, host: str) -> str:
-        """The file through which the network namespace of `robot` or `cloud` can be entered."""
+        """Returns the file through which the network namespace of `robot` or `cloud` can be entered."""
         return f"/proc/{self.pid}/fd/{_NAMESPACES[host]}"
 
     def enter(self, host: str) -> tuple[str, ...]:
-        """What goes in front of a command that is to run on a host."""
+        """Returns what goes in front of a command that is to run on a host."""
         return ("nsenter", f"--net={self.namespace(host)}", "--")
 
 
@@ -90,7 +90,7 @@ class _End:
         loop.watch(cast(socket.socket, self), READ, action)
 
     def read(self) -> bytes | None:
-        """The next packet that the host sends; None when there is none."""
+        """Returns the next packet that the host sends; None when there is none."""
         try:
             return os.read(self._descriptor, _LARGEST)
         except OSError:
@@ -131,7 +131,7 @@ class Tunnel:
         """Nothing is remembered here."""
 
     def close(self) -> None:
-        """The devices; the namespaces end with the process."""
+        """Closes the devices; the namespaces end with the process."""
         self._robot.close()
         self._cloud.close()
 
@@ -152,7 +152,7 @@ class Tunnel:
 
 
 def _host(name: str, address: str) -> _End:
-    """A network namespace with loopback and a device that leads to us. This thread stays in it."""
+    """Returns a network namespace with loopback and a device that leads to us. This thread stays in it."""
     other = CLOUD_ADDRESS if address == ROBOT_ADDRESS else ROBOT_ADDRESS
     os.unshare(os.CLONE_NEWNET)
     with Path("/proc/self/ns/net").open(encoding="ascii") as own:

@@ -19,7 +19,7 @@ _BUFFER_BYTES = 4 << 20
 
 
 def bound_socket(kind: socket.SocketKind, address: Address) -> socket.socket:
-    """A non-blocking socket bound to `address`.
+    """Returns a non-blocking socket bound to `address`.
 
     Raises:
         OSError: the address is taken or not of this host.

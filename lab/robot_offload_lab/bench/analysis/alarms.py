@@ -46,7 +46,7 @@ class Leave:
 
 
 def leaves(watch: QuietStretch) -> tuple[Leave, ...]:
-    """Every time that the side in charge changed from cloud to robot."""
+    """Returns every time that the side in charge changed from cloud to robot."""
     placements = only(PlacementChange, watch.robot)
     return tuple(
         Leave(change.decided_s - watch.start_s, change.reason, change.detect_ms is not None)
@@ -56,13 +56,13 @@ def leaves(watch: QuietStretch) -> tuple[Leave, ...]:
 
 
 def beat_gaps_ms(watch: QuietStretch) -> tuple[float, ...]:
-    """The distances of the cloud's beats as they reached the robot."""
+    """Returns the distances of the cloud's beats as they reached the robot."""
     times = [heard.t_s for heard in only(BeatHeard, watch.robot) if watch.start_s <= heard.t_s <= watch.end_s]
     return tuple((after - before) * 1e3 for before, after in itertools.pairwise(times))
 
 
 def outcome(case: BenchCase, priority: Priority, watches: Sequence[QuietStretch]) -> GroupResult:
-    """The figures of all stretches together."""
+    """Returns the figures of all stretches together."""
     found = [leaves(watch) for watch in watches]
     sudden = [leave for stretch in found for leave in stretch if leave.sudden]
     minutes = sum(watch.length_s for watch in watches) / 60

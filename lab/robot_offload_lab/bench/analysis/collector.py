@@ -56,7 +56,7 @@ class Passed:
 
 
 def outcome(priority: Priority, found: Sequence[Passed]) -> GroupResult:
-    """The figures of all loads."""
+    """Returns the figures of all loads."""
     return GroupResult(
         group=GROUP,
         priority=priority,

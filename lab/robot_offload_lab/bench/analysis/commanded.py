@@ -3,7 +3,7 @@
 For each switch that was asked for by hand:
 
 * answer: from asking to the agent's answer;
-* activation: from asking until the new side's node told that it is Active;
+* activation: from asking until the new side's node reports Active;
 * timer phase: from there to the first message of the new side at the consumer (to the cloud: with the way through the
   link). Until then the old side's messages pass;
 * gap: the longest silence at the consumer that touches the time from asking to that first message.
@@ -47,7 +47,7 @@ class CommandedSwitch:
 def switches(
     recording: Recording, robot: Sequence[Observation], cloud: Sequence[Observation]
 ) -> tuple[CommandedSwitch, ...]:
-    """Every switch of a run."""
+    """Returns every switch of a run."""
     arrivals = recording.outputs.get(COMMAND, ())
     transitions = {"robot": only(Transition, robot), "cloud": only(Transition, cloud)}
     asked = [answer for answer in only(Answered, robot) if answer.accepted]
@@ -80,7 +80,7 @@ def _switches(
 
 
 def stream(recording: Recording) -> Stream:
-    """The consumer's view of the command."""
+    """Returns the consumer's view of the command."""
     arrivals = recording.outputs.get(COMMAND, ())
     return examine(COMMAND, arrivals, recording.end_s, recording.run.max_command_age_ms)
 
@@ -92,7 +92,7 @@ def outcome(
     robot: Sequence[Observation],
     cloud: Sequence[Observation],
 ) -> GroupResult:
-    """The figures of a run of commanded switches."""
+    """Returns the figures of a run of commanded switches."""
     found = switches(recording, robot, cloud)
     seen = stream(recording)
     faults = {

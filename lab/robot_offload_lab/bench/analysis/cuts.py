@@ -3,11 +3,11 @@
 For each cut, at the consumer and from the robot's announcements:
 
 * noticed: from the cut to the decision;
-* detection: from the last good beat to the decision, told by the agent as `silent_ms`. When only the way to the cloud
+* detection: from the last good beat to the decision, the agent's `silent_ms`. When only the way to the cloud
   is cut its beats stay good for a while, and this says little; there the latency rule may be first, which commands a
   switch without a gap;
 * before: from the last command of the cloud that passed to that last good beat (negative: the command came later);
-* activation: from the decision until the robot's node told that it is Active;
+* activation: from the decision until the robot's node reports Active;
 * timer phase: from there to the robot's first command at the consumer; its timer runs freely;
 * gap: the sum, last command of the cloud to first command of the robot;
 * first good beat: from the healing of the link to the first beat of the cloud that echoes, within the limit for a
@@ -97,7 +97,7 @@ class CutAccount:
 
 
 def falls(account: CutAccount) -> tuple[Fall, ...]:
-    """What came of each cut."""
+    """Returns what came of each cut."""
     placements = only(PlacementChange, account.robot)
     active = [event.t_s for event in only(Transition, account.robot) if event.state == "active"]
     good = good_beats(account.robot, account.loop_limit_s)
@@ -109,7 +109,7 @@ def falls(account: CutAccount) -> tuple[Fall, ...]:
 
 
 def good_beats(observations: Sequence[Observation], limit_s: float) -> tuple[float, ...]:
-    """When beats arrived that prove a living loop."""
+    """Returns when beats arrived that prove a living loop."""
     return tuple(heard.t_s for heard in only(BeatHeard, observations) if _is_good(heard, limit_s))
 
 
@@ -162,7 +162,7 @@ def _ms(from_s: float | None, to_s: float | None) -> float | None:
 
 
 def good_intervals(account: CutAccount) -> tuple[Interval, ...]:
-    """When the link was not cut, from the first cut's own beginning of good time on."""
+    """Returns when the link was not cut, from the first cut's own beginning of good time on."""
     begin_s = account.recording.run.start_s
     found = []
     for cut in account.cuts:
@@ -172,7 +172,7 @@ def good_intervals(account: CutAccount) -> tuple[Interval, ...]:
 
 
 def outcome(case: BenchCase, priority: Priority, account: CutAccount) -> GroupResult:
-    """The figures of a run of cuts."""
+    """Returns the figures of a run of cuts."""
     found = falls(account)
     return GroupResult(
         group=GROUP,

@@ -1,4 +1,4 @@
-"""How soon a lost link is noticed, by the product and by its rivals, and how often one is told that was not there."""
+"""How soon a lost link is noticed, by the product and by its rivals, and how often one is reported wrongly."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 
 from robot_offload_lab.bench.analysis.cuts import Cut, Fall
 from robot_offload_lab.bench.results import Distribution, Figure, GroupResult, Priority, Sample, at_or_none, part, parts
-from robot_offload_lab.bench.rivals import LIVELINESS, RIVALS, Rival, Told
+from robot_offload_lab.bench.rivals import LIVELINESS, RIVALS, Rival, RivalReport
 from robot_offload_lab.judge.measures import Interval
 
 GROUP: Final = "detect"
@@ -39,9 +39,9 @@ class Judged:
 
     Attributes:
         detector: for people.
-        noticed: from the cut until it is told, of each cut; None where it was not told before the link was mended.
-        back: from the mending until it is told that the other side is back.
-        alarms: losses told while nothing was cut; None where nobody watched for them.
+        noticed: from each cut until its report; None where there was none before the link was mended.
+        back: from the mending until it is reported that the other side is back.
+        alarms: losses reported while nothing was cut; None where nobody watched for them.
         gaps: of commands at the consumer; only the product's.
     """
 
@@ -62,16 +62,16 @@ class DetectionAccount:
 
 
 def ours(falls: Sequence[Fall], alarms: int | None) -> Judged:
-    """The product's, from what came of each cut."""
+    """Returns the product's, from what came of each cut."""
     return Judged(
         OURS, tuple(f.noticed_ms for f in falls), tuple(f.back_ms for f in falls), alarms,
         tuple(f.gap_ms for f in falls),
     )  # fmt: skip
 
 
-def rival(kind: Rival, told: Sequence[Told], cuts: Sequence[Cut], quiet: Interval | None) -> Judged:
-    """A rival's, from what it told. A cut shorter than its patience says nothing of it."""
-    said = [one for one in told if one.rival == kind.name]
+def rival(kind: Rival, reports: Sequence[RivalReport], cuts: Sequence[Cut], quiet: Interval | None) -> Judged:
+    """Returns a rival's, from what the rival reported. A cut shorter than the rival's patience does not count."""
+    said = [one for one in reports if one.rival == kind.name]
     seen = [cut for cut in cuts if kind.patience_s is None or cut.healed_s - cut.cut_s > kind.patience_s]
     ends = {cut.number: after.cut_s for cut, after in itertools.pairwise(cuts)}
     noticed = [_first_ms(said, True, cut.cut_s, cut.healed_s) for cut in seen]
@@ -79,17 +79,17 @@ def rival(kind: Rival, told: Sequence[Told], cuts: Sequence[Cut], quiet: Interva
     return Judged(kind.title, tuple(noticed), tuple(back), None if quiet is None else alarms(said, quiet))
 
 
-def alarms(said: Sequence[Told], quiet: Interval) -> int:
-    """How often a loss was told in a time without any."""
+def alarms(said: Sequence[RivalReport], quiet: Interval) -> int:
+    """Returns how often a loss was reported in a time without any."""
     return sum(one.lost and quiet.start_s <= one.t_s <= quiet.end_s for one in said)
 
 
-def _first_ms(said: Sequence[Told], lost: bool, from_s: float, to_s: float) -> float | None:
+def _first_ms(said: Sequence[RivalReport], lost: bool, from_s: float, to_s: float) -> float | None:
     return next(((one.t_s - from_s) * 1e3 for one in said if one.lost is lost and from_s <= one.t_s < to_s), None)
 
 
 def per_hour(count: int, seconds: float) -> str:
-    """A rate in words, honest about short times."""
+    """Returns a rate in words, honest about short times."""
     hours = seconds / 3600
     if not count:
         return f"none in {seconds / 60:.1f} minutes: below {UNSEEN / hours:.0f} per hour"
@@ -97,7 +97,7 @@ def per_hour(count: int, seconds: float) -> str:
 
 
 def outcome(priority: Priority, found: Sequence[DetectionAccount], refused: str) -> GroupResult:
-    """The figures of all cases; `refused` says why the rivals did not run, empty when they did."""
+    """Returns the figures of all cases; `refused` says why the rivals did not run, empty when they did."""
     figures = [figure for account in found for figure in _figures(account)]
     if refused:
         figures += [

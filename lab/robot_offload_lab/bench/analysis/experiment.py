@@ -84,13 +84,13 @@ def latencies(
 
 
 def lost(arrivals: Iterable[Arrival], window: Interval) -> int:
-    """How many numbers are missing between the first and the last message of the window."""
+    """Returns how many numbers are missing between the first and the last message of the window."""
     numbers = {a.sequence for a in arrivals if window.start_s <= a.sent_t_s <= window.end_s}
     return max(numbers) - min(numbers) + 1 - len(numbers) if numbers else 0
 
 
 def outcome(priority: Priority, found: Sequence[Travelled], refused: Mapping[str, str]) -> GroupResult:
-    """The figures of all scenarios.
+    """Returns the figures of all scenarios.
 
     Args:
         priority: of nodes and agents.

@@ -50,7 +50,7 @@ def by_size(arrivals: Iterable[Arrival], sizes: Sequence[int]) -> dict[int, tupl
 
 
 def outcome(case: BenchCase, priority: Priority, account: LatencyAccount) -> GroupResult:
-    """The figures of one run."""
+    """Returns the figures of one run."""
     sizes = case.command_bytes
     commands = [arrival for arrival in account.commands if arrival.site == "cloud"]
     ways = (
@@ -85,7 +85,7 @@ def _figures(
 
 
 def text(size: int) -> str:
-    """A payload for people."""
+    """Returns a payload for people."""
     return f"{size // 1024} KiB" if size >= 1024 and size % 1024 == 0 else f"{size} B"
 
 

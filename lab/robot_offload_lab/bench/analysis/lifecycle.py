@@ -66,7 +66,7 @@ _FIRST_ANSWER = "asked once each; DDS loses an answer to somebody not discovered
 
 
 def outcome(priority: Priority, found: Sequence[Rounds], refused: Mapping[str, str]) -> GroupResult:
-    """The figures of all cases.
+    """Returns the figures of all cases.
 
     Args:
         priority: of the nodes.

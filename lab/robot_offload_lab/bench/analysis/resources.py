@@ -87,7 +87,7 @@ def costs(before: Sequence[Usage], after: Sequence[Usage], seconds: float) -> tu
 
 
 def alone_mb(usages: Sequence[Usage]) -> float:
-    """What the same processes would hold with no other program on the machine to share files with.
+    """Returns what the same processes would hold with no other program on the machine to share files with.
 
     Anonymous pages are shared only within the agent (it forks), so their proportional parts add up. Of each file the
     most that one process holds is taken.
@@ -102,7 +102,7 @@ def alone_mb(usages: Sequence[Usage]) -> float:
 def outcome(
     case: BenchCase, priority: Priority, before: Sequence[Usage], after: Sequence[Usage], seconds: float
 ) -> GroupResult:
-    """The figures of one observation."""
+    """Returns the figures of one observation."""
     found = costs(before, after, seconds)
     conditions = f"{load(case)}, {seconds:.0f} s"
     shares = ", ".join(f"{cost.name.removeprefix('ro-robot-')} {cost.cpu_percent:.1f}" for cost in found)
@@ -126,7 +126,7 @@ def outcome(
 
 
 def load(case: BenchCase) -> str:
-    """What the agent was busy with."""
+    """Returns what the agent was busy with."""
     rates = sorted({case.sensor_rate_hz, case.cloud_rate_hz, case.robot_rate_hz})
     shown = " and ".join(f"{rate:g}" for rate in rates)
     return f"{len(case.sensors)} topics to the cloud and the command at {shown} Hz, beats at 50 Hz"

@@ -49,7 +49,7 @@ def steps(_amounts: Amounts) -> float:
 
 
 def run(order: Order) -> GroupResult:
-    """All loads with the default transports, then the large ones with those that are made for them."""
+    """Returns all loads with the default transports, then the large ones with those that are made for them."""
     found = _measure(order, "collector", LOADS, {})
     found += _measure(order, "collector-large", LARGE_LOADS, {"FASTDDS_BUILTIN_TRANSPORTS": LARGE})
     return collector.outcome(order.priority, found)
@@ -76,7 +76,7 @@ def _stage(stage: Stage, number: int, load: Load, seconds: float) -> Passed:
     command = {"stage": number, "bytes": load.size, "rate_hz": load.rate_hz, "seconds": seconds}
     sent = stage.ask(NODE, command, f"{load.title} is published", seconds * 5 + 30)
     stage.rest(LANDING_S)
-    came = stage.ask(SINK, {"stage": number}, "the consumer tells what came")
+    came = stage.ask(SINK, {"stage": number}, "the consumer reports what came")
     took_s = seconds + sent["behind_ms"] / 1e3
     return Passed(load, sent["sent"], took_s, tuple(came["collected"]), tuple(came["direct"]))
 
@@ -92,7 +92,7 @@ def _system(order: Order, folder: Path, temporary: Path, domains: tuple[int, int
 
 
 def _start(stage: Stage, system: System, extra: dict[str, str]) -> None:
-    """The robot's agent, its node, and the consumer."""
+    """Starts the robot's agent, its node, and the consumer."""
     stage.start(SINK, "robot_offload_lab.bench.parts.sink", extra=extra)
     now = datetime.datetime.now(tz=datetime.UTC)
     certificates = make_certificates(
@@ -106,7 +106,7 @@ def _start(stage: Stage, system: System, extra: dict[str, str]) -> None:
 
 
 def offload() -> RobotOffload:
-    """One node with one collected output, held on the robot."""
+    """Returns one node with one collected output, held on the robot."""
     document: dict[str, Any] = {
         "apiVersion": "robotoffload.dev/v1alpha1",
         "kind": "RobotOffload",

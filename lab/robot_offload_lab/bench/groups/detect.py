@@ -17,7 +17,7 @@ from robot_offload_lab.bench.groups.alarms import CASE as BAD_CASE
 from robot_offload_lab.bench.plan import Amounts, Order
 from robot_offload_lab.bench.resource import BenchCase, Sensor
 from robot_offload_lab.bench.results import GroupResult
-from robot_offload_lab.bench.rivals import RIVALS, Told
+from robot_offload_lab.bench.rivals import RIVALS, RivalReport
 from robot_offload_lab.bench.stage import Stage
 from robot_offload_lab.bench.world import MeasuredSystem
 from robot_offload_lab.judge.measures import Interval
@@ -88,7 +88,7 @@ CASES: Final = tuple(one.name for one in (*RUNS, *MORE))
 
 
 def runs(amounts: Amounts) -> tuple[DetectionRun, ...]:
-    """The cases of a form."""
+    """Returns the cases of a form."""
     return RUNS if amounts.form == "short" else (*RUNS, *MORE)
 
 
@@ -98,7 +98,7 @@ def steps(amounts: Amounts) -> float:
 
 
 def run(order: Order) -> GroupResult:
-    """One case after the other, each with its rivals where this machine can run them."""
+    """Returns one case after the other, each with its rivals where this machine can run them."""
     refused = TwoHosts.refusal()
     known = (*RUNS, *MORE) if order.cases else runs(order.amounts)
     wanted = [one for one in known if order.wants(one.name)]
@@ -122,16 +122,16 @@ class _Rivals:
         stage.start("rival-sender", f"{part}_sender", "--period", one.heartbeat_ms / 1e3, host="cloud")
 
     @property
-    def told(self) -> tuple[Told, ...]:
+    def reports(self) -> tuple[RivalReport, ...]:
         """Everything so far."""
-        return tuple(Told(**said) for said in self._stage.said[WATCHER])
+        return tuple(RivalReport(**said) for said in self._stage.said[WATCHER])
 
     def until_back(self) -> None:
         """Waits until every one says that the cloud is there."""
         self._stage.until(self._all_back, "the rivals find the other host", BACK_PATIENCE_S)
 
     def _all_back(self) -> bool:
-        newest = {told.rival: told.lost for told in self.told}
+        newest = {report.rival: report.lost for report in self.reports}
         return all(newest.get(rival.name) is False for rival in RIVALS)
 
     def cut(self, which: str | None) -> float:
@@ -141,9 +141,9 @@ class _Rivals:
         return steady_s() if which else before_s
 
     def judged(self, quiet: Interval | None) -> list[Judged]:
-        """What became of each."""
+        """Returns what became of each."""
         self._stage.follow()
-        return [detect.rival(kind, self.told, self.cuts, quiet) for kind in RIVALS]
+        return [detect.rival(kind, self.reports, self.cuts, quiet) for kind in RIVALS]
 
 
 def _measure(order: Order, one: DetectionRun, *, rivals: bool) -> detect.DetectionAccount:
@@ -188,7 +188,7 @@ def _cut(
     chance: random.Random,
     advance: Callable[[float], None],
 ) -> Cut:
-    """Both links at the same moment; each with its own time stamp."""
+    """Returns both links at the same moment; each with its own time stamp."""
     world.rest(chance.uniform(*REST_S))
     world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
     _, cut_s = world.cut("both")

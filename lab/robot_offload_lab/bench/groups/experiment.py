@@ -66,7 +66,7 @@ def steps(_amounts: Amounts) -> float:
 
 
 def run(order: Order) -> GroupResult:
-    """All scenarios, one after the other."""
+    """Returns all scenarios, one after the other."""
     found: list[Travelled] = []
     refused = {}
     for name, (scenario, measure) in RUNS.items():

@@ -48,7 +48,7 @@ def run(order: Order) -> GroupResult:
 
 
 def usages(pids: Sequence[int]) -> tuple[Usage, ...]:
-    """What each process has used so far, and holds now."""
+    """Returns what each process has used so far, and holds now."""
     return tuple(_usage(Path(f"/proc/{pid}")) for pid in pids)
 
 

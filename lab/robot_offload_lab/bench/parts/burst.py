@@ -1,4 +1,4 @@
-"""A lifecycle node that publishes as fast and as large as it is told, on its collected output and on a direct topic.
+"""A lifecycle node that publishes at the given rate and size, on its collected output and on a direct topic.
 
 Standard input takes `{"stage": N, "bytes": SIZE, "rate_hz": RATE, "seconds": LENGTH}`; standard output answers with
 `{"stage": N, "sent": COUNT, "behind_ms": TIME}` at its end, and once with `{"active": true}`. The direct message
@@ -30,12 +30,12 @@ DEPTH: Final = 10
 
 
 def message(size: int) -> bytearray:
-    """A serialized message with so many bytes of data, made once for all of a stage."""
+    """Returns a serialized message with so many bytes of data, made once for all of a stage."""
     return bytearray(HEAD.pack(b"\0\1\0\0", 0, 0, size) + bytes(size))
 
 
 def mark(data: bytearray, stage: int, number: int) -> bytes:
-    """The message as it is sent now."""
+    """Returns the message as it is sent now."""
     MARK.pack_into(data, HEAD.size, time.clock_gettime(time.CLOCK_REALTIME), stage, number)
     return bytes(data)
 
@@ -58,7 +58,7 @@ class Burst(LifecycleNode):  # type: ignore[misc]  # rclpy carries no types
         return super().on_activate(state)
 
     def run(self, stage: dict[str, Any]) -> dict[str, Any]:
-        """One stage."""
+        """Returns one stage."""
         data, half_s = message(stage["bytes"]), 0.5 / stage["rate_hz"]
         count = round(stage["seconds"] * stage["rate_hz"])
         due_s = steady_s()
@@ -71,7 +71,7 @@ class Burst(LifecycleNode):  # type: ignore[misc]  # rclpy carries no types
 
 
 def say(words: dict[str, Any]) -> None:
-    """One line."""
+    """Prints one line."""
     sys.stdout.write(json.dumps(words) + "\n")
     sys.stdout.flush()
 

@@ -29,12 +29,12 @@ HOST: Final = "127.0.0.1"
 
 
 def datagrams(size: int) -> int:
-    """How many datagrams carry a message with this payload."""
+    """Returns how many datagrams carry a message with this payload."""
     return -(-(size + OVERHEAD_BYTES) // DATAGRAM_BYTES)
 
 
 def datagram_socket(namespace: str) -> socket.socket:
-    """A socket that stays in the network namespace in which it is made; empty for this process's own."""
+    """Returns a socket that stays in the network namespace in which it is made; empty for this process's own."""
     if not namespace:
         return socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     with Path("/proc/self/ns/net").open(encoding="ascii") as home, Path(namespace).open(encoding="ascii") as other:
@@ -76,7 +76,7 @@ def measure(robot: socket.socket, cloud: socket.socket, number: int, size: int) 
 def _receive(end: socket.socket, mark: bytes) -> tuple[str, int] | None:
     """Waits for a datagram with this mark; returns where it came from, None when none comes."""
     while select.select([end], [], [], PATIENCE_S)[0]:
-        with suppress(ConnectionRefusedError):  # told by the kernel of an earlier datagram
+        with suppress(ConnectionRefusedError):  # reported by the kernel for an earlier datagram
             data, sender = end.recvfrom(65535)
             if data.startswith(mark):
                 return str(sender[0]), int(sender[1])

@@ -41,13 +41,13 @@ class Source(Node):  # type: ignore[misc]  # rclpy carries no types
 
 
 def message_class(type_name: str) -> Any:
-    """The class of `package/msg/Type`."""
+    """Returns the class of `package/msg/Type`."""
     package, _, short = type_name.partition("/msg/")
     return getattr(importlib.import_module(f"{package}.msg"), short)
 
 
 def filled(name: str, kind: Any) -> Any:
-    """A message of the size that a robot's has: ranges in a scan, a robot arm's joints."""
+    """Returns a message of the size that a robot's has: ranges in a scan, a robot arm's joints."""
     message = kind()
     if name == "scan":
         message.ranges = [1.0] * BEAMS

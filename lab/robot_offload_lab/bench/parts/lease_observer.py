@@ -74,7 +74,7 @@ def listen(options: argparse.Namespace, address: str, key: str, heard: Callable[
 
 
 def config(options: argparse.Namespace, endpoint: str) -> str:
-    """The configuration of a client session that waits for its listener."""
+    """Returns the configuration of a client session that waits for its listener."""
     tls = {
         "root_ca_certificate": options.ca,
         "enable_mtls": True,

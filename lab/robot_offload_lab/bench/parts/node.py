@@ -1,4 +1,4 @@
-"""What the bench's ROS programs share: messages that tell who made them, and spinning until a signal comes."""
+"""What the bench's ROS programs share: messages that name who made them, and spinning until a signal comes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Stamped:
         self._messages = {size: CompressedImage(data=array.array("B", bytes(size))) for size in self._sizes}
 
     def next(self, now: Any) -> CompressedImage:
-        """The next message; `now` is a ROS time."""
+        """Returns the next message; `now` is a ROS time."""
         number = next(self._numbers)
         message = self._messages[size_of(number, self._sizes)]
         message.header.stamp = now
@@ -81,7 +81,7 @@ def serve(nodes: Sequence[Any]) -> None:
 
 
 def _ended() -> bool:
-    """Whether standard input has ended; what is written to it is not for us."""
+    """Returns whether standard input has ended; what is written to it is not for us."""
     return bool(select.select([sys.stdin], [], [], 0)[0]) and not os.read(sys.stdin.fileno(), 4096)
 
 

@@ -1,7 +1,7 @@
-"""The robot's end of the rivals: tells on standard output when each says that the cloud is lost, and when it is back.
+"""The robot's end of the rivals: prints when each says that the cloud is lost, and when it is back.
 
 `{"t_s": TIME, "rival": NAME, "lost": true | false}`, a line each. Silence is waited for on threads of their own, up to
-the deadline, not by polling; the middleware tells the liveliness by an event.
+the deadline, not by polling; the middleware reports the liveliness by an event.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from std_msgs.msg import Header
 
 from robot_offload_lab.bench.parts import node
 from robot_offload_lab.bench.parts.rival_sender import quality
-from robot_offload_lab.bench.rivals import LIVELINESS, RIVALS, Rival, Told
+from robot_offload_lab.bench.rivals import LIVELINESS, RIVALS, Rival, RivalReport
 from robot_offload_lab.wire.loop import steady_s
 
 _saying = threading.Lock()
 
 
 def say(rival: Rival, *, lost: bool) -> None:
-    """One line."""
-    line = json.dumps(dataclasses.asdict(Told(steady_s(), rival.name, lost)))
+    """Prints one line."""
+    line = json.dumps(dataclasses.asdict(RivalReport(steady_s(), rival.name, lost)))
     with _saying:
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
@@ -47,7 +47,7 @@ class Waiting:
         threading.Thread(target=self._expire, name=rival.name, daemon=True).start()
 
     def heard(self, latency_s: float) -> None:
-        """A message has come."""
+        """Takes a message that has come."""
         with self._changed:
             self._deadline_s = steady_s() + self._patience_s
             self._become(lost=latency_s > self._limit_s)
@@ -92,7 +92,7 @@ class Watcher:
 
 
 def _ignore(_message: Header) -> None:
-    """The middleware's event is what counts."""
+    """Ignores the message: the middleware's event is what counts."""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The consumer behind the collector: takes what `burst` publishes, and tells how long it was on its way.
+"""The consumer behind the collector: takes what `burst` publishes, and reports how long each message was on its way.
 
 Standard input takes `{"stage": N}`; standard output answers with the latencies of that stage in milliseconds,
 `{"stage": N, "collected": [...], "direct": [...]}`, and once with `{"ready": true}`.
@@ -33,7 +33,7 @@ class Sink:
         self._took_ms[stage, name].append(round((info["received_timestamp"] / 1e9 - sent_s) * 1e3, 4))
 
     def stage(self, number: int) -> dict[str, Any]:
-        """What came of a stage."""
+        """Returns what came of a stage."""
         return {"stage": number, **{name: self._took_ms[number, name] for name in ("collected", "direct")}}
 
 

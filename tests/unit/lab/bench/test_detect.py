@@ -7,7 +7,7 @@ from robot_offload_lab.bench.analysis.detect import DetectionAccount, Judged, Va
 from robot_offload_lab.bench.groups.detect import DetectionRun, runs
 from robot_offload_lab.bench.plan import FULL, QUICK
 from robot_offload_lab.bench.resource import offload
-from robot_offload_lab.bench.rivals import BOND, LIVELINESS, MESSAGE, Told
+from robot_offload_lab.bench.rivals import BOND, LIVELINESS, MESSAGE, RivalReport
 from robot_offload_lab.judge.measures import Interval
 
 VARIANT = Variant("warm", "Warm standby, beats every 20 ms", "5ms each way")
@@ -15,8 +15,8 @@ QUIET = Interval(0.0, 60.0)
 CUTS = [Cut(1, "both", 5.0, 100.0, 105.0), Cut(2, "both", 1.5, 110.0, 111.5)]
 
 
-def told(rival: str, lost_s: float, back_s: float) -> list[Told]:
-    return [Told(lost_s, rival, True), Told(back_s, rival, False)]
+def told(rival: str, lost_s: float, back_s: float) -> list[RivalReport]:
+    return [RivalReport(lost_s, rival, True), RivalReport(back_s, rival, False)]
 
 
 def test_a_rival_notices_a_cut_when_it_first_tells_a_loss_and_is_back_when_it_tells_so_after_the_mending():
