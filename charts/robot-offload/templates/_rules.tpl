@@ -10,6 +10,10 @@ What the operator does, as rules of a Role. The tests compare them with robot_of
 - apiGroups: [robotoffload.dev]
   resources: [robotoffloads/status]
   verbs: [patch]
+# Children say that their RobotOffload is not gone before they are (blockOwnerDeletion); OpenShift asks for this right.
+- apiGroups: [robotoffload.dev]
+  resources: [robotoffloads/finalizers]
+  verbs: [update]
 # What a RobotOffload is made of.
 - apiGroups: [""]
   resources: [serviceaccounts, secrets, configmaps, services]

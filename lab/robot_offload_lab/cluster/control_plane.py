@@ -247,6 +247,8 @@ class ControlPlane:
             "endpoint-reconciler-type": "none",
             "service-cluster-ip-range": "10.96.0.0/16",
             "authorization-mode": "RBAC",
+            # As in OpenShift: who sets an owner that blocks deletion must be allowed to set its finalizers.
+            "enable-admission-plugins": "OwnerReferencesPermissionEnforcement",
             "token-auth-file": f"{self.directory}/tokens.csv",
             "service-account-issuer": "https://kubernetes.default.svc.cluster.local",
             "service-account-key-file": key,

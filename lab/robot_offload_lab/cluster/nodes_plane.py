@@ -115,7 +115,7 @@ class NodesPlane(ControlPlane):
             "bind-address": "0.0.0.0",  # in its own network namespace
             "service-cluster-ip-range": self._layout.services,
             "authorization-mode": "Node,RBAC",
-            "enable-admission-plugins": "NodeRestriction",
+            "enable-admission-plugins": "NodeRestriction,OwnerReferencesPermissionEnforcement",
             "client-ca-file": str(self.ca_file),
             "tls-cert-file": f"{self.certificates}/apiserver.crt",
             "tls-private-key-file": f"{self.certificates}/apiserver.key",

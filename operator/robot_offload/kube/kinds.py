@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-Verb: TypeAlias = Literal["get", "list", "watch", "create", "patch", "delete"]
+Verb: TypeAlias = Literal["get", "list", "watch", "create", "update", "patch", "delete"]
 
 
 @dataclass(frozen=True, slots=True)
