@@ -24,7 +24,7 @@ def place(story: Story, chart: Chart) -> Iterator[Workshop]:
         # Builds need more than the restricted level: docs/how-to/images.md, "In the cluster".
         label = "pod-security.kubernetes.io/enforce=privileged"
         story.kubectl.within("")("label", "namespace", story.namespace, label, "--overwrite")
-        chart.upgrade(images__builder=found.builder)
+        chart.upgrade(images__builder=found.builder, images__git=found.base, builds__enabled=True)
         yield found
         chart.rollback()
 

@@ -21,6 +21,7 @@ IMAGES = {
     "OPERATOR_IMAGE": "registry.example/operator:1",
     "DISCOVERY_IMAGE": "registry.example/discovery:1",
     "ROUTER_IMAGE": "registry.example/router:1",
+    "GIT_IMAGE": "registry.example/git:1",
 }
 # Everything that waits is quicker here than in a cluster; nothing else differs.
 QUICK = {

@@ -44,6 +44,11 @@ CASES: dict[str, Values] = {
     "labels and annotations": {"podLabels": {"team": "robots"}, "podAnnotations": {"example.com/a": "yes"}},
     "metrics for one namespace only": {"networkPolicy.metricsFrom": [PEER]},
     "another port of the API server": {"networkPolicy.apiServerPorts": [16443]},
+    "builds": {"builds.enabled": True, "images.git": "mirror.example/git:1"},
+    "no admission policy": {"admission.enabled": False},
+    "what everybody may ask for": {
+        "admission.allowed": {"serviceAnnotations": ["metallb.io/"], "tolerations": [], "nodeSelector": ["zone"]}
+    },
     "no network policy": {"networkPolicy.enabled": False},
 }  # fmt: skip
 
@@ -122,6 +127,14 @@ def test_every_image_has_the_version_of_the_chart(helm: Helm) -> None:
     told = environment(rendered(helm))
     for name in ("operator", "agent", "discovery", "router"):
         assert told[f"{name.upper()}_IMAGE"] == f"registry.robotoffload.dev/{name}:{version}"
+
+
+def test_the_operator_builds_only_where_that_is_allowed_and_fetches_with_the_charts_image(helm: Helm) -> None:
+    assert environment(rendered(helm))["GIT_IMAGE"] == ""
+    version = yaml.safe_load((CHART / "Chart.yaml").read_text())["appVersion"]
+    allowed = environment(rendered(helm, {"builds.enabled": True}))
+    assert allowed["GIT_IMAGE"] == f"registry.robotoffload.dev/git:{version}"
+    assert environment(rendered(helm, CASES["builds"]))["GIT_IMAGE"] == "mirror.example/git:1"
 
 
 def test_a_registry_serves_all_images_and_a_reference_only_its_own(helm: Helm) -> None:

@@ -52,6 +52,7 @@ OURS: Final = (
     OwnImage("operator", "system"),
     OwnImage("discovery", "ros-core"),
     OwnImage("router", None),
+    OwnImage("git", "system"),
 )
 
 

@@ -23,6 +23,7 @@ def images_in_use(deployments: list[Manifest]) -> Images:
         operator=found.get("reporter", default.operator),
         discovery=found.get("discovery", default.discovery),
         router=found.get("router", default.router),
+        git=default.git,
     )
 
 

@@ -105,11 +105,15 @@ async def build_pods(api: KubeApi, namespace: str, offload: RobotOffload) -> tup
     return tuple(await api.list(POD, namespace, labels.selector(offload, "build")))
 
 
-async def missing_secrets(api: KubeApi, namespace: str, names: Iterable[str]) -> frozenset[str]:
-    """Which of these Secrets are not there."""
+async def secret_types(api: KubeApi, namespace: str, names: Iterable[str]) -> dict[str, str]:
+    """Returns the types of those of these Secrets that are there, by name."""
     wanted = sorted(names)
     found = await asyncio.gather(*(api.get(SECRET, namespace, name) for name in wanted))
-    return frozenset(name for name, secret in zip(wanted, found, strict=True) if secret is None)
+    return {
+        name: str(secret.get("type") or "Opaque")
+        for name, secret in zip(wanted, found, strict=True)
+        if secret is not None
+    }
 
 
 def config_maps(offload: RobotOffload) -> frozenset[tuple[str, str]]:

@@ -327,8 +327,9 @@ class _Pass:
         if not parent.spec.built_nodes:
             return builds.Builds()
         pods = await observe.build_pods(self._api, self._subject.namespace, self._offload)
-        missing = await observe.missing_secrets(self._api, self._subject.namespace, builds.secrets_of(self._offload))
-        before = builds.Before(self._snapshot.live, pods, missing, self._clock.wall())
+        secrets = builds.secrets_of(self._offload)
+        types = await observe.secret_types(self._api, self._subject.namespace, secrets)
+        before = builds.Before(self._snapshot.live, pods, secrets - types.keys(), self._clock.wall(), types)
         return builds.decide(parent, before, self._subject.annotation(builds.REBUILD))
 
     async def _discovery(self, parent: Parent) -> _Servers:

@@ -56,7 +56,7 @@ def build_plans(offload: RobotOffload, rebuild: str) -> tuple[BuildPlan, ...]:
         )
         nodes = (*plans[key].nodes, node.name) if key in plans else (node.name,)
         name = child_name(offload.metadata.name, BUILD, told.package.replace("_", "-"), key)
-        plans[key] = BuildPlan(nodes, node.build, registry, key, name, told.build_image, dockerfile(told), placed)
+        plans[key] = BuildPlan(nodes, node.build, registry, key, name, dockerfile(told), placed)
     return tuple(plans.values())
 
 

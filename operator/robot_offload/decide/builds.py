@@ -9,7 +9,7 @@ from __future__ import annotations
 import datetime
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -82,6 +82,7 @@ class Before:
         live: objects of the children's labels, whoever they belong to.
         pods: of the build Jobs.
         secrets_missing: names of Secrets that builds need and that are not there.
+        secret_types: of those that are there, by name.
         now: our wall clock.
     """
 
@@ -89,6 +90,7 @@ class Before:
     pods: Sequence[Manifest]
     secrets_missing: frozenset[str]
     now: datetime.datetime
+    secret_types: Mapping[str, str] = field(default_factory=dict)
 
 
 def secrets_of(offload: RobotOffload) -> frozenset[str]:
@@ -177,11 +179,16 @@ def _step(
 
 
 def _begin(parent: Parent, plan: BuildPlan, seen: Before, files: Manifest | None) -> _Step:
-    secrets = (plan.build.git_secret, plan.registry.push_secret, plan.registry.pull_secret)
-    missing = [secret.name for secret in secrets if secret is not None and secret.name in seen.secrets_missing]
-    if missing:
-        message = f"{_subject(plan)} cannot be built: there is no Secret {missing[0]}; create it in this namespace"
-        return _Step(no("SecretMissing", message), recheck_s=SECRET_WAIT_S)
+    if not parent.facts.images.git:
+        message = "this cluster builds no images (chart value builds.enabled); build it elsewhere and name it in image"
+        return _Step(no("BuildsDisabled", f"{_subject(plan)} is not built: {message}"))
+    for secret, kind in _secrets(plan):
+        if secret in seen.secrets_missing:
+            message = f"{_subject(plan)} cannot be built: there is no Secret {secret}; create it in this namespace"
+            return _Step(no("SecretMissing", message), recheck_s=SECRET_WAIT_S)
+        if seen.secret_types.get(secret, kind) != kind:
+            message = f"{_subject(plan)} cannot be built: Secret {secret} is not of type {kind}; make one that is"
+            return _Step(no("SecretType", message), recheck_s=SECRET_WAIT_S)
     kept = () if files is None else ((CONFIG_MAP, plan.name),)
     made = () if files is not None else (build_files(parent, plan),)
     return _Step(
@@ -189,6 +196,16 @@ def _begin(parent: Parent, plan: BuildPlan, seen: Before, files: Manifest | None
         (*made, build_job(parent, plan)),
         kept,
     )
+
+
+def _secrets(plan: BuildPlan) -> Iterator[tuple[str, str]]:
+    """The Secrets that a build reads, each with the only type that it may have."""
+    if plan.build.git_secret is not None:
+        kind = "ssh-auth" if plan.build.git.over_ssh else "basic-auth"
+        yield plan.build.git_secret.name, f"kubernetes.io/{kind}"
+    for secret in (plan.registry.push_secret, plan.registry.pull_secret):
+        if secret is not None:
+            yield secret.name, "kubernetes.io/dockerconfigjson"
 
 
 def _under_way(

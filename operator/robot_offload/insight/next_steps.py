@@ -99,6 +99,15 @@ BUILDS: Final[dict[str, Advice]] = {
         "A Secret that a build needs is not there.",
         "Create what the message names in namespace {namespace}, e.g. with kubectl create secret docker-registry.",
     ),
+    "SecretType": Advice(
+        "A Secret that a build names is of another type than its purpose asks for; nothing of it is read.",
+        "Make one of the type that the message names, e.g. with kubectl create secret generic --type=...",
+    ),
+    "BuildsDisabled": Advice(
+        "The administrator has not allowed this cluster to build images.",
+        "Build it elsewhere (robot-offload build) and name it in spec.nodes[].image; or ask for the chart value "
+        "builds.enabled=true.",
+    ),
 }
 """Reasons of ImageBuilt."""
 

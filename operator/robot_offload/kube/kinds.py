@@ -115,6 +115,7 @@ class Use:
 USES: Final[tuple[Use, ...]] = (
     Use(ROBOT_OFFLOAD, ("get", "list", "watch"), reason="what users want"),
     Use(ROBOT_OFFLOAD, ("patch",), "status", "says what became of it"),
+    Use(ROBOT_OFFLOAD, ("update",), "finalizers", reason="children block its deletion; OpenShift asks for this right"),
     *(
         Use(kind, ("get", "list", "watch", "create", "patch", "delete"), reason="made, kept and pruned")
         for kind in CHILD_KINDS

@@ -21,6 +21,7 @@ class Images:
         operator: the operator, which holds the reporter as well.
         discovery: Fast DDS with its discovery server.
         router: the DDS Router.
+        git: git and ssh, which fetch the source of a build; empty: nothing is built in this cluster.
         builder: buildah, for nodes that are built in the cluster.
     """
 
@@ -28,6 +29,7 @@ class Images:
     operator: str
     discovery: str
     router: str
+    git: str = ""
     builder: str = BUILDER
 
 
@@ -99,5 +101,5 @@ class Facts:
 def default_images(version: str) -> Images:
     """Our own images of one version, where nobody has named others."""
     return Images(
-        *(f"registry.robotoffload.dev/{name}:{version}" for name in ("agent", "operator", "discovery", "router"))
+        *(f"registry.robotoffload.dev/{name}:{version}" for name in ("agent", "operator", "discovery", "router", "git"))
     )

@@ -14,6 +14,8 @@ from robot_offload.objects.parent import Parent, Part
 _DDS_BASE: Final = 7400
 _PORTS_PER_DOMAIN: Final = 250
 _LAST_PORT: Final = 65535
+_EVERYWHERE: Final = {"0.0.0.0/0": ("169.254.0.0/16",), "::/0": ("fe80::/10", "fd00:ec2::254/128")}
+"""All addresses, each without the link-local ones (RFC 3927, RFC 4291) and AWS's metadata service over IPv6."""
 _KUBERNETES_API: Final = (443, 6443, 8443, 16443)
 """The Service's port, and those on which API servers listen: most networks see the port behind the Service."""
 
@@ -44,6 +46,12 @@ def port(protocol: str, number: int, end: int | None = None) -> Manifest:
 def anybody(*ports: Manifest) -> Manifest:
     """A rule, either way, for these ports whoever is at the other end."""
     return {"ports": list(ports)}
+
+
+def outside(*ports: Manifest) -> Manifest:
+    """A rule for what goes to any host or pod but the machines' own services, such as a cloud's metadata."""
+    blocks = [{"cidr": cidr, "except": list(kept)} for cidr, kept in _EVERYWHERE.items()]
+    return {"to": [{"namespaceSelector": {}}, *({"ipBlock": block} for block in blocks)], "ports": list(ports)}
 
 
 def coming_from(labels: dict[str, str], *ports: Manifest) -> Manifest:

@@ -75,6 +75,7 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
             operator=text("OPERATOR_IMAGE"),
             discovery=text("DISCOVERY_IMAGE"),
             router=text("ROUTER_IMAGE"),
+            git=environment.get("GIT_IMAGE", ""),
             builder=environment.get("BUILDER_IMAGE") or BUILDER,
         ),
         pod_namespace=text("POD_NAMESPACE"),

@@ -44,7 +44,6 @@ class BuildPlan:
         registry: where it goes.
         key: short name for everything that it is made from, but for the commit.
         name: of the Job, and of the ConfigMap beside it.
-        image: what the source is built in.
         dockerfile: for the folder with the source.
         placed: labels of the cluster's nodes that it must be built on: an image is for one architecture.
     """
@@ -54,7 +53,6 @@ class BuildPlan:
     registry: Registry
     key: str
     name: str
-    image: str
     dockerfile: str
     placed: Mapping[str, str] = field(default_factory=dict)
 
@@ -122,7 +120,7 @@ def _template(parent: Parent, plan: BuildPlan) -> Manifest:
         grace_s=5,
         volumes=_volumes(plan),
         extra={
-            "initContainers": [_fetch(plan), _build(parent.facts, plan)],
+            "initContainers": [_fetch(parent.facts, plan), _build(parent.facts, plan)],
             "restartPolicy": "Never",
             "nodeSelector": dict(plan.placed),
             "securityContext": {"runAsNonRoot": True, "fsGroup": BUILDER_USER},
@@ -136,16 +134,24 @@ def _volumes(plan: BuildPlan) -> list[Manifest]:
         pod.config_map_volume("files", plan.name, [scripts.DOCKERFILE, scripts.REGISTRIES]),
     ]
     if plan.build.git_secret is not None:
-        found.append({"name": "git", "secret": {"secretName": plan.build.git_secret.name, "defaultMode": 0o440}})
+        keys = scripts.SSH_KEYS if plan.build.git.over_ssh else scripts.TOKEN_KEYS
+        volume = _secret_volume("git", plan.build.git_secret.name, {key: key for key in keys})
+        # Without known_hosts the script says what is missing; the kubelet would wait for it without a word.
+        found.append({**volume, "secret": {**volume["secret"], "optional": True}})
     for name, secret in (("push-secret", plan.registry.push_secret), ("pull-secret", plan.registry.pull_secret)):
         if secret is not None:
-            item = {"key": ".dockerconfigjson", "path": scripts.AUTH_FILE}
-            found.append({"name": name, "secret": {"secretName": secret.name, "defaultMode": 0o440, "items": [item]}})
+            found.append(_secret_volume(name, secret.name, {".dockerconfigjson": scripts.AUTH_FILE}))
     return found
 
 
-def _fetch(plan: BuildPlan) -> Manifest:
-    """Fetches one commit with the git of the image that is built in. Keeps to the restricted level."""
+def _secret_volume(name: str, secret: str, files: Mapping[str, str]) -> Manifest:
+    """Some entries of a Secret: what else it holds is nobody's business here."""
+    items = [{"key": key, "path": path} for key, path in files.items()]
+    return {"name": name, "secret": {"secretName": secret, "defaultMode": 0o440, "items": items}}
+
+
+def _fetch(facts: Facts, plan: BuildPlan) -> Manifest:
+    """Fetches one commit in an image of ours: what sees the source's Secret, no user chooses. Keeps to `restricted`."""
     mounts = [pod.mount("scratch", scripts.SCRATCH, read_only=False)]
     if plan.build.git_secret is not None:
         mounts.append(pod.mount("git", scripts.GIT_SECRET_DIR))
@@ -162,7 +168,7 @@ def _fetch(plan: BuildPlan) -> Manifest:
         "readOnlyRootFilesystem": True,
         "seccompProfile": {"type": "RuntimeDefault"},
     }
-    return _container(FETCH, plan.image, scripts.FETCH, plan, environment, mounts, security)
+    return _container(FETCH, facts.images.git, scripts.FETCH, plan, environment, mounts, security)
 
 
 def _build(facts: Facts, plan: BuildPlan) -> Manifest:

@@ -1,6 +1,7 @@
 """What the containers of a build Job run. Fixed texts: all that differs comes in variables and files.
 
-fetch has the source's credentials, build runs what others wrote and has none, push has the registry's.
+fetch has the source's credentials and runs in an image of ours; build runs what others wrote and has at most the Secret
+for pulling; push has the registry's.
 """
 
 from __future__ import annotations
@@ -16,6 +17,10 @@ REGISTRY_SECRET_DIR: Final = "/run/secrets/registry"  # noqa: S105 - a folder
 DOCKERFILE: Final = "Dockerfile"
 REGISTRIES: Final = "registries.conf"
 AUTH_FILE: Final = "config.json"
+TOKEN_KEYS: Final = ("username", "password")
+"""Entries of a Secret of type kubernetes.io/basic-auth."""
+SSH_KEYS: Final = ("ssh-privatekey", "known_hosts")
+"""Entries of a Secret of type kubernetes.io/ssh-auth, and the keys of the hosts."""
 
 _TRY: Final = """
 attempt() {
@@ -30,12 +35,10 @@ attempt() {
 FETCH: Final = f"""set -eu
 {_TRY}
 fail() {{ echo "fatal: $1" >&2; exit 1; }}
-command -v git > /dev/null || fail "the image that is built in has no git; name one that has in build.base"
 export HOME={SCRATCH}/fetch GIT_TERMINAL_PROMPT=0
 rm -rf {SCRATCH}/context "$HOME"
 mkdir -p {SCRATCH}/context/src "$HOME"
 if [ -f {GIT_SECRET_DIR}/ssh-privatekey ]; then
-  command -v ssh > /dev/null || fail "the image that is built in has no ssh; name one in build.base, or use https"
   [ -f {GIT_SECRET_DIR}/known_hosts ] || fail "the git secret has no entry known_hosts; write the host's keys into it"
   export GIT_SSH_COMMAND='ssh -o BatchMode=yes -o StrictHostKeyChecking=yes -o IdentitiesOnly=yes \\
     -o UserKnownHostsFile={GIT_SECRET_DIR}/known_hosts -i {GIT_SECRET_DIR}/ssh-privatekey'

@@ -72,7 +72,7 @@ def _builds(parent: Parent) -> Manifest:
         parent,
         Part(child_name(parent.name, names.BUILD), "build"),
         ingress=[],
-        egress=[rules.names(), rules.anybody(*ports)],
+        egress=[rules.names(), rules.outside(*ports)],
     )
 
 

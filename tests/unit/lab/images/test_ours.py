@@ -30,7 +30,7 @@ def text_of(name: str) -> str:
 
 def test_there_is_an_image_for_everything_that_a_cluster_runs_of_ours() -> None:
     images = default_images("1.2.3")
-    wanted = {images.agent, images.operator, images.discovery, images.router}
+    wanted = {images.agent, images.operator, images.discovery, images.router, images.git}
     settings = BuildSettings(registry=ours.REGISTRY, version="1.2.3", revision="abc")
     assert {request(image, settings).tag for image in OURS} == wanted
 
@@ -162,7 +162,7 @@ def test_a_dry_run_prints_one_command_for_each_image() -> None:
 
 def test_without_a_registry_the_bases_are_made_of_wheels_and_the_router_is_left_out() -> None:
     lines = run("--builder", "podman", "--dry-run", "--wheels").stdout.splitlines()
-    assert ["wheels-ros-core" in line for line in lines] == [True, False, True]
+    assert ["wheels-ros-core" in line for line in lines] == [True, False, True, False]
     assert not any("/router:" in line for line in lines)
 
 

@@ -52,10 +52,11 @@ class World:
         self.live: dict[Key, Manifest] = {}
         self.pods: list[Manifest] = []
         self.missing: frozenset[str] = frozenset()
+        self.types: dict[str, str] = {}
         self.now = NOW
 
     def decide(self, wanted: RobotOffload, rebuild: str = "") -> Builds:
-        return decide(Parent(wanted, FACTS), Before(self.live, self.pods, self.missing, self.now), rebuild)
+        return decide(Parent(wanted, FACTS), Before(self.live, self.pods, self.missing, self.now, self.types), rebuild)
 
     def turn(self, wanted: RobotOffload, rebuild: str = "") -> Builds:
         """One pass of the operator."""
@@ -314,6 +315,31 @@ def test_nodes_for_other_computers_are_built_there() -> None:
     world.turn(built(NODE, {**NODE, "name": "second", "nodeSelector": {"kubernetes.io/arch": "arm64", "gpu": "yes"}}))
     places = [job["spec"]["template"]["spec"].get("nodeSelector") for job in world.jobs]
     assert places == [None, {"kubernetes.io/arch": "arm64"}]
+
+
+def test_a_secret_of_another_type_is_not_read() -> None:
+    world = World()
+    world.types = {"push": "Opaque"}
+    decision = world.turn(built())
+    assert (decision.verdict.truth, decision.verdict.reason) == ("False", "SecretType")
+    assert "Secret push is not of type kubernetes.io/dockerconfigjson" in decision.verdict.message
+    assert not world.jobs
+    world.types = {"push": "kubernetes.io/dockerconfigjson"}
+    world.turn(built())
+    assert world.jobs
+
+
+def test_nothing_is_built_where_the_administrator_has_not_allowed_it_and_what_was_built_goes_on() -> None:
+    world = World()
+    forbidding = dataclasses.replace(FACTS, images=dataclasses.replace(FACTS.images, git=""))
+    before = Before(world.live, (), frozenset(), NOW)
+    refused = decide(Parent(built(), forbidding), before, "")
+    assert (refused.verdict.truth, refused.verdict.reason, refused.manifests) == ("False", "BuildsDisabled", ())
+    world.turn(built())
+    world.succeed()
+    world.turn(built())
+    later = decide(Parent(built(), forbidding), Before(world.live, (), frozenset(), NOW), "")
+    assert (later.verdict.truth, later.references) == ("True", {"talker": IMAGE})
 
 
 def test_a_missing_secret_is_named_and_looked_for_again_before_any_job_is_made() -> None:

@@ -10,7 +10,7 @@ from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.objects.facts import Facts, Images
 
 NOW = datetime.datetime(2026, 11, 21, 12, tzinfo=datetime.UTC)
-IMAGES = Images(agent="agent:1", operator="operator:1", discovery="discovery:1", router="router:1")
+IMAGES = Images(agent="agent:1", operator="operator:1", discovery="discovery:1", router="router:1", git="git:1")
 FACTS = Facts(
     namespace="fleet",
     uid="u-1",

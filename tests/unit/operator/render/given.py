@@ -19,6 +19,7 @@ IMAGES = Images(
     operator="registry.example/operator:1",
     discovery="registry.example/discovery:1",
     router="registry.example/router:1",
+    git="registry.example/git:1",
 )
 FACTS = Facts(
     namespace="robots",

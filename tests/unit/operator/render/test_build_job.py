@@ -81,6 +81,26 @@ def test_without_secrets_none_is_mounted() -> None:
     assert secrets_seen_by(offload) == {"fetch": set(), "build": set(), "push": set()}
 
 
+def test_what_sees_the_secret_of_the_source_runs_in_an_image_of_ours_whatever_a_user_names() -> None:
+    offload = built({"base": "registry.example/git-that-steals", "gitSecret": {"name": "git"}})
+    assert containers(offload)["fetch"]["image"] == facts().images.git
+    assert {one["image"] for one in containers(offload).values()} == {facts().images.git, facts().images.builder}
+
+
+@pytest.mark.parametrize(
+    ("url", "entries"),
+    [
+        ("https://git.example/robot.git", ["username", "password"]),
+        ("git@git.example:robot.git", ["ssh-privatekey", "known_hosts"]),
+    ],
+)
+def test_of_a_secret_only_the_entries_of_its_type_are_mounted(url: str, entries: list[str]) -> None:
+    offload = built({"git": {"url": url}, "gitSecret": {"name": "wheelchair-client-ca"}})
+    volumes = {volume["name"]: volume["secret"] for volume in pod_of(offload)["volumes"] if "secret" in volume}
+    assert [item["key"] for item in volumes["git"]["items"]] == entries
+    assert all(volume["items"] for volume in volumes.values())
+
+
 def test_only_buildah_has_more_than_the_restricted_level_allows_and_nobody_is_root() -> None:
     security = {name: container["securityContext"] for name, container in containers(built()).items()}
     assert security["fetch"]["seccompProfile"] == {"type": "RuntimeDefault"}
@@ -196,7 +216,7 @@ def test_middleware_distribution_and_user_follow_from_the_resource() -> None:
     [plan] = build_plans(offload, "")
     assert 'RMW_IMPLEMENTATION="rmw_fastrtps_dynamic_cpp"' in plan.dockerfile
     assert "USER 1234:1234" in plan.dockerfile
-    assert plan.image == "docker.io/library/ros:jazzy"
+    assert "FROM docker.io/library/ros:jazzy" in plan.dockerfile
 
 
 def test_the_key_is_that_of_the_source_and_not_of_the_robot_or_of_secrets() -> None:
