@@ -18,6 +18,7 @@ from robot_offload_agent.process import realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.ros import context, raw
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings import store
@@ -89,6 +90,7 @@ class CollectorShell:
         self.bus = bus
         self.lock = threading.Lock()
         self.beacon = Beacon(bus, "ros", "bus")
+        self.guard = Guard(context.is_up)
         settings = store.in_force(configuration).settings()
         self.memory = Memory(configuration.runtime_dir)
         plan = CollectorPlan(
@@ -199,11 +201,12 @@ class CollectorShell:
                 self.process.woke()
             self.beacon.sign("bus")
             while readable and (message := self.bus.receive()) is not None:
-                with self.lock:
+                with self.guard, self.lock:
                     self.process.handle(message)
             if now_s() >= due_s:
                 due_s = now_s() + TURN_S
                 with self.lock:
+                    self.process.counters["garbage.collector"] = self.bus.garbage + self.guard.count
                     self.process.report(only_news=True)
 
 

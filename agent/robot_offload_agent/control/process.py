@@ -20,6 +20,7 @@ from typing import Any
 from robot_offload_agent.process import beacon, realtime
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.managed_nodes import ManagedNodes
 from robot_offload_agent.ros.report import Report
@@ -56,6 +57,7 @@ class ControlShell(ABC):
         self.wake = os.eventfd(0, os.EFD_NONBLOCK)
         self.pulse_status: PulseStatus | None = None
         self.lives = Lives(())
+        self.guard = Guard(context.is_up)
         self.beacon = beacon.Beacon(bus, "decide", "ros")
         self.report_due_s = 0.0
         context.init(configuration)
@@ -105,13 +107,15 @@ class ControlShell(ABC):
     def drain(self) -> None:
         """Takes all that has arrived."""
         while (message := self.bus.receive()) is not None:
-            self.take(message)
+            with self.guard:
+                self.take(message)
         while True:
             try:
                 event = self.events.get_nowait()
             except queue.Empty:
                 return
-            event(now_s())
+            with self.guard:
+                event(now_s())
 
     def take(self, message: Any) -> None:
         """Takes one datagram."""
@@ -127,13 +131,22 @@ class ControlShell(ABC):
         elif isinstance(message, Lives):
             self.take_lives(message)
         elif isinstance(message, PulseStatus):
-            self.pulse_status = message
-            if message.realtime not in ("fifo", "normal"):
-                self.report.note("realtime", ("RealtimeRefused", message.realtime))
+            self.take_pulse_status(message)
         elif isinstance(message, Notes):
             self.take_notes(message, now_s())
         else:
             self.process.handle(message)
+
+    def take_pulse_status(self, status: PulseStatus) -> None:
+        """Takes the state of the pulse session; what somebody has to do something about is a problem."""
+        before, self.pulse_status = self.pulse_status, status
+        if status.realtime not in ("fifo", "normal"):
+            self.report.note("realtime", ("RealtimeRefused", status.realtime))
+        refused = dict(status.garbage).get("BadVersion", 0) - (
+            dict(before.garbage).get("BadVersion", 0) if before else 0
+        )
+        message = "Beats of another version arrive: install the same release of the agent on both sides"
+        self.report.note("version", ("OtherVersion", message) if refused else None)
 
     def take_lives(self, lives: Lives) -> None:
         """Takes what the supervisor says of all processes; that one hung is a problem for as long as this one lives."""
@@ -143,9 +156,10 @@ class ControlShell(ABC):
         self.report.note("hung", ("ProcessHung", problem) if problem else None)
 
     def life_counters(self) -> dict[str, int]:
-        """Returns deaths and hangs of each process, for diagnostics."""
+        """Returns deaths and hangs of each process, and what was no message here, for diagnostics."""
         deaths = {f"process.{name}.deaths": deaths for name, deaths, _ in self.lives.processes}
-        return deaths | {f"process.{name}.hangs": hangs for name, _, hangs in self.lives.processes}
+        garbage = {"garbage.control": self.bus.garbage + self.guard.count}
+        return garbage | deaths | {f"process.{name}.hangs": hangs for name, _, hangs in self.lives.processes}
 
     # -- what the core's process needs --------------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from robot_offload_agent.process import realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration
@@ -66,6 +67,7 @@ class DataShell:
         self.bus = bus
         self.lock = threading.Lock()
         self.beacon = Beacon(bus, "ros", "bus")
+        self.guard = Guard(context.is_up)
         context.init(configuration)
         self.node = context.make_node(configuration, f"offload_data_{configuration['side']}")
         self.link: LinkHandle = open_link(
@@ -92,16 +94,15 @@ class DataShell:
             self.process.woke()
             self.beacon.sign("bus")
             while readable and (message := self.bus.receive()) is not None:
-                self.process.handle(message)
+                with self.guard:
+                    self.process.handle(message)
+            self.process.counters["garbage.data"] = self.bus.garbage + self.guard.count
             self.process.turn()
 
     def on_message(self, channel: str, header: bytes, payload: bytes) -> None:
         """Takes a message from the link, on one of its threads."""
-        try:
+        with self.guard:
             self.process.arrived(channel, header, payload)
-        except Exception:
-            if context.is_up():
-                raise  # else this process is ending, and its publishers ended before the link
 
     # -- what the core's process needs --------------------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from robot_offload_agent.process import realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s, wall_us
+from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import beats, pulse
 from robot_offload_core.placement import PulseSent, Reopen
@@ -45,6 +46,7 @@ class PulseProcess:
         self.told_sent_s = 0.0
         self.link: LinkHandle | None = None
         self.beacon = Beacon(bus, "main")
+        self.guard = Guard()
 
     def run(self) -> None:
         """Runs until it is ended."""
@@ -78,18 +80,23 @@ class PulseProcess:
         status = self.link.status()
         if status != self.status or now >= self.status_due_s:
             self.status, self.status_due_s = status, now + STATUS_PERIOD_S
-            garbage = tuple(sorted(self.garbage.items()))
+            garbage = tuple(sorted({**self.garbage, "pulse": self.bus.garbage + self.guard.count}.items()))
             told = (status.connected, status.endpoint, status.fallback, status.sessions, status.message)
             self.bus.send("control", PulseStatus(*told, garbage, self.realtime))
 
     def read(self) -> None:
         """What control says."""
         while (message := self.bus.receive()) is not None:
-            if isinstance(message, Speak):
-                with self.lock:
-                    self.pulse = pulse.speak(self.pulse, message.incarnation, message.body, message.said_s)
-            elif isinstance(message, Reopen) and self.link is not None:
-                self.link.reopen(message.reason)
+            with self.guard:
+                self.handle(message)
+
+    def handle(self, message: object) -> None:
+        """Takes one message of control."""
+        if isinstance(message, Speak):
+            with self.lock:
+                self.pulse = pulse.speak(self.pulse, message.incarnation, message.body, message.said_s)
+        elif isinstance(message, Reopen) and self.link is not None:
+            self.link.reopen(message.reason)
 
     def on_message(self, _channel: str, _header: bytes, payload: bytes) -> None:
         """A beat arrived (on a thread of the link)."""

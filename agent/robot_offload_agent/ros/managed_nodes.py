@@ -18,6 +18,7 @@ from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import guardians
 from robot_offload_core.events import assert_never
 from robot_offload_core.guardians import State, Transition
+from robot_offload_core.settings import NodeSpec
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
@@ -36,10 +37,10 @@ TRANSITIONS = {
 OWN_TOPICS = ("/rosout", "/parameter_events")
 
 
-def replica_name(side: Site, name: str) -> str:
-    """The node's ROS name on a side: the cloud's replicas carry the prefix `remote_`."""
-    head, slash, last = name.rpartition("/")
-    return name if side is Site.ROBOT else f"{head}{slash}remote_{last}"
+def ros_name(side: Site, spec: NodeSpec) -> str:
+    """Returns the node's ROS name on a side: replicas in the cloud carry the prefix `remote_`."""
+    head, slash, last = spec.name.rpartition("/")
+    return f"{head}{slash}remote_{last}" if side is Site.CLOUD and spec.duplicated else spec.name
 
 
 class ManagedNodes:
@@ -56,14 +57,14 @@ class ManagedNodes:
         self.watched: list[Any] = []
         for spec in configuration.node_specs():
             if spec.lifecycle:
-                self._watch(spec.name)
+                self._watch(spec)
         service = configuration["inhibit_service"]
         self.inhibit = None
         if configuration.side is Site.ROBOT and service:
             self.inhibit = node.create_client(SetBool, service)
 
-    def _watch(self, name: str) -> None:
-        full = replica_name(self.configuration.side, name)
+    def _watch(self, spec: NodeSpec) -> None:
+        name, full = spec.name, ros_name(self.configuration.side, spec)
         if not full.startswith("/"):
             full = f"{self.configuration['namespace'].rstrip('/')}/{full}"
         self.names[name] = full

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,8 @@ from rclpy.subscription import Subscription
 from robot_offload_agent.errors import StartError
 from robot_offload_agent.settings.parameters import Named
 
+INTERFACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/msg/[A-Za-z][A-Za-z0-9_]*")
+SETUP_VARIABLE = "ROBOT_OFFLOAD_SETUP"
 OnRaw = Callable[[bytes], None]
 
 
@@ -25,12 +28,15 @@ def message_type(name: str) -> Any:
         StartError: it cannot be imported; names the package.
     """
     package, _, short = name.partition("/msg/")
+    if not INTERFACE.fullmatch(name):  # anybody in the graph can give a topic any type
+        raise StartError(f"{name!r:.100} is no interface type")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), short)
     except (ImportError, AttributeError) as error:
         raise StartError(
-            f"Interface type {name} cannot be imported here; run the agent inside the overlay that has package "
-            f"{package}, or list it under `interfaces`"
+            f"Interface type {name} cannot be imported here: no installed package {package} has it; run the agent "
+            f"inside the overlay that has it ({SETUP_VARIABLE} in the bundle's `environment`), or build it into the "
+            "agent's image"
         ) from error
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import json
 import logging
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from robot_offload_agent.settings.parameters import Configuration
 
 log = logging.getLogger(__name__)
 
+HANDOVER = re.compile(r"[A-Za-z0-9._:-]{1,128}")
 RENEW_S = 0.8
 """The state is written again after this, also when nothing has changed: its age says that the agent lives."""
 
@@ -70,5 +72,10 @@ class ClusterFiles:
 
     def _handover(self, text: str | None, _why: str) -> None:
         # A file that an earlier agent of this pod has answered already must not move the robot again.
-        if text and text.strip() and age_s(Path(self.handover_file)) < LEAVING_S:
-            self.happened(HandoverAsked(text.strip()))
+        name = (text or "").strip()
+        if not name or age_s(Path(self.handover_file)) >= LEAVING_S:
+            return
+        if HANDOVER.fullmatch(name):
+            self.happened(HandoverAsked(name))
+        else:
+            log.warning("%s holds no name of a handover: %.40r", self.handover_file, name)

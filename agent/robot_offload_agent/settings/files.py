@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from robot_offload_agent.process.guard import Guard
+
 log = logging.getLogger(__name__)
 
 WATCH_PERIOD_S = 0.2
@@ -100,6 +102,7 @@ class Watch:
         self.path = path
         self.changed = changed
         self.known: tuple[str | None, str] | None = None
+        self.guard = Guard()
 
     def start(self) -> None:
         """Begins to watch."""
@@ -118,7 +121,8 @@ class Watch:
 
     def _work(self) -> None:
         while True:
-            self.look()
+            with self.guard:
+                self.look()
             time.sleep(WATCH_PERIOD_S)
 
 

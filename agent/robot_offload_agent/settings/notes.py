@@ -7,10 +7,16 @@ says all that holds now, so a lost one loses nothing. Pure.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from typing import Any
 
 from robot_offload_agent.settings.offer import Offer
+
+MAX_GENERATION = 2**53
+MAX_NAME = 128
+MAX_MESSAGE = 1024
+REASON = re.compile(r"[A-Za-z]{0,128}")
 
 
 class NotesError(ValueError):
@@ -65,14 +71,14 @@ def decode_cloud(text: str) -> CloudNotes:
     """Notes of the cloud; raises NotesError."""
     body = _table(text)
     leaving, offered = body.get("leaving"), body.get("offer")
-    if not isinstance(leaving, str):
-        raise NotesError("leaving is no text")
+    if not isinstance(leaving, str) or len(leaving) > MAX_NAME:
+        raise NotesError("leaving is no name")
     if offered is None:
         return CloudNotes(None, leaving)
     if not isinstance(offered, list) or len(offered) != 2:
         raise NotesError("an offer is a generation and parameters")
     generation, parameters = offered
-    if not isinstance(generation, int) or isinstance(generation, bool) or not isinstance(parameters, dict):
+    if type(generation) is not int or not 0 <= generation <= MAX_GENERATION or not isinstance(parameters, dict):
         raise NotesError("an offer is a generation and parameters")
     return CloudNotes(Offer(generation, parameters), leaving)
 
@@ -88,7 +94,12 @@ def decode_robot(text: str) -> RobotNotes:
             raise NotesError(f"{key} has another type")
     if notes.site not in ("robot", "cloud"):
         raise NotesError("the site is robot or cloud")
-    return notes
+    if not (0 <= notes.generation <= MAX_GENERATION and REASON.fullmatch(notes.reason + notes.decided)):
+        raise NotesError("a generation or a reason has another form")
+    if max(len(notes.digest), len(notes.left)) > MAX_NAME:
+        raise NotesError("a name is too long")
+    # Texts for people go on to the operator's status, which has limits of its own.
+    return replace(notes, message=notes.message[:MAX_MESSAGE], decided_message=notes.decided_message[:MAX_MESSAGE])
 
 
 def _table(text: str) -> dict[str, Any]:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import time
 from pathlib import Path
 
-from robot_offload_agent.settings.files import write_whole
+from robot_offload_agent.settings.files import read_text, write_whole
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.placement import Wish
 from robot_offload_core.token import Site
+
+log = logging.getLogger(__name__)
 
 WORDS = ("Auto", "Robot", "Cloud")
 
@@ -31,12 +34,15 @@ class Override:
         self.word = "Auto"
         self.until_wall_s: float | None = None
         try:
-            kept = json.loads(self.path.read_text())
-            if kept["override"] in WORDS:
-                until_wall_s = None if kept["until"] is None else float(kept["until"])
-                self.word, self.until_wall_s = kept["override"], until_wall_s
-        except (OSError, ValueError, KeyError, TypeError):
-            pass  # none was set, or none that can be read
+            kept = json.loads(read_text(self.path))
+            if kept["override"] not in WORDS:
+                raise ValueError(f"{kept['override']!r:.40} is none of {', '.join(WORDS)}")
+            until_wall_s = None if kept["until"] is None else float(kept["until"])
+            self.word, self.until_wall_s = kept["override"], until_wall_s
+        except FileNotFoundError:
+            pass  # none was set
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            log.warning("%s is damaged (%s): no override is set; set it again when one is meant", self.path, error)
         self.expire()
 
     def set(self, word: str, for_s: float) -> None:
@@ -46,7 +52,7 @@ class Override:
             OSError: it cannot be kept; then it is not set either, because it would be forgotten by the next start.
         """
         until_wall_s = _wall_s() + for_s if for_s > 0 and word != "Auto" else None
-        write_whole(self.path, json.dumps({"override": word, "until": until_wall_s}))
+        write_whole(self.path, json.dumps({"override": word, "until": until_wall_s}), durable=True)
         self.word, self.until_wall_s = word, until_wall_s
 
     def expire(self) -> bool:

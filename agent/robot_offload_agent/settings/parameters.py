@@ -212,12 +212,17 @@ class Configuration:
         return tuple(InputSpec(i.name, i["max_age_ms"] / 1e3) for i in self.inputs)
 
     def node_specs(self) -> tuple[NodeSpec, ...]:
-        """For the guardian core of this side; the cloud manages duplicated nodes only."""
+        """For the guardian core of this side: CORE is a node that the robot cannot do without, on that side or both."""
         hot = "standby_robot" if self.side is Site.ROBOT else "standby_cloud"
         return tuple(
-            NodeSpec(n.name, n["duplicated"], n["core"], n["lifecycle"], n["duplicated"] and n[hot] == "Hot")
+            NodeSpec(
+                n.name,
+                n["duplicated"],
+                n["core"] and (self.side is Site.ROBOT or n["duplicated"]),
+                n["lifecycle"],
+                n["duplicated"] and n[hot] == "Hot",
+            )
             for n in self.nodes
-            if self.side is Site.ROBOT or n["duplicated"]
         )
 
 
@@ -234,8 +239,10 @@ def load(path: Path) -> Configuration:
 def read(text: str, where: str) -> dict[str, Any]:
     """The parameters in the text of a parameter file, as nested blocks; raises ConfigurationError."""
     try:
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
+            raise ConfigurationError(f"{where}: aliases (`*name`) are not allowed; write each value out")
         document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError) as error:
         raise ConfigurationError(f"{where}: not YAML: {error}") from error
     try:
         tree = document["/**"]["ros__parameters"]

@@ -175,7 +175,7 @@ class DataProcess(ABC):
         try:
             opened = envelope.decode(header)
         except EnvelopeError:
-            self.counters["garbage"] += 1
+            self.counters["garbage.envelope"] += 1
             return
         self.carried_in(kind, name, opened, header, payload)
 
@@ -183,17 +183,25 @@ class DataProcess(ABC):
         try:
             received = probe.decode(payload)
         except ProbeError as error:
-            self.counters["garbage"] += 1
-            if self.counters["garbage"] == 1:
-                self.ports.warn(f"Ignoring a foreign probe ({error}); more of them are only counted")
+            self._refuse(error)
             return
         if not self.knows(received.incarnation):
             self.counters["probe.foreign"] += 1
             return
         with self.ports.lock:
             self.probe, self.probe_s = received, self.ports.now_s()
+        self.note("version", None)
         self.probed(received)
         self._pass_notes(received)
+
+    def _refuse(self, error: ProbeError) -> None:
+        """Counts what is no probe of ours; another version is a problem that somebody has to solve."""
+        self.counters["garbage.probe"] += 1
+        if error.reason == "OtherVersion":
+            message = f"The other side's agent is of another release ({error}); install the same one on both sides"
+            self.note("version", ("OtherVersion", message))
+        if self.counters["garbage.probe"] == 1:
+            self.ports.warn(f"Ignoring a foreign probe ({error}); more of them are only counted")
 
     def _pass_notes(self, received: Probe) -> None:
         """Passes notes of the other side's control to ours: at changes, and once a second because ours may be new."""

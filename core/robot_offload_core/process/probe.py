@@ -7,14 +7,30 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass, field
+
+from robot_offload_core.token import is_incarnation
 
 PERIOD_S = 0.1
 VERSION = 1
 
 
+MAX_BYTES = 150_000
+"""Longer ones are none of ours; control gets the notes in one datagram."""
+MAX_ENTRIES = 1024
+MAX_NAME = 256
+"""Characters of a name, a hash, a type or a state."""
+MAX_WORD = 2048
+INTERFACE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
+
+
 class ProbeError(ValueError):
-    """Bytes that are no probe of ours."""
+    """Bytes that are no probe of ours; `reason`: BadForm or OtherVersion."""
+
+    def __init__(self, reason: str, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
 
 
 @dataclass(frozen=True)
@@ -53,23 +69,35 @@ def encode(probe: Probe) -> bytes:
 
 
 def decode(data: bytes) -> Probe:
-    """Reads a probe; raises ProbeError."""
+    """Reads a probe; raises ProbeError for anything that is none."""
     try:
-        body = json.loads(data)
-        if body["v"] != VERSION:
-            raise ProbeError(f"version {body['v']!r}, this side speaks {VERSION}")
-        tables = [body["l"], body["t"], body["n"]]
-    except (ValueError, KeyError, TypeError) as error:
-        raise ProbeError(f"not a probe: {error}") from error
-    if (
-        not isinstance(body.get("i"), str)
-        or not isinstance(body.get("w"), str)
-        or not isinstance(body.get("s", ""), str)
-        or not all(isinstance(t, dict) and all(isinstance(v, str) for v in t.values()) for t in tables)
-    ):
-        raise ProbeError("a probe's fields have other types")
-    latched, types, nodes = tables
-    return Probe(body["i"], latched, types, nodes, body["w"], body.get("s", ""))
+        body = json.loads(data) if len(data) <= MAX_BYTES else None
+    except (ValueError, RecursionError) as error:
+        raise ProbeError("BadForm", f"not a probe: {error}") from error
+    if not isinstance(body, dict):
+        raise ProbeError("BadForm", "not a probe")
+    if body.get("v") != VERSION:
+        raise ProbeError("OtherVersion", f"version {body.get('v')!r:.20}, this side speaks {VERSION}")
+    incarnation = _text(body.get("i"), 32)
+    if incarnation and not is_incarnation(incarnation):
+        raise ProbeError("BadForm", "an incarnation has 32 hexadecimal digits")
+    types = _table(body.get("t"))
+    if not all(map(INTERFACE.fullmatch, types.values())):
+        raise ProbeError("BadForm", "an interface type has another form")
+    word, notes = _text(body.get("w"), MAX_WORD), _text(body.get("s", ""), MAX_BYTES)
+    return Probe(incarnation, _table(body.get("l")), types, _table(body.get("n")), word, notes)
+
+
+def _text(value: object, limit: int) -> str:
+    if not isinstance(value, str) or len(value) > limit:
+        raise ProbeError("BadForm", f"{value!r:.40} is no text of up to {limit} characters")
+    return value
+
+
+def _table(value: object) -> dict[str, str]:
+    if not isinstance(value, dict) or len(value) > MAX_ENTRIES:
+        raise ProbeError("BadForm", f"{value!r:.40} is no table of up to {MAX_ENTRIES} entries")
+    return {_text(key, MAX_NAME): _text(text, MAX_NAME) for key, text in value.items()}
 
 
 def digest(values: list[bytes]) -> str:

@@ -67,6 +67,9 @@ class RobotDataProcess(DataProcess):
         if isinstance(message, Orders):
             self.orders = message
         elif isinstance(message, Carried) and message.kind == PASSED and self.plan.carried:
+            if message.index >= len(self.plan.outputs):
+                self.counters["garbage.bus"] += 1
+                return
             name = self.plan.outputs[message.index].name
             self.ports.cross(f"mirror/{name}", message.header, message.payload)
 

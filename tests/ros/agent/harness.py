@@ -221,7 +221,8 @@ class World:
                 found[f"link.{name}_{kind}"] = [f"{scheme}/{host}:{port}"]
         paths = self.certificates.robot if side == "robot" else self.certificates.cloud
         found.update({"link.ca": str(paths.ca), "link.certificate": str(paths.certificate)})
-        return {**found, "link.private_key": str(paths.private_key)}
+        peer = "cloud" if side == "robot" else "walker-1"
+        return {**found, "link.private_key": str(paths.private_key), "link.peer_name": peer}
 
     def start_agent(
         self, side: str, name: str = "", options: Sequence[str] = (), namespace: str = "", **different: Any
@@ -266,17 +267,19 @@ class World:
 
     # -- the user's nodes ---------------------------------------------------------------------------------------------
 
-    def start_node(self, side: str, **parameters: Any) -> subprocess.Popen[bytes]:
-        """The replica of `walker` on a side."""
-        name = "walker" if side == "robot" else "remote_walker"
+    def start_node(self, side: str, other: str = "", **parameters: Any) -> subprocess.Popen[bytes]:
+        """Starts the replica of `walker` on a side, or beside it a node of another name that is no replica."""
+        name = other or ("walker" if side == "robot" else "remote_walker")
         given = {"rate_hz": 20.0 if side == "robot" else 25.0, **parameters}
-        arguments = ["-r", f"walker:__node:={name}", "-r", f"/command:=/offload/{side}/command"]
+        topic = f"/{other}/command" if other else f"/offload/{side}/command"
+        arguments = ["-r", f"walker:__node:={name}", "-r", f"/command:={topic}"]
         for key, value in given.items():
             arguments += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]
         command = [sys.executable, str(NODES), "--ros-args", *arguments]
         environment = {"ROS_DOMAIN_ID": str(self.domain[side])}
-        process = self.processes.start(f"{side}-node", command, self.namespace(side), environment)
-        self.nodes[side] = process
+        process = self.processes.start(f"{side}-{other or 'node'}", command, self.namespace(side), environment)
+        if not other:
+            self.nodes[side] = process
         return process
 
     def kill_node(self, side: str) -> float:

@@ -58,18 +58,24 @@ def way_in(world: World, host: str) -> Iterator[dict[str, list[str]]]:
 
 
 @contextmanager
-def voice(world: World, session: str = "pulse") -> Iterator[Callable[[str, bytes], None]]:
-    """A third session with the robot's certificates that can say anything on the channels of the robot."""
+def voice(world: World, session: str = "pulse", side: str = "robot") -> Iterator[Callable[..., None]]:
+    """A session with the certificates of a side that can say anything on the channels of that side.
+
+    The robot's is one more beside the genuine one; the cloud's takes the place of a cloud's agent that does not run.
+    """
     assert world.certificates is not None
-    paths = world.certificates.robot
+    paths = getattr(world.certificates, side)
+    host = "127.0.0.1" if side == "robot" else "0.0.0.0"
     settings = ZenohSettings(
-        side="robot", session=session, uid=world.folder.name,
-        endpoints=(f"quic/127.0.0.1:{world.ports[session]}",),
+        side=side, session=session, uid=world.folder.name, endpoints=(f"quic/{host}:{world.ports[session]}",),
         ca=str(paths.ca), certificate=str(paths.certificate), private_key=str(paths.private_key),
+        peer_name="cloud" if side == "robot" else "walker-1",
     )  # fmt: skip
     opened = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings))))
     try:
-        yield lambda channel, payload: opened.put(key(settings, "robot", channel), payload, attachment=bytes(4))
+        yield lambda channel, payload, header=bytes(4): opened.put(
+            key(settings, side, channel), payload, attachment=header
+        )
     finally:
         opened.close()  # type: ignore[no-untyped-call]
 

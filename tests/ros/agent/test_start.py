@@ -121,6 +121,16 @@ def test_strict_refuses_a_duplicated_node_with_undeclared_topics_and_the_default
     assert "/secret" in world.processes.log("robot-agent").rpartition("ERROR")[2]
 
 
+def test_a_lifecycle_node_that_runs_in_the_cloud_only_is_brought_up_there_before_any_robot_comes(
+    build: Callable[..., World],
+) -> None:
+    world = build(cloud={"nodes": ["mapper", "walker"], "node.mapper.duplicated": False})
+    world.start_agent("cloud")
+    world.start_node("cloud", other="mapper")
+    diagnostics = world.cloud_ear().diagnostics
+    world.until(lambda: diagnostics["node mapper"].message == "active", "the mapper is active")
+
+
 def test_a_duplicated_node_without_a_replica_is_told(build: Callable[..., World]) -> None:
     world = build()
     world.start_agent("cloud")

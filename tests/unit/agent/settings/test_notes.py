@@ -8,19 +8,31 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_offload_agent.settings.notes import CloudNotes, NotesError, RobotNotes, decode_cloud, decode_robot, encode
+from robot_offload_agent.settings.notes import (
+    MAX_GENERATION,
+    MAX_MESSAGE,
+    MAX_NAME,
+    CloudNotes,
+    NotesError,
+    RobotNotes,
+    decode_cloud,
+    decode_robot,
+    encode,
+)
 from robot_offload_agent.settings.offer import Offer
 
 values = st.text() | st.booleans() | st.integers(-(2**53), 2**53) | st.lists(st.text())
 offers = st.builds(Offer, st.integers(0, 2**53), st.dictionaries(st.text(), values))
+reasons = st.text("CamelCase", max_size=40)
+names = st.text(max_size=MAX_NAME)
 robots = st.builds(
-    RobotNotes, st.integers(0, 2**53), st.text(), st.booleans(), st.text(), st.text(), st.text(),
-    st.sampled_from(["robot", "cloud"]), st.text(), st.text(),
+    RobotNotes, st.integers(0, MAX_GENERATION), names, st.booleans(), reasons, st.text(), names,
+    st.sampled_from(["robot", "cloud"]), reasons, st.text(),
 )  # fmt: skip
 
 
 @settings(deadline=None)
-@given(st.builds(CloudNotes, st.none() | offers, st.text()))
+@given(st.builds(CloudNotes, st.none() | offers, names))
 def test_the_clouds_notes_are_read_back(notes: CloudNotes) -> None:
     read = decode_cloud(encode(notes))
     assert read == notes
@@ -31,6 +43,27 @@ def test_the_clouds_notes_are_read_back(notes: CloudNotes) -> None:
 @given(robots)
 def test_the_robots_notes_are_read_back(notes: RobotNotes) -> None:
     assert decode_robot(encode(notes)) == notes
+
+
+def test_texts_for_people_are_bounded_before_they_reach_the_operator() -> None:
+    notes = RobotNotes(message="x" * 5000, decided_message="y" * 5000)
+    read = decode_robot(encode(notes))
+    assert (len(read.message), len(read.decided_message)) == (MAX_MESSAGE, MAX_MESSAGE)
+
+
+@pytest.mark.parametrize(
+    "notes",
+    [
+        RobotNotes(-1),
+        RobotNotes(10**30),
+        RobotNotes(reason="<b>"),
+        RobotNotes(decided="x y"),
+        RobotNotes(left="x" * 999),
+    ],
+)
+def test_values_that_no_robot_of_ours_would_say_are_refused(notes: RobotNotes) -> None:
+    with pytest.raises(NotesError):
+        decode_robot(encode(notes))
 
 
 def test_what_a_newer_robot_says_besides_is_left_out() -> None:

@@ -173,7 +173,7 @@ def test_the_file_of_the_other_side_is_refused(tmp_path: Path, capsys: pytest.Ca
     assert "parameter side: the file is for the robot" in capsys.readouterr().err
 
 
-def test_the_cloud_manages_duplicated_nodes_only_and_each_side_has_its_own_standby() -> None:
+def test_each_side_manages_the_nodes_that_run_there_and_has_its_own_standby() -> None:
     given = {
         **LEAST,
         "nodes": ["driver", "walker"],
@@ -183,7 +183,12 @@ def test_the_cloud_manages_duplicated_nodes_only_and_each_side_has_its_own_stand
     robot = parameters.parse(given).node_specs()
     cloud = parameters.parse({**given, "side": "cloud"}).node_specs()
     assert [(n.name, n.hot) for n in robot] == [("driver", False), ("walker", False)]
-    assert [(n.name, n.hot) for n in cloud] == [("walker", True)]
+    assert [(n.name, n.hot) for n in cloud] == [("driver", False), ("walker", True)]
+
+
+def test_a_node_that_runs_in_the_cloud_only_is_never_core() -> None:
+    given = {**LEAST, "side": "cloud", "nodes": ["mapper"], "node.mapper.duplicated": False, "node.mapper.core": True}
+    assert [node.core for node in parameters.parse(given).node_specs()] == [False]
 
 
 def test_an_output_that_is_not_rated_has_no_deadline() -> None:

@@ -8,10 +8,13 @@ from hypothesis import strategies as st
 
 from robot_offload_core.process import probe
 
-TABLES = st.dictionaries(st.text(), st.text())
+NAMES = st.text(max_size=probe.MAX_NAME)
+TABLES = st.dictionaries(NAMES, NAMES)
+TYPES = st.dictionaries(NAMES, st.sampled_from(["std_msgs/msg/Header", "nav_msgs/msg/Odometry"]))
+INCARNATIONS = st.just("") | st.text("0123456789abcdef", min_size=32, max_size=32)
 
 
-@given(st.builds(probe.Probe, st.text(), TABLES, TABLES, TABLES, st.text()))
+@given(st.builds(probe.Probe, INCARNATIONS, TABLES, TYPES, TABLES, st.text(max_size=probe.MAX_WORD), st.text()))
 def test_a_probe_is_read_back_as_it_was(sent: probe.Probe) -> None:
     assert probe.decode(probe.encode(sent)) == sent
 
@@ -38,9 +41,29 @@ def test_fields_of_other_types_are_refused(body: dict[str, object]) -> None:
     assert probe.decode(probe.encode(found)) == found
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"i": "robot"}, {"w": "x" * (probe.MAX_WORD + 1)}, {"s": "x" * probe.MAX_BYTES}, {"n": {"x" * 300: "active"}},
+        {"l": {str(n): "" for n in range(probe.MAX_ENTRIES + 1)}}, {"t": {"odom": "os/path/join"}}, {"t": {"odom": ""}},
+    ],
+)  # fmt: skip
+def test_what_no_agent_of_ours_would_say_is_refused(wrong: dict[str, object]) -> None:
+    body = json.loads(probe.encode(probe.Probe("ab" * 16)))
+    with pytest.raises(probe.ProbeError) as refused:
+        probe.decode(json.dumps({**body, **wrong}).encode())
+    assert refused.value.reason == "BadForm"
+
+
+def test_lists_in_lists_without_end_are_refused() -> None:
+    with pytest.raises(probe.ProbeError):
+        probe.decode(b"[" * 100_000)
+
+
 def test_another_version_is_refused_by_its_number() -> None:
-    with pytest.raises(probe.ProbeError, match="version 2"):
+    with pytest.raises(probe.ProbeError, match="version 2") as refused:
         probe.decode(probe.encode(probe.Probe("")).replace(b'"v":1', b'"v":2'))
+    assert refused.value.reason == "OtherVersion"
 
 
 @given(st.lists(st.binary(), max_size=5), st.lists(st.binary(), max_size=5))
