@@ -14,7 +14,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from robot_offload_agent.process import realtime
+from robot_offload_agent.process import losses, realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
@@ -124,7 +124,10 @@ class CollectorShell:
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         """Sends an output's message to another process of this agent."""
-        return self.bus.carry(to, kind, index, header, payload)
+        output = self.configuration.outputs[index]
+        return self.bus.carry(
+            to, kind, index, header, payload, output["topic"], reliable=output["reliability"] != "best_effort"
+        )
 
     def publish(self, index: int, payload: Any) -> None:
         """Publishes to the consumers, as soon as the type is known."""
@@ -207,6 +210,7 @@ class CollectorShell:
                 due_s = now_s() + TURN_S
                 with self.lock:
                     self.process.counters["garbage.collector"] = self.bus.garbage + self.guard.count
+                    losses.report(self.bus, self.process)
                     self.process.report(only_news=True)
 
 

@@ -36,6 +36,8 @@ TICK_S = 0.020
 SLACK_S = 0.010
 """A tick that is due waits so long for a datagram to come with: waking up costs more than what is done then."""
 REPORT_PERIOD_S = 1.0
+MANAGERS_PERIOD_S = 3.0
+"""How often the graph is searched for others that manage our nodes; two looks in a row must find them."""
 SWITCH_INTERVAL_S = 0.001
 """The interpreter changes threads this often at most: the deciding thread must not wait 5 ms for the spinning one."""
 
@@ -59,7 +61,7 @@ class ControlShell(ABC):
         self.lives = Lives(())
         self.guard = Guard(context.is_up)
         self.beacon = beacon.Beacon(bus, "decide", "ros")
-        self.report_due_s = 0.0
+        self.report_due_s = self.managers_due_s = 0.0
         context.init(configuration)
         self.report = Report(configuration)
         self.managed = ManagedNodes(configuration, self.report.guardian, self.post_guardian)
@@ -102,6 +104,7 @@ class ControlShell(ABC):
                 self.turned(now)
                 if now >= self.report_due_s:
                     self.report_due_s = now + REPORT_PERIOD_S
+                    self.look_for_managers(now)
                     self.publish_report(now)
 
     def drain(self) -> None:
@@ -160,6 +163,20 @@ class ControlShell(ABC):
         deaths = {f"process.{name}.deaths": deaths for name, deaths, _ in self.lives.processes}
         garbage = {"garbage.control": self.bus.garbage + self.guard.count}
         return garbage | deaths | {f"process.{name}.hangs": hangs for name, _, hangs in self.lives.processes}
+
+    def look_for_managers(self, now: float) -> None:
+        """Reports who else changes the states of our nodes: two managers undo each other's work."""
+        if now < self.managers_due_s:
+            return
+        self.managers_due_s = now + MANAGERS_PERIOD_S
+        for node, others in self.managed.other_managers().items():
+            message = (
+                f"{others} changes the state of {node} as well: take {node} out of its list (Nav2: `node_names` of the "
+                "lifecycle manager, with `bond_timeout: 0.0`), because two managers undo each other's work"
+            )
+            self.report.note(f"manager {node}", ("SecondLifecycleManager", message) if others else None)
+            if others and self.configuration["strict"]:
+                self.fail_start(message)
 
     # -- what the core's process needs --------------------------------------------------------------------------------
 

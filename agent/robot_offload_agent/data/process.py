@@ -9,7 +9,7 @@ from typing import Any
 
 from robot_offload_agent.link.choice import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel
-from robot_offload_agent.process import realtime
+from robot_offload_agent.process import losses, realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
@@ -97,6 +97,7 @@ class DataShell:
                 with self.guard:
                     self.process.handle(message)
             self.process.counters["garbage.data"] = self.bus.garbage + self.guard.count
+            losses.report(self.bus, self.process)
             self.process.turn()
 
     def on_message(self, channel: str, header: bytes, payload: bytes) -> None:
@@ -116,7 +117,10 @@ class DataShell:
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         """Sends an output's message to another process of this agent."""
-        return self.bus.carry(to, kind, index, header, payload)
+        output = self.configuration.outputs[index]
+        return self.bus.carry(
+            to, kind, index, header, payload, output["topic"], reliable=output["reliability"] != "best_effort"
+        )
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
         """Sends over the link."""

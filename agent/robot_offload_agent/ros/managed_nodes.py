@@ -55,6 +55,7 @@ class ManagedNodes:
         self.read: dict[str, Any] = {}
         self.pending: dict[Any, Any] = {}  # client -> its newest call
         self.watched: list[Any] = []
+        self.managers: dict[str, set[str]] = {}
         for spec in configuration.node_specs():
             if spec.lifecycle:
                 self._watch(spec)
@@ -143,6 +144,24 @@ class ManagedNodes:
             client.remove_pending_request(before)
         future = self.pending[client] = client.call_async(request)
         future.add_done_callback(done)
+
+    def other_managers(self) -> dict[str, str]:
+        """Returns, for each node that somebody else manages as well, who that is; "" for nobody."""
+        services = {f"{full}/change_state": name for name, full in self.names.items()}
+        found: dict[str, set[str]] = {name: set() for name in self.names}
+        for other, namespace in self.node.get_node_names_and_namespaces():
+            if (other, namespace) == (self.node.get_name(), self.node.get_namespace()):
+                continue
+            try:
+                clients = self.node.get_client_names_and_types_by_node(other, namespace)
+            except RuntimeError:  # rclpy raises this for a node that has gone
+                continue
+            for service, _ in clients:
+                if service in services:
+                    found[services[service]].add(f"{namespace.rstrip('/')}/{other}")
+        lasting = {name: ", ".join(sorted(who & self.managers.get(name, set()))) for name, who in found.items()}
+        self.managers = found  # a call by hand (`ros2 lifecycle set`) is gone at the next look
+        return lasting
 
     def undeclared(self) -> dict[str, str]:
         """For each duplicated node that is seen: a warning when it publishes what is not declared, else ""."""

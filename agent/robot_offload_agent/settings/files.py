@@ -17,7 +17,10 @@ from robot_offload_agent.process.guard import Guard
 
 log = logging.getLogger(__name__)
 
-WATCH_PERIOD_S = 0.2
+WATCH_PERIOD_S = 0.1
+"""A look at a file's identity takes some microseconds, and sees a mounted ConfigMap that exchanges its folder."""
+GRAIN_S = 2.0
+"""Two changes of a file may bear the same time when they are nearer than this: the coarsest file systems."""
 TEXT_BYTES = 1 << 20
 """Longer files are none of ours."""
 
@@ -94,7 +97,8 @@ class NewestWriter:
 class Watch:
     """Calls back with the text of a file when it is there for the first time and at each change, on its own thread.
 
-    It looks at the content, because a mounted ConfigMap changes by exchanging a symbolic link.
+    A mounted ConfigMap changes by exchanging a symbolic link: then the file behind the path is another one. What was
+    written within the last look's grain of time is read again, because such a change has no other time.
     """
 
     def __init__(self, path: Path, changed: Callable[[str | None, str], None]) -> None:
@@ -102,6 +106,7 @@ class Watch:
         self.path = path
         self.changed = changed
         self.known: tuple[str | None, str] | None = None
+        self.seen: tuple[int, ...] = ()
         self.guard = Guard()
 
     def start(self) -> None:
@@ -109,7 +114,11 @@ class Watch:
         threading.Thread(target=self._work, name="watch", daemon=True).start()
 
     def look(self) -> None:
-        """One look."""
+        """Looks once, and reads what looks changed."""
+        seen = _appearance(self.path)
+        if seen and seen == self.seen:
+            return
+        self.seen = seen if age_s(self.path) > GRAIN_S else ()
         found: tuple[str | None, str]
         try:
             found = read_text(self.path), ""
@@ -124,6 +133,15 @@ class Watch:
             with self.guard:
                 self.look()
             time.sleep(WATCH_PERIOD_S)
+
+
+def _appearance(path: Path) -> tuple[int, ...]:
+    """What is another when the file is another; () when it cannot be seen."""
+    try:
+        found = path.stat()
+    except OSError:
+        return ()
+    return found.st_dev, found.st_ino, found.st_mtime_ns, found.st_ctime_ns, found.st_size
 
 
 def age_s(path: Path) -> float:

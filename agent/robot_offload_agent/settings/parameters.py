@@ -208,8 +208,8 @@ class Configuration:
         return tuple(OutputSpec(o.name, o["deadline_ms"] / 1e3 if o["rate_hz"] else 0.0) for o in self.outputs)
 
     def input_specs(self) -> tuple[InputSpec, ...]:
-        """For the health core."""
-        return tuple(InputSpec(i.name, i["max_age_ms"] / 1e3) for i in self.inputs)
+        """For the health core, which names them to people: by their topics."""
+        return tuple(InputSpec(i["topic"], i["max_age_ms"] / 1e3) for i in self.inputs)
 
     def node_specs(self) -> tuple[NodeSpec, ...]:
         """For the guardian core of this side: CORE is a node that the robot cannot do without, on that side or both."""

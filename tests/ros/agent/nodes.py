@@ -25,8 +25,9 @@ class Walker(LifecycleNode):  # type: ignore[misc]
         self.declare_parameter("activation_s", 0.0)
         self.declare_parameter("refuse", False)
         self.declare_parameter("extra_topic", "")
+        self.declare_parameter("padding", 0)
         self.sequence = 0
-        self.producer = f"{self.get_name()}.{os.getpid()}"
+        self.producer = f"{self.get_name()}.{os.getpid()}" + "." * self.get_parameter("padding").value
         self.command = self.create_lifecycle_publisher(Header, "/command", 10)
         extra = self.get_parameter("extra_topic").value
         self.extra = self.create_publisher(Header, extra, 10) if extra else None

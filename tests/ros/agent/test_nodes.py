@@ -18,6 +18,19 @@ def test_the_robot_takes_over_when_the_clouds_node_dies_and_gives_back_when_it_i
     world.goes_to("cloud")
 
 
+def test_an_output_of_half_a_megabyte_passes_from_the_cloud(world: World) -> None:
+    world.place("robot", stay=True)
+    world.kill_node("cloud")
+    world.start_node("cloud", padding=500_000)
+    world.place("cloud")
+    since = len(world.arrivals)
+    world.passes("cloud", 20)
+    assert all(len(a.producer) > 500_000 for a in world.arrivals[since:] if a.site == "cloud")
+    world.kill_node("cloud")
+    world.start_node("cloud")
+    world.place("cloud")
+
+
 def test_the_cloud_takes_over_when_the_robots_core_node_dies(world: World) -> None:
     world.place("robot")
     at_s = world.kill_node("robot")

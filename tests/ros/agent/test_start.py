@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import pytest
+from lifecycle_msgs.srv import ChangeState
 
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PROCESSES, World
@@ -129,6 +130,20 @@ def test_a_lifecycle_node_that_runs_in_the_cloud_only_is_brought_up_there_before
     world.start_node("cloud", other="mapper")
     diagnostics = world.cloud_ear().diagnostics
     world.until(lambda: diagnostics["node mapper"].message == "active", "the mapper is active")
+
+
+def test_a_second_lifecycle_manager_is_named_and_strict_refuses_it(build: Callable[..., World]) -> None:
+    world = build()
+    other = world.ear.node.create_client(ChangeState, "/walker/change_state")
+    agent = world.start_agent("robot")
+    world.until(lambda: "/ear" in problem(world, "SecondLifecycleManager"), "the second manager is named")
+    assert agent.poll() is None
+    world.ear.node.destroy_client(other)
+    world.until(lambda: not problem(world, "SecondLifecycleManager"), "it is gone")
+    world.ear.node.create_client(ChangeState, "/walker/change_state")
+    world.kill_agent("robot")
+    assert world.start_agent("robot", strict=True).wait(EXIT_S) == 4
+    assert "/ear changes the state of walker as well" in world.processes.log("robot-agent")
 
 
 def test_a_duplicated_node_without_a_replica_is_told(build: Callable[..., World]) -> None:
