@@ -37,7 +37,7 @@ READY: Final = (
     "SpecValid", "ResourcesApplied", "DiscoveryReady", "WorkloadsAvailable", "CertificatesReady",
 )  # fmt: skip
 """The conditions that are true as soon as the cloud's side stands, with no robot yet."""
-CONNECTED: Final = (*READY, "AgentConnected", "AgentConfigCurrent", "Ready")
+CONNECTED: Final = (*READY, "Connected", "ConfigCurrent", "Ready")
 
 Manifest = dict[str, Any]
 

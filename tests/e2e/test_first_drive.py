@@ -21,7 +21,7 @@ def test_a_robot_drives_in_the_cloud_a_minute_after_the_first_apply(story: Story
     story.wait_conditions("wheelchair", *READY)
     figure("apply to all cloud pods ready", time.monotonic() - applied_s, "s")
     conditions = story.conditions("wheelchair")
-    assert conditions["AgentConnected"]["reason"] == "NeverConnected"
+    assert conditions["Connected"]["reason"] == "NeverConnected"
 
     robot = story.robot(offload)  # `kubectl offload bundle`, copied to where its README says; nothing else
     robot.listen()

@@ -41,7 +41,7 @@ def test_a_revoked_robot_can_no_longer_join_until_it_has_a_new_bundle(story: Sto
     robot.rest(IN_VAIN_S)
     assert robot.site == "robot"
     assert robot.heard("cloud") == heard
-    eventually(lambda: story.conditions("lost")["AgentConnected"]["status"] == "False", "the robot to count as away")
+    eventually(lambda: story.conditions("lost")["Connected"]["status"] == "False", "the robot to count as away")
     for way in ((), ("--fallback",)):
         refused = knocked(robot, robot, *way)
         assert not refused["opened"], f"the revoked certificate still opens a session {way}"

@@ -134,8 +134,8 @@ def test_explain_names_the_cause_and_the_next_step(shared: Place, ask: Run) -> N
     done = ask("explain", "walker", "--json")
     assert done.exit_code == 1
     problems = {problem["condition"]: problem for problem in json.loads(done.stdout)["problems"]}
-    assert problems["AgentConnected"]["reason"] == "NeverConnected"
-    assert f"kubectl offload bundle walker -n {shared.namespace}" in problems["AgentConnected"]["step"]
+    assert problems["Connected"]["reason"] == "NeverConnected"
+    assert f"kubectl offload bundle walker -n {shared.namespace}" in problems["Connected"]["step"]
     assert problems["WorkloadsAvailable"]["step"]
     assert all(problem["meaning"] for problem in problems.values())
 
@@ -149,7 +149,15 @@ def test_explain_follows_the_cluster(place: Place, run: Run) -> None:
 
     eventually(available, "workloads that are available", lambda: place.roff().get("status"))
     problems = json.loads(run("explain", "walker", "--json").stdout)["problems"]
-    assert {problem["condition"] for problem in problems} == {"AgentConnected", "AgentConfigCurrent"}
+    assert {problem["condition"] for problem in problems} == {"Connected", "ConfigCurrent"}
+    # What Flux, Argo CD and scripts wait for must not hang on a person with a power switch.
+    kubectl = place.plane.kubectl(place.namespace)
+    kubectl("wait", "--for=condition=Ready", "roff/walker", "--timeout=60s")
+    assert run("explain", "walker").exit_code == 0
+    [node] = walker()["spec"]["nodes"]
+    place.change({"nodes": [node, {**node, "name": "other"}]})  # one output of two nodes
+    kubectl("wait", "--for=condition=Stalled", "roff/walker", "--timeout=60s")
+    kubectl("wait", "--for=condition=Ready=false", "roff/walker", "--timeout=60s")
 
 
 def test_an_invalid_specification_is_explained_line_by_line(place: Place, run: Run, tmp_path: Path) -> None:
@@ -266,7 +274,7 @@ def test_doctor_looks_at_cluster_and_resource(shared: Place, ask: Run) -> None:
     assert levels["Operator"] == "error"
     assert levels["Addresses"] == "ok"
     assert levels["Certificate"] == "ok"
-    assert levels["AgentConnected"] == "error"
+    assert levels["Connected"] == "error"
     assert levels["Network"] == "warning"  # robots.example.com does not answer
     assert all(finding["step"] for finding in json.loads(done.stdout) if finding["level"] in ("error", "warning"))
 

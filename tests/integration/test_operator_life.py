@@ -260,15 +260,15 @@ def test_a_namespace_can_be_deleted_with_everything_in_it(control_plane: Control
 def test_the_robots_lease_becomes_the_status_and_nodes_sleep_without_a_robot(place: Place, proxy: Proxy) -> None:
     place.create(ROBOT_OFFLOAD, walker(scale={"idleTimeout": "30s"}))
     place.applied()
-    assert place.condition("AgentConnected")["reason"] == "NeverConnected"
+    assert place.condition("Connected")["reason"] == "NeverConnected"
     place.renew(site="cloud", reason="LinkGood")
-    place.wait_condition("AgentConnected", "True", "Connected")
+    place.wait_condition("Connected", "True", "Connected")
     roff = eventually(
         lambda: roff if (roff := place.roff())["status"]["placement"] == "Cloud" else None, "the placement"
     )
     assert roff["status"]["placementReason"] == "LinkGood"
     assert roff["status"]["robot"]["connected"] is True
-    assert place.wait_condition("AgentConfigCurrent", "True")["reason"] == "Current"
+    assert place.wait_condition("ConfigCurrent", "True")["reason"] == "Current"
     told = {event["reason"] for event in place.events()}
     assert {"Connected", "PlacementCloud"} <= told
     proxy.quiet(place.namespace)
@@ -277,7 +277,7 @@ def test_the_robots_lease_becomes_the_status_and_nodes_sleep_without_a_robot(pla
     proxy.quiet(place.namespace)
     assert proxy.count_in(place.namespace) == count, "renewing alone led to a pass"
     place.patch(LEASE, "walker-robot", {"spec": {"holderIdentity": None}})
-    place.wait_condition("AgentConnected", "False", "Disconnected")
+    place.wait_condition("Connected", "False", "Disconnected")
     assert place.roff()["status"]["placement"] == "Unknown"
     # The idle time counts from the status, so it survives operators; here it is long over.
     place.patch(ROBOT_OFFLOAD, "walker", {"status": {"robot": {"since": "2026-01-01T00:00:00Z"}}}, "status")

@@ -383,8 +383,8 @@ class _Pass:
         )
         self._found.verdicts |= {
             **workloads.conditions(self._offload, self._found.status.live, pods, wanted.nodes, wanted.verdict),
-            "AgentConnected": robot.verdict,
-            "AgentConfigCurrent": agent.config_current(state, generation, connected=robot.connected),
+            "Connected": robot.verdict,
+            "ConfigCurrent": agent.config_current(state, generation, connected=robot.connected),
         }
 
 

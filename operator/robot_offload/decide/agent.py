@@ -49,7 +49,7 @@ def placement(state: AgentState | None, problem: str, *, connected: bool) -> Pla
 
 
 def config_current(state: AgentState | None, generation: int, *, connected: bool) -> Verdict:
-    """Whether the robot runs the settings of this generation, for the condition AgentConfigCurrent."""
+    """Whether the robot runs the settings of this generation, for the condition ConfigCurrent."""
     if not connected:
         return unknown("NotConnected", "Nobody can tell which settings the robot runs until it is connected")
     if state is None or (state.settings.robot_generation is None and state.settings.accepted is None):

@@ -6,11 +6,15 @@ import datetime
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
-from robot_offload.api.v1alpha1.status import CONDITION_TYPES
+from robot_offload.api.v1alpha1.status import CLOUD_TYPES, CONDITION_TYPES
 from robot_offload.decide.verdicts import Truth, Verdict, no, unknown, yes
 from robot_offload.findings import Finding
 from robot_offload.kube.port import Manifest
 
+_FOR_PEOPLE: Final = frozenset(
+    {"NameTaken", "CannotRender", "Invalid", "Forbidden", "BuildFailed", "BuildsDisabled", "SecretType", "PodsRefused"}
+)
+"""Reasons that stay until somebody changes something: the specification, a right, an object that is in the way."""
 MAX_MESSAGE: Final = 32_768
 """Characters in a message, as the schema limits them."""
 
@@ -41,13 +45,24 @@ def discovery_ready(servers: int, verdicts: Iterable[Verdict]) -> Verdict:
 
 
 def ready(verdicts: Mapping[str, Verdict]) -> Verdict:
-    """The sum: false with the reason of the first that is false, else unknown with that of the first unknown."""
+    """Whether the cloud can serve the robot, wherever the robot is.
+
+    False with the reason of the first that is false, else unknown with that of the first unknown.
+    """
     for truth, make in (("False", no), ("Unknown", unknown)):
-        for name in CONDITION_TYPES:
+        for name in CLOUD_TYPES:
             verdict = verdicts.get(name)
             if verdict is not None and verdict.truth == truth:
                 return make(verdict.reason, f"{name}: {verdict.message}")
-    return yes("Ready", "The cloud can act for the robot")
+    return yes("Ready", "The cloud can serve the robot")
+
+
+def progress(summed: Verdict) -> dict[str, Verdict]:
+    """Returns whether what is not ready will become so by itself (Reconciling) or waits for somebody (Stalled)."""
+    if summed.holds:
+        return {}
+    name = "Stalled" if summed.reason in _FOR_PEOPLE or summed.message.startswith("SpecValid:") else "Reconciling"
+    return {name: yes(summed.reason, summed.message)}
 
 
 def conditions(
@@ -64,9 +79,10 @@ def conditions(
     old = {condition["type"]: condition for condition in before}
     summed = {name: verdicts.get(name) or _kept(old.get(name)) for name in CONDITION_TYPES if name != "Ready"}
     known = {name: verdict for name, verdict in summed.items() if verdict is not None}
+    summed_up = ready(known)
     result = []
-    for name, verdict in {**known, "Ready": ready(known)}.items():
-        if name not in verdicts and name != "Ready":
+    for name, verdict in {**known, "Ready": summed_up, **progress(summed_up)}.items():
+        if name not in verdicts and name in known:
             result.append(dict(old[name]))
         else:
             result.append(_condition(name, verdict, old.get(name), generation, now))

@@ -41,7 +41,7 @@ class Presence:
         connected: it is.
         since: when that last changed, by our wall clock; for people and for idle times of minutes.
         last_seen: until when it was connected, while it is not; None: never.
-        verdict: the same for the condition AgentConnected.
+        verdict: the same for the condition Connected.
         recheck_s: seconds after which the answer may change without any event; None: never.
     """
 

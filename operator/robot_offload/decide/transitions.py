@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 _TOLD: Final = (
-    *("SpecValid", "ResourcesApplied", "ImageBuilt", "AgentConnected", "AgentConfigCurrent", "CertificatesReady"),
+    *("SpecValid", "ResourcesApplied", "ImageBuilt", "Connected", "ConfigCurrent", "CertificatesReady"),
     "Ready",
 )
 """DiscoveryReady and WorkloadsAvailable are told by Ready: pods come and go for many reasons."""
@@ -52,7 +52,7 @@ def _conditions(old: Mapping[str, Mapping[str, Any]], new: Iterable[Mapping[str,
         fine = status == "True"
         if status == "Unknown" and before is not None and name != "Ready":
             continue
-        reason = condition["reason"] if not fine or name == "AgentConnected" else f"{name}"
+        reason = condition["reason"] if not fine or name == "Connected" else f"{name}"
         yield Transition("Normal" if fine else "Warning", reason, _cut(f"{name}: {condition['message']}"))
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from robot_offload.api.v1alpha1.status import PROGRESS_TYPES, ROBOT_TYPES
 from robot_offload.insight.next_steps import Advice, advice
 from robot_offload.insight.observed import READY, Condition, Observed, ago, time_of
 
@@ -40,7 +41,7 @@ class Explanation:
     """The answer.
 
     Attributes:
-        ready: whether it is Ready.
+        ready: whether it is Ready: the cloud can serve the robot, wherever the robot is.
         headline: the answer in one line.
         problems: what is wrong, the cause first.
         notes: what is right and may surprise all the same.
@@ -66,10 +67,13 @@ def explain(
         now: the present.
     """
     problems = tuple(_problems(offload, deleting, now))
+    cloud = [problem for problem in problems if problem.condition not in ROBOT_TYPES]
     name = f"{offload.namespace}/{offload.name}"
-    headline = f"{name} is not Ready: {problems[0].reason}" if problems else f"{name} is Ready"
+    headline = f"{name} is not Ready: {cloud[0].reason}" if cloud else f"{name} is Ready"
+    if problems and not cloud:
+        headline += f"; the robot: {problems[0].reason}"
     return Explanation(
-        ready=not problems,
+        ready=not cloud,
         headline=headline,
         problems=problems,
         notes=tuple(_notes(offload)),
@@ -87,11 +91,11 @@ def _problems(offload: Observed, deleting: bool, now: datetime.datetime) -> Iter
     if offload.outdated:
         yield _own("InProgress", offload, "")
     for condition in offload.conditions:
-        if not condition.holds and condition.type != READY:
+        if not condition.holds and condition.type != READY and condition.type not in PROGRESS_TYPES:
             yield _problem(condition, offload, now)
     # An operator that says no more than that.
     summary = offload.condition(READY)
-    others = [each for each in offload.conditions if each.type != READY]
+    others = [each for each in offload.conditions if each.type not in (READY, *ROBOT_TYPES, *PROGRESS_TYPES)]
     if summary is not None and not summary.holds and all(each.holds for each in others) and not offload.outdated:
         yield _problem(summary, offload, now)
 

@@ -118,7 +118,7 @@ ROBOT: Final[dict[str, Advice]] = {
         "On the robot: journalctl -u robot-offload-agent, and robot-offload doctor for ports and limits.",
     ),
     "LeaseExpired": Advice("The cloud agent has stopped reporting; nobody knows about the robot.", AGENT_LOG),
-    "NotConnected": Advice("The robot is not connected, so only it knows.", "See condition AgentConnected."),
+    "NotConnected": Advice("The robot is not connected, so only it knows.", "See condition Connected."),
     "Unreadable": Advice(
         "The robot gave a reason that is no single word, so it is not shown.",
         "Look at the agent's log on the robot: journalctl -u robot-offload-agent",
@@ -139,7 +139,7 @@ ROBOT: Final[dict[str, Advice]] = {
     "RobotGone": Advice("The robot was gone for spec.scale.idleTimeout; its nodes wait without pods.", BUNDLE),
     "AgentSilent": Advice("The cloud agent's process has stopped.", AGENT_LOG),
 }
-"""Reasons around the robot: AgentConnected, AgentConfigCurrent, placement."""
+"""Reasons around the robot: Connected, ConfigCurrent, placement."""
 
 CERTIFICATES: Final[dict[str, Advice]] = {
     "WaitingForIssuer": Advice(

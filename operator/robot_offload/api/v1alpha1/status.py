@@ -8,18 +8,21 @@ from pydantic import Field
 
 from robot_offload.api.v1alpha1.model import Model, map_list
 
-CONDITION_TYPES: Final = (
+CLOUD_TYPES: Final = (
     "SpecValid",
     "ResourcesApplied",
     "ImageBuilt",
     "DiscoveryReady",
     "WorkloadsAvailable",
-    "AgentConnected",
-    "AgentConfigCurrent",
     "CertificatesReady",
-    "Ready",
 )
-"""In the order in which they become true; `Ready` sums up the others."""
+"""What `Ready` sums up, in the order in which it becomes true: whether the cloud can serve the robot."""
+ROBOT_TYPES: Final = ("Connected", "ConfigCurrent")
+"""The robot's part. A robot that is switched off is no reason for the cloud not to be ready."""
+CONDITION_TYPES: Final = (*CLOUD_TYPES, *ROBOT_TYPES, "Ready")
+PROGRESS_TYPES: Final = ("Reconciling", "Stalled")
+"""There only while they are true, and only while `Ready` is not: time will tell, or somebody must correct something.
+Flux, kpt and `kubectl wait` read them (kstatus)."""
 
 Timestamp = Annotated[str, Field(max_length=64, json_schema_extra={"format": "date-time"})]
 Word = Annotated[str, Field(max_length=253)]
@@ -31,7 +34,8 @@ class Condition(Model):
 
     type: Annotated[str, Field(max_length=316)] = Field(
         description="SpecValid, ResourcesApplied, ImageBuilt, DiscoveryReady, WorkloadsAvailable, "
-        "AgentConnected, AgentConfigCurrent, CertificatesReady, or their sum Ready."
+        "CertificatesReady, or their sum Ready; Connected and ConfigCurrent, about the robot; Reconciling or Stalled "
+        "while it is not Ready."
     )
     status: Literal["True", "False", "Unknown"] = Field(description="True, False or Unknown.")
     reason: Annotated[str, Field(min_length=1, max_length=1024)] = Field(
@@ -94,7 +98,8 @@ class RobotOffloadStatus(Model):
         default=(),
         max_length=16,
         description="What is true about the object: SpecValid, ResourcesApplied, ImageBuilt, "
-        "DiscoveryReady, WorkloadsAvailable, AgentConnected, AgentConfigCurrent, CertificatesReady and Ready.",
+        "DiscoveryReady, WorkloadsAvailable, CertificatesReady and their sum Ready; Connected and ConfigCurrent, about "
+        "the robot; Reconciling or Stalled while it is not Ready.",
         json_schema_extra=map_list("type"),
     )
     placement: Literal["Robot", "Cloud", "Unknown"] = Field(

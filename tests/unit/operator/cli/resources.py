@@ -24,8 +24,8 @@ CONDITIONS = {
     "ResourcesApplied": ("True", "Applied", "fine"),
     "DiscoveryReady": ("True", "Available", "2 of 2 discovery servers are ready"),
     "WorkloadsAvailable": ("True", "Available", "fine"),
-    "AgentConnected": ("True", "Connected", "connected"),
-    "AgentConfigCurrent": ("True", "Current", "The robot runs generation 3"),
+    "Connected": ("True", "Connected", "connected"),
+    "ConfigCurrent": ("True", "Current", "The robot runs generation 3"),
     "CertificatesReady": ("True", "Issued", "fine"),
     "Ready": ("True", "Ready", "The cloud can act for the robot"),
 }

@@ -6,8 +6,10 @@ import datetime
 import json
 from typing import Any
 
+import pytest
+
 from robot_offload.api.agent_state import ANNOTATION
-from robot_offload.api.v1alpha1.status import CONDITION_TYPES
+from robot_offload.api.v1alpha1.status import CONDITION_TYPES, PROGRESS_TYPES
 from robot_offload.decide import agent, conditions, status, workloads
 from robot_offload.decide.transitions import transitions
 from robot_offload.decide.verdicts import Verdict, no, unknown, yes
@@ -33,22 +35,43 @@ def test_ready_when_everything_is() -> None:
 
 
 def test_ready_takes_the_reason_of_the_first_that_is_false_and_only_then_of_an_unknown_one() -> None:
-    both = {**GOOD, "ResourcesApplied": unknown("Asking", "?"), "AgentConnected": no("NeverConnected", "no robot")}
-    assert condition(built(both), "Ready")["reason"] == "NeverConnected"
-    one = {**GOOD, "AgentConfigCurrent": unknown("NotConnected", "?")}
-    assert (condition(built(one), "Ready")["status"], condition(built(one), "Ready")["reason"]) == (
-        "Unknown",
-        "NotConnected",
-    )
+    both = {**GOOD, "ResourcesApplied": unknown("Asking", "?"), "WorkloadsAvailable": no("CrashLoop", "crashes")}
+    assert condition(built(both), "Ready")["reason"] == "CrashLoop"
+    one = {**GOOD, "CertificatesReady": unknown("Asking", "?")}
+    assert (condition(built(one), "Ready")["status"], condition(built(one), "Ready")["reason"]) == ("Unknown", "Asking")
+
+
+def test_the_cloud_is_ready_while_the_robot_is_switched_off() -> None:
+    off = {"Connected": no("NeverConnected", "no robot"), "ConfigCurrent": unknown("NotConnected", "?")}
+    assert condition(built({**GOOD, **off}), "Ready")["status"] == "True"
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict", "word"),
+    [
+        ("WorkloadsAvailable", no("PodsNotReady", "0 of 1"), "Reconciling"),
+        ("ResourcesApplied", unknown("Asking", "?"), "Reconciling"),
+        ("SpecValid", no("TooShort", "spec.a: too short"), "Stalled"),
+        ("ResourcesApplied", no("NameTaken", "somebody has it"), "Stalled"),
+        ("ImageBuilt", no("BuildFailed", "error"), "Stalled"),
+    ],
+)
+def test_what_is_not_ready_is_on_its_way_or_waits_for_somebody(name: str, verdict: Verdict, word: str) -> None:
+    found = built({**GOOD, name: verdict})
+    there = {entry["type"]: entry for entry in found["conditions"] if entry["type"] in PROGRESS_TYPES}
+    assert list(there) == [word]
+    assert (there[word]["status"], there[word]["reason"]) == ("True", verdict.reason)
+    later = built(GOOD, found, LATER)
+    assert not [entry for entry in later["conditions"] if entry["type"] in PROGRESS_TYPES]
 
 
 def test_the_time_of_a_condition_moves_with_its_status_only() -> None:
     first = built(GOOD)
-    other_reason = built({**GOOD, "AgentConnected": yes("Other", "other")}, first, LATER)
-    assert condition(other_reason, "AgentConnected")["lastTransitionTime"] == "2026-11-21T12:00:00Z"
-    assert condition(other_reason, "AgentConnected")["reason"] == "Other"
-    fallen = built({**GOOD, "AgentConnected": no("Gone", "gone")}, first, LATER)
-    assert condition(fallen, "AgentConnected")["lastTransitionTime"] == "2026-11-21T12:01:00Z"
+    other_reason = built({**GOOD, "Connected": yes("Other", "other")}, first, LATER)
+    assert condition(other_reason, "Connected")["lastTransitionTime"] == "2026-11-21T12:00:00Z"
+    assert condition(other_reason, "Connected")["reason"] == "Other"
+    fallen = built({**GOOD, "Connected": no("Gone", "gone")}, first, LATER)
+    assert condition(fallen, "Connected")["lastTransitionTime"] == "2026-11-21T12:01:00Z"
 
 
 def test_an_invalid_specification_keeps_what_was_known_and_lists_every_problem() -> None:
@@ -56,7 +79,7 @@ def test_an_invalid_specification_keeps_what_was_known_and_lists_every_problem()
     found = built({"SpecValid": conditions.spec_valid(findings)}, built(GOOD), LATER)
     assert condition(found, "SpecValid")["reason"] == "First"
     assert condition(found, "SpecValid")["message"].splitlines()[:2] == ["spec.a: is wrong", "spec.b: is wrong too"]
-    assert condition(found, "AgentConnected")["status"] == "True"
+    assert condition(found, "Connected")["status"] == "True"
     assert condition(found, "Ready")["reason"] == "First"
 
 
@@ -79,10 +102,10 @@ def test_a_very_long_message_is_cut_to_what_the_schema_takes() -> None:
 def test_events_tell_transitions_and_nothing_else() -> None:
     first = built(GOOD)
     assert transitions(first, first) == ()
-    fallen = built({**GOOD, "AgentConnected": no("Disconnected", "gone")}, first)
+    fallen = built({**GOOD, "Connected": no("Disconnected", "gone")}, first)
     told = {(event.type, event.reason) for event in transitions(first, fallen)}
     assert told == {("Warning", "Disconnected")}
-    assert len(transitions(first, fallen)) == 2  # AgentConnected and Ready
+    assert len(transitions(first, fallen)) == 1
     moved = {**first, "placement": "Cloud", "placementReason": "LinkGood", "placementMessage": "good"}
     assert [(event.reason, event.message) for event in transitions(first, moved)] == [
         ("PlacementCloud", "LinkGood: good")
@@ -90,7 +113,7 @@ def test_events_tell_transitions_and_nothing_else() -> None:
 
 
 def test_the_first_status_tells_that_it_was_applied_and_not_what_is_still_missing() -> None:
-    first = built({**GOOD, "AgentConnected": no("NeverConnected", "no robot")})
+    first = built({**GOOD, "Connected": no("NeverConnected", "no robot")})
     assert [event.reason for event in transitions({}, first)] == ["ResourcesApplied"]
 
 

@@ -24,17 +24,23 @@ def test_the_cause_comes_first_and_has_a_next_step_with_the_real_names() -> None
     found = explained(
         observed(
             WorkloadsAvailable=("False", "ImagePullFailing", "w-controller: the image x cannot be pulled"),
-            AgentConfigCurrent=("Unknown", "NotConnected", "nobody can tell"),
+            ConfigCurrent=("Unknown", "NotConnected", "nobody can tell"),
             Ready=("False", "ImagePullFailing", "WorkloadsAvailable: ..."),
         )
     )
     assert found.headline == "ward/wheelchair-7 is not Ready: ImagePullFailing"
-    assert [problem.condition for problem in found.problems] == ["WorkloadsAvailable", "AgentConfigCurrent"]
+    assert [problem.condition for problem in found.problems] == ["WorkloadsAvailable", "ConfigCurrent"]
     cause = found.problems[0]
     assert (cause.since, cause.message) == ("3m", "w-controller: the image x cannot be pulled")
     assert "spec.nodes[].image" in cause.step
     assert "-n ward" in cause.step
     assert "{" not in cause.step
+
+
+def test_a_robot_that_is_switched_off_is_told_and_is_no_reason_for_the_cloud_not_to_be_ready() -> None:
+    found = explained(observed(Connected=("False", "NeverConnected", "no robot")))
+    assert (found.ready, found.headline) == (True, "ward/wheelchair-7 is Ready; the robot: NeverConnected")
+    assert "bundle" in found.problems[0].step
 
 
 def test_every_problem_of_a_specification_is_told() -> None:

@@ -40,9 +40,9 @@ def test_conditions_are_in_the_order_in_which_they_become_true() -> None:
         "ResourcesApplied",
         "DiscoveryReady",
         "WorkloadsAvailable",
-        "AgentConnected",
-        "AgentConfigCurrent",
         "CertificatesReady",
+        "Connected",
+        "ConfigCurrent",
         "Ready",
         "FromTheFuture",
     ]
