@@ -29,7 +29,7 @@ def init(configuration: Configuration) -> None:
 
 
 def end_process(failure: threading.ExceptHookArgs) -> None:
-    """What happens to an exception that leaves a thread; quiet while rclpy is shutting down."""
+    """Logs an exception that leaves a thread; quiet while rclpy is shutting down."""
     if rclpy.ok():
         thread = failure.thread.name if failure.thread else "?"
         log.error("Thread %s failed", thread, exc_info=failure.exc_value)
@@ -46,12 +46,12 @@ def run_until_ended(run: Callable[[Configuration], None], configuration: Configu
 
 
 def is_up() -> bool:
-    """Whether ROS of this process has not been shut down yet."""
+    """Returns whether ROS of this process has not been shut down yet."""
     return bool(rclpy.ok())
 
 
 def make_node(configuration: Configuration, name: str) -> Node:
-    """A plain node of an agent process, without the services that only cost memory."""
+    """Returns a plain node of an agent process, without the services that only cost memory."""
     return Node(
         name,
         namespace=configuration["namespace"],

@@ -116,7 +116,7 @@ class ManagedNodes:
         def done(future: Any) -> None:
             response = future.result()
             state = STATES.get(response.current_state.id) if response is not None else None
-            if state is not None:  # in transition: its end is told by the event
+            if state is not None:  # in transition: the event reports its end
                 self.post(guardians.Observed(name, state))
 
         self._call(client, GetState.Request(), done)

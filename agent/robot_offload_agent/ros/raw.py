@@ -22,7 +22,7 @@ OnRaw = Callable[[bytes], None]
 
 
 def message_type(name: str) -> Any:
-    """The class of an interface type such as `sensor_msgs/msg/LaserScan`.
+    """Returns the class of an interface type such as `sensor_msgs/msg/LaserScan`.
 
     Raises:
         StartError: it cannot be imported; names the package.
@@ -41,7 +41,7 @@ def message_type(name: str) -> Any:
 
 
 def graph_type(node: Node, topic: str) -> str:
-    """The type that publishers of a topic use now; "" when there is none or they disagree."""
+    """Returns the type that publishers of a topic use now; "" when there is none or they disagree."""
     types = {info.topic_type for info in node.get_publishers_info_by_topic(topic)}
     return types.pop() if len(types) == 1 else ""
 
@@ -62,7 +62,7 @@ def publication_qos(spec: Named, latched: bool) -> QoSProfile:
 
 
 def profile(spec: Named, reliable: bool, kept: bool) -> QoSProfile:
-    """The declared words, `auto` filled in from the two flags."""
+    """Returns the declared words, `auto` filled in from the two flags."""
     if spec["reliability"] != "auto":
         reliable = spec["reliability"] == "reliable"
     if spec["durability"] != "auto":
@@ -134,5 +134,5 @@ class RawSubscription:
 
 
 def make_publisher(node: Node, topic: str, type_name: str, qos: QoSProfile) -> Publisher:
-    """A publisher for serialized bytes; raises StartError when the type is missing."""
+    """Returns a publisher for serialized bytes; raises StartError when the type is missing."""
     return node.create_publisher(message_type(type_name), topic, qos)

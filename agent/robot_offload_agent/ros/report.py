@@ -34,7 +34,7 @@ Problem = tuple[str, str]
 
 
 def describe(parameter: Parameter, read_only: bool = True) -> ParameterDescriptor:
-    """What `ros2 param describe` shows."""
+    """Returns what `ros2 param describe` shows."""
     text = parameter.text + (f" ({', '.join(parameter.choices)})" if parameter.choices else "")
     descriptor = ParameterDescriptor(description=text, read_only=read_only)
     if parameter.low is not None and parameter.high is not None:
@@ -110,13 +110,13 @@ class Report:
             executor.create_task(show)
 
     def switcher_names(self) -> Mapping[str, Site]:
-        """The switch services that this side serves: on a shared graph each name once."""
+        """Returns the switch services that this side serves: on a shared graph each name once."""
         if self.side is Site.CLOUD:
             return services.CLOUD
         return services.LOCAL if self.configuration["link.type"] == "ros" else {**services.LOCAL, **services.CLOUD}
 
     def declare_override(self, override: Override, changed: Callable[[], None]) -> None:
-        """The one parameter that can be set at run time: the maintenance override, and for how long."""
+        """Takes the one parameter that can be set at run time: the maintenance override, and for how long."""
         node = self.switcher
         words = ", ".join(WORDS)
         node.declare_parameter(
@@ -127,7 +127,7 @@ class Report:
         )
 
         def given_for_s(parameters: Iterable[Any]) -> float:
-            """Set together with the override, or before."""
+            """Takes the expiry, set together with the override or before."""
             given = [p.value for p in parameters if p.name == "override_for_s"]
             return float(given[-1] if given else node.get_parameter("override_for_s").value)
 
@@ -167,12 +167,12 @@ class Report:
         self.network_status.publish(Int32(data=value))
 
     def publish_placement(self, body: str) -> None:
-        """The latched placement (JSON)."""
+        """Publishes the latched placement (JSON)."""
         if self.placement is not None:
             self.placement.publish(String(data=body))
 
     def mirror_beat(self, text: str, beat: Beat) -> None:
-        """What was heard, for people and other monitors."""
+        """Publishes what was heard, for people and other monitors."""
         if self.mirror is None or not self.mirror.get_subscription_count():
             return
         message = Header(frame_id=text)
@@ -189,7 +189,7 @@ class Report:
         counters: Mapping[str, int],
         problems: Iterable[Problem],
     ) -> None:
-        """One /diagnostics message: link, placement, every node, counters, problems."""
+        """Publishes one /diagnostics message: link, placement, every node, counters, problems."""
         statuses = [self._link(link, pulse), self._placement(placement)]
         statuses += [self._node(node) for node in nodes]
         found = [*self.problems.values(), *problems]

@@ -28,7 +28,7 @@ ALL_FLAGS: Final = _unique((*NODE_FLAGS, *OVERLAY_FLAGS))
 
 
 def node_spec(given: Given, block: Mapping[str, Any], source: str) -> BuildSpec:
-    """The specification of a node's image: a `build:` block, and options laid over it.
+    """Returns the specification of a node's image: a `build:` block, and options laid over it.
 
     Args:
         given: the options.
@@ -43,7 +43,7 @@ def node_spec(given: Given, block: Mapping[str, Any], source: str) -> BuildSpec:
 
 
 def overlay_spec(given: Given, agent_image: str) -> OverlaySpec:
-    """The specification of an image with the agent.
+    """Returns the specification of an image with the agent.
 
     Args:
         given: the options.
@@ -57,7 +57,7 @@ def overlay_spec(given: Given, agent_image: str) -> OverlaySpec:
 
 
 def option_findings(findings: Sequence[Finding], given: Given) -> list[Finding]:
-    """The findings with the option instead of the field, where the option was given."""
+    """Returns the findings with the option instead of the field, where the option was given."""
     return [_told_as_option(finding, given) for finding in findings]
 
 

@@ -9,7 +9,7 @@ from typing import Final
 
 
 def shell(value: str) -> str:
-    """One word of a shell command."""
+    """Returns one word of a shell command."""
     return shlex.quote(_one_line(value))
 
 
@@ -19,24 +19,24 @@ def shell_words(values: Iterable[str]) -> str:
 
 
 def quoted(value: str) -> str:
-    r"""The value of a LABEL or ENV instruction: in double quotes, where `\`, `"` and `$` would mean something."""
+    r"""Returns the value of a LABEL or ENV instruction in double quotes; `\`, `"` and `$` are escaped."""
     escaped = _one_line(value).replace("\\", "\\\\").replace('"', '\\"').replace("$", "\\$")
     return f'"{escaped}"'
 
 
 def array(values: Iterable[str]) -> str:
-    """The JSON form of ENTRYPOINT, CMD or COPY, which no shell reads."""
+    """Returns the JSON form of ENTRYPOINT, CMD or COPY, which no shell reads."""
     return json.dumps([_one_line(value) for value in values], ensure_ascii=False)
 
 
 def file_lines(text: str, indent: int = 4) -> str:
-    r"""A small file as arguments of `printf '%s\n'`, one line each: no here-document, which not every builder reads."""
+    r"""Returns a small file as arguments of `printf '%s\n'`, one line each; not every builder reads here-documents."""
     quoted_lines = ("'" + line.replace("'", "'\"'\"'") + "'" for line in text.splitlines())
     return f" \\\n{' ' * indent}".join(quoted_lines)
 
 
 def _one_line(value: str) -> str:
-    """`value`, which the types of `values` have checked: a second line would be a second instruction."""
+    """Returns `value`, checked by the types of `values`: a second line would be a second instruction."""
     if "\n" in value or "\r" in value:
         raise ValueError("a value of a Dockerfile has more than one line")
     return value

@@ -50,7 +50,7 @@ def connect(
     retry: RetryPolicy | None = None,
     guard: Guard | None = None,
 ) -> Client:
-    """A client for an API server. Credentials are read at the first request and again after a 401.
+    """Returns a client for an API server. Credentials are read at the first request and again after a 401.
 
     Args:
         kubeconfig: as `kubectl --kubeconfig`.
@@ -67,7 +67,7 @@ def connect(
 
 
 def current_namespace(kubeconfig: str | None = None, context: str | None = None) -> str:
-    """The namespace that a command without `-n` means: the context's, or `default`."""
+    """Returns the namespace that a command without `-n` means: the context's, or `default`."""
     access = Access(kubeconfig, context)
     if access.in_cluster:
         own = Path("/var/run/secrets/kubernetes.io/serviceaccount/namespace")

@@ -122,7 +122,7 @@ class NotLeaderError(RobotOffloadError):
 
 
 def error_of(status: int, body: str, headers: Mapping[str, str], doing: str) -> KubeError:
-    """The error for an answer of the API server.
+    """Returns the error for an answer of the API server.
 
     Args:
         status: HTTP status, 400 or more.

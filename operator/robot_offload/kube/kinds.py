@@ -34,7 +34,7 @@ class Kind:
         return self.api_version.rpartition("/")[0]
 
     def path(self, namespace: str | None, name: str = "", subresource: str = "") -> str:
-        """The URL path of the collection, an object or its subresource; all namespaces with `namespace=None`."""
+        """Returns the URL path of the collection, an object or its subresource; None as namespace means all of them."""
         root = f"/apis/{self.api_version}" if self.group else f"/api/{self.api_version}"
         place = f"/namespaces/{namespace}" if self.namespaced and namespace else ""
         return "".join(
@@ -85,7 +85,7 @@ _KINDS: Final = {
 
 
 def kind_of(manifest: dict[str, object]) -> Kind:
-    """The kind of an object.
+    """Returns the kind of an object.
 
     Raises:
         KeyError: it is none that the program knows.
@@ -122,7 +122,7 @@ USES: Final[tuple[Use, ...]] = (
     ),
     Use(POD, ("list", "watch"), reason="says why a workload is not available"),
     Use(NODE, ("list",), reason="addresses of a Service of type NodePort"),
-    Use(EVENT, ("create",), reason="tells transitions"),
+    Use(EVENT, ("create",), reason="reports transitions"),
     Use(
         CERTIFICATE,
         ("get", "list", "create", "patch", "delete"),

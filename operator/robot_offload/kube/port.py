@@ -24,13 +24,13 @@ class KubeApi(Protocol):
     """Reads and writes of objects. Every method raises a `KubeError` when the API server says no or is silent."""
 
     async def get(self, kind: Kind, namespace: str | None, name: str) -> Manifest | None:
-        """One object, or None where there is none."""
+        """Returns one object, or None where there is none."""
         ...
 
     async def list(
         self, kind: Kind, namespace: str | None = None, labels: Mapping[str, str] | None = None
     ) -> list[Manifest]:
-        """All objects of a kind in a namespace (None: in all) that carry all `labels`."""
+        """Returns all objects of a kind in a namespace (None: in all) that carry all `labels`."""
         ...
 
     async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:

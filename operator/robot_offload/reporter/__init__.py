@@ -1,4 +1,4 @@
-"""The reporter: a small container beside the cloud agent that tells the cluster what the agent knows.
+"""The reporter: a small container beside the cloud agent that reports to the cluster what the agent knows.
 
 It reads the agent's state file and mirrors it to the robot's coordination Lease (at most every ten seconds, and at each
 transition), answers probes, serves metrics, and asks the agent to hand over before a pod of the acting side goes.

@@ -27,7 +27,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What whoever asked is told.
+    """The answer to whoever asked.
 
     Attributes:
         outcome: how it ended.
@@ -41,7 +41,7 @@ class Answer:
 
 
 def judge(identifier: str, sight: Sight, now_s: float, deadline_s: float) -> Answer | None:
-    """Whether a handover has ended; None: wait on.
+    """Returns whether a handover has ended; None: wait on.
 
     Args:
         identifier: what was written for the agent.

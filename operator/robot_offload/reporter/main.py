@@ -70,7 +70,7 @@ class Reporter:
         self._handovers = Handovers(settings.handover_file, lambda: self._sight, time.monotonic)
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Works until `stop` is set; then ends the handover that is under way and tells the last state."""
+        """Works until `stop` is set; then ends the handover that is under way and reports the last state."""
         app = application(lambda: self._sight, self._counts, self._handovers, time.monotonic)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=WAIT_S)
         await runner.setup()
@@ -128,14 +128,14 @@ class Reporter:
         self._mirror = mirror.succeeded(wanted, time.monotonic())
 
     async def _tell_the_last(self) -> None:
-        """One more write if there is news: whoever comes next starts from the truth."""
+        """Writes once more if there is news: whoever comes next starts from the truth."""
         wanted = mirror.report(self._sight, time.monotonic())
         if wanted is not None and wanted != self._mirror.written and not self._mirror.failures:
             await self._write(wanted)
 
 
 def _read(file: Path) -> tuple[str | None, float]:
-    """The file's content and how many seconds ago it was written; None: there is none that can be read."""
+    """Returns the file's content and how many seconds ago it was written; None: there is none that can be read."""
     with suppress(OSError, UnicodeDecodeError):
         ago_s = datetime.datetime.now(datetime.UTC).timestamp() - file.stat().st_mtime
         return file.read_text(encoding="utf-8"), ago_s

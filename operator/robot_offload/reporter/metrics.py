@@ -27,7 +27,7 @@ class Counts:
 
 
 def exposition(sight: Sight, counts: Counts, now_s: float) -> bytes:
-    """The page that `/metrics` serves.
+    """Returns the page that `/metrics` serves.
 
     Args:
         sight: the agent's state as last seen.
@@ -68,7 +68,7 @@ def _metrics(sight: Sight, counts: Counts, now_s: float) -> Iterator[Metric]:
 
 
 def _live(state: AgentState) -> Iterator[Metric]:
-    """What only a living agent can vouch for; a silent one leaves gaps in the graphs instead of old numbers."""
+    """Yields what only a living agent can vouch for; a silent one leaves gaps in the graphs instead of old numbers."""
     yield _gauge("robot_offload_robot_connected", "1 while the robot is connected.", state.connected)
     yield _gauge("robot_offload_agent_ready", "1 while the cloud agent listens for its robot.", state.ready)
     yield _gauge("robot_offload_epoch", "Number of the present changeover.", state.epoch)

@@ -2,7 +2,7 @@
 
 The Lease is renewed only while the robot is connected, so it ends by itself when the robot, the agent, this reporter or
 the whole pod is gone; the operator compares it with its own clock. Writes: every RENEW_S while the robot is connected,
-at each transition, and never faster than GAP_S (a link that flaps is told by its newest state).
+at each transition, and never faster than GAP_S (a link that flaps is reported by its newest state).
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ class Mirror:
 
 
 def report(sight: Sight, now_s: float) -> Report | None:
-    """What the Lease should say; None: nothing is known yet, so what an earlier reporter wrote stays.
+    """Returns what the Lease should say; None: nothing is known yet, so what an earlier reporter wrote stays.
 
-    A silent agent is told once: its robot may go on by itself, but nothing here can vouch for it.
+    A silent agent is reported once: its robot may go on by itself, but nothing here can vouch for it.
     """
     if sight.state is None:
         return None
@@ -75,7 +75,7 @@ def report(sight: Sight, now_s: float) -> Report | None:
 
 
 def due(mirror: Mirror, wanted: Report | None, now_s: float) -> bool:
-    """Whether the Lease should be written now."""
+    """Returns whether the Lease should be written now."""
     if wanted is None or now_s < mirror.retry_s or now_s - mirror.written_s < GAP_S:
         return False
     if mirror.written is None or mirror.failures or wanted != mirror.written:
@@ -84,7 +84,7 @@ def due(mirror: Mirror, wanted: Report | None, now_s: float) -> bool:
 
 
 def patch(wanted: Report, robot: str, now: datetime.datetime) -> dict[str, Any]:
-    """The merge patch of the Lease.
+    """Returns the merge patch of the Lease.
 
     Args:
         wanted: what it should say.
@@ -99,12 +99,12 @@ def patch(wanted: Report, robot: str, now: datetime.datetime) -> dict[str, Any]:
 
 
 def succeeded(wanted: Report, now_s: float) -> Mirror:
-    """The mirror after a write."""
+    """Returns the mirror after a write."""
     return Mirror(written=wanted, written_s=now_s)
 
 
 def failed(mirror: Mirror, now_s: float) -> Mirror:
-    """The mirror after a write that failed: the pauses grow, and what is written next is the state of that moment."""
+    """Returns the mirror after a write that failed: pauses grow, the next write has the state of its own moment."""
     pause_s = min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2.0 ** min(mirror.failures, 8))
     return Mirror(mirror.written, mirror.written_s, mirror.failures + 1, now_s + pause_s)
 

@@ -18,7 +18,7 @@ METRICS_TYPE: Final = "text/plain; version=1.0.0; charset=utf-8"
 def application(
     sight: Callable[[], Sight], counts: Counts, handovers: Handovers, now: Callable[[], float]
 ) -> web.Application:
-    """The HTTP application.
+    """Returns the HTTP application.
 
     Args:
         sight: the agent's state as last seen.
@@ -66,7 +66,7 @@ def application(
 
 
 def not_ready(sight: Sight, now_s: float) -> str:
-    """Why the cloud agent is not ready; empty when it is."""
+    """Returns why the cloud agent is not ready; empty when it is."""
     if sight.state is None:
         return sight.problem
     if not sight.fresh(now_s):

@@ -1,4 +1,4 @@
-"""What the reporter is told by its environment."""
+"""What the environment says to the reporter."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Agent(Feature[OverlaySpec]):
         return tuple(f"ros-{spec.distro}-{name.replace('_', '-')}" for name in spec.interface_packages)
 
     def values(self, spec: OverlaySpec) -> Mapping[str, Any]:
-        """What is laid over what."""
+        """Returns what is laid over what."""
         return {
             "home": HOME,
             "distro": spec.distro,

@@ -26,7 +26,7 @@ class Colcon(Feature[BuildSpec]):
     )
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """What is built, and from which cache."""
+        """Returns what is built, and from which cache."""
         return {
             "package": spec.package,
             "packages": (spec.package, *spec.packages),

@@ -27,7 +27,7 @@ class Entrypoint(Feature[BuildSpec]):
     )
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """One thing to run; autostart knows one node."""
+        """Yields findings: there is one thing to run, and autostart knows one node."""
         if (spec.executable is None) == (spec.launch is None):
             found = "none" if spec.executable is None else "both"
             yield Finding("executable", "Required", f"needs either executable or launch, found {found}")
@@ -40,7 +40,7 @@ class Entrypoint(Feature[BuildSpec]):
         return ("tini",) if stage == "runtime" else ()
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """The script, the signal and the command."""
+        """Returns the script, the signal and the command."""
         if spec.launch:
             command = ("ros2", "launch", "--noninteractive", spec.package, spec.launch, *spec.arguments)
         else:

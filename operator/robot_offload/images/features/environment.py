@@ -82,7 +82,7 @@ class Environment(Feature[BuildSpec]):
                 yield Finding(path, "Invalid", "static peers have no ports; write the host only")
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """All variables in order."""
+        """Returns all variables in order."""
         network = spec.environment
         variables = {"ROS_DISTRO": spec.distro, "RMW_IMPLEMENTATION": spec.rmw, **FIXED}
         if spec.node:

@@ -49,11 +49,11 @@ class Feature(Generic[Spec_contra]):
     flags: ClassVar[tuple[Flag, ...]] = ()
 
     def wanted(self, spec: Spec_contra) -> bool:
-        """Whether this image has it."""
+        """Returns whether this image has the feature."""
         return True
 
     def check(self, spec: Spec_contra) -> Iterator[Finding]:
-        """The rules between fields that it needs, checked whether it is wanted or not."""
+        """Yields the rules between fields that it needs, checked whether it is wanted or not."""
         yield from ()
 
     def packages(self, spec: Spec_contra, stage: Stage) -> tuple[str, ...]:
@@ -61,5 +61,5 @@ class Feature(Generic[Spec_contra]):
         return ()
 
     def values(self, spec: Spec_contra) -> Mapping[str, Any]:
-        """What its templates are filled with."""
+        """Returns what its templates are filled with."""
         return {}

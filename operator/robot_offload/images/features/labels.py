@@ -32,7 +32,7 @@ class Labels(Feature[BuildSpec]):
         yield from _check(spec.labels)
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """All labels in order; the user's win over those of OCI."""
+        """Returns all labels in order; the user's win over those of OCI."""
         labels = {
             "org.opencontainers.image.title": spec.package,
             "org.opencontainers.image.base.name": spec.runtime_image,
@@ -60,7 +60,7 @@ class OverlayLabels(Feature[OverlaySpec]):
         yield from _check(spec.labels)
 
     def values(self, spec: OverlaySpec) -> Mapping[str, Any]:
-        """All labels in order."""
+        """Returns all labels in order."""
         labels = {
             "org.opencontainers.image.title": "robot-offload-agent",
             "org.opencontainers.image.base.name": spec.onto or spec.agent_image,

@@ -20,7 +20,7 @@ class Rmw(Feature[BuildSpec]):
     flags = (Flag("--rmw", "rmw", "ROS middleware, e.g. rmw_cyclonedds_cpp. Default rmw_fastrtps_cpp."),)
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """The distribution must carry it."""
+        """Yields a finding unless the distribution carries it."""
         if spec.rmw not in spec.release.rmw:
             known = ", ".join(spec.release.rmw)
             yield Finding("rmw", "NotSupported", f"{spec.rmw} is not packaged for {spec.distro}; it has {known}")

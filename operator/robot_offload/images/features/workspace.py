@@ -25,7 +25,7 @@ class Workspace(Feature[BuildSpec]):
     )
 
     def wanted(self, spec: BuildSpec) -> bool:
-        """Whether the source is in the build context."""
+        """Returns whether the source is in the build context."""
         return spec.workspace is not None
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:

@@ -36,7 +36,7 @@ class Asker:
         return max(0.0, self.deadline_s - time.monotonic())
 
     def present(self) -> bool:
-        """Whether the node shows up in ROS."""
+        """Returns whether the node shows up in ROS."""
         while self.left_s() > 0:
             names = [f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces()]
             if self.name in names:
@@ -45,7 +45,7 @@ class Asker:
         return False
 
     def call(self, kind: Any, service: str, request: Any) -> Any:
-        """The answer of one of the node's services, or None."""
+        """Returns the answer of one of the node's services, or None."""
         client = self.node.create_client(kind, f"{self.name}/{service}")
         if not client.wait_for_service(timeout_sec=self.left_s()):
             return None
@@ -54,12 +54,12 @@ class Asker:
         return future.result() if future.done() else None
 
     def state(self) -> Any:
-        """The node's lifecycle state, or None."""
+        """Returns the node's lifecycle state, or None."""
         answer = self.call(GetState, "get_state", GetState.Request())
         return answer.current_state.id if answer else None
 
     def activate(self) -> bool:
-        """Whether the node reached Active, one transition after the other."""
+        """Returns whether the node reached Active, one transition after the other."""
         while self.left_s() > 0:
             state = self.state()
             if state == State.PRIMARY_STATE_ACTIVE:

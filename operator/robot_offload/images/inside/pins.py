@@ -16,7 +16,7 @@ _VIA = re.compile(r"^\s+#\s+(?:via\s+)?([a-z0-9][a-z0-9._-]*)$", re.MULTILINE)
 
 
 def chosen(requirements: str, roots: Iterable[str]) -> str:
-    """The blocks of `roots` and of everything they need.
+    """Returns the blocks of `roots` and of everything they need.
 
     Raises:
         KeyError: a root is not pinned.
@@ -32,7 +32,7 @@ def chosen(requirements: str, roots: Iterable[str]) -> str:
 
 
 def dependencies(project: str) -> tuple[str, ...]:
-    """What the text of a `pyproject.toml` needs, by name; our own packages have no pins."""
+    """Returns what the text of a `pyproject.toml` needs, by name; our own packages have no pins."""
     import tomllib  # noqa: PLC0415 - not in the Python of older bases, which name their packages
 
     found = tomllib.loads(project)["project"]["dependencies"]
