@@ -277,27 +277,91 @@ def made(family: str, seed: int, duration_s: float) -> Trace:
     return out.trace()
 
 
+def corridor_wifi(seed: int, duration_s: float) -> str:
+    """Returns a robot driving through a building on Wi-Fi, in the text format.
+
+    About 11 ms with a long tail; every 15-25 s the robot changes to the next access point: the link stands
+    still for 0.15-0.9 s, and for some seconds before that it gets slower.
+    """
+    rng = random.Random(seed)
+    lines = [_origin("corridor-wifi", seed, duration_s, " Round trips in ms, back to back.")]
+    elapsed_s = 0.0
+    roam_s = rng.uniform(10, 18)
+    while elapsed_s < duration_s:
+        if elapsed_s >= roam_s:
+            rtt_ms = rng.uniform(150, 900)
+            roam_s = elapsed_s + rng.uniform(15, 25)
+        else:
+            fading = max(0.0, 1 - (roam_s - elapsed_s) / 3.0)
+            rtt_ms = 9 + rng.expovariate(1 / 3) + 25 * fading * rng.random()
+            if rng.random() < 0.004:
+                rtt_ms += rng.uniform(20, 70)
+        lines.append(f"{rtt_ms:.1f}")
+        elapsed_s += round(rtt_ms, 1) / 1000
+    return "\n".join(lines) + "\n"
+
+
+def yard_4g(seed: int, duration_s: float) -> str:
+    """Returns a robot in a yard on 4G, in the CSV format, ten requests a second.
+
+    40-60 ms in a slow swell with a long tail; 1 % of the requests are lost alone, and about every 40 s a
+    change of the cell loses all for 0.5-2.5 s.
+    """
+    rng = random.Random(seed)
+    lines = [
+        _origin("yard-4g", seed, duration_s, " An empty rtt_ms is a lost request."),
+        CSV_HEADER,
+    ]
+    gap_from_s = rng.uniform(20, 35)
+    gap_until_s = gap_from_s + rng.uniform(0.5, 2.5)
+    for index in range(int(duration_s * 10)):
+        t_s = index / 10
+        if t_s >= gap_until_s:
+            gap_from_s = t_s + rng.uniform(30, 50)
+            gap_until_s = gap_from_s + rng.uniform(0.5, 2.5)
+        rtt_ms = 50 + 10 * math.sin(2 * math.pi * t_s / 37) + rng.expovariate(1 / 8)
+        if rng.random() < 0.01:
+            rtt_ms += rng.uniform(60, 250)
+        lost = gap_from_s <= t_s < gap_until_s or rng.random() < 0.01
+        lines.append(f"{t_s:.1f}," if lost else f"{t_s:.1f},{rtt_ms:.1f}")
+    return "\n".join(lines) + "\n"
+
+
 def as_csv(trace: Trace, origin: str) -> str:
     """Returns the text of a recording, its origin in the first line."""
-    lines = [f"# {origin}", CSV_HEADER]
+    lines = [origin, CSV_HEADER]
     for t_s, rtt_ms in zip(trace.times_s, trace.rtts_ms, strict=True):
         lines.append(f"{t_s:g}," if rtt_ms is None else f"{t_s:g},{rtt_ms:g}")
     return "\n".join(lines) + "\n"
 
 
+def text(kind: str, seed: int, duration_s: float) -> str:
+    """Returns the text of a link of a family, or of a scene; the same seed gives the same text."""
+    if kind in SCENES:
+        return SCENES[kind](seed, duration_s)
+    return as_csv(made(kind, seed, duration_s), _origin(kind, seed, duration_s))
+
+
+SCENES: Final[Mapping[str, Callable[[int, float], str]]] = {"corridor-wifi": corridor_wifi, "yard-4g": yard_4g}
+"""Links of the examples: one link each, written by hand, in one of the two formats. No figure was found on them."""
+
+
+def _origin(kind: str, seed: int, duration_s: float, meaning: str = "") -> str:
+    return f"# Made up: {kind} --seed {seed} --duration {duration_s:g}.{meaning}"
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Returns the command line: `FAMILY --seed N --duration S FILE`."""
+    """Runs the command line: `KIND --seed N --duration S FILE`; returns 0 when the file is written."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.links.made_up", description="Made-up links.")
-    parser.add_argument("family", choices=sorted(FAMILIES))
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("kind", choices=sorted((*FAMILIES, *SCENES)))
+    parser.add_argument("--seed", type=int, default=1, help="another number is another link of the kind (default 1)")
     parser.add_argument("--duration", type=float, default=60.0, help="seconds (default 60)")
     parser.add_argument("file", type=Path)
     options = parser.parse_args(arguments)
     if not 1 <= options.duration <= 86400:
         parser.error(f"--duration: {options.duration:g} is out of range; write 1 to 86400 seconds")
-    origin = f"Made up: {options.family} --seed {options.seed} --duration {options.duration:g}."
     try:
-        options.file.write_text(as_csv(made(options.family, options.seed, options.duration), origin), encoding="utf-8")
+        options.file.write_text(text(options.kind, options.seed, options.duration), encoding="utf-8")
     except OSError as error:
         parser.error(f"cannot write {options.file}: {error.strerror}")
     return 0

@@ -1,4 +1,4 @@
-"""Recorded round-trip times: reading them, and making up small ones for examples and tests.
+"""Recorded round-trip times, read from files.
 
 Two formats, told apart by their first line; empty lines and lines that begin with `#` are skipped in both:
 
@@ -7,16 +7,14 @@ Two formats, told apart by their first line; empty lines and lines that begin wi
 * CSV: the header `t_s,rtt_ms`, then the moment of sending and the round-trip time; an empty `rtt_ms` is a
   lost request.
 
-    python -m robot_offload_lab.links.recorded generate wifi --seed 7 --duration 60 examples/traces/corridor-wifi.txt
+`made_up` writes some.
 """
 
 from __future__ import annotations
 
-import argparse
 import bisect
 import itertools
 import math
-import random
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -196,89 +194,3 @@ def _positive_ms(text: str, where: str) -> float:
     if value <= 0:
         raise TraceError(f"{where}: a round-trip time must be above 0 ms, found {text!r}")
     return value
-
-
-# Made-up traces. The figures of both kinds are our own invention, chosen to look like the link they name and
-# to hold what a switching policy must get right: a quiet base, a slow swell, short spikes, stalls and gaps.
-
-
-def generate_wifi(seed: int, duration_s: float) -> str:
-    """Returns a robot driving through a building on Wi-Fi, in the text format.
-
-    About 11 ms with a long tail; every 15-25 s the robot changes to the next access point: the link stands
-    still for 0.15-0.9 s, and for some seconds before that it gets slower.
-    """
-    rng = random.Random(seed)
-    lines = [_origin("wifi", seed, duration_s, "Round trips in ms, back to back.")]
-    elapsed_s = 0.0
-    roam_s = rng.uniform(10, 18)
-    while elapsed_s < duration_s:
-        if elapsed_s >= roam_s:
-            rtt_ms = rng.uniform(150, 900)
-            roam_s = elapsed_s + rng.uniform(15, 25)
-        else:
-            fading = max(0.0, 1 - (roam_s - elapsed_s) / 3.0)
-            rtt_ms = 9 + rng.expovariate(1 / 3) + 25 * fading * rng.random()
-            if rng.random() < 0.004:
-                rtt_ms += rng.uniform(20, 70)
-        lines.append(f"{rtt_ms:.1f}")
-        elapsed_s += round(rtt_ms, 1) / 1000
-    return "\n".join(lines) + "\n"
-
-
-def generate_mobile(seed: int, duration_s: float) -> str:
-    """Returns a robot in a yard on 4G, in the CSV format, ten requests a second.
-
-    40-60 ms in a slow swell with a long tail; 1 % of the requests are lost alone, and about every 40 s a
-    change of the cell loses all for 0.5-2.5 s.
-    """
-    rng = random.Random(seed)
-    lines = [
-        _origin("mobile", seed, duration_s, "An empty rtt_ms is a lost request."),
-        CSV_HEADER,
-    ]
-    gap_from_s = rng.uniform(20, 35)
-    gap_until_s = gap_from_s + rng.uniform(0.5, 2.5)
-    for index in range(int(duration_s * 10)):
-        t_s = index / 10
-        if t_s >= gap_until_s:
-            gap_from_s = t_s + rng.uniform(30, 50)
-            gap_until_s = gap_from_s + rng.uniform(0.5, 2.5)
-        rtt_ms = 50 + 10 * math.sin(2 * math.pi * t_s / 37) + rng.expovariate(1 / 8)
-        if rng.random() < 0.01:
-            rtt_ms += rng.uniform(60, 250)
-        lost = gap_from_s <= t_s < gap_until_s or rng.random() < 0.01
-        lines.append(f"{t_s:.1f}," if lost else f"{t_s:.1f},{rtt_ms:.1f}")
-    return "\n".join(lines) + "\n"
-
-
-def _origin(kind: str, seed: int, duration_s: float, meaning: str) -> str:
-    return f"# Made up: generate {kind} --seed {seed} --duration {duration_s:g}. {meaning}"
-
-
-GENERATORS = {"wifi": generate_wifi, "mobile": generate_mobile}
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Returns the command line: `generate KIND --seed N --duration S FILE`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m robot_offload_lab.links.recorded", description="Made-up link recordings."
-    )
-    commands = parser.add_subparsers(dest="command", required=True)
-    generate = commands.add_parser("generate", help="write a made-up trace; the same seed gives the same file")
-    generate.add_argument("kind", choices=sorted(GENERATORS), help="wifi: text format; mobile: CSV with losses")
-    generate.add_argument("--seed", type=int, default=1)
-    generate.add_argument("--duration", type=float, default=60.0, help="seconds (default 60)")
-    generate.add_argument("file", type=Path)
-    options = parser.parse_args(arguments)
-    if not 1 <= options.duration <= 86400:
-        parser.error(f"--duration: {options.duration:g} is out of range; write 1 to 86400 seconds")
-    try:
-        options.file.write_text(GENERATORS[options.kind](options.seed, options.duration), encoding="utf-8")
-    except OSError as error:
-        parser.error(f"cannot write {options.file}: {error.strerror}")
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from robot_offload_core.prior import PRIOR
-from robot_offload_lab.links.made_up import FAMILIES, made, main
-from robot_offload_lab.links.recorded import load_trace
+from robot_offload_lab.links.made_up import FAMILIES, SCENES, made, main
+from robot_offload_lab.links.recorded import load_trace, parse_trace
 from robot_offload_lab.replay.learn import costs, learnt
 from tests.unit.lab.replay.cases import ROOT, made_case
 
@@ -51,8 +51,34 @@ def test_the_figure_of_a_rule_is_how_dear_it_is_beside_the_best_fixed_one() -> N
     assert (figures[cheapest] < 0) is (found[cheapest] < best)
 
 
-@pytest.mark.parametrize(("family", "seed"), [("roaming", 5), ("interference", 1), ("periodic", 1)])
-def test_the_examples_are_what_their_first_line_says(family: str, seed: int, tmp_path: Path) -> None:
-    file = tmp_path / "again.csv"
-    main([family, "--seed", str(seed), "--duration", "120", str(file)])
-    assert file.read_text() == (ROOT / "examples" / "traces" / f"{family}.csv").read_text()
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        (["roaming", "--seed", "5", "--duration", "120"], "roaming.csv"),
+        (["interference", "--seed", "1", "--duration", "120"], "interference.csv"),
+        (["periodic", "--seed", "1", "--duration", "120"], "periodic.csv"),
+        (["corridor-wifi", "--seed", "7", "--duration", "60"], "corridor-wifi.txt"),
+        (["yard-4g", "--seed", "11", "--duration", "180"], "yard-4g.csv"),
+    ],
+)
+def test_the_examples_are_what_their_first_line_says(arguments: list[str], name: str, tmp_path: Path) -> None:
+    examples = ROOT / "examples" / "traces"
+    assert main([*arguments, str(tmp_path / name)]) == 0
+    assert (tmp_path / name).read_bytes() == (examples / name).read_bytes()
+    assert (examples / name).read_text().startswith(f"# Made up: {' '.join(arguments)}.")
+    assert " ".join(arguments) in (examples / "README.md").read_text()
+
+
+@pytest.mark.parametrize("scene", sorted(SCENES))
+@pytest.mark.parametrize("seed", range(5))
+def test_every_seed_makes_a_scene_of_its_own(scene: str, seed: int) -> None:
+    content = SCENES[scene](seed, 30.0)
+    assert content != SCENES[scene](seed + 1, 30.0)
+    assert parse_trace(content, name=scene).duration_s == pytest.approx(30, abs=1)
+
+
+def test_an_impossible_length_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["tunnel", "--duration", "0", str(tmp_path / "x.txt")])
+    assert caught.value.code == 2
+    assert "--duration: 0 is out of range; write 1 to 86400 seconds" in capsys.readouterr().err

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload.errors import InputError
-from robot_offload_lab.links.recorded import GENERATORS, Trace, TraceError, load_trace, main, parse_trace
+from robot_offload_lab.links.recorded import Trace, TraceError, load_trace, parse_trace
 
 EXAMPLES = Path(__file__).parents[4] / "examples" / "traces"
 
@@ -139,20 +139,6 @@ def test_no_text_whatever_raises_anything_but_a_trace_error(content: str) -> Non
     trace.one_way_ms(0.0)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "name"),
-    [
-        (["generate", "wifi", "--seed", "7", "--duration", "60"], "corridor-wifi.txt"),
-        (["generate", "mobile", "--seed", "11", "--duration", "180"], "yard-4g.csv"),
-    ],
-)
-def test_the_examples_are_what_their_generator_writes(tmp_path: Path, arguments: list[str], name: str) -> None:
-    assert main([*arguments, str(tmp_path / name)]) == 0
-    assert (tmp_path / name).read_bytes() == (EXAMPLES / name).read_bytes()
-    assert (EXAMPLES / name).stat().st_size < 50_000
-    assert " ".join(arguments) in (EXAMPLES / "README.md").read_text()
-
-
 def test_the_examples_hold_stalls_and_losses() -> None:
     wifi = load_trace(EXAMPLES / "corridor-wifi.txt")
     assert 8 < wifi.median_ms < 16
@@ -162,18 +148,3 @@ def test_the_examples_hold_stalls_and_losses() -> None:
     assert 45 < mobile.median_ms < 70
     assert sum(rtt is None for rtt in mobile.rtts_ms) > 20
     assert mobile.duration_s == pytest.approx(180)
-
-
-@pytest.mark.parametrize("kind", sorted(GENERATORS))
-@pytest.mark.parametrize("seed", range(5))
-def test_every_seed_makes_a_trace_of_its_own(kind: str, seed: int) -> None:
-    content = GENERATORS[kind](seed, 30.0)
-    assert content != GENERATORS[kind](seed + 1, 30.0)
-    assert parse_trace(content, name=kind).duration_s == pytest.approx(30, abs=1)
-
-
-def test_the_generator_refuses_an_impossible_length(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(["generate", "wifi", "--duration", "0", str(tmp_path / "x.txt")])
-    assert caught.value.code == 2
-    assert "--duration: 0 is out of range; write 1 to 86400 seconds" in capsys.readouterr().err
