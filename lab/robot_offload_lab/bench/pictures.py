@@ -15,26 +15,26 @@ from matplotlib.figure import Figure as Canvas
 from robot_offload_lab.bench.analysis import latency
 from robot_offload_lab.bench.results import Figure, GroupResult, Priority, Sample, at_or_none
 from robot_offload_lab.bench.table import PRIORITY_WORDS
-from robot_offload_lab.judge.report_figures import png
+from robot_offload_lab.judge.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, SILVER, VERMILION, png
 
 SIZE_IN: Final = (9.0, 3.4)
 COLOUR_MAP: Final = colormaps["tab20"]
-COLOURS: Final[dict[Priority, str]] = {"realtime": "#0072B2", "normal": "#D55E00"}
+COLOURS: Final[dict[Priority, str]] = {"realtime": BLUE, "normal": VERMILION}
 PIECES: Final = {
-    "detection_ms": ("detection", "#0072B2"),
-    "activation_ms": ("activation", "#E69F00"),
-    "phase_ms": ("timer phase", "#999999"),
-    "rest_ms": ("activation and phase together", "#DDDDDD"),
+    "detection_ms": ("detection", BLUE),
+    "activation_ms": ("activation", ORANGE),
+    "phase_ms": ("timer phase", GREY),
+    "rest_ms": ("activation and phase together", PALE),
 }
 CUTS_CAPTION: Final = (
     "Sudden cuts of both directions: the gap of each and what it is made of. A gap is shorter than its parts where the "
     "cloud's last command came after its last good beat"
 )
 WAYS: Final = {
-    "link": ("the link itself", "#BBBBBB"),
-    "input": ("robot to cloud", "#E69F00"),
-    "command": ("cloud to robot", "#0072B2"),
-    "direct": ("direct DDS", "#009E73"),
+    "link": ("the link itself", SILVER),
+    "input": ("robot to cloud", ORANGE),
+    "command": ("cloud to robot", BLUE),
+    "direct": ("direct DDS", GREEN),
 }
 
 
@@ -248,7 +248,7 @@ def _limits(line: Callable[..., Any], figure: Figure | None) -> None:
     if figure is not None:
         for value, words, style in ((figure.must, "must", "--"), (figure.aim, "aim", ":")):
             if value is not None:
-                line(value, color="#333333", linewidth=0.9, linestyle=style, label=f"{words} (p99) {value:g} ms")
+                line(value, color=INK, linewidth=0.9, linestyle=style, label=f"{words} (p99) {value:g} ms")
 
 
 def _named(outcomes: Iterable[GroupResult], name: str) -> Figure | None:

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import jinja2
 
+from robot_offload_lab.judge import drawing
 from robot_offload_lab.judge import report_figures as figures
 from robot_offload_lab.judge.invariants import Violation, violations
 from robot_offload_lab.judge.measures import Measures, Switch, measure, median_period_ms
@@ -44,7 +45,7 @@ def write(recording: Recording, directory: Path) -> ReportFiles:
     files = ReportFiles(directory / "report.json", directory / "report.html", directory / "run.png")
     files.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     files.html.write_text(html(report, measures), encoding="utf-8")
-    files.png.write_bytes(figures.png(figures.run(measures)))
+    files.png.write_bytes(drawing.png(figures.run(measures)))
     return files
 
 
@@ -83,11 +84,11 @@ def html(report: Mapping[str, Any], measures: Measures) -> str:
     )
     environment.filters["number"] = _number
     pictures = [
-        ("Link and placement", figures.svg(figures.link_and_placement(measures))),
-        ("Silence of the outputs at each switch", figures.svg(figures.gaps_per_switch(measures))),
+        ("Link and placement", drawing.svg(figures.link_and_placement(measures))),
+        ("Silence of the outputs at each switch", drawing.svg(figures.gaps_per_switch(measures))),
     ]
     if measures.recording.path:
-        pictures.append(("The way through the corridor", figures.svg(figures.path(measures))))
+        pictures.append(("The way through the corridor", drawing.svg(figures.path(measures))))
     return environment.get_template("report.html.j2").render(report=report, pictures=pictures, sites=SITES)
 
 

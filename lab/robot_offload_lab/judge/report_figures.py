@@ -1,32 +1,23 @@
-"""The pictures of a run, drawn with matplotlib without any global state.
-
-Two colours mean the two sides everywhere: orange the robot, blue the cloud (Okabe and Ito's palette, told apart with
-every kind of colour vision and in grey). Where it matters a shape or a word says the same.
-"""
+"""The pictures of a run."""
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from typing import Final, Literal
 
-import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
+from robot_offload_lab.judge.drawing import INK, SILVER, SITE_COLOURS, style
 from robot_offload_lab.judge.invariants import gap_limit_ms, inhibited
 from robot_offload_lab.judge.measures import Interval, Measures
 from robot_offload_lab.judge.recording import SITES, Site
 
-COLOURS: Final[Mapping[Site, str]] = {"robot": "#E69F00", "cloud": "#0072B2"}
 _LINES: Final[Mapping[Site, Literal["dashed", "solid"]]] = {"robot": "dashed", "cloud": "solid"}
-_INK: Final = "#333333"
-_OUTAGE: Final = "#BBBBBB"
 _HELD: Final = "#AA3377"
 _OBSTACLE: Final = "#555555"
 WIDTH_IN: Final = 10.0
@@ -42,40 +33,9 @@ MAX_LABELS: Final = 20
 """More labels than this beside each other cannot be read."""
 
 
-def _style() -> AbstractContextManager[None]:
-    """Our settings for the time of one drawing or saving; matplotlib's own stay as they were."""
-    return mpl.rc_context(
-        {
-            "font.size": 10,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "axes.edgecolor": _INK,
-            "legend.frameon": False,
-            "svg.fonttype": "path",
-            "svg.hashsalt": "robot-offload",
-        }
-    )
-
-
-def svg(figure: Figure) -> str:
-    """Returns a figure as an `<svg>` element that scales to the page; the same input gives the same text."""
-    text = io.StringIO()
-    with _style():
-        figure.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue()[text.getvalue().index("<svg") :]
-
-
-def png(figure: Figure) -> bytes:
-    """Returns a figure as a PNG file."""
-    data = io.BytesIO()
-    with _style():
-        figure.savefig(data, format="png", dpi=120, metadata={"Software": None})
-    return data.getvalue()
-
-
 def link_and_placement(measures: Measures) -> Figure:
     """Loop latency over time with outages shaded, and below it who was in charge."""
-    with _style():
+    with style():
         figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(4, 1))
         draw_latency(top, measures)
@@ -86,7 +46,7 @@ def link_and_placement(measures: Measures) -> Figure:
 
 def gaps_per_switch(measures: Measures) -> Figure:
     """Returns the longest silence of each output at each switch."""
-    with _style():
+    with style():
         figure = Figure(figsize=(WIDTH_IN, 2.8), layout="constrained")
         draw_gaps(figure.subplots(), measures)
     return figure
@@ -94,7 +54,7 @@ def gaps_per_switch(measures: Measures) -> Figure:
 
 def path(measures: Measures) -> Figure:
     """Draws the way of the robot, coloured by who steered."""
-    with _style():
+    with style():
         figure = Figure(figsize=(WIDTH_IN, 1.9), layout="constrained")
         draw_path(figure.subplots(), measures)
     return figure
@@ -104,7 +64,7 @@ def run(measures: Measures) -> Figure:
     """Returns all in one picture, for a README."""
     with_path = bool(measures.recording.path)
     heights = (3.2, 1.4, 2.8, 2.4) if with_path else (3.2, 1.4, 2.8)
-    with _style():
+    with style():
         figure = Figure(figsize=(WIDTH_IN, 0.9 * sum(heights)), layout="constrained")
         axes = figure.subplots(len(heights), 1, height_ratios=heights)
         axes[1].sharex(axes[0])
@@ -125,18 +85,18 @@ def draw_latency(axes: Axes, measures: Measures) -> None:
     recording = measures.recording
     start_s, threshold_ms = recording.run.start_s, recording.run.threshold_ms
     if not recording.link:
-        axes.text(0.5, 0.5, "no link in this run", transform=axes.transAxes, ha="center", color=_INK)
+        axes.text(0.5, 0.5, "no link in this run", transform=axes.transAxes, ha="center", color=INK)
     times = [sample.t_s - start_s for sample in recording.link]
     latencies = [sample.rtt_ms for sample in recording.link]
-    axes.step(times, [math.nan if value is None else value for value in latencies], where="post", color=_INK)
+    axes.step(times, [math.nan if value is None else value for value in latencies], where="post", color=INK)
     if threshold_ms > 0 and recording.link:
-        axes.axhline(threshold_ms, color=_INK, linewidth=0.8, linestyle="--")
+        axes.axhline(threshold_ms, color=INK, linewidth=0.8, linestyle="--")
         _note(axes, threshold_ms, f"above {threshold_ms:g} ms the robot is better off alone")
     for outage in measures.outages:
         _shade(axes, outage, start_s)
-    handles: list[Artist] = [Line2D([], [], color=_INK, label="there and back")] if recording.link else []
+    handles: list[Artist] = [Line2D([], [], color=INK, label="there and back")] if recording.link else []
     if measures.outages:
-        handles.append(Patch(facecolor=_OUTAGE, alpha=0.5, hatch="///", edgecolor=_INK, label="link cut"))
+        handles.append(Patch(facecolor=SILVER, alpha=0.5, hatch="///", edgecolor=INK, label="link cut"))
     if handles:
         _legend(axes, handles)
     axes.set_ylabel("loop latency\n(ms)")
@@ -164,7 +124,7 @@ def draw_placement(axes: Axes, measures: Measures) -> None:
     start_s = measures.recording.run.start_s
     for site, stay in measures.stays:
         axes.broken_barh(
-            [(stay.start_s - start_s, stay.length_s)], _band(site), facecolor=COLOURS[site], edgecolor="none"
+            [(stay.start_s - start_s, stay.length_s)], _band(site), facecolor=SITE_COLOURS[site], edgecolor="none"
         )
     for outage in measures.outages:
         _shade(axes, outage, start_s)
@@ -189,10 +149,10 @@ def _shade(axes: Axes, interval: Interval, start_s: float) -> None:
     axes.axvspan(
         interval.start_s - start_s,
         interval.end_s - start_s,
-        facecolor=_OUTAGE,
+        facecolor=SILVER,
         alpha=0.35,
         hatch="///",
-        edgecolor=_INK,
+        edgecolor=INK,
         linewidth=0.0,
         zorder=0,
     )
@@ -211,7 +171,7 @@ def draw_gaps(axes: Axes, measures: Measures) -> None:
             positions,
             lengths,
             min(width * 0.92, MAX_BAR),
-            color=[COLOURS[switch.after] for switch in switches],
+            color=[SITE_COLOURS[switch.after] for switch in switches],
             edgecolor="white",
             hatch=["" if switch.commanded else "//" for switch in switches],
         )
@@ -220,18 +180,18 @@ def draw_gaps(axes: Axes, measures: Measures) -> None:
     limit_ms = gap_limit_ms(measures.recording)
     axes.set_ylim(0, max(1.25 * longest, 50.0))
     if limit_ms < axes.get_ylim()[1]:
-        axes.axhline(limit_ms, color=_INK, linewidth=0.8, linestyle="--")
+        axes.axhline(limit_ms, color=INK, linewidth=0.8, linestyle="--")
         _note(axes, limit_ms, f"limit {limit_ms:.0f} ms, where the wheels are not held")
     every = 1 + len(switches) // MAX_LABELS
     times = [f"{switch.t_s - measures.recording.run.start_s:.1f} s" for switch in switches]
     axes.set_xticks(range(0, len(switches), every), labels=times[::every], fontsize=8)
     axes.set_xlim(-0.6, max(len(switches), 1) - 0.4)
     axes.set_ylabel("longest silence\n(ms)")
-    handles = [Patch(facecolor=COLOURS[site], label=f"to the {site}") for site in SITES]
-    handles.append(Patch(facecolor="white", edgecolor=_INK, hatch="//", label="after a sudden loss"))
+    handles = [Patch(facecolor=SITE_COLOURS[site], label=f"to the {site}") for site in SITES]
+    handles.append(Patch(facecolor="white", edgecolor=INK, hatch="//", label="after a sudden loss"))
     _legend(axes, handles)
     if not switches:
-        axes.text(0.5, 0.5, "no switch", transform=axes.transAxes, ha="center", color=_INK)
+        axes.text(0.5, 0.5, "no switch", transform=axes.transAxes, ha="center", color=INK)
 
 
 def _legend(axes: Axes, handles: Sequence[Artist]) -> None:
@@ -250,19 +210,19 @@ def draw_path(axes: Axes, measures: Measures) -> None:
         axes.plot(
             [point.x_m for point in points],
             [point.y_m for point in points],
-            color=COLOURS[site],
+            color=SITE_COLOURS[site],
             linewidth=2.4,
             linestyle=_LINES[site],
         )
     if length_m > 0 and width_m > 0:
-        axes.hlines([-width_m / 2, width_m / 2], 0, length_m, color=_INK, linewidth=2)
+        axes.hlines([-width_m / 2, width_m / 2], 0, length_m, color=INK, linewidth=2)
         axes.set_xlim(-0.3, length_m + 0.3)
         axes.set_ylim(-width_m / 2 - 0.15, width_m / 2 + 0.15)
     else:
         axes.autoscale()
     _mark_ends(axes, measures)
     handles: list[Artist] = [
-        Line2D([], [], color=COLOURS[site], linewidth=2.4, linestyle=_LINES[site], label=f"the {site} steers")
+        Line2D([], [], color=SITE_COLOURS[site], linewidth=2.4, linestyle=_LINES[site], label=f"the {site} steers")
         for site in SITES
     ]
     handles.append(
@@ -281,5 +241,5 @@ def _mark_ends(axes: Axes, measures: Measures) -> None:
     outcome = measures.recording.outcome
     at_end = "goal" if outcome is not None and outcome.goal_reached else "end of the run"
     for point, word in ((path_points[0], "start"), (path_points[-1], at_end)):
-        axes.plot(point.x_m, point.y_m, marker="o", markersize=6, color=_INK)
+        axes.plot(point.x_m, point.y_m, marker="o", markersize=6, color=INK)
         axes.annotate(word, (point.x_m, point.y_m), (0, 7), textcoords="offset points", ha="center", fontsize=8)

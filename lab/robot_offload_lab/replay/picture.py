@@ -12,16 +12,13 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from robot_offload_core.token import Site
-from robot_offload_lab.judge.report_figures import COLOURS, png
+from robot_offload_lab.judge.drawing import INK, PALE, SITE_COLOURS, VERMILION, png
 from robot_offload_lab.replay.costs import Change, stretches
 from robot_offload_lab.replay.heartbeats import NEVER_US
 from robot_offload_lab.replay.study import Replayed, StudiedLink
 
 COLUMNS: Final = 1500
 """More points beside each other than this cannot be told apart."""
-INK: Final = "#333333"
-BAD: Final = "#D55E00"
-GAP: Final = "#DDDDDD"
 
 
 def draw(subjects: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> bytes:
@@ -36,8 +33,10 @@ def draw(subjects: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> bytes:
         link.sharex(placement)
         _link(link, subject)
         _placement(placement, [*outcomes, subject.best], subject.beats.duration_us / 1e6)
-    handles = [Patch(color=COLOURS[site.value], label=f"the {site.value} acts") for site in (Site.ROBOT, Site.CLOUD)]
-    handles.append(Patch(color=GAP, label="the link is not good enough"))
+    handles = [
+        Patch(color=SITE_COLOURS[site.value], label=f"the {site.value} acts") for site in (Site.ROBOT, Site.CLOUD)
+    ]
+    handles.append(Patch(color=PALE, label="the link is not good enough"))
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     return png(figure)
 
@@ -52,9 +51,9 @@ def _link(axes: Axes, subject: StudiedLink) -> None:
     highest_ms = np.maximum.reduceat(known, edges[:-1]) / 1e3
     shown = np.where(highest_ms > 0, highest_ms, np.nan)
     bad = [(start_us / 1e6, length_s) for start_us, ok, length_s in stretches(good, beats.period_us) if not ok]
-    axes.broken_barh(bad, (0, 1), facecolors=GAP, edgecolors=GAP, linewidth=0.5, transform=axes.get_xaxis_transform())
+    axes.broken_barh(bad, (0, 1), facecolors=PALE, edgecolors=PALE, linewidth=0.5, transform=axes.get_xaxis_transform())
     axes.step(starts_s, shown, where="post", color=INK, linewidth=0.7)
-    axes.axhline(limit_us / 1e3, color=BAD, linewidth=1, linestyle="--")
+    axes.axhline(limit_us / 1e3, color=VERMILION, linewidth=1, linestyle="--")
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -70,7 +69,7 @@ def _placement(axes: Axes, outcomes: Sequence[Replayed], end_s: float) -> None:
         for site in Site:
             mine = [stay for stay in _stays(each.changes, end_s) if stay[2] is site]
             stays = [(start_s, stop_s - start_s) for start_s, stop_s, _ in mine]
-            axes.broken_barh(stays, (row - 0.4, 0.8), facecolors=COLOURS[site.value], linewidth=0)
+            axes.broken_barh(stays, (row - 0.4, 0.8), facecolors=SITE_COLOURS[site.value], linewidth=0)
         axes.annotate(f"J {each.score.cost:.1f}", (1.005, row), xycoords=("axes fraction", "data"), fontsize=8,
                       va="center")  # fmt: skip
     axes.set_yticks(range(len(outcomes)), [each.policy for each in outcomes], fontsize=8)
