@@ -103,17 +103,15 @@ def test_nodes_on_both_sides_meet_at_a_listed_address(story: Story) -> None:
         assert said(asked_in(story, pod_of(story, name, "answering"), "robot")) == answers_of("robot")
 
 
-def test_the_router_announces_the_address_that_the_cluster_gives(story: Story) -> None:
+def test_the_robots_tunnel_dials_the_address_that_the_cluster_gives(story: Story) -> None:
     name = "routed"
     offload = story.apply(application(story, name, {"type": "DDSRouter"}))
     story.bundle(name)  # waits until the load balancer has answered and the certificates are there
     address = story.kubectl.json("get", "service", f"{name}-router")["status"]["loadBalancer"]["ingress"][0]["ip"]
-    config = eventually(lambda: _config(story, f"{name}-router"), "the second phase: the router's configuration")
-    wan = next(each for each in config["participants"] if each["kind"] == "wan")
-    assert wan["listening-addresses"][0]["ip"] == address
-    robots = yaml.safe_load((story.folder / f"bundle-{name}" / "ddsrouter.yaml").read_text(encoding="utf-8"))
-    dialled = next(each for each in robots["participants"] if each["kind"] == "wan")["connection-addresses"][0]
-    assert (dialled["ip"], dialled["port"]) == (address, offload.spec.transport.dds_router.port)
+    config = eventually(lambda: _config(story, f"{name}-router"), "the router's configuration")
+    assert {each["kind"] for each in config["participants"]} == {"local-discovery-server", "xml"}
+    dialled = yaml.safe_load((story.folder / f"bundle-{name}" / "tunnel.yaml").read_text(encoding="utf-8"))["connect"]
+    assert dialled == [f"{address}:{offload.spec.transport.dds_router.port}"]
     program = os.environ.get("DDSROUTER_BIN", "")
     if not program:
         pytest.skip("rendered, not run: DDSROUTER_BIN names no ddsrouter")

@@ -14,6 +14,7 @@ from rich.console import Console
 
 from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
+from robot_offload_lab.run import routed
 from robot_offload_lab.run.demo import DemoOptions, run
 from robot_offload_lab.run.free import parse_domains
 from robot_offload_lab.run.system import Mode
@@ -42,11 +43,21 @@ class LinkOption(StrEnum):
 
     ZENOH = "zenoh"
     ROS = "ros"
+    ROUTER = "router"
 
 
 def add_to(app: typer.Typer) -> None:
     """Adds the command to `app`."""
     app.command("demo", epilog=example_text(EXAMPLES))(demo)
+
+
+def _transport(link: LinkOption | None) -> str:
+    """Returns the transport type that a value of `--link` means; empty: the specification's."""
+    if link is LinkOption.ROUTER and not routed.binary():
+        raise InputError(f"--link router: set {routed.VARIABLE} to the path of a DDS Router 3.4.0")
+    return {
+        None: "", LinkOption.ZENOH: "Zenoh", LinkOption.ROS: "StaticPeers", LinkOption.ROUTER: "DDSRouter",
+    }[link]  # fmt: skip
 
 
 def _option(name: str, metavar: str, text: str) -> Any:
@@ -139,7 +150,7 @@ def demo(
         seed=seed,
         out=out,
         realtime=realtime,
-        transport={None: "", LinkOption.ZENOH: "Zenoh", LinkOption.ROS: "StaticPeers"}[link],
+        transport=_transport(link),
         domains=parse_domains(domains),
     )
     # The report stands alone on standard output, when somebody wants to read it with a program.

@@ -24,6 +24,7 @@ from robot_offload.errors import InputError
 from robot_offload.render import ros_names
 from robot_offload.render.agent_config import AgentSite, agent_config
 from robot_offload_lab.judge.recording import RunInfo, of_run
+from robot_offload_lab.run import routed
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from robot_offload_lab.run.free import HOST
 from robot_offload_lab.run.processes import Program
@@ -222,10 +223,20 @@ def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]
     )
     return (
         recorder(system),
-        *([dds_wire(system)] if system.joined_by_topics else []),
+        *joined(system, certificates),
         *(agent(system, side, certificates, clients) for side in system.sides),
         *(program for side in system.sides for program in _nodes(system, side)),
     )
+
+
+def joined(system: System, certificates: CertificatePaths) -> Iterator[Program]:
+    """Yields what joins the two domains: DDS Routers where they are meant and there, else the emulated DDS link."""
+    if not system.joined_by_topics:
+        return
+    if system.spec.transport.type == "DDSRouter" and routed.binary():
+        yield from routed.programs(system, certificates)
+    else:
+        yield dds_wire(system)
 
 
 def recorder(system: System) -> Program:

@@ -135,6 +135,22 @@ def certificates_volume(secret: str) -> Manifest:
     return {"name": "certificates", "secret": {"secretName": secret, "defaultMode": 0o440}}
 
 
+def listens(port: int, protocol: str = "tcp") -> Manifest:
+    """Returns a readiness probe: a port of the pod is open.
+
+    Nothing connects to it. A connection that says nothing is a failed handshake, and the programs behind these ports
+    stop for that.
+
+    Args:
+        port: its number.
+        protocol: `tcp` or `udp`.
+    """
+    # The columns of /proc/net: local address, remote address, state. 0A: listening.
+    line = f":{port:04X} 00000000:0000 0A" if protocol == "tcp" else f":{port:04X} "
+    command = ["grep", "-q", line, f"/proc/net/{protocol}"]
+    return {"exec": {"command": command}, "periodSeconds": 5, "timeoutSeconds": 2}
+
+
 def mount(name: str, path: str, *, read_only: bool = True) -> Manifest:
     """Where a container sees a volume. A whole folder, never a single file: that one would never be refreshed."""
     return {"name": name, "mountPath": path, "readOnly": True} if read_only else {"name": name, "mountPath": path}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,6 +17,7 @@ from robot_offload.objects.parent import Parent
 from robot_offload.objects.pod import TMP
 from robot_offload.render import bundle_texts as texts
 from robot_offload.render.agent_config import AgentSite, agent_config
+from robot_offload.transport import dds_router, tunnel
 
 PRIVATE_KEY: Final = "certificates/robot.key"
 """The one file that only its owner may read."""
@@ -90,6 +91,7 @@ def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -
     }
     if parent.spec.transport.type == "DDSRouter":
         files["robot-offload-router.service"] = texts.router_unit(parent.offload, place).encode()
+        files["robot-offload-tunnel.service"] = texts.tunnel_unit(parent.offload, place, REALTIME_PRIORITY).encode()
     files["compose.yaml"] = _compose(parent, place).encode()
     files["README.md"] = texts.readme(parent.offload, place, [*files, "README.md"]).encode()
     return dict(sorted(files.items()))
@@ -127,10 +129,11 @@ def robot_site(parent: Parent, folder: str) -> AgentSite:
 def _certificates(offload: RobotOffload, secrets: BundleSecrets | None) -> dict[str, bytes]:
     if secrets is None or not transport.needs_certificates(offload.spec):
         return {}
-    files = {"certificates/ca.pem": secrets.ca}
-    if transport.of(offload.spec).traits.agent_needs_certificates:
-        files |= {"certificates/robot.pem": secrets.certificate, PRIVATE_KEY: secrets.private_key}
-    return files
+    return {
+        "certificates/ca.pem": secrets.ca,
+        "certificates/robot.pem": secrets.certificate,
+        PRIVATE_KEY: secrets.private_key,
+    }
 
 
 def robot_environment(parent: Parent) -> dict[str, str]:
@@ -158,30 +161,42 @@ def _environment(parent: Parent) -> str:
 def _compose(parent: Parent, folder: str) -> str:
     name = parent.name
     agent = {
-        "image": parent.facts.images.agent,
-        "command": ["robot-offload-agent", "robot", "--params", f"{folder}/agent.yaml"],
+        **_of_the_agents_image(parent, ["robot-offload-agent", "robot", "--params", f"{folder}/agent.yaml"], folder),
         "env_file": ["environment"],
-        # The image knows its own folders; those of the robot are not in it.
-        "environment": {**_agent_environment(parent), texts.SETUP_VARIABLE: ""},
-        **_container(folder),
-        "cap_add": ["SYS_NICE"],
-        "ulimits": {"rtprio": REALTIME_PRIORITY},
+        "environment": {
+            # A container has a /dev/shm of its own: by shared memory it would find the robot's nodes and hear nothing.
+            "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+            **_agent_environment(parent),
+            # The image knows its own folders; those of the robot are not in it.
+            texts.SETUP_VARIABLE: "",
+        },
         "volumes": [f".:{folder}:ro", f"state:{texts.state_dir(name)}"],
         "tmpfs": [TMP, texts.runtime_dir(name)],
     }
     services = {"agent": agent}
     if parent.spec.transport.type == "DDSRouter":
-        services["router"] = {
-            "image": parent.facts.images.router,
-            "command": ["ddsrouter", "-c", f"{folder}/ddsrouter.yaml"],
-            **_container(folder),
-        }
+        command = ["ddsrouter", "-c", f"{folder}/{dds_router.ROBOT_FILE}"]
+        services["router"] = {"image": parent.facts.images.router, "command": command, **_container(folder)}
+        command = [tunnel.PROGRAM, "--params", f"{folder}/{tunnel.FILE}"]
+        services["tunnel"] = _of_the_agents_image(parent, command, folder)
     document = {"name": f"robot-offload-{name}", "services": services, "volumes": {"state": {}}}
     return yaml.safe_dump(document, sort_keys=False, width=1000)
 
 
+def _of_the_agents_image(parent: Parent, command: Sequence[str], folder: str) -> dict[str, Any]:
+    """A service that may ask for real-time priority and read the private key, which is root's alone."""
+    return {
+        "image": parent.facts.images.agent,
+        "user": "root",
+        "command": list(command),
+        **_container(folder),
+        "cap_add": ["SYS_NICE"],
+        "ulimits": {"rtprio": REALTIME_PRIORITY},
+    }
+
+
 def _container(folder: str) -> dict[str, Any]:
-    """What both containers have in common; on the robot's own network, because DDS is."""
+    """What all containers have in common; on the robot's own network, because DDS is."""
     return {
         "network_mode": "host",
         "restart": "unless-stopped",

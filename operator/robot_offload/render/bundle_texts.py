@@ -24,6 +24,8 @@ _MEANINGS: Final = {
     "certificates/robot.key": "the key to it; whoever has it is the robot. Mode 0600",
     "robot-offload-agent.service": "starts the agent with systemd",
     "robot-offload-router.service": "starts the DDS Router with systemd",
+    "robot-offload-tunnel.service": "starts the tunnel with systemd",
+    "tunnel.yaml": "the configuration of the tunnel, through which the DDS Router reaches the cloud",
     "compose.yaml": "starts the same in containers instead",
     "README.md": "this page",
 }
@@ -81,6 +83,21 @@ def router_unit(offload: RobotOffload, folder: str) -> str:
     )
 
 
+def tunnel_unit(offload: RobotOffload, folder: str, realtime_priority: int) -> str:
+    """A unit for systemd that runs the robot's end of the tunnel; see `agent_unit`."""
+    start = f'source "$${SETUP_VARIABLE}" && exec robot-offload-tunnel --params {shlex.quote(folder)}/tunnel.yaml'
+    return _unit(
+        f"Robot Offload tunnel of {offload.metadata.name}",
+        [
+            f"EnvironmentFile={folder}/environment",
+            f"ExecStart=/bin/bash -c '{start}'",
+            f"LimitRTPRIO={realtime_priority}",
+            "CapabilityBoundingSet=CAP_SYS_NICE",
+            "AmbientCapabilities=CAP_SYS_NICE",
+        ],
+    )
+
+
 def _unit(description: str, service: Sequence[str]) -> str:
     lines = [
         "[Unit]",
@@ -124,7 +141,7 @@ def readme(offload: RobotOffload, folder: str, files: Sequence[str]) -> str:
 
 def _install(offload: RobotOffload, folder: str) -> str:
     router = offload.spec.transport.type == "DDSRouter"
-    units = ["robot-offload-agent", *(["robot-offload-router"] if router else [])]
+    units = ["robot-offload-agent", *(["robot-offload-tunnel", "robot-offload-router"] if router else [])]
     enable = " ".join(units)
     copies = "\n".join(f"sudo cp {folder}/{unit}.service /etc/systemd/system/" for unit in units)
     return f"""\
@@ -193,7 +210,7 @@ neither the agent nor this service is ever the only thing that stops the robot."
 def _back(offload: RobotOffload) -> str:
     units = "robot-offload-agent"
     if offload.spec.transport.type == "DDSRouter":
-        units += " robot-offload-router"
+        units += " robot-offload-tunnel robot-offload-router"
     return f"""\
 ## How to go back without us
 

@@ -1,7 +1,7 @@
 """Which topics cross between the two sides where they talk in topics: exactly the declared ones and the agents' own.
 
-The agents' topics are those of their link over DDS. Nothing of the cloud's nodes crosses by itself: what they publish
-travels in the agents' envelopes. Raw topics cross towards the cloud only.
+Raw topics cross towards the cloud only. What the cloud's nodes publish travels to the robot in the agents' envelopes,
+so towards the robot there are the cloud's agent's own topics and nothing else.
 """
 
 from __future__ import annotations
@@ -12,22 +12,32 @@ from typing import Final
 from robot_offload.api.v1alpha1 import RobotOffloadSpec
 from robot_offload.api.v1alpha1.names import identifier
 
-_WORDS: Final = {"robot": "local", "cloud": "remote"}
+_BEATS: Final = {"robot": "/connectivity_test_local", "cloud": "/connectivity_test_remote"}
+_BEAT_TYPE: Final = "std_msgs/msg/Header"
+_FRAME_TYPE: Final = "std_msgs/msg/UInt8MultiArray"
 
 
 def topics(spec: RobotOffloadSpec) -> tuple[str, ...]:
-    """The names in ROS of all topics that cross, each once."""
-    return tuple(dict.fromkeys(_topics(spec)))
+    """Returns the names in ROS of all topics that cross, each once."""
+    return tuple(dict.fromkeys((*to_cloud(spec), *to_robot(spec))))
 
 
-def _topics(spec: RobotOffloadSpec) -> Iterator[str]:
-    for side, word in _WORDS.items():
-        yield f"/connectivity_test_{word}"
-        yield f"/offload/link/{side}/probe"
-        for _, output in spec.collected_outputs:
-            yield f"/offload/link/{side}/out_{identifier(output.topic)}"
-    for topic in spec.topics.to_cloud:
-        yield topic.name
+def to_robot(spec: RobotOffloadSpec) -> dict[str, str]:
+    """Returns the topics that cross towards the robot and their types: those of the cloud's agent, which are known."""
+    return dict(_agents(spec, "cloud"))
+
+
+def to_cloud(spec: RobotOffloadSpec) -> tuple[str, ...]:
+    """Returns the topics that cross towards the cloud: those of the robot's agent, inputs, mirrored outputs."""
+    inputs = [topic.name for topic in spec.topics.to_cloud]
+    mirrored = [output.topic for _, output in spec.collected_outputs if output.mirror]
+    own = [name for name, _ in _agents(spec, "robot")]
+    return tuple(dict.fromkeys((*own, *inputs, *mirrored)))
+
+
+def _agents(spec: RobotOffloadSpec, side: str) -> Iterator[tuple[str, str]]:
+    """Yields what the agent of a side sends on its link over DDS."""
+    yield _BEATS[side], _BEAT_TYPE
+    yield f"/offload/link/{side}/probe", _FRAME_TYPE
     for _, output in spec.collected_outputs:
-        if output.mirror:
-            yield output.topic
+        yield f"/offload/link/{side}/out_{identifier(output.topic)}", _FRAME_TYPE

@@ -1,13 +1,15 @@
 """Configurations of eProsima's DDS Router, version v5.0, and our own check of them.
 
 The router ignores keys that it does not know, so a misspelt one would be lost in silence; its own validator knows an
-old version only. What it would accept stands in the tables below (read in the sources of DDS Router 3.5.0 and
-DDS-Pipe 1.5.0, and run with 3.4.0).
+old version only. What it reads stands in the tables below (from the sources of DDS Router 3.4.0 and DDS-Pipe 1.4.0).
+
+Every topic has one direction. Without routes the router makes a writer and a reader for each allowed topic on both
+sides: what anybody publishes in the cloud under a public name would reach the robot's nodes past the lease.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from robot_offload.errors import RobotOffloadError
@@ -16,18 +18,17 @@ VERSION: Final = "v5.0"
 CLUSTER: Final = "Cluster"
 ROBOT: Final = "Robot"
 WAN: Final = "Wan"
+THREADS: Final = 4
 
-_TOP: Final = {"version", "participants", "specs", "allowlist"}
-_SPECS: Final = {"threads", "logging"}
+_TOP: Final = {"version", "participants", "specs", "allowlist", "routes", "topic-routes", "xml"}
+_SPECS: Final = {"threads", "discovery-trigger", "logging"}
 _COMMON: Final = {"name", "kind"}
 _PARTICIPANTS: Final[dict[str, set[str]]] = {
-    "local": {*_COMMON, "domain"},
+    "local": {*_COMMON, "domain", "transport"},
     "local-discovery-server": {*_COMMON, "domain", "connection-addresses"},
-    "wan": {*_COMMON, "listening-addresses", "connection-addresses", "tls"},
+    "xml": {*_COMMON, "profile"},
 }
-_ADDRESS: Final = {"ip", "domain", "port", "external-port", "transport", "ip-version"}
-_TLS_SERVER: Final = {"private_key", "cert", "dh_params"}
-_TLS_CLIENT: Final = {"ca", "sni_host"}
+_ADDRESS: Final = {"ip", "port", "transport", "ip-version"}
 _MAX_DOMAIN: Final = 232
 
 
@@ -35,32 +36,47 @@ class RouterConfigError(RobotOffloadError):
     """A configuration that the router would refuse or, worse, read otherwise than it is meant."""
 
 
-def allowed(topics: Sequence[str]) -> list[dict[str, str]]:
-    """Topics as DDS knows them: `/scan` -> `rt/scan`."""
-    return [{"name": f"rt{topic}"} for topic in topics]
+def address(host: str, port: int, transport: str) -> dict[str, Any]:
+    """Returns an address as the router reads it.
+
+    Args:
+        host: an IP address.
+        port: where somebody listens.
+        transport: `udp` or `tcp`.
+    """
+    result: dict[str, Any] = {"ip": host, "port": port, "transport": transport}
+    return {**result, "ip-version": "v6"} if ":" in host else result
 
 
-def address(host: str, port: int, transport: str, external_port: int | None = None) -> dict[str, Any]:
-    """An address: an IP address or a DNS name, which the router resolves once, when it starts."""
-    is_v6 = ":" in host
-    is_ip = is_v6 or all(part.isdigit() for part in host.split("."))
-    result: dict[str, Any] = {"ip" if is_ip else "domain": host, "port": port, "transport": transport}
-    if external_port is not None:
-        result["external-port"] = external_port
-    return {**result, "ip-version": "v6"} if is_v6 else result
+def config(
+    local: Mapping[str, Any], profile: str, xml: str, to_cloud: Sequence[str], to_robot: Mapping[str, str]
+) -> dict[str, Any]:
+    """Returns a whole configuration: one participant for the nodes of this side, one for the other side.
 
-
-def config(participants: Sequence[Mapping[str, Any]], topics: Sequence[str]) -> dict[str, Any]:
-    """A whole configuration; both sides allow the same topics, because a topic must pass both routers.
+    Args:
+        local: the participant for the nodes of this side; its name says which side this is.
+        profile: the name of the other participant's profile.
+        xml: profiles of Fast DDS.
+        to_cloud: topics that cross towards the cloud, whatever their types.
+        to_robot: topics that cross towards the robot, and their types: a route of its own needs a topic's type.
 
     Raises:
         RouterConfigError: it is not one that the router reads as it is meant.
     """
+    here = str(local["name"])
+    source, target = (here, WAN) if here == ROBOT else (WAN, here)
     result = {
         "version": VERSION,
-        "specs": {"threads": 4, "logging": {"verbosity": "warning"}},
-        "allowlist": allowed(topics),
-        "participants": [dict(one) for one in participants],
+        # By its writers: a reader of ours waits for somebody who publishes, and a late reader still gets what is kept.
+        "specs": {"threads": THREADS, "discovery-trigger": "writer", "logging": {"verbosity": "warning"}},
+        "allowlist": [{"name": dds_name(topic)} for topic in (*to_cloud, *to_robot)],
+        "routes": _one_way(source, target),
+        "topic-routes": [
+            {"name": dds_name(topic), "type": dds_type(kind), "routes": _one_way(target, source)}
+            for topic, kind in to_robot.items()
+        ],
+        "xml": {"raw": xml},
+        "participants": [dict(local), {"name": WAN, "kind": "xml", "profile": profile}],
     }
     found = problems(result)
     if found:
@@ -68,8 +84,24 @@ def config(participants: Sequence[Mapping[str, Any]], topics: Sequence[str]) -> 
     return result
 
 
+def dds_name(topic: str) -> str:
+    """Returns a topic's name as DDS knows it: `/scan` -> `rt/scan`."""
+    return f"rt{topic}"
+
+
+def dds_type(interface: str) -> str:
+    """Returns a type's name as DDS knows it: `std_msgs/msg/Header` -> `std_msgs::msg::dds_::Header_`."""
+    package, kind, name = interface.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
+def _one_way(source: str, target: str) -> list[dict[str, Any]]:
+    """Returns routes from one participant to the other; a source without targets forwards nowhere."""
+    return [{"src": source, "dst": [target]}, {"src": target}]
+
+
 def problems(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """What is wrong with a configuration, one line each."""
+    """Returns what is wrong with a configuration, one line each."""
     return tuple(_problems(document))
 
 
@@ -82,14 +114,19 @@ def _problems(document: Mapping[str, Any]) -> Iterator[str]:
     participants = document.get("participants") or ()
     if len(participants) < 2:
         yield "participants: at least two are needed, there is nothing to route otherwise"
-    names = [one.get("name") for one in participants]
+    names = [str(one.get("name")) for one in participants]
     if len(set(names)) != len(names):
         yield "participants: each name once"
     for index, one in enumerate(participants):
         yield from _participant(f"participants[{index}]", one)
+    yield from _routes("routes", document.get("routes") or (), names)
+    allowed = {entry.get("name") for entry in document.get("allowlist") or ()}
+    for index, entry in enumerate(document.get("topic-routes") or ()):
+        yield from _topic_route(f"topic-routes[{index}]", entry, names, allowed)
+    yield from _unknown("xml", document.get("xml") or {}, {"raw"})
 
 
-def _unknown(path: str, values: Mapping[str, Any], known: set[str]) -> Iterator[str]:
+def _unknown(path: str, values: Mapping[str, Any], known: Iterable[str]) -> Iterator[str]:
     for key in values:
         if key not in known:
             yield f"{path + '.' if path else ''}{key}: the router does not know this key and would ignore it"
@@ -102,10 +139,34 @@ def _allowlist(entries: Any) -> Iterator[str]:
         path = f"allowlist[{index}]"
         yield from _unknown(path, entry, {"name"})
         name = str(entry.get("name", ""))
-        if not name.startswith(("rt/", "rq/", "rr/")):
-            yield f"{path}.name: {name!r} is not a topic, request or reply of ROS 2 (rt/, rq/, rr/)"
+        if not name.startswith("rt/"):
+            yield f"{path}.name: {name!r} is not a topic of ROS 2 (rt/)"
         if "*" in name:
             yield f"{path}.name: {name!r} holds a wildcard; only declared topics cross"
+
+
+def _routes(path: str, entries: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Iterator[str]:
+    sources = [str(entry.get("src")) for entry in entries]
+    for name in names:
+        if sources.count(name) != 1:
+            yield f"{path}: {name} needs exactly one route; a participant without one forwards everywhere"
+    for index, entry in enumerate(entries):
+        yield from _unknown(f"{path}[{index}]", entry, {"src", "dst"})
+        for name in (entry.get("src"), *(entry.get("dst") or ())):
+            if name not in names:
+                yield f"{path}[{index}]: {name!r} is no participant"
+    both_ways = {(entry.get("src"), target) for entry in entries for target in entry.get("dst") or ()}
+    if any((target, source) in both_ways for source, target in both_ways):
+        yield f"{path}: a topic would cross both ways; whoever publishes it on one side is heard on the other"
+
+
+def _topic_route(path: str, entry: Mapping[str, Any], names: Sequence[str], allowed: set[Any]) -> Iterator[str]:
+    yield from _unknown(path, entry, {"name", "type", "routes"})
+    if entry.get("name") not in allowed:
+        yield f"{path}.name: {entry.get('name')!r} is not in the allowlist"
+    if not entry.get("type"):
+        yield f"{path}.type: is needed"
+    yield from _routes(f"{path}.routes", entry.get("routes") or (), names)
 
 
 def _participant(path: str, one: Mapping[str, Any]) -> Iterator[str]:
@@ -114,37 +175,25 @@ def _participant(path: str, one: Mapping[str, Any]) -> Iterator[str]:
         yield f"{path}.kind: {kind!r} is none of {', '.join(sorted(_PARTICIPANTS))}"
         return
     yield from _unknown(path, one, _PARTICIPANTS[kind])
+    if kind == "xml" and not one.get("profile"):
+        yield f"{path}.profile: is needed"
     domain = one.get("domain", 0)
     if not isinstance(domain, int) or not 0 <= domain <= _MAX_DOMAIN:
         yield f"{path}.domain: {domain!r} is not within 0 .. {_MAX_DOMAIN}"
-    listening, connecting = one.get("listening-addresses") or (), one.get("connection-addresses") or ()
-    if kind != "local" and not listening and not connecting:
-        yield f"{path}: needs an address to listen on or to connect to"
-    if len(listening) > 1:
-        yield f"{path}.listening-addresses: only the first TCP port would be opened"
-    for number, entry in enumerate((*listening, *connecting)):
+    addresses = one.get("connection-addresses") or ()
+    if kind == "local-discovery-server" and not addresses:
+        yield f"{path}: needs an address to connect to"
+    for number, entry in enumerate(addresses):
         yield from _address(f"{path}.addresses[{number}]", entry)
-    if "tls" in one:
-        yield from _tls(f"{path}.tls", one["tls"], server=bool(listening))
 
 
 def _address(path: str, entry: Mapping[str, Any]) -> Iterator[str]:
     yield from _unknown(path, entry, _ADDRESS)
-    if ("ip" in entry) == ("domain" in entry):
-        yield f"{path}: needs either ip or domain"
+    if not entry.get("ip"):
+        yield f"{path}.ip: is needed"
     if entry.get("transport") not in ("tcp", "udp"):
         yield f"{path}.transport: must be tcp or udp"
-    for key in ("port", "external-port"):
-        if key in entry and not 0 < int(entry[key]) < 65536:
-            yield f"{path}.{key}: {entry[key]!r} is not a port"
-    if entry.get("transport") == "udp" and entry.get("external-port", entry.get("port")) != entry.get("port"):
-        yield f"{path}.external-port: must be the port itself with udp"
+    if not 0 < int(entry.get("port", 0)) < 65536:
+        yield f"{path}.port: {entry.get('port')!r} is not a port"
     if entry.get("ip") in ("0.0.0.0", "::"):  # noqa: S104 - refused here
-        yield f"{path}.ip: is what the router announces; nobody can connect to {entry['ip']}"
-
-
-def _tls(path: str, values: Mapping[str, Any], *, server: bool) -> Iterator[str]:
-    yield from _unknown(path, values, _TLS_SERVER if server else _TLS_CLIENT)
-    for key in sorted(_TLS_SERVER if server else {"ca"}):
-        if not values.get(key):
-            yield f"{path}.{key}: is needed"
+        yield f"{path}.ip: is what the router connects to; nobody can connect to {entry['ip']}"

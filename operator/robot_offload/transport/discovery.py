@@ -86,11 +86,7 @@ def _stateful_set(parent: Parent, server: int, name: str) -> Manifest:
         extra={
             "ports": [{"name": PORT.name, "containerPort": PORT.number, "protocol": PORT.protocol}],
             # It answers DDS only; that it has opened its port is what can be seen from outside.
-            "readinessProbe": {
-                "exec": {"command": ["grep", "-q", f":{PORT.number:04X} ", "/proc/net/udp"]},
-                "periodSeconds": 5,
-                "timeoutSeconds": 2,
-            },
+            "readinessProbe": pod.listens(PORT.number, "udp"),
         },
     )
     template = pod.pod_template(

@@ -16,6 +16,7 @@ from tests.ros.agent.shared import Shared, judged
 ROBOT_DOMAIN, CLOUD_DOMAIN = 71, 72
 OWN_DOMAINS = (73, 74)
 ROS_LINK_DOMAIN = 75
+ROUTER_DOMAINS = (76, 77)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -35,9 +36,11 @@ def group(item: pytest.Item) -> int:
     fixtures = getattr(item, "fixturenames", ())
     if "ros_world" in fixtures:
         return 1
-    if "own" in fixtures:
+    if "routed_world" in fixtures:
         return 2
-    return 0 if "world" in fixtures else 3
+    if "own" in fixtures:
+        return 3
+    return 0 if "world" in fixtures else 4
 
 
 @pytest.fixture(scope="session")
@@ -64,6 +67,19 @@ def world(zenoh_shared: Shared) -> Iterator[World]:
 def ros_world(ros_shared: Shared) -> Iterator[World]:
     """The same over DDS between two network namespaces."""
     yield from judged(ros_shared)
+
+
+@pytest.fixture(scope="session")
+def router_shared() -> Iterator[Shared]:
+    shared = Shared(Plan(domains=ROUTER_DOMAINS, link="router"))
+    yield shared
+    shared.close()
+
+
+@pytest.fixture
+def routed_world(router_shared: Shared) -> Iterator[World]:
+    """The same over two DDS Routers and the tunnel between two network namespaces."""
+    yield from judged(router_shared)
 
 
 @pytest.fixture

@@ -27,9 +27,10 @@ from robot_offload_lab.run.certificates import CertificatePaths, make_certificat
 from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig
 from tests.ros.agent.ears import INHIBIT, Driver, Ear, wait_until
 from tests.ros.agent.far_ear import FarEar
-from tests.ros.agent.namespaces import Namespaces
+from tests.ros.agent.namespaces import ADDRESSES, Namespaces
 from tests.ros.agent.passage import ViolationError, violations
 from tests.ros.agent.processes import Processes
+from tests.ros.agent.routers import ENVIRONMENT, Routers
 from tests.ros.ports import free_port
 
 NODES = Path(__file__).with_name("nodes.py")
@@ -77,7 +78,7 @@ class Plan:
 
     Attributes:
         domains: of robot and cloud; the same one twice for the ROS link.
-        link: `zenoh` or `ros`.
+        link: `zenoh`, `ros`, or `router` for topics over two DDS Routers.
         both, robot, cloud: parameters that differ from COMMON.
         fed: the robot's sensors publish from the start.
         files: the cloud's agent has the three files by which the operator meets it, see `offer` and `state`.
@@ -107,7 +108,8 @@ class World:
         self.begun_s: list[float] = []  # when the robot's control was started anew
         self.ear: Any = None  # an Ear, or a FarEar over DDS
         self.cloud: Ear | None = None
-        self.namespaces = Namespaces() if plan.link == "ros" else None
+        self.namespaces = Namespaces() if plan.link != "zenoh" else None
+        self.routers: Routers | None = None
         self.wire: EmulatedWire | None = None
         self.ports: dict[str, int] = {}
         self.certificates: CertificatePaths | None = None
@@ -128,12 +130,13 @@ class World:
         self.close()
 
     def _open(self) -> None:
-        if self.namespaces is not None:
-            self.namespaces.make()
-        else:
+        if self.plan.link != "ros":
             hosts = ["127.0.0.1"]
             now = datetime.datetime.now(datetime.timezone.utc)
             self.certificates = make_certificates(self.folder / "pki", robot="walker-1", host_names=hosts, now=now)
+        if self.namespaces is not None:
+            self.namespaces.make()
+        else:
             self.ports = {name: free_port() for name in ("pulse", "data")}
             forwards = tuple(
                 Forward(f"{name}-{protocol}", protocol, "127.0.0.1:0", f"127.0.0.1:{port}")
@@ -142,6 +145,11 @@ class World:
             )
             self.wire = EmulatedWire(WireConfig(forwards, realtime=True))
             self.wire.start()
+        if self.plan.link == "router":
+            assert self.certificates is not None
+            self.routers = Routers(self.processes, self.folder, self.plan.domains, self.certificates)
+            spaces = {side: self.namespace(side) for side in ADDRESSES}
+            self.routers.start(spaces, ADDRESSES["cloud"].partition("/")[0])
         if self.namespaces is not None:
             self.ear = FarEar(self.processes, self.domain["robot"], self.namespace("robot"), COMMAND)
         else:
@@ -232,13 +240,17 @@ class World:
         path = self.folder / f"{name or side}.yaml"
         path.write_text(yaml.safe_dump({"/**": {"ros__parameters": values}}))
         command = [sys.executable, "-m", "robot_offload_agent.main", side, "--params", str(path), *options]
-        environment = self.plan.environment.get(side, {})
+        environment = {**self._joined(side), **self.plan.environment.get(side, {})}
         process = self.processes.start(f"{name or side}-agent", command, namespace or self.namespace(side), environment)
         if not name:
             self.agents[side] = process
             if side == "robot":
                 self.begun_s.append(now_s())
         return process
+
+    def _joined(self, side: str) -> dict[str, str]:
+        """How ROS on a side finds others."""
+        return ENVIRONMENT[side] if self.routers is not None else {}
 
     def pid(self, side: str, process: str) -> int:
         """The living process of a side's agent; 0 while it is not there."""
@@ -276,7 +288,7 @@ class World:
         for key, value in given.items():
             arguments += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]
         command = [sys.executable, str(NODES), "--ros-args", *arguments]
-        environment = {"ROS_DOMAIN_ID": str(self.domain[side])}
+        environment = {"ROS_DOMAIN_ID": str(self.domain[side]), **self._joined(side)}
         process = self.processes.start(f"{side}-{other or 'node'}", command, self.namespace(side), environment)
         if not other:
             self.nodes[side] = process

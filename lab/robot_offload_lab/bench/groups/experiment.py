@@ -24,7 +24,7 @@ from robot_offload_lab.bench.world import MeasuredSystem
 from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.measures import Interval
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, RunInfo
-from robot_offload_lab.run import marked
+from robot_offload_lab.run import marked, routed
 from robot_offload_lab.run.free import free_domains
 from robot_offload_lab.wire.dds_options import Carried, DdsWireConfig
 from robot_offload_lab.wire.loop import steady_s
@@ -45,6 +45,10 @@ TWO_HOSTS: Final = ExperimentScenario(
 )
 ZENOH: Final = ExperimentScenario(
     "zenoh", "robot to cloud, Zenoh", f"{DELAY_MS:g}ms each way", True, TWO_HOSTS.name, True,
+    thesis="two DDS Routers 100-500 ms",
+)  # fmt: skip
+ROUTER: Final = ExperimentScenario(
+    "router", "robot to cloud, two DDS Routers", f"{DELAY_MS:g}ms each way", True, TWO_HOSTS.name,
     thesis="two DDS Routers 100-500 ms",
 )  # fmt: skip
 TOPICS: Final = ExperimentScenario(
@@ -86,6 +90,12 @@ def _bridge(order: Order) -> list[Travelled]:
 
 def _zenoh(order: Order) -> list[Travelled]:
     return [_through(order, ZENOH, "Zenoh", LINK)]
+
+
+def _router(order: Order) -> list[Travelled]:
+    if not routed.binary():
+        raise RobotOffloadError(f"needs a DDS Router 3.4.0, whose path {routed.VARIABLE} says")
+    return [_through(order, ROUTER, "DDSRouter", LINK)]
 
 
 def _topics(order: Order) -> list[Travelled]:
@@ -227,6 +237,7 @@ RUNS: Final[dict[str, tuple[ExperimentScenario, Callable[[Order], list[Travelled
     "bridge": (BRIDGE, _bridge),
     "two-hosts": (TWO_HOSTS, _two_hosts),
     "zenoh": (ZENOH, _zenoh),
+    "router": (ROUTER, _router),
     "topics": (TOPICS, _topics),
 }
 CASES: Final = tuple(RUNS)

@@ -19,7 +19,15 @@ KNOWN = facts(endpoints=EVERY_ENDPOINT)
 COMMON = {"README.md", "agent.yaml", "compose.yaml", "environment", "robot-offload-agent.service"}
 MORE = {
     "Zenoh": {"certificates/ca.pem", "certificates/robot.pem", "certificates/robot.key"},
-    "DDSRouter": {"certificates/ca.pem", "ddsrouter.yaml", "robot-offload-router.service"},
+    "DDSRouter": {
+        "certificates/ca.pem",
+        "certificates/robot.pem",
+        "certificates/robot.key",
+        "ddsrouter.yaml",
+        "tunnel.yaml",
+        "robot-offload-router.service",
+        "robot-offload-tunnel.service",
+    },
     "DiscoveryServer": set[str](),
     "StaticPeers": set[str](),
 }
@@ -127,7 +135,28 @@ def test_another_folder_is_used_everywhere() -> None:
     texts = {path: content.decode() for path, content in files.items()}
     assert all("/etc/robot-offload" not in text.replace("/var/lib/robot-offload", "") for text in texts.values())
     assert "/opt/offload/agent.yaml" in texts["robot-offload-agent.service"]
-    assert "/opt/offload/certificates/ca.pem" in texts["ddsrouter.yaml"]
+    assert "/opt/offload/certificates/ca.pem" in texts["tunnel.yaml"]
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_in_a_container_the_agent_hears_the_robots_own_nodes(transport: str) -> None:
+    """They do not share its /dev/shm: over shared memory both would find each other and hear nothing."""
+    agent = yaml.safe_load(made(transport)["compose.yaml"])["services"]["agent"]
+    assert agent["environment"]["FASTDDS_BUILTIN_TRANSPORTS"] == "UDPv4"
+
+
+def test_in_a_container_what_proves_itself_may_read_the_private_key_of_root() -> None:
+    services = yaml.safe_load(made("DDSRouter")["compose.yaml"])["services"]
+    assert services["agent"]["user"] == services["tunnel"]["user"] == "root"
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_systemd_starts_every_unit_again_however_often_it_ends(transport: str) -> None:
+    for path, text in made(transport).items():
+        if path.endswith(".service"):
+            unit, _, service = text.partition("[Service]")
+            assert "StartLimitIntervalSec=0" in unit
+            assert "Restart=always" in service
 
 
 def test_through_discovery_servers_only_the_agent_sees_the_whole_graph() -> None:

@@ -27,6 +27,7 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     connection.node_ports_are_distinct,
     connection.annotations_are_not_ours,
     connection.domains_avoid_ephemeral_ports,
+    connection.strangers_are_kept_out,
     cloud.pull_secrets_are_unique,
     cloud.variables_are_unique,
     resources.resources_are_known,

@@ -174,3 +174,16 @@ def domains_avoid_ephemeral_ports(spec: RobotOffloadSpec) -> Iterator[Finding]:
                 f"the ports of domain {domain} can collide with those that Linux hands out; use 0 to 101",
                 "warning",
             )
+
+
+def strangers_are_kept_out(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Where nodes of both sides talk directly, DDS asks nobody who he is."""
+    if spec.transport.type in ONE_DOMAIN:
+        yield Finding(
+            "spec.transport.type",
+            "NobodyIsKeptOut",
+            f"{spec.transport.type} neither encrypts nor asks who somebody is: whoever reaches the network with domain "
+            f"{spec.robot.domain_id} can drive this robot, another robot with this domain too; give each robot a "
+            "network (VPN) or at least a domain of its own, or write type: Zenoh",
+            "warning",
+        )

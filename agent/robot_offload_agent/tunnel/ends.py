@@ -1,0 +1,253 @@
+"""Both ends of the tunnel: who waits, who dials, and when a connection is given up.
+
+TCP alone waits longer with each try, and a robot that came back into its network would be silent for seconds (for
+minutes after a long cut). So a connection whose bytes stay unacknowledged for a second is dropped, and a new one is
+dialled twice a second until the cloud answers.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import ssl
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from robot_offload_agent.errors import ConfigurationError
+from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.tunnel.configuration import Address, TunnelConfiguration
+from robot_offload_agent.tunnel.names import Names
+from robot_offload_core.token import Site
+
+log = logging.getLogger(__name__)
+
+UNACKNOWLEDGED_MS = 1000
+"""After which a connection is dead; above any pause that a link recovers from sooner than a new connection takes."""
+SILENT_S = 6.0
+"""Without a byte from the other side; living routers announce themselves every second."""
+ANSWER_S = 0.6
+"""For the cloud's answer to a dialled connection: longer than any usable round trip, shorter than TCP's own second try
+after 1 s."""
+PAUSE_S = 0.1
+HANDSHAKE_S = 5.0
+"""Python's own default is a minute, in which a stranger could hold thousands of connections."""
+SHORT_LIFE_S = 2.0
+LONGEST_PAUSE_S = 1.0
+ROUTER_S = 10.0
+_CHUNK = 1 << 18
+
+
+@dataclass(eq=False)
+class Stream:
+    """A connection as asyncio gives it: what arrives, and what is sent."""
+
+    reader: asyncio.StreamReader
+    writer: asyncio.StreamWriter
+
+    def abort(self) -> None:
+        """Drops the connection at once, with what was not sent yet."""
+        self.writer.transport.abort()
+
+
+def context(configuration: TunnelConfiguration) -> ssl.SSLContext:
+    """Returns what this end proves itself with and whom it trusts: TLS 1.3, certificates on both sides.
+
+    Raises:
+        ConfigurationError: a file is missing or does not hold what it should.
+    """
+    robot = configuration.side is Site.ROBOT
+    result = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT if robot else ssl.PROTOCOL_TLS_SERVER)
+    result.minimum_version = ssl.TLSVersion.TLSv1_3
+    result.check_hostname = robot and configuration.verify_name
+    result.verify_mode = ssl.CERT_REQUIRED
+    try:
+        result.load_verify_locations(configuration.ca)
+        result.load_cert_chain(configuration.certificate, configuration.private_key)
+    except (OSError, ValueError) as error:
+        files = f"{configuration.ca}, {configuration.certificate}, {configuration.private_key}"
+        raise ConfigurationError(f"certificates ({files}): {error}; write the bundle again") from error
+    return result
+
+
+class Tunnel:
+    """One end. It carries one connection at a time: the newest one, because an older one is what a cut left behind."""
+
+    def __init__(self, configuration: TunnelConfiguration) -> None:
+        """Opens nothing yet.
+
+        Raises:
+            ConfigurationError: the certificates cannot be used.
+        """
+        self._configuration = configuration
+        self._robot = configuration.side is Site.ROBOT
+        self._context = context(configuration)
+        self._names = Names()
+        self._addresses = list(configuration.connect)
+        self._carrying: asyncio.Task[None] | None = None
+        self._failed = 0
+
+    async def run(self) -> None:
+        """Listens until it is cancelled.
+
+        Raises:
+            ConfigurationError: the address to listen on cannot be had.
+        """
+        listen = self._configuration.listen
+        secured = None if self._robot else self._context
+        limit_s = None if self._robot else HANDSHAKE_S
+        try:
+            server = await asyncio.start_server(
+                self._accept, listen.host, listen.port, ssl=secured, ssl_handshake_timeout=limit_s
+            )
+        except OSError as error:
+            raise ConfigurationError(f"listen: {listen}: {error}") from error
+        log.info("Listening address=%s", listen)
+        try:
+            await asyncio.get_running_loop().create_future()
+        finally:
+            server.close()
+            if self._carrying is not None:
+                self._carrying.cancel()
+
+    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if not self._robot and not self._is_the_robot(writer):
+            writer.transport.abort()
+            return
+        before, self._carrying = self._carrying, asyncio.current_task()
+        if before is not None:
+            before.cancel()
+        accepted = Stream(reader, writer)
+        tune(writer)
+        try:
+            await self._carry(accepted)
+        except asyncio.CancelledError:
+            log.info("Dropped a connection for a newer one")
+        except (OSError, asyncio.TimeoutError, ssl.SSLError) as error:
+            log.warning("Lost the connection reason=%s", error or type(error).__name__)
+        finally:
+            accepted.abort()
+
+    def _is_the_robot(self, writer: asyncio.StreamWriter) -> bool:
+        """Returns whether a certificate that the authority signed is this robot's; an authority may serve many."""
+        wanted, found = self._configuration.peer_name, common_name(writer.get_extra_info("peercert"))
+        if wanted in ("", found):
+            return True
+        log.warning("Refused a robot of another name name=%s wanted=%s", found, wanted)
+        return False
+
+    async def _carry(self, accepted: Stream) -> None:
+        far = await (self._dial() if self._robot else self._router())
+        started_s = now_s()
+        log.info("Connected to=%s", far.writer.get_extra_info("peername"))
+        try:
+            log.info("Disconnected reason=%s", await join(accepted, far))
+        finally:
+            far.abort()
+            # A refused certificate shows only now; a cloud that refuses it is asked more and more seldom.
+            self._failed = self._failed + 1 if now_s() - started_s < SHORT_LIFE_S else 0
+
+    async def _dial(self) -> Stream:
+        """Returns a connection to the cloud, however long it takes."""
+        await asyncio.sleep(min(PAUSE_S * 2**self._failed, LONGEST_PAUSE_S) if self._failed else 0)
+        while True:
+            for address in tuple(self._addresses):
+                for host in await self._names.hosts(address):
+                    with suppress(OSError, asyncio.TimeoutError, ssl.SSLError):
+                        stream = await self._dial_one(address, host)
+                        # The next time it is tried first: of several cluster nodes one may be gone for long.
+                        self._addresses.sort(key=lambda one: one != address)
+                        return stream
+            await asyncio.sleep(PAUSE_S)
+
+    async def _dial_one(self, address: Address, host: str) -> Stream:
+        loop = asyncio.get_running_loop()
+        connection = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
+        try:
+            connection.setblocking(False)
+            await asyncio.wait_for(loop.sock_connect(connection, (host, address.port)), ANSWER_S)
+            opening = asyncio.open_connection(
+                sock=connection, ssl=self._context, server_hostname=address.host, ssl_handshake_timeout=HANDSHAKE_S
+            )
+            # A cut in the middle of the handshake must not cost its whole time limit.
+            reader, writer = await asyncio.wait_for(opening, 3 * ANSWER_S)
+        except BaseException as error:
+            connection.close()
+            if isinstance(error, ssl.SSLError):
+                log.warning("The cloud is not the expected one address=%s reason=%s", address, error)
+                self._failed += 1
+                await asyncio.sleep(LONGEST_PAUSE_S)
+            raise
+        tune(writer)
+        return Stream(reader, writer)
+
+    async def _router(self) -> Stream:
+        """Returns a connection to the router beside this end; it may be just starting."""
+        address, until_s = self._configuration.connect[0], now_s() + ROUTER_S
+        while True:
+            try:
+                stream = Stream(*await asyncio.open_connection(address.host, address.port))
+            except OSError:
+                if now_s() > until_s:
+                    raise
+                await asyncio.sleep(PAUSE_S)
+            else:
+                tune(stream.writer)
+                return stream
+
+
+def common_name(certificate: Mapping[str, Any] | None) -> str:
+    """Returns the common name in a certificate as the module ssl describes it; empty: it has none."""
+    names = [value for part in (certificate or {}).get("subject", ()) for key, value in part if key == "commonName"]
+    return str(names[-1]) if names else ""
+
+
+async def join(one: Stream, other: Stream) -> str:
+    """Carries bytes both ways until one of the two connections ends, and returns why."""
+    heard = Heard()
+    tasks = [
+        asyncio.create_task(_pump(one, other, heard, 0), name="accepted"),
+        asyncio.create_task(_pump(other, one, heard, 1), name="dialled"),
+        asyncio.create_task(heard.until_silent(), name="silence"),
+    ]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        ended = done.pop()
+        return f"{ended.get_name()}: {ended.exception() or 'closed'}"
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+class Heard:
+    """When the last bytes came from each of two connections."""
+
+    def __init__(self) -> None:
+        self._last_s = [now_s(), now_s()]
+
+    def now(self, which: int) -> None:
+        """Notes that bytes came."""
+        self._last_s[which] = now_s()
+
+    async def until_silent(self) -> None:
+        """Returns when one of them has sent nothing for `SILENT_S`."""
+        while now_s() - min(self._last_s) < SILENT_S:
+            await asyncio.sleep(SILENT_S / 8)
+
+
+async def _pump(source: Stream, target: Stream, heard: Heard, which: int) -> None:
+    while data := await source.reader.read(_CHUNK):
+        heard.now(which)
+        target.writer.write(data)
+        await target.writer.drain()
+
+
+def tune(writer: asyncio.StreamWriter) -> None:
+    """Sends small messages at once, and gives a connection up when nobody acknowledges them."""
+    connection = writer.get_extra_info("socket")
+    with suppress(OSError):  # closed meanwhile
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED_MS)

@@ -1,0 +1,115 @@
+"""The tunnel between the two DDS Routers: the agent package's `robot-offload-tunnel`, one end on each side.
+
+The router itself can neither ask the robot who it is nor bear strangers: it takes one TLS handshake after the other,
+without a time limit, and a probe or a scan of its port holds up everything that it carries. So only the tunnel is
+reached from outside. Its file is read by `robot_offload_agent.tunnel.configuration`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from robot_offload.kube.port import Manifest
+from robot_offload.objects import pod
+from robot_offload.objects.facts import Endpoint, Facts, address
+from robot_offload.transport import dds_router_xml as wan
+from robot_offload.transport.port import ContainerPort
+
+PORT: Final = ContainerPort("router", "TCP", 11666)
+FILE: Final = "tunnel.yaml"
+PROGRAM: Final = "robot-offload-tunnel"
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """With what an end of the tunnel proves who it is, and whom it trusts.
+
+    Attributes:
+        ca: PEM file of the authority of the other side.
+        certificate: PEM file of this side's certificate.
+        private_key: PEM file of its key.
+    """
+
+    ca: str
+    certificate: str
+    private_key: str
+
+
+def cloud_end(listen: str, router: str, proof: Proof, robot: str) -> dict[str, Any]:
+    """Returns the file of the cloud's end, which waits for the robot and then goes to the router beside it.
+
+    Args:
+        listen: HOST:PORT that the robot reaches.
+        router: HOST:PORT of the router.
+        proof: the cloud's files.
+        robot: the robot's name in its certificate; an issuer may sign for many robots.
+    """
+    return {"side": "cloud", "listen": listen, "connect": [router], **asdict(proof), "peer_name": robot}
+
+
+def robot_end(
+    listen: str, connect: Sequence[str], proof: Proof, *, verify_name: bool, realtime: bool = True
+) -> dict[str, Any]:
+    """Returns the file of the robot's end, which waits for the router beside it and then dials the cloud.
+
+    Args:
+        listen: HOST:PORT that the router dials.
+        connect: HOST:PORT of the cloud's end, tried in this order.
+        proof: the robot's files.
+        verify_name: whether the cloud's certificate must carry the dialled name.
+        realtime: whether real-time priority is asked for.
+    """
+    return {
+        "side": "robot",
+        "listen": listen,
+        "connect": list(connect),
+        **asdict(proof),
+        "verify_name": verify_name,
+        "realtime": realtime,
+    }
+
+
+def in_the_cloud(robot: str) -> dict[str, Any]:
+    """Returns the file of the cloud's end in its pod."""
+    folder = pod.CERTIFICATES_DIR
+    return cloud_end(
+        address("0.0.0.0", PORT.number),  # noqa: S104 - the pod's only interface; the network policy says who may come
+        address(wan.HOST, wan.LISTENING),
+        Proof(f"{folder}/ca.crt", f"{folder}/tls.crt", f"{folder}/tls.key"),
+        robot,
+    )
+
+
+def on_the_robot(endpoints: Sequence[Endpoint], certificates: str, *, verify_name: bool) -> dict[str, Any]:
+    """Returns the file of the robot's end in the bundle.
+
+    Args:
+        endpoints: where the cloud's end is reached.
+        certificates: the folder of the bundle's certificates.
+        verify_name: whether the cloud's certificate must carry the dialled name.
+    """
+    return robot_end(
+        address(wan.HOST, wan.MEETING),
+        [one.address for one in endpoints],
+        Proof(f"{certificates}/ca.pem", f"{certificates}/robot.pem", f"{certificates}/robot.key"),
+        verify_name=verify_name,
+    )
+
+
+def container(facts: Facts, folder: str, mounts: Sequence[Manifest]) -> Manifest:
+    """Returns the container of the cloud's end; `folder` is where it finds its file."""
+    return pod.container(
+        "tunnel",
+        facts.images.agent,
+        [PROGRAM, "--params", f"{folder}/{FILE}"],
+        environment={"HOME": pod.TMP},
+        mounts=mounts,
+        # No limit of the CPU: being throttled takes longer than the loss timeout.
+        resources={"requests": {"cpu": "50m", "memory": "32Mi"}, "limits": {"memory": "256Mi"}},
+        extra={
+            "ports": [{"name": PORT.name, "containerPort": PORT.number, "protocol": PORT.protocol}],
+            "readinessProbe": pod.listens(PORT.number),
+        },
+    )

@@ -1,0 +1,96 @@
+"""Both agents over two real DDS Routers 3.4.0 and the tunnel, where `DDSROUTER_BIN` names a router.
+
+Without one the rendered files are checked against a model of the router's reader (tests/unit/operator/render).
+"""
+
+import sys
+from collections.abc import Callable
+
+import pytest
+
+from robot_offload_agent.process.clock import now_s
+from tests.ros.agent.ears import wait_until
+from tests.ros.agent.far_ear import FarEar
+from tests.ros.agent.harness import World
+from tests.ros.agent.namespaces import ip
+from tests.ros.agent.routers import BINARY, ENVIRONMENT
+
+pytestmark = pytest.mark.skipif(not BINARY, reason="DDSROUTER_BIN names no DDS Router")
+
+STRANGER = """
+import socket, sys, time
+held = [socket.create_connection((sys.argv[1], 11666)) for _ in range(20)]
+while True:
+    socket.create_connection((sys.argv[1], 11666)).close()
+    time.sleep(0.5)
+"""
+
+
+def back_after(world: World, heal: Callable[[], object]) -> float:
+    """Seconds from a heal until the next message of the cloud's replica is heard."""
+    since, at_s = len(world.arrivals), now_s()
+    heal()
+    world.until(lambda: any(one.site == "cloud" for one in world.arrivals[since:]), "the cloud's messages pass again")
+    return next(one.t_s for one in world.arrivals[since:] if one.site == "cloud") - at_s
+
+
+def reader(world: World, name: str, topic: str, durability: str) -> Callable[[], list[str]]:
+    """Starts a reader in the cloud; returns what it has heard so far."""
+    command = [sys.executable, "-m", "tests.ros.agent.reader", str(world.domain["cloud"]), topic, durability]
+    world.processes.start(name, command, world.namespace("cloud"), ENVIRONMENT["cloud"])
+    return lambda: world.processes.log(name).splitlines()
+
+
+def test_the_cloud_acts_and_is_left_and_taken_again_by_command_and_by_a_cut(routed_world: World) -> None:
+    routed_world.place("robot")
+    routed_world.place("cloud")
+    routed_world.cut("both")
+    routed_world.goes_to("robot")
+    wait_until(lambda: False, 4.0)
+    back_after(routed_world, lambda: routed_world.cut(None))
+
+
+def test_probes_and_strangers_at_the_door_do_not_disturb(routed_world: World) -> None:
+    address = routed_world.routers.cloud_address
+    routed_world.processes.start("stranger", [sys.executable, "-c", STRANGER, address], routed_world.namespace("robot"))
+    since = len(routed_world.placed)
+    wait_until(lambda: False, 4.0)
+    assert [one.site for one in routed_world.placed[since:] if one.site != "cloud"] == []
+    routed_world.routers.kill("robot-tunnel")
+    routed_world.goes_to("robot")
+    back_after(routed_world, lambda: routed_world.routers.run_part("robot", "tunnel"))
+
+
+def test_whoever_publishes_in_the_cloud_is_not_heard_on_the_robot(routed_world: World) -> None:
+    world = routed_world
+    thief = FarEar(world.processes, world.domain["cloud"], world.namespace("cloud"), "/unused")
+    assert not thief.say("/command", "cloud 1 1").success, (
+        "somebody in the cloud listens to what is meant for the robot"
+    )
+    assert {one.site for one in world.arrivals} <= {"robot", "cloud"}
+
+
+def test_readers_of_both_kinds_hear_what_is_latched(routed_world: World) -> None:
+    volatile = reader(routed_world, "volatile", "/map", "VOLATILE")
+    wait_until(lambda: False, 2.0)
+    latched = reader(routed_world, "latched", "/map", "TRANSIENT_LOCAL")
+    routed_world.until(latched, "the kept message")
+    assert volatile is not None
+
+
+def test_a_robot_that_starts_without_a_link_or_gets_another_address_comes_in(build: Callable[..., World]) -> None:
+    world = build(link="router")
+    space = world.namespace("robot")
+    ip("-n", space, "link", "set", "link0", "down")
+    for side in ("cloud", "robot"):
+        world.start_agent(side)
+        world.start_node(side)
+    world.goes_to("robot")
+    ip("-n", space, "link", "set", "link0", "up")
+    world.goes_to("cloud")
+    ip("-n", space, "address", "del", "10.77.0.1/24", "dev", "link0")
+    world.goes_to("robot")
+    ip("-n", space, "address", "add", "10.77.0.9/24", "dev", "link0")
+    ip("-n", space, "route", "replace", "224.0.0.0/4", "dev", "link0")
+    world.goes_to("cloud")
+    world.check()
