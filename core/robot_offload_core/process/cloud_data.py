@@ -147,8 +147,7 @@ class CloudDataProcess(DataProcess):
 
     def complete(self) -> bool:
         """Returns whether the latched inputs are the robot's."""
-        with self.ports.lock:
-            return all(self.latched.get(n) and probe.digest(self.latched[n]) == h for n, h in self.wanted.items())
+        return all(self.latched.get(n) and self.digest(n) == h for n, h in self.wanted.items())
 
     def report(self, now_s: float, detailed: bool) -> None:
         """Reports to control."""

@@ -108,6 +108,7 @@ class DataProcess(ABC):
         self.probe: Probe | None = None
         self.probe_s: float | None = None
         self.latched: dict[str, list[Any]] = {i.name: [] for i in plan.inputs if i.latched}
+        self._digests: dict[str, tuple[list[Any], str]] = {}
         self.notes = ""
         self.notes_passed: tuple[str, str] = ("", "")
         self.notes_due_s = 0.0
@@ -216,8 +217,18 @@ class DataProcess(ABC):
 
     def digests(self) -> dict[str, str]:
         """Returns the hash of the values held of each latched input."""
-        with self.ports.lock:
-            return {name: probe.digest(values) for name, values in self.latched.items() if values}
+        return {name: self.digest(name) for name, values in self.latched.items() if values}
+
+    def digest(self, name: str) -> str:
+        """Returns the hash of the values held of one latched input.
+
+        A list of values is never changed, a change is another list: so each is hashed once, however large it is.
+        """
+        values = self.latched[name]
+        known = self._digests.get(name)
+        if known is None or known[0] is not values:
+            known = self._digests[name] = values, probe.digest(values)
+        return known[1]
 
     # -- what each side does in its own way ---------------------------------------------------------------------------
 

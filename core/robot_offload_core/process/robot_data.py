@@ -8,7 +8,6 @@ from typing import Any
 from robot_offload_core import envelope
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import DataReported
-from robot_offload_core.process import probe
 from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
 from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, DataStatus, Limits, Orders
 from robot_offload_core.process.probe import Probe
@@ -92,7 +91,7 @@ class RobotDataProcess(DataProcess):
         """Sends latched values again that the cloud does not hold (a new session, a restarted agent)."""
         now_s = self.ports.now_s()
         for name, values in self.latched.items():
-            if not values or received.latched.get(name) == probe.digest(values):
+            if not values or received.latched.get(name) == self.digest(name):
                 continue
             if now_s - self.resent_s.get(name, 0.0) >= RESEND_PERIOD_S:
                 self.resent_s[name] = now_s
