@@ -36,8 +36,8 @@ TICK_S = 0.020
 SLACK_S = 0.010
 """A tick that is due waits so long for a datagram to come with: waking up costs more than what is done then."""
 REPORT_PERIOD_S = 1.0
-MANAGERS_PERIOD_S = 3.0
-"""How often the graph is searched for others that manage our nodes; two looks in a row must find them."""
+GRAPH_PERIOD_S = 3.0
+"""How often the graph is searched for what should not be there; two looks in a row must find it."""
 SWITCH_INTERVAL_S = 0.001
 """The interpreter changes threads this often at most: the deciding thread must not wait 5 ms for the spinning one."""
 
@@ -61,7 +61,7 @@ class ControlShell(ABC):
         self.lives = Lives(())
         self.guard = Guard(context.is_up)
         self.beacon = beacon.Beacon(bus, "decide", "ros")
-        self.report_due_s = self.managers_due_s = 0.0
+        self.report_due_s = self.graph_due_s = 0.0
         context.init(configuration)
         self.report = Report(configuration)
         self.managed = ManagedNodes(configuration, self.report.guardian, self.post_guardian)
@@ -104,7 +104,7 @@ class ControlShell(ABC):
                 self.turned(now)
                 if now >= self.report_due_s:
                     self.report_due_s = now + REPORT_PERIOD_S
-                    self.look_for_managers(now)
+                    self.look_at_graph(now)
                     self.publish_report(now)
 
     def drain(self) -> None:
@@ -164,11 +164,13 @@ class ControlShell(ABC):
         garbage = {"garbage.control": self.bus.garbage + self.guard.count}
         return garbage | deaths | {f"process.{name}.hangs": hangs for name, _, hangs in self.lives.processes}
 
-    def look_for_managers(self, now: float) -> None:
-        """Reports who else changes the states of our nodes: two managers undo each other's work."""
-        if now < self.managers_due_s:
+    def look_at_graph(self, now: float) -> None:
+        """Reports nodes that are not what was declared, and who else changes their states."""
+        if now < self.graph_due_s:
             return
-        self.managers_due_s = now + MANAGERS_PERIOD_S
+        self.graph_due_s = now + GRAPH_PERIOD_S
+        for node, problem in self.managed.strange().items():
+            self.report.note(f"strange {node}", problem)
         for node, others in self.managed.other_managers().items():
             message = (
                 f"{others} changes the state of {node} as well: take {node} out of its list (Nav2: `node_names` of the "

@@ -7,6 +7,7 @@ import logging
 from pathlib import Path
 from typing import Any
 
+from robot_offload_agent.control import culprits
 from robot_offload_agent.control.process import ControlShell, start
 from robot_offload_agent.control.recorder import Recorder
 from robot_offload_agent.process.bus import Bus
@@ -92,7 +93,8 @@ class RobotControlShell(ControlShell):
         """Sends our notes for the cloud."""
         robot = self.process.robot
         decided = robot.decided
-        text = self.tuned.notes(self.process.left[1], switcher.site(robot), decided.reason, decided.message)
+        message = self.explained(decided.reason, decided.message)
+        text = self.tuned.notes(self.process.left[1], switcher.site(robot), decided.reason, message)
         self.bus.send("data", Notes(self.incarnation, text))
 
     def turned(self, now: float) -> None:
@@ -114,16 +116,23 @@ class RobotControlShell(ControlShell):
         if decided.switched:
             self.since_s = now_s()
         silent = "" if decided.silent_s is None else f" silent_ms={decided.silent_s * 1e3:.0f}"
+        message = self.explained(verdict.reason, verdict.message)
         log.info(
-            "%s placement=%s phase=%s epoch=%d reason=%s%s", verdict.message, decided.site.value, decided.phase.value,
+            "%s placement=%s phase=%s epoch=%d reason=%s%s", message, decided.site.value, decided.phase.value,
             decided.epoch, verdict.reason, silent,
         )  # fmt: skip
-        self.publish_placement(verdict.reason, verdict.message, decided.silent_s)
+        self.publish_placement(verdict.reason, message, decided.silent_s)
+
+    def explained(self, reason: str, message: str) -> str:
+        """Returns the message of a decision with the nodes and topics that it is about."""
+        process = self.process
+        problems = process.data_status.problems if process.data_status else ()
+        return culprits.explained(reason, message, process.guardian.nodes, process.replicas, problems)
 
     def effects_changed(self) -> None:
         """Publishes the placement again."""
         decided = self.process.robot.decided
-        self.publish_placement(decided.reason, decided.message)
+        self.publish_placement(decided.reason, self.explained(decided.reason, decided.message))
 
     def publish_placement(self, reason: str, message: str, silent_s: float | None = None) -> None:
         """Publishes the latched /offload/placement."""
@@ -166,7 +175,8 @@ class RobotControlShell(ControlShell):
             pulse=self.pulse_status,
             placement={
                 "site": switcher.site(robot).value, "phase": robot.phase.value, "epoch": str(robot.epoch),
-                "reason": robot.decided.reason, "message": robot.decided.message,
+                "reason": robot.decided.reason,
+                "message": self.explained(robot.decided.reason, robot.decided.message),
                 "generation": str(self.tuned.generation),
             },
             nodes=process.guardian.nodes,

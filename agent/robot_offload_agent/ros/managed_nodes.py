@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import logging
 from collections.abc import Callable
 from functools import partial
@@ -34,6 +35,8 @@ TRANSITIONS = {
     Transition.ACTIVATE: TransitionMsg.TRANSITION_ACTIVATE,
     Transition.DEACTIVATE: TransitionMsg.TRANSITION_DEACTIVATE,
 }
+NAME_LIKENESS = 0.75
+"""A name that is as like another one by difflib's measure is a slip of the pen: `detecter` for `detector` has 0.9."""
 OWN_TOPICS = ("/rosout", "/parameter_events")
 
 
@@ -56,6 +59,7 @@ class ManagedNodes:
         self.pending: dict[Any, Any] = {}  # client -> its newest call
         self.watched: list[Any] = []
         self.managers: dict[str, set[str]] = {}
+        self.strangers: dict[str, tuple[str, str] | None] = {}
         for spec in configuration.node_specs():
             if spec.lifecycle:
                 self._watch(spec)
@@ -161,6 +165,24 @@ class ManagedNodes:
                     found[services[service]].add(f"{namespace.rstrip('/')}/{other}")
         lasting = {name: ", ".join(sorted(who & self.managers.get(name, set()))) for name, who in found.items()}
         self.managers = found  # a call by hand (`ros2 lifecycle set`) is gone at the next look
+        return lasting
+
+    def strange(self) -> dict[str, tuple[str, str] | None]:
+        """Returns, for each node, (reason, message) when what runs is not what was declared."""
+        found: dict[str, tuple[str, str] | None] = {}
+        running = {f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces()}
+        for name, full in self.names.items():
+            found[name] = None
+            if self.read[name].service_is_ready():
+                continue
+            if full in running:
+                message = f"{full} runs, and has no lifecycle: write `lifecycle: false`, or make it a managed node"
+                found[name] = ("NotLifecycle", message)
+            elif close := difflib.get_close_matches(full, running - set(self.names.values()), 1, NAME_LIKENESS):
+                message = f"{full} does not run; {close[0]} does: give the node the name that it has in the graph"
+                found[name] = ("NodeMissing", message)
+        lasting = {name: problem if problem == self.strangers.get(name) else None for name, problem in found.items()}
+        self.strangers = found  # a node that starts offers its services a moment after its name
         return lasting
 
     def undeclared(self) -> dict[str, str]:

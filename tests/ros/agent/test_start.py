@@ -132,6 +132,14 @@ def test_a_lifecycle_node_that_runs_in_the_cloud_only_is_brought_up_there_before
     world.until(lambda: diagnostics["node mapper"].message == "active", "the mapper is active")
 
 
+def test_a_node_without_a_lifecycle_and_a_misspelt_one_are_named_with_the_cure(build: Callable[..., World]) -> None:
+    world = build(robot={"nodes": ["walker", "ear", "mappper"], "node.mappper.duplicated": False})
+    world.start_agent("robot")
+    world.start_node("robot", other="mapper")
+    world.until(lambda: "lifecycle: false" in problem(world, "NotLifecycle"), "the plain node is named")
+    world.until(lambda: "/mapper does" in problem(world, "NodeMissing"), "the misspelt node is named")
+
+
 def test_a_second_lifecycle_manager_is_named_and_strict_refuses_it(build: Callable[..., World]) -> None:
     world = build()
     other = world.ear.node.create_client(ChangeState, "/walker/change_state")
