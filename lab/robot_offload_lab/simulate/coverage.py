@@ -199,8 +199,17 @@ def _robot_event(robot: placement.Robot, event: placement.Event, now_s: float) -
         return _data_report(robot, event)
     if isinstance(event, placement.NodesReported):
         return "nodes: ready" if event.ready else "nodes: not ready", ""
+    return _person(event)
+
+
+def _person(event: placement.Event) -> tuple[str, str]:
+    """What people and the cloud's operator do."""
     if isinstance(event, placement.SwitchByHand):
         return "by hand: robot" if event.site is Site.ROBOT else "by hand: cloud", ""
+    if isinstance(event, placement.SetSettings):
+        return "settings", ""
+    if isinstance(event, placement.CloudLeaving):
+        return "leaving", ""
     if not isinstance(event, placement.SetPin):
         raise TypeError(f"the simulation does not bring about {type(event).__name__}")
     return "pin: none" if event.pin is None else f"pin: {event.pin.site.value}", ""

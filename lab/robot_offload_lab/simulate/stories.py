@@ -1,0 +1,13 @@
+"""All stories by name: small worlds in virtual time, one rule each. A story raises when its rule does not hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from robot_offload_lab.simulate import story_fence, story_link, story_nodes, story_people, story_processes
+
+STORIES: dict[str, Callable[[], None]] = {
+    story.__name__: story
+    for module in (story_link, story_fence, story_people, story_nodes, story_processes)
+    for story in module.STORIES
+}

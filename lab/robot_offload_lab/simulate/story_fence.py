@@ -1,0 +1,440 @@
+"""Stories of the fence: who may stand in front of the consumers, until when the cloud acts, and strangers."""
+
+from __future__ import annotations
+
+from robot_offload_core import envelope, pulse, switcher
+from robot_offload_core.beats import Beat, CloudReport, Echo, Permission
+from robot_offload_core.change import replace
+from robot_offload_core.collectors import Charge, Gate
+from robot_offload_core.envelope import Envelope
+from robot_offload_core.placement import Phase, SetGate
+from robot_offload_core.process.messages import ENVELOPE, Carried
+from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
+from robot_offload_core.token import Site, Token
+from robot_offload_lab.simulate.nodes import Message
+from robot_offload_lab.simulate.ports import Payload
+from robot_offload_lab.simulate.scenario import UID, Replica
+from robot_offload_lab.simulate.stage import CONTROLLER, Stage
+from robot_offload_lab.simulate.world import Host
+
+ARM = NodeSpec("arm", core=True)
+SLOW = Settings(loss_timeout_s=0.3, lease_s=0.8, max_command_age_s=0.4)
+STRANGER = "ee" * 16
+
+
+def _offer(stage: Stage, index: int, sequence: int, *, ahead_s: float = 0.0, token: Token | None = None) -> None:
+    """Offers a message of the cloud to the collector, under the present token unless another one is given."""
+    collector = stage.robot.collector
+    charge = collector.state.next or collector.state.charge
+    assert charge is not None
+    echo_us = round((stage.robot.host.now_s() + ahead_s) * 1e6)
+    header = envelope.encode(Envelope(token or charge.token, sequence, echo_us))
+    payload = Payload(Site.CLOUD, Message("cloud/controller", 1, sequence, stage.now), header, stage.now)
+    collector.take(Carried(ENVELOPE, index, header, payload))
+
+
+def cloud_ends_by_itself() -> None:
+    """Robot's and cloud's control stop: nothing leaves the cloud after the lease of the last grant (invariant 2)."""
+    stage = Stage(cloud_settings=Settings(lease_s=0.6))
+    stage.in_cloud()
+    stage.stall(stage.robot.control, 1.0)
+    stage.run(1.5)
+    stage.until(lambda: stage.phase is Phase.CLOUD, 12.0, "the cloud is used again")
+    stage.run(0.5)
+    stage.stall(stage.robot.control, 1.0)
+    stage.stall(stage.cloud.control, 1.2)
+    stage.run(1.5)
+
+
+def paused_cloud_control() -> None:
+    """A pause of the cloud's control voids its lease until a grant echoes a beat that was sent after the pause."""
+    stage = Stage(settings=SLOW, cloud_settings=SLOW, delay_s=0.02)
+    stage.in_cloud()
+    stage.stall(stage.cloud.control, 0.2)
+    stage.run(0.2005)
+    resumed_s = stage.now
+    stage.run(0.06)
+    left = [at_s for at_s in stage.seen.left if resumed_s + 0.003 < at_s < resumed_s + 0.04]
+    stage.expect(not left, f"{len(left)} messages left under a lease from before the pause")
+
+
+def stranger_in_the_echo() -> None:
+    """A grant for another cloud, or one that echoes another's beat, gives no lease."""
+    stage = Stage()
+    stage.start()
+    stage.run(0.3)
+    stage.pin(Site.ROBOT)
+    stage.run(1.0)
+    mine, robot = stage.cloud.control.process.incarnation, stage.machine
+    far_us = round((stage.cloud.host.now_s() + 1000) * 1e6)
+    for named, echoed in ((mine, STRANGER), (STRANGER, mine), (STRANGER, STRANGER)):
+        permission = Permission(robot.epoch, True, named, 250_000)
+        sent_us = round(stage.robot.host.now_s() * 1e6)
+        beat = Beat(UID, Site.ROBOT, robot.incarnation, 1, sent_us, 0, 0, Echo(echoed, 1, far_us, 0), permission)
+        stage.cloud.control.beat(beat, stage.cloud.host.now_s(), 0, stage.now)
+        end_s = stage.cloud.control.cloud.lease_end_s
+        stage.expect(end_s < stage.cloud.host.now_s() + 0.3, "a lease out of a stranger's clock")
+        stage.run(0.02)
+    permission = Permission(robot.epoch, True, STRANGER, 250_000)
+    echo = Echo(mine, 1, round(stage.cloud.host.now_s() * 1e6), 0)
+    beat = Beat(UID, Site.ROBOT, robot.incarnation, 1, round(stage.robot.host.now_s() * 1e6), 0, 0, echo, permission)
+    stage.cloud.control.beat(beat, stage.cloud.host.now_s(), 0, stage.now)
+    stage.expect(stage.cloud.control.cloud.lease_end_s == 0.0, "a lease for another cloud")
+
+
+def old_grants() -> None:
+    """Grants of an earlier epoch that arrive again change nothing (pulse, lease: order of beats, epochs)."""
+    stage = Stage()
+    stage.start()
+    beats: list[Beat] = []
+    sent = stage.seen.beat_sent
+    stage.seen.beat_sent = lambda beat: (beats.append(beat), sent(beat))[1]  # type: ignore[method-assign,func-returns-value]
+    stage.until(lambda: stage.phase is Phase.CLOUD, 8.0, "the cloud is in charge")
+    stage.run(0.3)
+    stage.by_hand(Site.ROBOT)
+    stage.until(lambda: stage.phase is Phase.ROBOT, 1.0, "the robot is in charge")
+    old = beats[-12]
+    stage.run(0.1)
+    stage.cloud.pulse.hear(old, stage.now)
+    stage.run(0.01)
+    stage.expect(stage.cloud.control.cloud.lease_end_s == 0.0, "no lease of an old epoch")
+
+
+def second_robot() -> None:
+    """A second robot of the same identity is refused while the first is live, and served when the first has gone."""
+    stage = Stage()
+    stage.in_cloud()
+    first = stage.machine.incarnation
+    host = Host(stage.world, "other robot")
+    state = pulse.Pulse(UID, Site.ROBOT, 0.02)
+
+    def beat() -> None:
+        nonlocal state
+        permission = Permission(1, True, stage.cloud.control.process.incarnation, 250_000)
+        state = pulse.speak(state, STRANGER, permission, host.now_s())
+        state, sent = pulse.compose(state, host.now_s(), host.wall_us)
+        stage.cloud.pulse.deliver(stage.cloud.pulse.hear, sent, stage.now)
+        stage.world.after(0.02, beat)
+
+    beat()
+    stage.always(lambda: stage.cloud.control.cloud.robot == first, 2.0, "the first robot is served")
+    stage.expect(stage.cloud.control.cloud.refused == STRANGER, "the second one is refused, with its name")
+    stage.expect(stage.phase is Phase.CLOUD, "the first one notices nothing")
+    for process in stage.robot.processes:
+        process.kill(1e9)
+    stage.until(lambda: stage.cloud.control.cloud.robot == STRANGER, 2.5, "the other robot is served in the end")
+
+
+def robot_that_went() -> None:
+    """A robot that has gone is forgotten."""
+    stage = Stage()
+    stage.in_cloud()
+    for process in stage.robot.processes:
+        process.kill(1e9)
+    stage.until(lambda: not stage.cloud.control.cloud.robot, 2.5, "the robot that has gone is forgotten")
+
+
+def foreign_beats() -> None:
+    """Beats of another deployment, and our own side's, are nobody's."""
+    stage = Stage()
+    stage.start()
+    stage.run(0.1)
+    foreign = pulse.speak(
+        pulse.Pulse("somebody-else", Site.ROBOT, 0.02), STRANGER, Permission(7, True, "", 250_000), 0.0
+    )
+
+    def speak() -> None:
+        nonlocal foreign
+        foreign, beat = pulse.compose(foreign, stage.now + 5, 0)
+        stage.cloud.pulse.deliver(stage.cloud.pulse.hear, beat, stage.now)
+        own = replace(beat, uid=UID, sender=Site.CLOUD, body=CloudReport("", 0, False, False, "", 0, ()))
+        stage.cloud.pulse.deliver(stage.cloud.pulse.hear, own, stage.now)
+        stage.world.after(0.02, speak)
+
+    speak()
+    stage.always(lambda: stage.cloud.control.cloud.robot != STRANGER, 2.5, "a foreign robot is not served")
+    stage.expect(stage.cloud.control.cloud.refused == "", "and is no second one of ours")
+    stage.until(lambda: stage.phase is Phase.CLOUD, 6.0, "the cloud is used")
+
+
+def second_cloud() -> None:
+    """A second cloud agent that claims to act disturbs nobody: the one in charge goes on."""
+    stage = Stage()
+    stage.in_cloud()
+    host = Host(stage.world, "other cloud")
+    state = pulse.Pulse(UID, Site.CLOUD, 0.02)
+
+    def beat() -> None:
+        nonlocal state
+        robot = stage.machine
+        report = CloudReport(robot.incarnation, robot.epoch, True, True, "", 0, (0,))
+        state = pulse.speak(state, STRANGER, report, host.now_s())
+        state, sent = pulse.compose(state, host.now_s(), host.wall_us)
+        stage.robot.pulse.deliver(stage.robot.pulse.hear, sent, stage.now)
+        stage.world.after(0.017, beat)
+
+    beat()
+    stage.always(lambda: stage.phase is Phase.CLOUD, 3.0, "the cloud in charge goes on")
+
+
+def vouching() -> None:
+    """A pulse whose control has stopped grants for two beats and no longer."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.stall(stage.robot.control, 0.2)
+    stage.run(0.5)
+
+
+def _effects_are_exclusive(stage: Stage, for_s: float) -> None:
+    """No instant in which the robot's effects are admitted and the cloud may still send under an older epoch."""
+    end_s = stage.now + for_s
+    egress = stage.cloud.data.process
+    while stage.now < end_s:
+        admitted = switcher.effects_site(stage.machine, stage.robot.host.now_s()) is Site.ROBOT
+        token, lease_end_s = egress.egress.egress.token, egress.egress.egress.lease_end_s
+        may_leave = token is not None and stage.cloud.host.now_s() < lease_end_s
+        stage.expect(not (admitted and may_leave), "both sides' effects are admitted")
+        stage.run(0.0005)
+
+
+def effects_wait_for_the_lease() -> None:
+    """The robot's effects wait for the end of the last lease, also when its pulse did not hear of the revocation."""
+    stage = Stage(delay_s=0.0005, jitter_s=0.0001)
+    stage.in_cloud()
+    stage.cut("down", "pulse")
+    stage.deaf("control", "pulse", 0.2)
+    _effects_are_exclusive(stage, 0.8)
+
+
+def slow_clock_in_the_cloud() -> None:
+    """The same with a cloud whose clock is slow, and a long lease: the margin for drift."""
+    long = Settings(lease_s=40.0)
+    stage = Stage(settings=long, cloud_settings=long, delay_s=0.0005, jitter_s=0.0001)
+    host = stage.cloud.host
+    host.rate, stage.robot.host.rate = 0.9993, 1.0002
+    stage.in_cloud()
+    stage.cut("down", "pulse")
+    stage.deaf("control", "pulse", 0.2)
+    stage.lost(0.3, "the loss")
+    stage.cut("up")
+    stage.run(39.9)
+    _effects_are_exclusive(stage, 0.3)
+
+
+def shorter_lease_at_run_time() -> None:
+    """A lease that was made shorter: effects wait for the end of the longer one that is still out."""
+    long = Settings(lease_s=2.0)
+    stage = Stage(settings=long, cloud_settings=long)
+    stage.in_cloud()
+    stage.robot.control.adopt(replace(long, lease_s=0.25))
+    stage.run(0.1)
+    stage.cut()
+    stage.lost(0.3, "the loss")
+    _effects_are_exclusive(stage, 2.5)
+
+
+def effects_while_offered() -> None:
+    """While a changeover is offered to the collector nobody else's effects are admitted."""
+    stage = Stage(replicas={"controller": Replica(0, 0.05, on_activate=True)})
+    stage.start()
+    stage.until(lambda: stage.machine.offered, 6.0, "the changeover is offered")
+    _effects_are_exclusive(stage, 0.3)
+
+
+def called_off() -> None:
+    """A preparation that is called off after it was offered is ended by a newer epoch."""
+    stage = Stage()
+    stage.start()
+    stage.robot_acts()
+    stage.cloud.nodes["controller"].hung = 1
+    stage.until(lambda: stage.machine.offered, 6.0, "the changeover is offered")
+    candidate = stage.machine.candidate
+    stage.pin(Site.ROBOT)
+    stage.until(lambda: stage.phase is Phase.ROBOT, 0.1, "called off")
+    stage.expect(stage.machine.epoch > candidate, "by an epoch that is newer than the candidate")
+
+
+def doubled_messages() -> None:
+    """Every message of the cloud arrives twice, across changeovers: none passes twice (1b)."""
+    stage = Stage(nodes=(CONTROLLER, ARM), outputs=(OutputSpec("cmd_vel", 0.15), OutputSpec("arm", 0.2)),
+                  replicas={"controller": Replica(0, 0.05), "arm": Replica(1, 0.05)})  # fmt: skip
+    stage.start()
+    stage.link.data.down.doubled = 1.0
+    stage.until(lambda: stage.phase is Phase.CLOUD, 6.0, "the cloud is in charge")
+    for _ in range(4):
+        stage.run(0.4)
+        stage.by_hand(Site.ROBOT)
+        stage.run(0.5)
+        stage.by_hand(Site.CLOUD)
+    stage.run(0.5)
+
+
+def repeated_next() -> None:
+    """A repetition of what is held back for the changeover does not take the place of a newer one."""
+    stage = Stage(nodes=(CONTROLLER, ARM), outputs=(OutputSpec("cmd_vel", 0.15), OutputSpec("arm", 0.2)),
+                  replicas={"controller": Replica(0, 0.05), "arm": Replica(1, 0.05)})  # fmt: skip
+    stage.start()
+    for name in ("controller", "arm"):
+        stage.cloud.nodes[name].hung = 1
+    stage.until(lambda: stage.robot.collector.state.next is not None, 6.0, "the changeover is offered")
+    _offer(stage, 0, 1)
+    _offer(stage, 0, 2)
+    _offer(stage, 0, 1)
+    _offer(stage, 1, 1)
+    passed = stage.seen.lanes[0].last[Site.CLOUD].sequence
+    stage.expect(passed == 2, f"message {passed} passed at the changeover instead of the newest")
+
+
+def impossible_echo() -> None:
+    """A message that echoes a beat of the future is nobody's."""
+    stage = Stage()
+    stage.in_cloud()
+    before = len(stage.seen.messages)
+    _offer(stage, 0, 10_000, ahead_s=10.0)
+    stage.expect(len(stage.seen.messages) == before, "an echo of the future passes")
+
+
+def held_too_long() -> None:
+    """What was held for the changeover passes with it only while it is no older than any message may be."""
+    settings = Settings()
+    stage = Stage(
+        settings=settings, nodes=(CONTROLLER, NodeSpec("planner", core=True)),
+        outputs=(OutputSpec("cmd_vel", 0.15), OutputSpec("plan", 0.0)),
+        replicas={"controller": Replica(0, 0.05), "planner": Replica(1, 5.0)},
+    )  # fmt: skip
+    stage.start()
+    stage.cloud.nodes["controller"].hung = 1
+    stage.until(lambda: stage.robot.collector.state.next is not None, 6.0, "the changeover is offered")
+    _offer(stage, 1, 1)
+    stage.run(0.3)
+    before = len(stage.seen.messages)
+    _offer(stage, 0, 1)
+    late = [m for m in stage.seen.messages[before:] if m.index == 1]
+    stage.expect(not late, "a message held for longer than the age limit passes")
+
+
+def earlier_control() -> None:
+    """The gate of an earlier control, left in a queue, changes nothing; the same after a fallback."""
+    stage = Stage()
+    stage.in_cloud()
+    collector = stage.robot.collector
+    charge, started_us = collector.state.charge, collector.state.started_us
+    assert charge is not None
+    other = Charge(Site.ROBOT, Token(STRANGER, 9, ""))
+    collector.take(SetGate(Gate(started_us - 5, other, None, stage.robot.host.now_s())))
+    stage.expect(collector.state.charge == charge, "an earlier control is heard")
+
+
+def fallback() -> None:
+    """A collector that has fallen back passes the robot only, takes no effect, and needs a new epoch."""
+    stage = Stage(hot=True)
+    stage.in_cloud()
+    stage.stall(stage.robot.control, 3.0)
+    stall_s = stage.now
+    collector = stage.robot.collector
+    charge, started_us = collector.state.charge, collector.state.started_us
+    assert charge is not None
+    lease_s = stage.scenario.settings.lease_s
+    stage.until(lambda: collector.state.fell_back, lease_s + 0.06, "control's silence is noticed")
+    stage.until(
+        lambda: stage.first_message(stall_s, Site.ROBOT) is not None,
+        0.08,
+        "a robot that is Hot passes after a fallback",
+    )
+    stage.run(0.2)
+    admitted: list[Token] = []
+    stage.seen.cloud_effect = admitted.append  # type: ignore[method-assign,assignment]
+    collector.cloud_effect(charge.token)
+    stage.expect(not admitted, "an effect of the cloud is admitted after a fallback")
+    collector.take(SetGate(Gate(started_us, charge, None, stage.robot.host.now_s())))
+    before = len(stage.seen.messages)
+    _offer(stage, 0, 100_000, token=charge.token)
+    stage.expect(len(stage.seen.messages) == before, "the epoch that the collector has left goes on")
+
+
+def fallback_outlives_the_collector() -> None:
+    """A collector that restarts after a fallback, control still silent, goes on passing the robot."""
+    stage = Stage(hot=True)
+    stage.in_cloud()
+    stage.stall(stage.robot.control, 3.0)
+    stage.until(lambda: stage.robot.collector.state.fell_back, 0.4, "fallen back")
+    stage.run(0.3)
+    stage.robot.collector.kill(0.02)
+    stage.run(0.02)
+    stage.until_heard(stage.now, Site.ROBOT, 0.12, "the robot passes at once")
+
+
+def resumed_without_control() -> None:
+    """A collector that restarts while control is silent passes no cloud message, and after a lease the robot."""
+    stage = Stage(hot=True)
+    stage.in_cloud()
+    stage.stall(stage.robot.control, 2.0)
+    stage.robot.collector.kill(0.02)
+    stage.run(0.021)
+    start_s = stage.now
+    lease_s = stage.scenario.settings.lease_s
+    stage.until_heard(start_s, Site.ROBOT, lease_s + 0.12, "the robot passes")
+    heard = stage.first_message(start_s, Site.CLOUD)
+    stage.expect(heard is None, "a cloud message passed before control had spoken")
+
+
+def restarted_collector() -> None:
+    """A collector that is killed passes nothing again that it had passed (1a, 1b)."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.link.data.down.doubled = 1.0
+    for _ in range(6):
+        stage.until(lambda: stage.phase is Phase.CLOUD, 12.0, "the cloud is used again")
+        stage.run(0.4)
+        stage.robot.collector.kill(0.01)
+        stage.run(0.3)
+
+
+def restarted_control() -> None:
+    """A control that restarts takes nothing of an earlier one for its own: the robot is in charge."""
+    stage = Stage()
+    stage.in_cloud()
+    for site in (Site.ROBOT, Site.CLOUD, Site.ROBOT, Site.CLOUD):
+        stage.by_hand(site)
+        stage.run(1.0)
+    stage.robot.control.kill(0.03)
+    stage.run(0.035)
+    stage.always(lambda: stage.site is Site.ROBOT, 0.3, "a new control takes an old charge for its own")
+
+
+def hot_robot_is_held_back() -> None:
+    """A Hot robot's messages do not pass while the cloud acts (1a)."""
+    stage = Stage(hot=True)
+    stage.in_cloud()
+    start_s = stage.now
+    stage.run(1.0)
+    stage.expect(stage.first_message(start_s, Site.ROBOT) is None, "both sides pass")
+
+
+STORIES = (
+    cloud_ends_by_itself,
+    paused_cloud_control,
+    stranger_in_the_echo,
+    old_grants,
+    second_robot,
+    robot_that_went,
+    foreign_beats,
+    second_cloud,
+    vouching,
+    effects_wait_for_the_lease,
+    slow_clock_in_the_cloud,
+    shorter_lease_at_run_time,
+    effects_while_offered,
+    called_off,
+    doubled_messages,
+    repeated_next,
+    impossible_echo,
+    held_too_long,
+    earlier_control,
+    fallback,
+    fallback_outlives_the_collector,
+    resumed_without_control,
+    restarted_collector,
+    restarted_control,
+    hot_robot_is_held_back,
+)

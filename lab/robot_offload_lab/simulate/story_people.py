@@ -1,0 +1,158 @@
+"""Stories of people: switches by hand on either side, pins, settings that change, and pods that go."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from robot_offload_core.placement import Phase
+from robot_offload_core.settings import Mode, NodeSpec, OutputSpec, Settings
+from robot_offload_core.token import Site
+from robot_offload_lab.simulate.scenario import Replica
+from robot_offload_lab.simulate.stage import CONTROLLER, Stage
+
+SWITCH_S = 1.0
+ARM = NodeSpec("arm", core=True)
+
+
+def there_and_back() -> None:
+    """A switch by hand is obeyed in both directions, without a gap, and the resting side's nodes rest."""
+    stage = Stage(
+        nodes=(CONTROLLER, ARM), outputs=(OutputSpec("cmd_vel", 0.15), OutputSpec("arm", 0.2)),
+        replicas={"controller": Replica(0, 0.05), "arm": Replica(1, 0.05)},
+    )  # fmt: skip
+    stage.in_cloud()
+    for _ in range(3):
+        stage.expect(not stage.active("robot"), "the robot's node rests while the cloud acts")
+        start_s = stage.now
+        stage.expect(stage.by_hand(Site.ROBOT), "the robot can be had by hand")
+        stage.until(lambda: stage.phase is Phase.ROBOT, SWITCH_S, "the robot acts as asked")
+        stage.run(0.4)
+        stage.expect(stage.phase is Phase.ROBOT, "the robot goes on as asked")
+        stage.expect(not stage.active("cloud"), "the cloud's node rests while the robot acts")
+        stage.expect(stage.by_hand(Site.CLOUD), "the cloud can be had by hand")
+        stage.until(lambda: stage.phase is Phase.CLOUD, SWITCH_S, "the cloud acts as asked")
+        stage.run(0.4)
+        for index in (0, 1):
+            gap_s = stage.longest_gap(start_s, index)
+            stage.expect(gap_s < 0.075, f"a gap of {gap_s * 1e3:.0f} ms on output {index}")
+    stage.expect(stage.seen.changeovers["sudden"] == 0, "all changeovers were commanded")
+
+
+def pinned() -> None:
+    """A pin on the robot is obeyed in both directions and outweighs a switch by hand."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.pin(Site.ROBOT)
+    stage.until(lambda: stage.phase is Phase.ROBOT, SWITCH_S, "pinned to the robot")
+    stage.expect(not stage.by_hand(Site.CLOUD), "the pin refuses the cloud by hand")
+    stage.always(lambda: stage.phase is Phase.ROBOT, 3.0, "the pin holds")
+    stage.pin(Site.CLOUD)
+    stage.until(lambda: stage.phase is Phase.CLOUD, SWITCH_S, "pinned to the cloud")
+
+
+def asked_while_cut() -> None:
+    """The cloud cannot be had by hand while nothing is heard of it."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.cut()
+    stage.lost(0.2, "the loss is noticed")
+    stage.run(0.2)
+    stage.expect(not stage.by_hand(Site.CLOUD), "refused while the link is cut")
+
+
+def asked_in_the_cloud() -> None:
+    """A switch asked for in the cloud is decided by the robot and answered in the cloud; nonsense is refused."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.cloud.control.process.ask(Site.ROBOT, 7)
+    stage.until(lambda: stage.phase is Phase.ROBOT, SWITCH_S, "the robot acts as asked in the cloud")
+    stage.until(lambda: stage.answered(7, True), 1.0, "the cloud hears the answer")
+    stage.cloud.control.process.ask(Site.CLOUD, 8)
+    process = stage.cloud.control.process
+    process.request = process.request.replace("cloud", "edge")
+    stage.until(lambda: stage.answered(8, False), 1.5, "nonsense is refused")
+
+
+def unheard_request() -> None:
+    """A switch asked for in the cloud is refused when the robot does not answer."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.cut()
+    stage.cloud.control.process.ask(Site.ROBOT, 9)
+    stage.until(lambda: stage.answered(9, False), 2.5, "an unheard request is refused")
+
+
+def pods_that_go() -> None:
+    """A cloud that announces its end is left in order, and not chosen again."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.cloud.control.announce("pod-1")
+    stage.until(lambda: stage.phase is Phase.ROBOT, 1.5, "the robot takes over before the pods go")
+    stage.expect(stage.seen.changeovers["sudden"] == 0, "in order")
+    stage.always(lambda: stage.phase is Phase.ROBOT, 4.0, "a cloud that goes is not chosen again")
+
+
+def shorter_lease() -> None:
+    """A lease that becomes shorter at run time: effects still wait for the end of what was granted before."""
+    long = Settings(lease_s=2.0)
+    stage = Stage(settings=long, cloud_settings=long)
+    stage.in_cloud()
+    stage.robot.control.adopt(replace(long, lease_s=0.25))
+    stage.run(0.2)
+    stage.cut("down")
+    stage.lost(0.3, "the loss is noticed")
+    stage.run(2.5)
+
+
+def observing() -> None:
+    """An agent that changes to Observe hands over to the robot first, and never switches then."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.robot.control.adopt(replace(stage.scenario.settings, mode=Mode.OBSERVE))
+    stage.until(lambda: stage.phase is Phase.ROBOT, SWITCH_S, "the robot acts before it only observes")
+    stage.run(0.5)
+    stage.expect(not stage.by_hand(Site.CLOUD), "an observer refuses switches")
+    stage.always(lambda: stage.phase is Phase.ROBOT, 3.0, "an observer never switches")
+
+
+def shorter_limits() -> None:
+    """Limits that change at run time reach the collector, also one that starts later."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.robot.control.adopt(replace(stage.scenario.settings, max_command_age_s=0.12))
+    stage.robot.collector.kill(0.05)
+    stage.run(1.5)
+    stage.expect(stage.robot.collector.state.max_age_s == 0.12, "the new limit holds")
+
+
+def change_of_mind() -> None:
+    """Somebody asks for the robot while its nodes still go to sleep: no gap."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.by_hand(Site.ROBOT)
+    stage.until(lambda: stage.phase is Phase.ROBOT, SWITCH_S, "the robot acts")
+    stage.run(0.5)
+    for node in stage.robot.nodes.values():
+        node.slow_s = 0.15
+    start_s = stage.now
+    stage.by_hand(Site.CLOUD)
+    stage.until(lambda: stage.phase is Phase.CLOUD, SWITCH_S, "the cloud acts")
+    stage.run(0.01)
+    stage.by_hand(Site.ROBOT)
+    stage.run(1.5)
+    stage.expect(stage.phase is Phase.ROBOT, "the robot acts as asked last")
+    stage.expect(stage.longest_gap(start_s) < 0.1, f"a gap of {stage.longest_gap(start_s) * 1e3:.0f} ms")
+
+
+STORIES = (
+    there_and_back,
+    pinned,
+    asked_while_cut,
+    asked_in_the_cloud,
+    unheard_request,
+    pods_that_go,
+    shorter_lease,
+    observing,
+    shorter_limits,
+    change_of_mind,
+)

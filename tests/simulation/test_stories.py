@@ -1,0 +1,39 @@
+"""Small worlds in virtual time, one rule each; and the proof that each planted fault is found by one of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot_offload_core import collectors
+from robot_offload_lab.simulate.mutant_list import EQUIVALENT, MUTANTS
+from robot_offload_lab.simulate.mutants import planted
+from robot_offload_lab.simulate.stories import STORIES
+
+pytestmark = [pytest.mark.simulation]
+
+
+@pytest.mark.parametrize("name", STORIES)
+def test_a_story_ends_well(name: str) -> None:
+    STORIES[name]()
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+def test_a_planted_fault_is_found_by_its_story(name: str) -> None:
+    mutant = MUTANTS[name]
+    with planted(mutant), pytest.raises(Exception) as found:  # noqa: PT011 - a violation, a story, or the core's own check
+        STORIES[mutant.story]()
+    assert not isinstance(found.value, (NameError, SyntaxError, AttributeError)), f"{name} does not run: {found.value!r}"
+
+
+@pytest.mark.parametrize("name", EQUIVALENT)
+def test_an_edit_that_changes_nothing_by_itself_fits_the_core_and_says_why(name: str) -> None:
+    with planted(EQUIVALENT[name]):
+        assert EQUIVALENT[name].why
+
+
+def test_the_core_is_whole_again_after_a_mutant() -> None:
+    before = collectors.set_gate.__code__, collectors.PAUSE_S
+    for mutant in MUTANTS.values():
+        with planted(mutant):
+            pass
+    assert before == (collectors.set_gate.__code__, collectors.PAUSE_S)
