@@ -30,7 +30,7 @@ def simulate(
     hours: Annotated[float, typer.Option(min=0.001, help="Simulated hours.")] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same run.")] = 1,
     chunk: Annotated[int, typer.Option(min=-1, help=f"Only this stretch of {CHUNK_S:g} s; -1: all.")] = -1,
-    mutant: Annotated[str, typer.Option(help=f"Plant a fault: {', '.join(MUTANTS)}.")] = "",
+    mutant: Annotated[str, typer.Option(help="Plant a fault by its name in mutant_list.py, for example S12.")] = "",
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     commit: Annotated[
         str, typer.Option(help="Commit that the run is expected to be of; another one is warned about.")

@@ -1,18 +1,26 @@
-# ruff: noqa: E501
-"""The planted faults: what each does wrong, the edit, and the stories that find it. Docs: docs/simulation.md."""
+# ruff: noqa: E501 - one edit a line
+"""The planted faults: what each does wrong, its edit, and the story that finds it (docs/explanation/simulation.md).
+
+Letters: L lease, P pulse, C collector, S switcher, H health and good beats, W wishes, K links, T settings, E envelope,
+Y policy, G guardian, X the processes around them. With +: edits that remove a rule and what guards it besides.
+"""
 
 from __future__ import annotations
 
-from robot_offload_lab.simulate.mutants import Edit, Mutant
+from robot_offload_lab.simulate.mutants import Edit, Equivalent, Mutant
 
 MUTANTS: dict[str, Mutant] = {
     "L1": Mutant(
         "pause does not void old echoes",
-        (Edit("lease", "cloud.void_before_s <= echo.sent_us / 1e6 <= now_s", "echo.sent_us / 1e6 <= now_s"),),
+        "paused_cloud_control",
+        (Edit("lease", " or echo.sent_us / 1e6 < cloud.void_before_s", ""),),
     ),
-    "L2": Mutant("pause never noticed", (Edit("lease", "PAUSE_LIMIT_S = 0.150", "PAUSE_LIMIT_S = 1e9"),)),
+    "L2": Mutant(
+        "pause never noticed", "paused_cloud_control", (Edit("lease", "PAUSE_LIMIT_S = 0.150", "PAUSE_LIMIT_S = 1e9"),)
+    ),
     "L3": Mutant(
         "takes grants for another cloud",
+        "stranger_in_the_echo",
         (
             Edit(
                 "lease",
@@ -21,12 +29,9 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
-    "L4": Mutant(
-        "older epoch's grant renews",
-        (Edit("lease", "    if permission.epoch < cloud.epoch:\n        return cloud\n", ""),),
-    ),
     "L5": Mutant(
         "lease carries over to a newer epoch",
+        "hold_down_after_a_loss",
         (
             Edit(
                 "lease",
@@ -37,6 +42,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "L6": Mutant(
         "second robot served at once",
+        "second_robot",
         (
             Edit(
                 "lease",
@@ -47,10 +53,12 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "L7": Mutant(
         "lease length of the grant ignored",
+        "cloud_ends_by_itself",
         (Edit("lease", "min(cloud.settings.lease_s, permission.lease_us / 1e6)", "cloud.settings.lease_s"),),
     ),
     "L8": Mutant(
         "lease 10 % too long",
+        "slow_clock_in_the_cloud",
         (
             Edit(
                 "lease",
@@ -59,22 +67,24 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
-    "L9": Mutant(
-        "robot beats in any order",
-        (Edit("lease", "    if beat.sent_us <= cloud.robot_sent_us:\n        return cloud\n", ""),),
-    ),
     "L10": Mutant(
-        "says acting before its nodes are ready", (Edit("lease", "acting=held and cloud.ready,", "acting=held,"),)
+        "says acting before its nodes are ready",
+        "late_core_node_in_the_cloud",
+        (Edit("lease", "acting=held and cloud.ready,", "acting=held,"),),
     ),
     "L11": Mutant(
-        "ungranted permission renews", (Edit("lease", "    if not permission.granted:\n        return cloud\n", ""),)
+        "ungranted permission renews",
+        "first_command_after_a_cut",
+        (Edit("lease", "    if not permission.granted:\n        return cloud\n", ""),),
     ),
     "L12": Mutant(
         "echo of another incarnation grants",
-        (Edit("lease", "if echo is None or echo.incarnation != cloud.incarnation:", "if echo is None:"),),
+        "stranger_in_the_echo",
+        (Edit("lease", "if echo is None or echo.incarnation != cloud.incarnation or", "if echo is None or"),),
     ),
     "L13": Mutant(
         "robot never forgotten",
+        "robot_that_went",
         (
             Edit(
                 "lease",
@@ -83,9 +93,12 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
-    "P1": Mutant("permission stands for 4 beats", (Edit("pulse", "PERMISSION_BEATS = 2", "PERMISSION_BEATS = 4"),)),
+    "P1": Mutant(
+        "permission stands for 4 beats", "vouching", (Edit("pulse", "PERMISSION_BEATS = 2", "PERMISSION_BEATS = 4"),)
+    ),
     "P2": Mutant(
         "any order of beats",
+        "repeated_beats",
         (
             Edit(
                 "pulse",
@@ -96,14 +109,18 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "P3": Mutant(
         "foreign uid heard",
+        "foreign_beats",
         (Edit("pulse", "if beat.uid != pulse.uid or beat.sender is pulse.side", "if beat.sender is pulse.side"),),
     ),
-    "P4": Mutant("own side's beats heard", (Edit("pulse", "beat.sender is pulse.side or ", ""),)),
+    "P4": Mutant("own side's beats heard", "foreign_beats", (Edit("pulse", "beat.sender is pulse.side or ", ""),)),
     "P5": Mutant(
-        "order by sequence", (Edit("pulse", "beat.sent_us <= known.sent_us", "beat.sequence <= known.sequence"),)
+        "order by sequence",
+        "sequence_starts_anew",
+        (Edit("pulse", "beat.sent_us <= known.sent_us", "beat.sequence <= known.sequence"),),
     ),
     "P6": Mutant(
         "echoes the last heard, not the partner",
+        "second_cloud",
         (
             Edit(
                 "pulse",
@@ -114,14 +131,12 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "P7": Mutant(
         "hold time not counted",
+        "hold_time",
         (Edit("pulse", "hold_us = max(0, round((now_s - heard.arrived_s) * 1e6))", "hold_us = 0"),),
-    ),
-    "P8": Mutant(
-        "permission age counted from reading",
-        (Edit("pulse", "spoken_s=said_s)", "spoken_s=max(said_s, pulse.spoken_s or 0.0))"),),
     ),
     "C1": Mutant(
         "no BeforeRestart",
+        "restarted_collector",
         (
             Edit(
                 "collectors",
@@ -132,6 +147,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "C2": Mutant(
         "negative age passes",
+        "impossible_echo",
         (
             Edit(
                 "collectors",
@@ -142,30 +158,12 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "C3": Mutant(
         "sequence starts anew at a changeover",
+        "doubled_messages",
         (Edit("collectors", "last_sequence=o.next_sequence if charge == collector.next else -1", "last_sequence=-1"),),
-    ),
-    "C4": Mutant(
-        "fallen-back epoch of the cloud goes on",
-        (
-            Edit(
-                "collectors",
-                "        if collector.fell_back and ours.site is Site.CLOUD:\n            return collector  # robot messages have passed since: only a new epoch may follow\n",
-                "",
-            ),
-        ),
-    ),
-    "C5": Mutant(
-        "fallback keeps what is next",
-        (
-            Edit(
-                "collectors",
-                "after = replace(collector, fell_back=True, next=None)",
-                "after = replace(collector, fell_back=True)",
-            ),
-        ),
     ),
     "C6": Mutant(
         "effects after fallback",
+        "fallback",
         (
             Edit(
                 "collectors",
@@ -176,58 +174,63 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "C7": Mutant(
         "earlier control heard",
+        "earlier_control",
         (Edit("collectors", "    if gate.started_us < collector.started_us:\n        return collector\n", ""),),
     ),
-    "C8": Mutant("silence never judged", (Edit("collectors", "PAUSE_S = 0.120", "PAUSE_S = 0.0"),)),
+    "C8": Mutant(
+        "silence never judged", "inhibited_by_silence", (Edit("collectors", "PAUSE_S = 0.120", "PAUSE_S = 0.0"),)
+    ),
     "C9": Mutant(
         "one rated output that flows is enough",
-        (
-            Edit(
-                "collectors",
-                "all(map(robot_flows, rated)), all(map(cloud_flows, rated))",
-                "any(map(robot_flows, rated)), any(map(cloud_flows, rated))",
-            ),
-        ),
+        "inhibited_by_silence",
+        (Edit("collectors", "return all(t is not None and", "return any(t is not None and"),),
     ),
     "C10": Mutant(
         "Hot robot passes while the cloud acts",
+        "hot_robot_is_held_back",
         (
             Edit(
                 "collectors",
-                "return collector, Passage(Ruling.CLOUD_IN_CHARGE)",
-                "return collector, Passage(Ruling.ROBOT_IN_CHARGE)",
+                'return collector, Passage(False, "CloudInCharge")',
+                'return collector, Passage(True, "CloudInCharge")',
             ),
         ),
     ),
     "C11": Mutant(
-        "held messages of any age", (Edit("collectors", " and now_s - o.next_born_s <= collector.max_age_s\n", "\n"),)
+        "held messages of any age",
+        "held_too_long",
+        (Edit("collectors", " and now_s - o.next_born_s <= collector.max_age_s\n", "\n"),),
     ),
     "C12": Mutant(
         "repeats of the next side",
+        "repeated_next",
         (
             Edit(
                 "collectors",
-                "        if envelope.sequence <= state.next_sequence:\n            return collector, Passage(Ruling.REORDERED)\n",
+                '        if envelope.sequence <= state.next_sequence:\n            return collector, Passage(False, "Reordered")\n',
                 "",
             ),
         ),
     ),
     "C13": Mutant(
         "passes the cloud before control spoke",
+        "resumed_without_control",
         (
             Edit(
                 "collectors",
-                "    if collector.fell_back or collector.charge is None or collector.gate_s is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    if not 0",
-                "    if collector.fell_back or collector.charge is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    if not 0",
+                '    if collector.fell_back or collector.charge is None or collector.gate_s is None:\n        return collector, Passage(False, "ControlSilent")\n    if not 0',
+                '    if collector.fell_back or collector.charge is None:\n        return collector, Passage(False, "ControlSilent")\n    if not 0',
             ),
         ),
     ),
     "C14": Mutant(
         "fallback forgotten at restart",
+        "fallback_outlives_the_collector",
         (Edit("collectors", "fell_back=fell_back, resumed_s=now_s)", "fell_back=False, resumed_s=now_s)"),),
     ),
     "C15": Mutant(
         "resumed collector waits for control for ever",
+        "resumed_without_control",
         (
             Edit(
                 "collectors",
@@ -238,6 +241,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "C16": Mutant(
         "gate timeout doubled",
+        "fallback",
         (
             Edit(
                 "collectors",
@@ -248,6 +252,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "S1": Mutant(
         "clear without the lease",
+        "effects_wait_for_the_lease",
         (
             Edit(
                 "switcher",
@@ -256,57 +261,45 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
-    "S2": Mutant(
-        "clear without the two beats",
-        (
-            Edit(
-                "switcher",
-                "return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
-                "return revoked_s + settings.lease_s + settings.drift_s",
-            ),
-        ),
-    ),
     "S3": Mutant(
         "calling off keeps the epoch",
+        "called_off",
         (Edit("switcher", "    if phase is Phase.ROBOT:  # the candidate may", "    if False:  # the candidate may"),),
     ),
     "S4": Mutant(
         "effects while the changeover is offered",
+        "effects_while_offered",
         (
             Edit(
                 "switcher",
-                "    if robot.preparation is not None and robot.preparation.offered:\n        return None  # the collector may change over at any moment, and we hear of it later\n",
+                "    if robot.offered:\n        return None  # the collector may change over at any moment, and we hear of it later\n",
                 "",
             ),
         ),
     ),
     "S5": Mutant(
-        "a stranger takes the place of a live cloud", (Edit("switcher", "if stranger and live:", "if False:"),)
+        "a stranger takes the place of a live cloud",
+        "second_cloud",
+        (Edit("switcher", "if stranger and live:", "if False:"),),
     ),
-    "S6": Mutant("no Reopen at a loss", (Edit("switcher", "    commands.append(Reopen(fault.reason))\n", ""),)),
-    "S7": Mutant(
-        "good_s survives a loss",
-        (
-            Edit(
-                "switcher",
-                "        situation=replace(robot.situation, good_s=None),\n    )  # fmt: skip\n    commands.append(Reopen",
-                "    )  # fmt: skip\n    commands.append(Reopen",
-            ),
-        ),
+    "S6": Mutant(
+        "no Reopen at a loss",
+        "first_command_after_a_cut",
+        (Edit("switcher", "    commands.append(Reopen(fault.reason))\n", ""),),
     ),
     "S8": Mutant(
         "robot armed before its nodes are ready",
-        (
-            Edit(
-                "switcher",
-                "preparation=replace(preparation, armed=robot.nodes_ready)",
-                "preparation=replace(preparation, armed=True)",
-            ),
-        ),
+        "one_of_two_core_nodes",
+        (Edit("switcher", "robot = replace(robot, armed=robot.nodes_ready)", "robot = replace(robot, armed=True)"),),
     ),
-    "S9": Mutant("no wait between attempts", (Edit("switcher", "RETRY_FIRST_S = 1.0", "RETRY_FIRST_S = 0.0"),)),
+    "S9": Mutant(
+        "no wait between attempts",
+        "attempts_grow_apart",
+        (Edit("switcher", "RETRY_FIRST_S = 1.0", "RETRY_FIRST_S = 0.0"),),
+    ),
     "S10": Mutant(
         "by hand in spite of faults",
+        "asked_while_cut",
         (
             Edit(
                 "switcher",
@@ -317,16 +310,18 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "S11": Mutant(
         "min_dwell ignored",
+        "dwell",
         (
             Edit(
                 "switcher",
-                "dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason.urgent",
+                "dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason in URGENT",
                 "dwelt = True",
             ),
         ),
     ),
     "S12": Mutant(
         "nodes not woken in TAKEOVER",
+        "first_command_after_a_cut",
         (
             Edit(
                 "switcher",
@@ -337,20 +332,23 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "S13": Mutant(
         "robot's silent outputs never stop the driver",
+        "inhibited_by_silence",
         (Edit("switcher", "    return gate is not None and gate.robot_flows\n", "    return True\n"),),
     ),
     "S14": Mutant(
         "dead collector counts as acting",
+        "hung_collector",
         (
             Edit(
                 "switcher",
-                "    if now_s - (started_s if reported_s is None else reported_s) > robot.settings.lease_s:\n        return now_s < robot.stalls.until_s and not _starved(robot, now_s)  # its reports may still be unread\n",
+                "    if now_s - (started_s if told_s is None else told_s) > robot.settings.lease_s:\n        return False\n",
                 "",
             ),
         ),
     ),
     "S15": Mutant(
         "wish for the cloud survives a loss",
+        "hold_down_after_a_loss",
         (
             Edit(
                 "switcher",
@@ -361,40 +359,28 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "S16": Mutant(
         "retry wait holds a robot that stands still",
-        (
-            Edit(
-                "switcher",
-                "hurried_s = robot.retry_s if robot.both_silent else robot.since_s + RETRY_FIRST_S",
-                "hurried_s = robot.retry_s",
-            ),
-        ),
+        "helped_by_the_cloud",
+        (Edit("switcher", "now_s >= min(robot.retry_s, robot.since_s + RETRY_FIRST_S)", "now_s >= robot.retry_s"),),
     ),
     "S17": Mutant(
         "robot unable is never helped",
-        (
-            Edit(
-                "switcher",
-                "if fault is None and _in_need(robot, verdict, now_s)",
-                "if False and _in_need(robot, verdict, now_s)",
-            ),
-        ),
+        "helped_although_preferred",
+        (Edit("switcher", "if fault is None and fell and not forbidden", "if False and fell and not forbidden"),),
     ),
     "S18": Mutant(
         "no deadline for the robot to get ready",
+        "one_of_two_core_nodes",
         (
             Edit(
                 "switcher",
-                "    if now_s >= preparation.deadline_s:\n        message",
-                "    if False:\n        message",
+                "    if now_s >= robot.deadline_s:\n        why = Verdict(Site.CLOUD",
+                "    if False:\n        why = Verdict(Site.CLOUD",
             ),
         ),
     ),
-    "S19": Mutant(
-        "begins on old news after a stall",
-        (Edit("switcher", "    if now_s < robot.stalls.until_s:  # what", "    if False:  # what"),),
-    ),
     "S20": Mutant(
         "another cloud's charge taken as ours",
+        "restarted_control",
         (
             Edit(
                 "switcher",
@@ -403,111 +389,93 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
-    "H1": Mutant(
-        "good beat without echo limit",
-        (Edit("health", "        and arrived_s - beat.echo.sent_us / 1e6 <= frame.settings.echo_limit_s\n", ""),),
-    ),
-    "H2": Mutant("good beat without acting", (Edit("health", "        and report.acting\n", ""),)),
-    "H3": Mutant("good beat of any epoch", (Edit("health", "        and report.epoch == frame.epoch\n", ""),)),
-    "H4": Mutant(
-        "good beat that serves another robot", (Edit("health", "        and report.serves == frame.incarnation\n", ""),)
-    ),
     "H5": Mutant(
         "stale inputs of the cloud ignored",
-        (Edit("limits", "    Limit(Reason.INPUT_STALE, _R, False, _input_stale),\n", ""),),
+        "stale_input",
+        (
+            Edit(
+                "health",
+                "checks += [_collector(situation, frame, now_s), _inputs(situation, frame)]",
+                "checks += [_collector(situation, frame, now_s)]",
+            ),
+        ),
     ),
     "H6": Mutant(
         "silent outputs of the cloud ignored",
-        (Edit("limits", "    Limit(Reason.OUTPUT_SILENT, _R, True, _output_silent),\n", ""),),
+        "silent_cloud_output",
+        (Edit("health", "    if gate is not None and not gate.cloud_flows:\n", "    if False:\n"),),
     ),
     "H7": Mutant(
         "data session never judged",
-        (
-            Edit(
-                "limits",
-                "    Limit(Reason.DATA_PROCESS_SILENT, _S, False, _data_process_silent),\n    Limit(Reason.DATA_DISCONNECTED, _R, False, _data_disconnected),\n    Limit(Reason.DATA_SILENT, _S, False, _data_silent),\n    Limit(Reason.DATA_MISMATCH, _R, False, _data_mismatch),\n    Limit(Reason.DATA_UNHEARD, _R, False, _data_unheard),\n",
-                "",
-            ),
-        ),
-    ),
-    "H8": Mutant(
-        "dead CORE nodes of the cloud ignored",
-        (Edit("limits", "    Limit(Reason.CLOUD_NODES_DOWN, _R, True, _cloud_nodes_down),\n", ""),),
+        "silent_data_session",
+        (Edit("health", "        _data(situation, link, now_s),\n", ""),),
     ),
     "H9": Mutant(
         "collector never judged",
+        "hung_collector",
         (
             Edit(
-                "limits",
-                "    Limit(Reason.COLLECTOR_SILENT, _S, False, _collector_silent),\n    Limit(Reason.COLLECTOR_FELL_BACK, _R, False, _collector_fell_back),\n",
-                "",
-            ),
-        ),
-    ),
-    "H10": Mutant(
-        "identity never judged",
-        (
-            Edit(
-                "limits",
-                "    Limit(Reason.DUPLICATE_IDENTITY, _R, False, _duplicate_identity),\n    Limit(Reason.NOT_SERVED, _R, False, _not_served),\n",
-                "",
+                "health",
+                "[_collector(situation, frame, now_s), _inputs(situation, frame)]",
+                "[_inputs(situation, frame)]",
             ),
         ),
     ),
     "H11": Mutant(
-        "late echoes ignored", (Edit("limits", "    Limit(Reason.ECHO_STALE, _S, False, _echo_stale),\n", ""),)
+        "late echoes ignored", "deaf_cloud", (Edit("health", "if echo_stale and not refused:", "if False:"),)
     ),
     "H12": Mutant(
         "good beats never judged",
-        (Edit("limits", "    Limit(Reason.CLOUD_NOT_ACTING, _S, True, _no_good_beat),\n", ""),),
+        "bare_beats",
+        (
+            Edit(
+                "health",
+                "if not says_so or situation.good_s is None or now_s - situation.good_s > frame.settings.loss_timeout_s:",
+                "if not says_so:",
+            ),
+        ),
     ),
     "H13": Mutant(
         "loss timeout doubled",
+        "silent_cloud_control",
         (
             Edit(
-                "limits",
-                "if heard_s is None or not view.silent(heard_s, view.frame.settings.loss_timeout_s):",
-                "if heard_s is None or not view.silent(heard_s, 2 * view.frame.settings.loss_timeout_s):",
+                "health",
+                "    timeout_s = frame.settings.loss_timeout_s\n",
+                "    timeout_s = 2 * frame.settings.loss_timeout_s\n",
             ),
         ),
     ),
     "H14": Mutant(
         "stall grace without end",
+        "long_stall_of_control",
         (
             Edit(
-                "limits",
-                "    if acting and view.silent(view.situation.good_s, view.frame.settings.lease_s):",
-                "    if False:",
+                "health",
+                "if known_s is not None and now_s - known_s <= frame.settings.lease_s:",
+                "if known_s is not None:",
             ),
         ),
     ),
     "H15": Mutant(
         "pulse and data at different clouds",
-        (Edit("limits", "    Limit(Reason.DATA_MISMATCH, _R, False, _data_mismatch),\n", ""),),
+        "probes_of_another_cloud",
+        (Edit("health", "elif situation.data_cloud != link.peer:", "elif False:"),),
     ),
     "H16": Mutant(
         "silent cloud control ignored",
+        "silent_cloud_control",
         (
             Edit(
-                "limits",
-                "broken = view.report is None or age_s is None or age_s > view.frame.settings.loss_timeout_s",
-                "broken = view.report is None",
+                "health",
+                "if situation.report is None or age_s is None or age_s > timeout_s:",
+                "if situation.report is None:",
             ),
         ),
     ),
-    "H17": Mutant(
-        "what was reported waits for the end of a stall",
-        (
-            Edit(
-                "limits",
-                "if (limit.only_acting and not acting) or (stalled and limit.basis is Basis.SILENCE):",
-                "if (limit.only_acting and not acting) or stalled:",
-            ),
-        ),
-    ),
-    "H18": Mutant("a starved control waits for ever", (Edit("limits", "    if view.frame.starved:", "    if False:"),)),
     "W1": Mutant(
         "pins ignored",
+        "pinned",
         (
             Edit(
                 "wishes",
@@ -517,14 +485,23 @@ MUTANTS: dict[str, Mutant] = {
         ),
     ),
     "W2": Mutant(
-        "clock offset ignored", (Edit("wishes", "fault = clock_fault(robot.link, robot.settings)", "fault = None"),)
+        "clock offset ignored",
+        "apart_clocks",
+        (Edit("wishes", "fault = clock_fault(robot.link, robot.settings)", "fault = None"),),
     ),
     "W3": Mutant(
-        "by hand ignored", (Edit("wishes", "if robot.manual is not None and robot.manual.holds(now_s):", "if False:"),)
+        "by hand ignored",
+        "there_and_back",
+        (Edit("wishes", "if robot.manual is not None and robot.manual.holds(now_s):", "if False:"),),
     ),
-    "K1": Mutant("echo from the future gives a round trip", (Edit("links", "if round_trip_s < 0 or (", "if ("),)),
+    "K1": Mutant(
+        "echo from the future gives a round trip",
+        "echo_from_the_future",
+        (Edit("links", "if round_trip_s < 0 or (", "if ("),),
+    ),
     "K2": Mutant(
         "overdue echoes do not count as latency",
+        "overdue_echoes",
         (
             Edit(
                 "links",
@@ -533,9 +510,9 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
-    "T1": Mutant("no drift margin", (Edit("settings", "return self.lease_s * DRIFT_SHARE + 0.001", "return 0.0"),)),
     "T2": Mutant(
         "settings change at once",
+        "shorter_lease_at_run_time",
         (
             Edit(
                 "settling",
@@ -546,6 +523,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "E1": Mutant(
         "envelope decodes the epoch one too high",
+        "there_and_back",
         (
             Edit(
                 "envelope",
@@ -556,24 +534,17 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "Y1": Mutant(
         "hold-down ignored",
+        "hold_down_after_a_loss",
         (Edit("policies", "left_s = min(policy.hold_until_s - now_s, PROVEN_S - policy.good_s)", "left_s = 0.0"),),
-    ),
-    "Y2": Mutant(
-        "enters the cloud over a bad link",
-        (
-            Edit(
-                "policies",
-                "    if not fitness.ok:\n        return Verdict(Site.ROBOT, fitness.reason, fitness.message)\n    left_s = min",
-                "    left_s = min",
-            ),
-        ),
     ),
     "G1": Mutant(
         "nodes do not wait for each other",
-        (Edit("guardians", "waits_core = waits_core or (node.spec.core and _rises(node))", "waits = False"),),
+        "order_of_bring_up",
+        (Edit("guardians", "waits = waits or (node.state is not State.ACTIVE and not node.gave_up)", "waits = False"),),
     ),
     "G2": Mutant(
         "one CORE node is enough",
+        "one_of_two_core_nodes",
         (
             Edit(
                 "guardians",
@@ -584,6 +555,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "G3": Mutant(
         "ready while being put to sleep",
+        "change_of_mind",
         (
             Edit(
                 "guardians",
@@ -592,13 +564,10 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
-    "G4": Mutant(
-        "unanswered transition counts as done",
-        (Edit("guardians", "        node = replace(node, read_due_s=now_s, state=State.UNKNOWN)\n", ""),),
-    ),
-    "G5": Mutant("gives up after 1 s", (Edit("guardians", "GIVE_UP_S = 60.0", "GIVE_UP_S = 1.0"),)),
+    "G5": Mutant("gives up after 1 s", "restarted_node", (Edit("guardians", "GIVE_UP_S = 60.0", "GIVE_UP_S = 1.0"),)),
     "G6": Mutant(
         "inhibit is said once",
+        "forgetful_driver",
         (
             Edit(
                 "guardians",
@@ -609,6 +578,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "G7": Mutant(
         "dead CORE nodes of the robot do not stop the driver",
+        "inhibited_by_death",
         (
             Edit(
                 "guardians",
@@ -617,17 +587,281 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
-    "G8": Mutant("nodes are never read again", (Edit("guardians", "READ_PERIOD_S = 1.0", "READ_PERIOD_S = 1e9"),)),
+    "G8": Mutant(
+        "nodes are never read again",
+        "restarted_node",
+        (Edit("guardians", "READ_PERIOD_S = 1.0", "READ_PERIOD_S = 1e9"),),
+    ),
     "G9": Mutant(
         "silence never stops the driver",
+        "inhibited_by_silence",
         (Edit("guardians", "return guardian.in_charge and not guardian.outputs_flow", "return False"),),
     ),
     "G10": Mutant(
         "grace ten times as long",
+        "inhibited_by_death",
         (Edit("guardians", "now_s - since_s >= guardian.grace_s or", "now_s - since_s >= 10 * guardian.grace_s or"),),
     ),
     "G11": Mutant(
         "duplicated nodes never put to sleep",
+        "there_and_back",
         (Edit("guardians", "active = not node.spec.duplicated or guardian.acting or node.spec.hot", "active = True"),),
     ),
+    "X1": Mutant(
+        "the egress does not look at the lease",
+        "cloud_ends_by_itself",
+        (
+            Edit(
+                "process.cloud_data",
+                "if egress.token is None or self.ports.now_s() >= egress.lease_end_s:",
+                "if egress.token is None:",
+            ),
+            Edit(
+                "process.cloud_data", "if self.ports.now_s() >= egress.lease_end_s:  # stopped", "if False:  # stopped"
+            ),
+        ),
+    ),
+    "X4": Mutant(
+        "inputs of another robot reach the replicas",
+        "old_inputs",
+        (
+            Edit(
+                "process.cloud_data",
+                "if opened.token.robot != self.egress.robot or not opened.token.robot:",
+                "if False:",
+            ),
+        ),
+    ),
+    "X5": Mutant(
+        "inputs of any age reach the replicas",
+        "old_inputs",
+        (Edit("process.cloud_data", "if self.max_age_ms[name] and age_s * 1e3 > self.max_age_ms[name]:", "if False:"),),
+    ),
+    "X6": Mutant(
+        "the cloud is ready without the latched inputs",
+        "missing_map",
+        (
+            Edit(
+                "process.cloud_control",
+                "self.step(lease.CloudNodes(ready and self.complete))",
+                "self.step(lease.CloudNodes(ready))",
+            ),
+        ),
+    ),
+    "X7": Mutant(
+        "latched inputs are sent once",
+        "latched_input",
+        (Edit("process.robot_data", "if now_s - self.resent_s.get(name, 0.0) >= RESEND_PERIOD_S:", "if False:"),),
+    ),
+    "X8": Mutant(
+        "what waited in a stopped collector passes as new",
+        "queues_after_a_pause",
+        (Edit("process.collector", "if self.pauses.waited(now_s) and spec.deadline_s:", "if False:"),),
+    ),
+    "X9": Mutant(
+        "what was held for a changeover is lost",
+        "nothing_is_lost",
+        (Edit("process.collector", "            if other in self.held:\n", "            if False:\n"),),
+    ),
+    "X11": Mutant(
+        "the collector's memory is not written",
+        "unsaved_memory",
+        (Edit("process.collector", "            self.ports.save(state)\n", "            pass\n"),),
+    ),
+    "X12": Mutant(
+        "consumers in the cloud do not hear the robot",
+        "consumers_in_the_cloud",
+        (Edit("process.collector", "if passage.passes and self.plan.mirrored[index]:", "if False:"),),
+    ),
+    "X13": Mutant(
+        "the collector takes no changed limits",
+        "shorter_limits",
+        (Edit("process.collector", "            self.state = collectors.limit(", "            collectors.limit("),),
+    ),
+    "X19": Mutant(
+        "a request that is none ends the robot's control",
+        "asked_in_the_cloud",
+        (Edit("process.robot_control", "if site in (Site.ROBOT.value, Site.CLOUD.value):", "if True:"),),
+    ),
+    "X20": Mutant(
+        "requests from the cloud are not answered",
+        "asked_in_the_cloud",
+        (
+            Edit(
+                "process.robot_control",
+                'return f"{self.asked_in_cloud}|{self.cloud_answer}" if self.asked_in_cloud else ""',
+                'return ""',
+            ),
+        ),
+    ),
+    "X21": Mutant(
+        "the announced end of the cloud's pods is not heard",
+        "pods_that_go",
+        (Edit("process.robot_control", "        self.step(placement.CloudLeaving(cloud, until_s))\n", ""),),
+    ),
+    "X22": Mutant(
+        "the cloud's levels are sent at changes only",
+        "there_and_back",
+        (
+            Edit(
+                "process.cloud_control",
+                "if level != self.told or now_s - self.told_s >= self.settings.beat_period_s:",
+                "if level != self.told:",
+            ),
+        ),
+    ),
+    "X23": Mutant(
+        "a request that nobody hears is never answered",
+        "unheard_request",
+        (
+            Edit(
+                "process.cloud_control", "if self.request and self.ports.now_s() >= self.request_until_s:", "if False:"
+            ),
+        ),
+    ),
+    "X24": Mutant(
+        "only the pulse session is opened anew at a loss",
+        "first_command_after_a_cut",
+        (Edit("process.robot_control", 'for process in ("pulse", "data"):', 'for process in ("pulse",):'),),
+    ),
+    "X26": Mutant(
+        "inputs are not thinned out",
+        "many_inputs",
+        (
+            Edit(
+                "process.robot_data",
+                "if now_s - self.sent_s.get(name, 0.0) < EARLY_SHARE * self.least_s[name]:",
+                "if False:",
+            ),
+        ),
+    ),
+    "X27": Mutant(
+        "what waited in a stopped data process is sent as new",
+        "inputs_after_a_pause",
+        (Edit("process.robot_data", "if self.pauses.waited(now_s) and name in self.aged:", "if False:"),),
+    ),
+    "X29": Mutant(
+        "missing replicas are not reported",
+        "replicas_missing",
+        (Edit("process.robot_control", "if now_s - self.complete_s < REPLICA_GRACE_S:", "if True:"),),
+    ),
+    "L4+L9+P2": Mutant(
+        "older epoch's grant renews; robot beats in any order; any order of beats",
+        "old_grants",
+        (
+            Edit("lease", "    if permission.epoch < cloud.epoch:\n        return cloud\n", ""),
+            Edit("lease", "    if beat.sent_us <= cloud.robot_sent_us:\n        return cloud\n", ""),
+            Edit(
+                "pulse",
+                "    if known is not None and beat.sent_us <= known.sent_us:\n        return pulse, False\n",
+                "",
+            ),
+        ),
+    ),
+    "H1+H11": Mutant(
+        "good beat without echo limit; late echoes ignored",
+        "deaf_cloud",
+        (
+            Edit("placement", "        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s\n", ""),
+            Edit("health", "if echo_stale and not refused:", "if False:"),
+        ),
+    ),
+    "H3+H18": Mutant(
+        "good beat of any epoch; a cloud that acts under another epoch is no fault",
+        "served_elsewhere",
+        (
+            Edit(
+                "placement",
+                "        and report.epoch == (robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch)\n",
+                "",
+            ),
+            Edit(
+                "health",
+                "says_so = report is not None and report.acting and report.epoch == frame.epoch",
+                "says_so = report is not None and report.acting",
+            ),
+        ),
+    ),
+    "H4+H10": Mutant(
+        "good beat that serves another robot; identity never judged",
+        "served_elsewhere",
+        (
+            Edit("placement", "        and report.serves == robot.incarnation\n", ""),
+            Edit("health", "        _identity(situation, frame),\n", ""),
+        ),
+    ),
 }
+"""Each is found by its story."""
+
+EQUIVALENT: dict[str, Equivalent] = {
+    "L4": Equivalent(
+        "older epoch's grant renews",
+        "beats of one sender are taken in the order of their sending twice (P2 in the pulse, L9 in the lease): an older epoch never comes later. Removed together with both: L4+L9+P2",
+        (Edit("lease", "    if permission.epoch < cloud.epoch:\n        return cloud\n", ""),),
+    ),
+    "L9": Equivalent(
+        "robot beats in any order",
+        "the pulse takes no older beat (P2). Removed together: L4+L9+P2",
+        (Edit("lease", "    if beat.sent_us <= cloud.robot_sent_us:\n        return cloud\n", ""),),
+    ),
+    "C5": Equivalent(
+        "fallback keeps what is next",
+        "whatever clears the fallback sets what is next anew, and a fallen-back collector passes no cloud message",
+        (
+            Edit(
+                "collectors",
+                "return replace(collector, fell_back=True, next=None)",
+                "return replace(collector, fell_back=True)",
+            ),
+        ),
+    ),
+    "S7": Equivalent(
+        "good_s survives a loss",
+        "the next attempt forgets the good beat too, before anything judges it",
+        (
+            Edit(
+                "switcher",
+                "        situation=replace(robot.situation, good_s=None),\n    )  # fmt: skip\n    commands.append(Reopen",
+                "    )  # fmt: skip\n    commands.append(Reopen",
+            ),
+        ),
+    ),
+    "H1": Equivalent(
+        "good beat without echo limit",
+        "a late echo is a limit of its own (H11). Removed together: H1+H11",
+        (Edit("placement", "        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s\n", ""),),
+    ),
+    "H3": Equivalent(
+        "good beat of any epoch",
+        "the epoch that the cloud names is a limit of its own. Removed together: H3+H18",
+        (
+            Edit(
+                "placement",
+                "        and report.epoch == (robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch)\n",
+                "",
+            ),
+        ),
+    ),
+    "H4": Equivalent(
+        "good beat that serves another robot",
+        "whom the cloud serves is a limit of its own (H10). Removed together: H4+H10",
+        (Edit("placement", "        and report.serves == robot.incarnation\n", ""),),
+    ),
+    "H10": Equivalent(
+        "identity never judged",
+        "a beat that serves another robot is not good (H4). Removed together: H4+H10",
+        (Edit("health", "        _identity(situation, frame),\n", ""),),
+    ),
+    "Y2": Equivalent(
+        "enters the cloud over a bad link",
+        "a link that is not good proves nothing, so the cloud is not entered; only the reason shown differs",
+        (
+            Edit(
+                "policies",
+                "    if not fitness.ok:\n        return Verdict(Site.ROBOT, fitness.reason, fitness.message)\n    left_s = min",
+                "    left_s = min",
+            ),
+        ),
+    ),
+}
+"""Edits that change nothing that anybody could notice as long as what guards the same stands."""

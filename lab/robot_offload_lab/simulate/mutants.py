@@ -38,18 +38,26 @@ class Mutant:
     """A planted fault.
 
     Attributes:
-        meaning: what the edited core does wrong.
-        edits: one, or two where a second rule guards the same (a pair).
-        stories: names of the stories that find it, the first that does counts; none: the storms find it.
+        meaning: what the edited core does wrong. story: the name of the story that finds it.
+        edits: one, or several where other rules guard the same.
     """
 
     meaning: str
+    story: str
     edits: tuple[Edit, ...]
-    stories: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Equivalent:
+    """An edit that nobody can notice by itself, and why."""
+
+    meaning: str
+    why: str
+    edits: tuple[Edit, ...]
 
 
 @contextmanager
-def planted(mutant: Mutant | None) -> Iterator[None]:
+def planted(mutant: Mutant | Equivalent | None) -> Iterator[None]:
     """Plants a mutant (None: none) for the time of the block; raises MutantError when it does not fit."""
     undo: list[tuple[Any, str, Any]] = []
     try:

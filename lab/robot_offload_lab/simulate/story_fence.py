@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from robot_offload_core import envelope, pulse, switcher
 from robot_offload_core.beats import Beat, CloudReport, Echo, Permission
 from robot_offload_core.change import replace
 from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import Phase, SetGate
-from robot_offload_core.process.messages import ENVELOPE, Carried
+from robot_offload_core.process.data import InputPlan
+from robot_offload_core.process.messages import ENVELOPE, Carried, Speak
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message
@@ -20,9 +24,10 @@ from robot_offload_lab.simulate.world import Host
 ARM = NodeSpec("arm", core=True)
 SLOW = Settings(loss_timeout_s=0.3, lease_s=0.8, max_command_age_s=0.4)
 STRANGER = "ee" * 16
+Send = Callable[[str, object], bool]
 
 
-def _offer(stage: Stage, index: int, sequence: int, *, ahead_s: float = 0.0, token: Token | None = None) -> None:
+def _offer(stage: Stage, index: int, sequence: int, *, ahead_s: float = -0.002, token: Token | None = None) -> None:
     """Offers a message of the cloud to the collector, under the present token unless another one is given."""
     collector = stage.robot.collector
     charge = collector.state.next or collector.state.charge
@@ -197,28 +202,39 @@ def _effects_are_exclusive(stage: Stage, for_s: float) -> None:
         stage.run(0.0005)
 
 
+def _lost_without_a_word(stage: Stage) -> None:
+    """Lets the link fall silent and the revocation that follows never reach the pulse."""
+    stage.cut("down", "pulse")
+    stage.run(0.02)
+    deadline_s = stage.robot.control.process.next_deadline_s()
+    stage.run(deadline_s - stage.robot.host.now_s() - 0.0003)
+    stage.deaf("control", "pulse", 0.2)
+    stage.lost(0.01, "the loss")
+
+
 def effects_wait_for_the_lease() -> None:
     """The robot's effects wait for the end of the last lease, also when its pulse did not hear of the revocation."""
-    stage = Stage(delay_s=0.0005, jitter_s=0.0001)
-    stage.in_cloud()
-    stage.cut("down", "pulse")
-    stage.deaf("control", "pulse", 0.2)
-    _effects_are_exclusive(stage, 0.8)
+    for number in range(8):
+        stage = Stage(f"story {number}", delay_s=0.0005, jitter_s=0.0001)
+        stage.in_cloud()
+        _lost_without_a_word(stage)
+        stage.run(0.15)
+        _effects_are_exclusive(stage, 0.25)
 
 
 def slow_clock_in_the_cloud() -> None:
     """The same with a cloud whose clock is slow, and a long lease: the margin for drift."""
     long = Settings(lease_s=40.0)
-    stage = Stage(settings=long, cloud_settings=long, delay_s=0.0005, jitter_s=0.0001)
-    host = stage.cloud.host
-    host.rate, stage.robot.host.rate = 0.9993, 1.0002
-    stage.in_cloud()
-    stage.cut("down", "pulse")
-    stage.deaf("control", "pulse", 0.2)
-    stage.lost(0.3, "the loss")
-    stage.cut("up")
-    stage.run(39.9)
-    _effects_are_exclusive(stage, 0.3)
+    for number in range(3):
+        stage = Stage(f"story {number}", settings=long, cloud_settings=long, delay_s=0.0005, jitter_s=0.0001)
+        stage.cloud.host.rate, stage.robot.host.rate = 0.99905, 1.00002
+        stage.in_cloud()
+        _lost_without_a_word(stage)
+        stage.run(0.1)
+        for process in (stage.robot.pulse, stage.cloud.pulse, stage.robot.data, *stage.cloud.nodes.values()):
+            process.kill(1e9)  # they would only take time
+        stage.run(39.85)
+        _effects_are_exclusive(stage, 0.2)
 
 
 def shorter_lease_at_run_time() -> None:
@@ -379,15 +395,55 @@ def resumed_without_control() -> None:
 
 
 def restarted_collector() -> None:
-    """A collector that is killed passes nothing again that it had passed (1a, 1b)."""
+    """A collector that is killed passes nothing again that its predecessor may have passed (1a, 1b)."""
     stage = Stage()
     stage.in_cloud()
-    stage.link.data.down.doubled = 1.0
-    for _ in range(6):
-        stage.until(lambda: stage.phase is Phase.CLOUD, 12.0, "the cloud is used again")
-        stage.run(0.4)
-        stage.robot.collector.kill(0.01)
-        stage.run(0.3)
+    collector = stage.robot.collector
+    stage.deaf("collector", "control", 0.5)
+    sequence = stage.seen.lanes[0].last[Site.CLOUD].sequence
+    collector.kill(0.01)
+    stage.run(0.011)
+    stage.until(lambda: collector.state.gate_s is not None, 0.1, "control speaks to the new one")
+    _offer(stage, 0, sequence + 1, ahead_s=-0.1)
+    passed = [r for r in ("cmd_vel.cloud.passed",) if collector.process.counters[r]]
+    stage.expect(collector.state.charge is not None, "it goes on where the last one was")
+    stage.expect(not passed, "what was sent before the restart passes")
+
+
+def unsaved_memory() -> None:
+    """A collector that restarts while control is silent remembers the cloud's stay: no robot beside it."""
+    stage = Stage(hot=True)
+    stage.in_cloud()
+    stage.deaf("control", "collector", 0.15)
+    stage.robot.collector.kill(0.01)
+    start_s = stage.now
+    stage.run(0.1)
+    stage.expect(stage.first_message(start_s, Site.ROBOT) is None, "the robot passes while the cloud is in charge")
+
+
+def unpermitted() -> None:
+    """A cloud whose grants stopped says that it does not act, which ends its stay, also with no rated output."""
+    stage = Stage(outputs=(OutputSpec("cmd_vel", 0.0),), inputs=(InputPlan("scan"),), input_periods_s=(0.05,))
+    stage.in_cloud()
+    stage.deaf("control", "pulse", 2.0)
+    stage.lost(stage.scenario.settings.lease_s + 0.1, "a cloud that does not act any more")
+
+
+def served_elsewhere() -> None:
+    """A cloud that serves another robot, or acts under another epoch, is not ours."""
+    for change in ({"serves": STRANGER}, {"epoch": 99}):
+        stage = Stage(outputs=(OutputSpec("cmd_vel", 0.0),), inputs=(InputPlan("scan"),), input_periods_s=(0.05,))
+        stage.in_cloud()
+        control = stage.cloud.control
+        send = control.send
+
+        def lie(to: str, message: object, send: Send = send, change: dict[str, Any] = change) -> bool:
+            if isinstance(message, Speak) and isinstance(message.body, CloudReport):
+                message = replace(message, body=replace(message.body, **change))
+            return send(to, message)
+
+        control.send = lie  # type: ignore[method-assign]
+        stage.lost(0.13, f"a cloud of another robot or epoch: {sorted(change)}")
 
 
 def restarted_control() -> None:
@@ -437,4 +493,7 @@ STORIES = (
     restarted_collector,
     restarted_control,
     hot_robot_is_held_back,
+    unsaved_memory,
+    unpermitted,
+    served_elsewhere,
 )

@@ -6,6 +6,7 @@ from robot_offload_core.beats import Echo
 from robot_offload_core.change import replace
 from robot_offload_core.placement import Phase
 from robot_offload_core.process import probe
+from robot_offload_core.process.data import InputPlan
 from robot_offload_core.settings import OutputSpec, Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.stage import Stage
@@ -24,12 +25,13 @@ def first_command_after_a_cut() -> None:
         stage.until(lambda: stage.phase is Phase.CLOUD, 6.0, "the cloud is in charge again")
         stage.run(0.5)
         cut_s = stage.now
-        life = stage.link.pulse.life
+        lives = stage.link.pulse.life, stage.link.data.life
         join = stage.cut()
         stage.lost(settings.loss_timeout_s + stage.scenario.delay_s + DELIVERY_S, "the loss is noticed")
         bound_s = len(stage.robot.nodes) * stage.scenario.transition_s + settings.robot_period_s + 0.05
         stage.until_heard(cut_s + 0.08, Site.ROBOT, bound_s, "the robot's first command")
-        stage.expect(stage.link.pulse.life > life, "the sessions are opened anew at a loss")
+        stage.expect(stage.link.pulse.life > lives[0], "the pulse session is opened anew at a loss")
+        stage.expect(stage.link.data.life > lives[1], "and the data session")
         stage.run(0.3)
         join()
 
@@ -87,8 +89,8 @@ def sequence_starts_anew() -> None:
 
 
 def silent_data_session() -> None:
-    """A data session that dies alone ends the stay in the cloud, also with no rated output."""
-    stage = Stage(outputs=UNRATED)
+    """A data session that dies alone ends the stay in the cloud, also with no rated output and no required input."""
+    stage = Stage(outputs=UNRATED, inputs=(InputPlan("scan"),), input_periods_s=(0.05,))
     stage.in_cloud()
     stage.cut(sessions="data")
     stage.lost(0.75, "the data session is judged")

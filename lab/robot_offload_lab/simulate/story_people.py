@@ -67,6 +67,10 @@ def asked_in_the_cloud() -> None:
     stage.cloud.control.process.ask(Site.ROBOT, 7)
     stage.until(lambda: stage.phase is Phase.ROBOT, SWITCH_S, "the robot acts as asked in the cloud")
     stage.until(lambda: stage.answered(7, True), 1.0, "the cloud hears the answer")
+    stage.run(0.3)
+    stage.by_hand(Site.CLOUD)
+    stage.until(lambda: stage.phase is Phase.CLOUD, SWITCH_S, "the cloud acts as asked later, on the robot")
+    stage.always(lambda: stage.phase is Phase.CLOUD, 0.5, "the earlier request is not carried out again")
     stage.cloud.control.process.ask(Site.CLOUD, 8)
     process = stage.cloud.control.process
     process.request = process.request.replace("cloud", "edge")
@@ -127,7 +131,7 @@ def shorter_limits() -> None:
 
 def change_of_mind() -> None:
     """Somebody asks for the robot while its nodes still go to sleep: no gap."""
-    stage = Stage()
+    stage = Stage(nodes=(CONTROLLER,))
     stage.in_cloud()
     stage.by_hand(Site.ROBOT)
     stage.until(lambda: stage.phase is Phase.ROBOT, SWITCH_S, "the robot acts")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robot_offload_core import envelope
 from robot_offload_core.envelope import Envelope
-from robot_offload_core.placement import Phase
+from robot_offload_core.placement import Phase, SwitchByHand
 from robot_offload_core.process.data import InputPlan
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site, Token
@@ -50,14 +50,13 @@ def long_stall_of_control() -> None:
 
 def stall_on_old_news() -> None:
     """After a stall of its own control begins nothing on news from before it."""
-    stage = Stage()
+    stage = Stage(settings=Settings(prefer=Site.ROBOT))
     stage.start()
-    stage.run(0.5)
-    stage.pin(Site.ROBOT)
     stage.run(2.5)
-    stage.pin(Site.ROBOT, for_s=0.2)
-    stage.stall(stage.robot.control, 0.3)
+    control = stage.robot.control
+    stage.stall(control, 0.3)
     stage.world.after(0.05, stage.cut)
+    stage.world.after(0.2, control.deliver, control.step, SwitchByHand(Site.CLOUD))
     stage.run(0.3)
     before = len(stage.seen.decisions)
     stage.run(1.0)
