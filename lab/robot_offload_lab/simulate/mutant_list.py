@@ -13,7 +13,7 @@ MUTANTS: dict[str, Mutant] = {
     "L1": Mutant(
         "pause does not void old echoes",
         "paused_cloud_control",
-        (Edit("lease", " or echo.sent_us / 1e6 < cloud.void_before_s", ""),),
+        (Edit("lease", "cloud.void_before_s <= echo.sent_us / 1e6 <= now_s", "echo.sent_us / 1e6 <= now_s"),),
     ),
     "L2": Mutant(
         "pause never noticed", "paused_cloud_control", (Edit("lease", "PAUSE_LIMIT_S = 0.150", "PAUSE_LIMIT_S = 1e9"),)
@@ -80,7 +80,7 @@ MUTANTS: dict[str, Mutant] = {
     "L12": Mutant(
         "echo of another incarnation grants",
         "stranger_in_the_echo",
-        (Edit("lease", "if echo is None or echo.incarnation != cloud.incarnation or", "if echo is None or"),),
+        (Edit("lease", "if echo is None or echo.incarnation != cloud.incarnation:", "if echo is None:"),),
     ),
     "L13": Mutant(
         "robot never forgotten",
@@ -161,6 +161,17 @@ MUTANTS: dict[str, Mutant] = {
         "doubled_messages",
         (Edit("collectors", "last_sequence=o.next_sequence if charge == collector.next else -1", "last_sequence=-1"),),
     ),
+    "C4": Mutant(
+        "fallen-back epoch of the cloud goes on",
+        "fallback",
+        (
+            Edit(
+                "collectors",
+                "        if collector.fell_back and ours.site is Site.CLOUD:\n            return collector  # robot messages have passed since: only a new epoch may follow\n",
+                "",
+            ),
+        ),
+    ),
     "C6": Mutant(
         "effects after fallback",
         "fallback",
@@ -191,8 +202,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                'return collector, Passage(False, "CloudInCharge")',
-                'return collector, Passage(True, "CloudInCharge")',
+                "return collector, Passage(Ruling.CLOUD_IN_CHARGE)",
+                "return collector, Passage(Ruling.ROBOT_IN_CHARGE)",
             ),
         ),
     ),
@@ -207,7 +218,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                '        if envelope.sequence <= state.next_sequence:\n            return collector, Passage(False, "Reordered")\n',
+                "        if envelope.sequence <= state.next_sequence:\n            return collector, Passage(Ruling.REORDERED)\n",
                 "",
             ),
         ),
@@ -218,8 +229,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                '    if collector.fell_back or collector.charge is None or collector.gate_s is None:\n        return collector, Passage(False, "ControlSilent")\n    if not 0',
-                '    if collector.fell_back or collector.charge is None:\n        return collector, Passage(False, "ControlSilent")\n    if not 0',
+                "    if collector.fell_back or collector.charge is None or collector.gate_s is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    if not 0",
+                "    if collector.fell_back or collector.charge is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    if not 0",
             ),
         ),
     ),
@@ -258,6 +269,17 @@ MUTANTS: dict[str, Mutant] = {
                 "switcher",
                 "return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
                 "return revoked_s + PERMISSION_BEATS * settings.beat_period_s",
+            ),
+        ),
+    ),
+    "S2": Mutant(
+        "clear without the two beats",
+        "effects_wait_for_the_lease",
+        (
+            Edit(
+                "switcher",
+                "return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
+                "return revoked_s + settings.lease_s + settings.drift_s",
             ),
         ),
     ),
@@ -314,7 +336,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason in URGENT",
+                "dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason.urgent",
                 "dwelt = True",
             ),
         ),
@@ -370,13 +392,12 @@ MUTANTS: dict[str, Mutant] = {
     "S18": Mutant(
         "no deadline for the robot to get ready",
         "one_of_two_core_nodes",
-        (
-            Edit(
-                "switcher",
-                "    if now_s >= robot.deadline_s:\n        why = Verdict(Site.CLOUD",
-                "    if False:\n        why = Verdict(Site.CLOUD",
-            ),
-        ),
+        (Edit("switcher", "    if now_s >= robot.deadline_s:\n        message", "    if False:\n        message"),),
+    ),
+    "S19": Mutant(
+        "begins on old news after a stall",
+        "stall_on_old_news",
+        (Edit("switcher", "    if now_s < robot.stall_until_s:  # what", "    if False:  # what"),),
     ),
     "S20": Mutant(
         "another cloud's charge taken as ours",
@@ -510,6 +531,11 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
+    "T1": Mutant(
+        "no drift margin",
+        "slow_clock_in_the_cloud",
+        (Edit("settings", "return self.lease_s * DRIFT_SHARE + 0.001", "return 0.0"),),
+    ),
     "T2": Mutant(
         "settings change at once",
         "shorter_lease_at_run_time",
@@ -621,6 +647,11 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
+    "X2": Mutant(
+        "what waited in a stopped egress leaves as new",
+        "queues_after_a_pause",
+        (Edit("process.cloud_data", "if self.pauses.waited(self.ports.now_s()) and output.rated:", "if False:"),),
+    ),
     "X4": Mutant(
         "inputs of another robot reach the replicas",
         "old_inputs",
@@ -677,6 +708,39 @@ MUTANTS: dict[str, Mutant] = {
         "the collector takes no changed limits",
         "shorter_limits",
         (Edit("process.collector", "            self.state = collectors.limit(", "            collectors.limit("),),
+    ),
+    "X15": Mutant(
+        "levels are sent once",
+        "restarted_data_on_a_robot_that_stays",
+        (
+            Edit(
+                "process.robot_control",
+                "if level != sent or now_s - sent_s >= self.settings.lease_s / LEVELS_PER_LEASE:",
+                "if level != sent:",
+            ),
+        ),
+    ),
+    "X16": Mutant(
+        "readiness is reported at changes only",
+        "nothing_to_wait_for",
+        (
+            Edit(
+                "process.control",
+                "self.told_ready: bool | None = None",
+                "self.told_ready: bool | None = self.is_ready()",
+            ),
+        ),
+    ),
+    "X17": Mutant(
+        "a loss is noticed at the next turn",
+        "loss_to_the_millisecond",
+        (
+            Edit(
+                "process.robot_control",
+                "return good_s + self.settings.loss_timeout_s + DEADLINE_MARGIN_S",
+                'return float("inf")',
+            ),
+        ),
     ),
     "X19": Mutant(
         "a request that is none ends the robot's control",
@@ -766,6 +830,18 @@ MUTANTS: dict[str, Mutant] = {
             Edit("health", "if echo_stale and not refused:", "if False:"),
         ),
     ),
+    "H2+H17": Mutant(
+        "good beat without acting; a cloud that does not act is no fault",
+        "unpermitted",
+        (
+            Edit("placement", "        and report.acting\n", ""),
+            Edit(
+                "health",
+                "says_so = report is not None and report.acting and report.epoch == frame.epoch",
+                "says_so = report is not None and report.epoch == frame.epoch",
+            ),
+        ),
+    ),
     "H3+H18": Mutant(
         "good beat of any epoch; a cloud that acts under another epoch is no fault",
         "served_elsewhere",
@@ -790,6 +866,19 @@ MUTANTS: dict[str, Mutant] = {
             Edit("health", "        _identity(situation, frame),\n", ""),
         ),
     ),
+    "H2+H8+H17": Mutant(
+        "good beat without acting; dead CORE nodes of the cloud ignored; a cloud that does not act is no fault",
+        "dead_cloud_node",
+        (
+            Edit("placement", "        and report.acting\n", ""),
+            Edit("health", "    if report is not None and not report.ready:\n", "    if False:\n"),
+            Edit(
+                "health",
+                "says_so = report is not None and report.acting and report.epoch == frame.epoch",
+                "says_so = report is not None and report.epoch == frame.epoch",
+            ),
+        ),
+    ),
 }
 """Each is found by its story."""
 
@@ -810,8 +899,8 @@ EQUIVALENT: dict[str, Equivalent] = {
         (
             Edit(
                 "collectors",
-                "return replace(collector, fell_back=True, next=None)",
-                "return replace(collector, fell_back=True)",
+                "after = replace(collector, fell_back=True, next=None)",
+                "after = replace(collector, fell_back=True)",
             ),
         ),
     ),
@@ -830,6 +919,11 @@ EQUIVALENT: dict[str, Equivalent] = {
         "good beat without echo limit",
         "a late echo is a limit of its own (H11). Removed together: H1+H11",
         (Edit("placement", "        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s\n", ""),),
+    ),
+    "H2": Equivalent(
+        "good beat without acting",
+        "a cloud that does not say that it acts is a limit of its own. Removed together: H2+H17",
+        (Edit("placement", "        and report.acting\n", ""),),
     ),
     "H3": Equivalent(
         "good beat of any epoch",
@@ -851,6 +945,16 @@ EQUIVALENT: dict[str, Equivalent] = {
         "identity never judged",
         "a beat that serves another robot is not good (H4). Removed together: H4+H10",
         (Edit("health", "        _identity(situation, frame),\n", ""),),
+    ),
+    "H8": Equivalent(
+        "dead CORE nodes of the cloud ignored",
+        "a cloud that is not ready does not say that it acts. Removed together: H2+H8+H17",
+        (Edit("health", "    if report is not None and not report.ready:\n", "    if False:\n"),),
+    ),
+    "G4": Equivalent(
+        "unanswered transition counts as done",
+        "a node that leaves a transition unanswered leaves reads unanswered too, and is not asked while it is unknown",
+        (Edit("guardians", "        node = replace(node, read_due_s=now_s, state=State.UNKNOWN)\n", ""),),
     ),
     "Y2": Equivalent(
         "enters the cloud over a bad link",

@@ -54,12 +54,11 @@ def stall_on_old_news() -> None:
     stage.start()
     stage.run(2.5)
     control = stage.robot.control
+    before = len(stage.seen.decisions)
     stage.stall(control, 0.3)
     stage.world.after(0.05, stage.cut)
     stage.world.after(0.2, control.deliver, control.step, SwitchByHand(Site.CLOUD))
-    stage.run(0.3)
-    before = len(stage.seen.decisions)
-    stage.run(1.0)
+    stage.run(1.3)
     begun = [d for _, d in stage.seen.decisions[before:] if d.phase is Phase.TO_CLOUD]
     stage.expect(not begun, "an attempt was begun on old news")
 
@@ -74,14 +73,14 @@ def short_stall_of_control() -> None:
 
 
 def loss_to_the_millisecond() -> None:
-    """A loss is noticed when it is certain, not at the next turn."""
-    stage = Stage(tick_s=0.03)
-    stage.in_cloud()
-    stage.cut()
-    good_s = stage.seen.good_s
-    stage.lost(0.2, "the loss")
-    late_s = stage.now - stage.seen.good_s - stage.scenario.settings.loss_timeout_s
-    stage.expect(good_s > 0 and late_s < 0.006, f"noticed {late_s * 1e3:.1f} ms late")
+    """A loss is noticed when it is certain, not at the next turn or report."""
+    for number in range(6):
+        stage = Stage(f"story {number}", tick_s=0.03)
+        stage.in_cloud()
+        stage.cut()
+        stage.lost(0.2, "the loss")
+        late_s = stage.now - stage.seen.good_s - stage.scenario.settings.loss_timeout_s
+        stage.expect(late_s < 0.005, f"noticed {late_s * 1e3:.1f} ms late")
 
 
 def queues_after_a_pause() -> None:
@@ -94,7 +93,8 @@ def queues_after_a_pause() -> None:
     stage.run(1.0)
     oldest_s = max(m.at_s - m.born_s for m in stage.seen.messages)
     stage.expect(oldest_s < 0.15, f"a message of {oldest_s * 1e3:.0f} ms passed as new")
-    stage = Stage(settings=Settings(lease_s=2.0), cloud_settings=Settings(lease_s=2.0), outputs=(OutputSpec("a", 0.5),))
+    patient = Settings(lease_s=2.0, max_command_age_s=0.6)
+    stage = Stage(settings=patient, cloud_settings=patient, outputs=(OutputSpec("cmd_vel", 0.5),))
     stage.in_cloud()
     stage.stall(stage.cloud.data, 0.3)
     stage.run(1.0)
@@ -187,6 +187,18 @@ def restarted_data() -> None:
         stage.expect(stage.phase is Phase.CLOUD, "for good")
 
 
+def restarted_data_on_a_robot_that_stays() -> None:
+    """A data process that restarts hears again who its control is, although nothing changes."""
+    stage = Stage()
+    stage.start()
+    stage.run(0.1)
+    stage.pin(Site.ROBOT)
+    stage.run(1.0)
+    stage.robot.data.kill(0.05)
+    stage.run(1.0)
+    stage.expect(stage.robot.data.process.orders.incarnation == stage.machine.incarnation, "it knows its control")
+
+
 def consumers_in_the_cloud() -> None:
     """Consumers in the cloud hear the side in charge, the robot's messages too."""
     stage = Stage()
@@ -230,7 +242,7 @@ def nothing_to_wait_for() -> None:
     stage.run(6.0)
     switches = sum(d.switched for _, d in stage.seen.decisions)
     begun = sum(d.phase is Phase.TO_CLOUD for _, d in stage.seen.decisions)
-    stage.expect(switches <= 1 and begun <= 4, f"{switches} switches, {begun} attempts in 6 s")
+    stage.expect(switches <= 1 and begun <= 3, f"{switches} switches, {begun} attempts in 6 s")
 
 
 def replicas_missing() -> None:
@@ -261,6 +273,7 @@ STORIES = (
     latched_input,
     missing_map,
     restarted_data,
+    restarted_data_on_a_robot_that_stays,
     consumers_in_the_cloud,
     nothing_is_lost,
     nothing_to_wait_for,
