@@ -188,13 +188,16 @@ MUTANTS: dict[str, Mutant] = {
         "earlier_control",
         (Edit("collectors", "    if gate.started_us < collector.started_us:\n        return collector\n", ""),),
     ),
-    "C8": Mutant(
-        "silence never judged", "inhibited_by_silence", (Edit("collectors", "PAUSE_S = 0.120", "PAUSE_S = 0.0"),)
-    ),
     "C9": Mutant(
         "one rated output that flows is enough",
         "inhibited_by_silence",
-        (Edit("collectors", "return all(t is not None and", "return any(t is not None and"),),
+        (
+            Edit(
+                "collectors",
+                "all(map(robot_flows, rated)), all(map(cloud_flows, rated))",
+                "any(map(robot_flows, rated)), any(map(cloud_flows, rated))",
+            ),
+        ),
     ),
     "C10": Mutant(
         "Hot robot passes while the cloud acts",
@@ -294,7 +297,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "    if robot.offered:\n        return None  # the collector may change over at any moment, and we hear of it later\n",
+                "    if robot.preparation is not None and robot.preparation.offered:\n        return None  # the collector may change over at any moment, and we hear of it later\n",
                 "",
             ),
         ),
@@ -312,7 +315,13 @@ MUTANTS: dict[str, Mutant] = {
     "S8": Mutant(
         "robot armed before its nodes are ready",
         "one_of_two_core_nodes",
-        (Edit("switcher", "robot = replace(robot, armed=robot.nodes_ready)", "robot = replace(robot, armed=True)"),),
+        (
+            Edit(
+                "switcher",
+                "preparation=replace(preparation, armed=robot.nodes_ready)",
+                "preparation=replace(preparation, armed=True)",
+            ),
+        ),
     ),
     "S9": Mutant(
         "no wait between attempts",
@@ -363,7 +372,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "    if now_s - (started_s if told_s is None else told_s) > robot.settings.lease_s:\n        return False\n",
+                "    if now_s - (started_s if reported_s is None else reported_s) > robot.settings.lease_s:\n        return now_s < robot.stalls.until_s and not _starved(robot, now_s)  # its reports may still be unread\n",
                 "",
             ),
         ),
@@ -382,22 +391,38 @@ MUTANTS: dict[str, Mutant] = {
     "S16": Mutant(
         "retry wait holds a robot that stands still",
         "helped_by_the_cloud",
-        (Edit("switcher", "now_s >= min(robot.retry_s, robot.since_s + RETRY_FIRST_S)", "now_s >= robot.retry_s"),),
+        (
+            Edit(
+                "switcher",
+                "hurried_s = robot.retry_s if robot.both_silent else robot.since_s + RETRY_FIRST_S",
+                "hurried_s = robot.retry_s",
+            ),
+        ),
     ),
     "S17": Mutant(
         "robot unable is never helped",
         "helped_although_preferred",
-        (Edit("switcher", "if fault is None and fell and not forbidden", "if False and fell and not forbidden"),),
+        (
+            Edit(
+                "switcher",
+                "if fault is None and _in_need(robot, verdict, now_s)",
+                "if False and _in_need(robot, verdict, now_s)",
+            ),
+        ),
     ),
     "S18": Mutant(
         "no deadline for the robot to get ready",
         "one_of_two_core_nodes",
-        (Edit("switcher", "    if now_s >= robot.deadline_s:\n        message", "    if False:\n        message"),),
+        (
+            Edit(
+                "switcher", "    if now_s >= preparation.deadline_s:\n        message", "    if False:\n        message"
+            ),
+        ),
     ),
     "S19": Mutant(
         "begins on old news after a stall",
         "stall_on_old_news",
-        (Edit("switcher", "    if now_s < robot.stall_until_s:  # what", "    if False:  # what"),),
+        (Edit("switcher", "    if now_s < robot.stalls.until_s:  # what", "    if False:  # what"),),
     ),
     "S20": Mutant(
         "another cloud's charge taken as ours",
@@ -413,57 +438,53 @@ MUTANTS: dict[str, Mutant] = {
     "H5": Mutant(
         "stale inputs of the cloud ignored",
         "stale_input",
-        (
-            Edit(
-                "health",
-                "checks += [_collector(situation, frame, now_s), _inputs(situation, frame)]",
-                "checks += [_collector(situation, frame, now_s)]",
-            ),
-        ),
+        (Edit("limits", "    Limit(Reason.INPUT_STALE, _R, False, _input_stale),\n", ""),),
     ),
     "H6": Mutant(
         "silent outputs of the cloud ignored",
         "silent_cloud_output",
-        (Edit("health", "    if gate is not None and not gate.cloud_flows:\n", "    if False:\n"),),
+        (Edit("limits", "    Limit(Reason.OUTPUT_SILENT, _R, True, _output_silent),\n", ""),),
     ),
     "H7": Mutant(
         "data session never judged",
         "silent_data_session",
-        (Edit("health", "        _data(situation, link, now_s),\n", ""),),
+        (
+            Edit(
+                "limits",
+                "    Limit(Reason.DATA_PROCESS_SILENT, _S, False, _data_process_silent),\n    Limit(Reason.DATA_DISCONNECTED, _R, False, _data_disconnected),\n    Limit(Reason.DATA_SILENT, _S, False, _data_silent),\n    Limit(Reason.DATA_MISMATCH, _R, False, _data_mismatch),\n    Limit(Reason.DATA_UNHEARD, _R, False, _data_unheard),\n",
+                "",
+            ),
+        ),
     ),
     "H9": Mutant(
         "collector never judged",
         "hung_collector",
         (
             Edit(
-                "health",
-                "[_collector(situation, frame, now_s), _inputs(situation, frame)]",
-                "[_inputs(situation, frame)]",
+                "limits",
+                "    Limit(Reason.COLLECTOR_SILENT, _S, False, _collector_silent),\n    Limit(Reason.COLLECTOR_FELL_BACK, _R, False, _collector_fell_back),\n",
+                "",
             ),
         ),
     ),
     "H11": Mutant(
-        "late echoes ignored", "deaf_cloud", (Edit("health", "if echo_stale and not refused:", "if False:"),)
+        "late echoes ignored",
+        "deaf_cloud",
+        (Edit("limits", "    Limit(Reason.ECHO_STALE, _S, False, _echo_stale),\n", ""),),
     ),
     "H12": Mutant(
         "good beats never judged",
         "bare_beats",
-        (
-            Edit(
-                "health",
-                "if not says_so or situation.good_s is None or now_s - situation.good_s > frame.settings.loss_timeout_s:",
-                "if not says_so:",
-            ),
-        ),
+        (Edit("limits", "    Limit(Reason.CLOUD_NOT_ACTING, _S, True, _no_good_beat),\n", ""),),
     ),
     "H13": Mutant(
         "loss timeout doubled",
-        "silent_cloud_control",
+        "asked_while_cut",
         (
             Edit(
-                "health",
-                "    timeout_s = frame.settings.loss_timeout_s\n",
-                "    timeout_s = 2 * frame.settings.loss_timeout_s\n",
+                "limits",
+                "if heard_s is None or not view.silent(heard_s, view.frame.settings.loss_timeout_s):",
+                "if heard_s is None or not view.silent(heard_s, 2 * view.frame.settings.loss_timeout_s):",
             ),
         ),
     ),
@@ -472,25 +493,25 @@ MUTANTS: dict[str, Mutant] = {
         "long_stall_of_control",
         (
             Edit(
-                "health",
-                "if known_s is not None and now_s - known_s <= frame.settings.lease_s:",
-                "if known_s is not None:",
+                "limits",
+                "    if acting and view.silent(view.situation.good_s, view.frame.settings.lease_s):",
+                "    if False:",
             ),
         ),
     ),
     "H15": Mutant(
         "pulse and data at different clouds",
         "probes_of_another_cloud",
-        (Edit("health", "elif situation.data_cloud != link.peer:", "elif False:"),),
+        (Edit("limits", "    Limit(Reason.DATA_MISMATCH, _R, False, _data_mismatch),\n", ""),),
     ),
     "H16": Mutant(
         "silent cloud control ignored",
         "silent_cloud_control",
         (
             Edit(
-                "health",
-                "if situation.report is None or age_s is None or age_s > timeout_s:",
-                "if situation.report is None:",
+                "limits",
+                "broken = view.report is None or age_s is None or age_s > view.frame.settings.loss_timeout_s",
+                "broken = view.report is None",
             ),
         ),
     ),
@@ -566,7 +587,7 @@ MUTANTS: dict[str, Mutant] = {
     "G1": Mutant(
         "nodes do not wait for each other",
         "order_of_bring_up",
-        (Edit("guardians", "waits = waits or (node.state is not State.ACTIVE and not node.gave_up)", "waits = False"),),
+        (Edit("guardians", "waits_core = waits_core or (node.spec.core and _rises(node))", "waits = False"),),
     ),
     "G2": Mutant(
         "one CORE node is enough",
@@ -632,6 +653,31 @@ MUTANTS: dict[str, Mutant] = {
         "duplicated nodes never put to sleep",
         "there_and_back",
         (Edit("guardians", "active = not node.spec.duplicated or guardian.acting or node.spec.hot", "active = True"),),
+    ),
+    "C17": Mutant(
+        "a starved collector never judges silence",
+        "starved_collector",
+        (
+            Edit(
+                "collectors", "starved = now_s - collector.first_pause_s > collector.gate_timeout_s", "starved = False"
+            ),
+        ),
+    ),
+    "H17": Mutant(
+        "what was reported waits for the end of a stall",
+        "reported_in_a_stall",
+        (
+            Edit(
+                "limits",
+                "if (limit.only_acting and not acting) or (stalled and limit.basis is Basis.SILENCE):",
+                "if (limit.only_acting and not acting) or stalled:",
+            ),
+        ),
+    ),
+    "H18": Mutant(
+        "a starved control waits for ever",
+        "starved_control_and_a_cut",
+        (Edit("limits", "    if view.frame.starved:", "    if False:"),),
     ),
     "X1": Mutant(
         "the egress does not look at the lease",
@@ -809,6 +855,16 @@ MUTANTS: dict[str, Mutant] = {
         "replicas_missing",
         (Edit("process.robot_control", "if now_s - self.complete_s < REPLICA_GRACE_S:", "if True:"),),
     ),
+    "C8+C17": Mutant(
+        "silence never judged; a starved collector never judges silence",
+        "inhibited_by_silence",
+        (
+            Edit("collectors", "PAUSE_S = 0.120", "PAUSE_S = 0.0"),
+            Edit(
+                "collectors", "starved = now_s - collector.first_pause_s > collector.gate_timeout_s", "starved = False"
+            ),
+        ),
+    ),
     "L4+L9+P2": Mutant(
         "older epoch's grant renews; robot beats in any order; any order of beats",
         "old_grants",
@@ -826,56 +882,52 @@ MUTANTS: dict[str, Mutant] = {
         "good beat without echo limit; late echoes ignored",
         "deaf_cloud",
         (
-            Edit("placement", "        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s\n", ""),
-            Edit("health", "if echo_stale and not refused:", "if False:"),
+            Edit("health", "        and arrived_s - beat.echo.sent_us / 1e6 <= frame.settings.echo_limit_s\n", ""),
+            Edit("limits", "    Limit(Reason.ECHO_STALE, _S, False, _echo_stale),\n", ""),
         ),
     ),
-    "H2+H17": Mutant(
+    "H2+H21": Mutant(
         "good beat without acting; a cloud that does not act is no fault",
         "unpermitted",
         (
-            Edit("placement", "        and report.acting\n", ""),
+            Edit("health", "        and report.acting\n", ""),
             Edit(
-                "health",
-                "says_so = report is not None and report.acting and report.epoch == frame.epoch",
-                "says_so = report is not None and report.epoch == frame.epoch",
+                "limits",
+                "view.report.acting and view.report.epoch == view.frame.epoch",
+                "view.report.epoch == view.frame.epoch",
             ),
         ),
     ),
-    "H3+H18": Mutant(
+    "H3+H22": Mutant(
         "good beat of any epoch; a cloud that acts under another epoch is no fault",
         "served_elsewhere",
         (
-            Edit(
-                "placement",
-                "        and report.epoch == (robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch)\n",
-                "",
-            ),
-            Edit(
-                "health",
-                "says_so = report is not None and report.acting and report.epoch == frame.epoch",
-                "says_so = report is not None and report.acting",
-            ),
+            Edit("health", "        and report.epoch == frame.epoch\n", ""),
+            Edit("limits", "view.report.acting and view.report.epoch == view.frame.epoch", "view.report.acting"),
         ),
     ),
     "H4+H10": Mutant(
         "good beat that serves another robot; identity never judged",
         "served_elsewhere",
         (
-            Edit("placement", "        and report.serves == robot.incarnation\n", ""),
-            Edit("health", "        _identity(situation, frame),\n", ""),
+            Edit("health", "        and report.serves == frame.incarnation\n", ""),
+            Edit(
+                "limits",
+                "    Limit(Reason.DUPLICATE_IDENTITY, _R, False, _duplicate_identity),\n    Limit(Reason.NOT_SERVED, _R, False, _not_served),\n",
+                "",
+            ),
         ),
     ),
-    "H2+H8+H17": Mutant(
+    "H2+H8+H21": Mutant(
         "good beat without acting; dead CORE nodes of the cloud ignored; a cloud that does not act is no fault",
         "dead_cloud_node",
         (
-            Edit("placement", "        and report.acting\n", ""),
-            Edit("health", "    if report is not None and not report.ready:\n", "    if False:\n"),
+            Edit("health", "        and report.acting\n", ""),
+            Edit("limits", "    Limit(Reason.CLOUD_NODES_DOWN, _R, True, _cloud_nodes_down),\n", ""),
             Edit(
-                "health",
-                "says_so = report is not None and report.acting and report.epoch == frame.epoch",
-                "says_so = report is not None and report.epoch == frame.epoch",
+                "limits",
+                "view.report.acting and view.report.epoch == view.frame.epoch",
+                "view.report.epoch == view.frame.epoch",
             ),
         ),
     ),
@@ -918,43 +970,48 @@ EQUIVALENT: dict[str, Equivalent] = {
     "H1": Equivalent(
         "good beat without echo limit",
         "a late echo is a limit of its own (H11). Removed together: H1+H11",
-        (Edit("placement", "        and arrived_s - beat.echo.sent_us / 1e6 <= robot.settings.echo_limit_s\n", ""),),
+        (Edit("health", "        and arrived_s - beat.echo.sent_us / 1e6 <= frame.settings.echo_limit_s\n", ""),),
     ),
     "H2": Equivalent(
         "good beat without acting",
-        "a cloud that does not say that it acts is a limit of its own. Removed together: H2+H17",
-        (Edit("placement", "        and report.acting\n", ""),),
+        "a cloud that does not say that it acts is a limit of its own. Removed together: H2+H21",
+        (Edit("health", "        and report.acting\n", ""),),
     ),
     "H3": Equivalent(
         "good beat of any epoch",
-        "the epoch that the cloud names is a limit of its own. Removed together: H3+H18",
-        (
-            Edit(
-                "placement",
-                "        and report.epoch == (robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch)\n",
-                "",
-            ),
-        ),
+        "the epoch that the cloud names is a limit of its own. Removed together: H3+H22",
+        (Edit("health", "        and report.epoch == frame.epoch\n", ""),),
     ),
     "H4": Equivalent(
         "good beat that serves another robot",
         "whom the cloud serves is a limit of its own (H10). Removed together: H4+H10",
-        (Edit("placement", "        and report.serves == robot.incarnation\n", ""),),
+        (Edit("health", "        and report.serves == frame.incarnation\n", ""),),
     ),
     "H10": Equivalent(
         "identity never judged",
         "a beat that serves another robot is not good (H4). Removed together: H4+H10",
-        (Edit("health", "        _identity(situation, frame),\n", ""),),
+        (
+            Edit(
+                "limits",
+                "    Limit(Reason.DUPLICATE_IDENTITY, _R, False, _duplicate_identity),\n    Limit(Reason.NOT_SERVED, _R, False, _not_served),\n",
+                "",
+            ),
+        ),
     ),
     "H8": Equivalent(
         "dead CORE nodes of the cloud ignored",
-        "a cloud that is not ready does not say that it acts. Removed together: H2+H8+H17",
-        (Edit("health", "    if report is not None and not report.ready:\n", "    if False:\n"),),
+        "a cloud that is not ready does not say that it acts. Removed together: H2+H8+H21",
+        (Edit("limits", "    Limit(Reason.CLOUD_NODES_DOWN, _R, True, _cloud_nodes_down),\n", ""),),
     ),
     "G4": Equivalent(
         "unanswered transition counts as done",
         "a node that leaves a transition unanswered leaves reads unanswered too, and is not asked while it is unknown",
         (Edit("guardians", "        node = replace(node, read_due_s=now_s, state=State.UNKNOWN)\n", ""),),
+    ),
+    "C8": Equivalent(
+        "silence never judged",
+        "pauses one after the other hide silence for a lease only (C17). Removed together: C8+C17",
+        (Edit("collectors", "PAUSE_S = 0.120", "PAUSE_S = 0.0"),),
     ),
     "Y2": Equivalent(
         "enters the cloud over a bad link",

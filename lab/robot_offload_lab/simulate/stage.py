@@ -163,6 +163,18 @@ class Stage:
         return self.machine.phase
 
     @property
+    def armed(self) -> bool:
+        """Returns whether the collector may change over at the first messages of the side that gets ready."""
+        preparation = self.machine.preparation
+        return preparation is not None and preparation.armed
+
+    @property
+    def offered(self) -> bool:
+        """Returns whether the collector was given the present preparation of the cloud."""
+        preparation = self.machine.preparation
+        return preparation is not None and preparation.offered
+
+    @property
     def site(self) -> Site:
         """Returns the side in charge."""
         return placement.IN_CHARGE[self.phase]
@@ -225,6 +237,17 @@ class Stage:
     def stall(self, process: Process, for_s: float) -> None:
         """Stops a process for a while (SIGSTOP)."""
         process.stop_for(for_s)
+
+    def starve(self, process: Process, off_s: float, on_s: float, for_s: float) -> None:
+        """Gives a process its processor time in slices."""
+        end_s = self.now + for_s
+
+        def slice_() -> None:
+            if self.now < end_s:
+                process.stop_for(off_s)
+                self.world.after(off_s + on_s, slice_)
+
+        slice_()
 
     def hush(self, side: str, node: str = "controller") -> None:
         """Lets a node stay Active and publish nothing any more."""

@@ -258,7 +258,7 @@ def effects_while_offered() -> None:
     """While a changeover is offered to the collector nobody else's effects are admitted."""
     stage = Stage(replicas={"controller": Replica(0, 0.05, on_activate=True)})
     stage.start()
-    stage.until(lambda: stage.machine.offered, 6.0, "the changeover is offered")
+    stage.until(lambda: stage.offered, 6.0, "the changeover is offered")
     _effects_are_exclusive(stage, 0.3)
 
 
@@ -268,7 +268,7 @@ def called_off() -> None:
     stage.start()
     stage.robot_acts()
     stage.cloud.nodes["controller"].hung = 1
-    stage.until(lambda: stage.machine.offered, 6.0, "the changeover is offered")
+    stage.until(lambda: stage.offered, 6.0, "the changeover is offered")
     candidate = stage.machine.candidate
     stage.pin(Site.ROBOT)
     stage.until(lambda: stage.phase is Phase.ROBOT, 0.1, "called off")

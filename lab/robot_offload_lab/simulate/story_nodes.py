@@ -101,7 +101,7 @@ def one_of_two_core_nodes() -> None:
     stage.by_hand(Site.ROBOT)
     stage.until(lambda: stage.phase is Phase.TO_ROBOT, 0.2, "the robot gets ready")
     stage.run(0.05)
-    stage.expect(stage.machine.armed is False, "a robot that is not ready is not offered")
+    stage.expect(not stage.armed, "a robot that is not ready is not offered")
     stage.until(lambda: stage.phase is Phase.CLOUD, 2.0, "the attempt is called off at its deadline")
     stage.run(0.5)
     stage.expect(stage.site is Site.CLOUD, "the cloud goes on")
