@@ -477,17 +477,6 @@ MUTANTS: dict[str, Mutant] = {
         "bare_beats",
         (Edit("limits", "    Limit(Reason.CLOUD_NOT_ACTING, _S, True, _no_good_beat),\n", ""),),
     ),
-    "H13": Mutant(
-        "loss timeout doubled",
-        "asked_while_cut",
-        (
-            Edit(
-                "limits",
-                "if heard_s is None or not view.silent(heard_s, view.frame.settings.loss_timeout_s):",
-                "if heard_s is None or not view.silent(heard_s, 2 * view.frame.settings.loss_timeout_s):",
-            ),
-        ),
-    ),
     "H14": Mutant(
         "stall grace without end",
         "long_stall_of_control",
@@ -855,6 +844,18 @@ MUTANTS: dict[str, Mutant] = {
         "replicas_missing",
         (Edit("process.robot_control", "if now_s - self.complete_s < REPLICA_GRACE_S:", "if True:"),),
     ),
+    "H12+H13": Mutant(
+        "good beats never judged; loss timeout doubled",
+        "first_command_after_a_cut",
+        (
+            Edit("limits", "    Limit(Reason.CLOUD_NOT_ACTING, _S, True, _no_good_beat),\n", ""),
+            Edit(
+                "limits",
+                "if heard_s is None or not view.silent(heard_s, view.frame.settings.loss_timeout_s):",
+                "if heard_s is None or not view.silent(heard_s, 2 * view.frame.settings.loss_timeout_s):",
+            ),
+        ),
+    ),
     "C8+C17": Mutant(
         "silence never judged; a starved collector never judges silence",
         "inhibited_by_silence",
@@ -1007,6 +1008,17 @@ EQUIVALENT: dict[str, Equivalent] = {
         "unanswered transition counts as done",
         "a node that leaves a transition unanswered leaves reads unanswered too, and is not asked while it is unknown",
         (Edit("guardians", "        node = replace(node, read_due_s=now_s, state=State.UNKNOWN)\n", ""),),
+    ),
+    "H13": Equivalent(
+        "loss timeout doubled",
+        "in the cloud good beats are judged besides (H12), before it echoes and the silent control",
+        (
+            Edit(
+                "limits",
+                "if heard_s is None or not view.silent(heard_s, view.frame.settings.loss_timeout_s):",
+                "if heard_s is None or not view.silent(heard_s, 2 * view.frame.settings.loss_timeout_s):",
+            ),
+        ),
     ),
     "C8": Equivalent(
         "silence never judged",

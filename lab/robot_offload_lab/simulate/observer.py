@@ -144,7 +144,9 @@ class Observer:
         handed_s = self.good_s if self.world.now - self.good_s > HANDOVER_S else self.good_before_s
         told_s = self.pulse_s if self.world.now - self.pulse_s > HANDOVER_S else self.pulse_before_s
         proof_s = {"HeartbeatLost": handed_s, "PulseSilent": told_s}.get(reason)
-        if proof_s is not None and self.world.now - proof_s < self.settings.loss_timeout_s - HANDOVER_S:
+        # What the pulse has sent travels with the beat that arrives next.
+        late_s = HANDOVER_S if reason == "HeartbeatLost" else HANDOVER_S + self.settings.beat_period_s
+        if proof_s is not None and self.world.now - proof_s < self.settings.loss_timeout_s - late_s:
             ago_ms = (self.world.now - proof_s) * 1e3
             self._violated("3c", f"{reason} was decided although there was a beat {ago_ms:.1f} ms ago")
 
