@@ -10,11 +10,13 @@ from robot_offload_core.reasons import Reason
 CLOUD_NODES = (Reason.CLOUD_NOT_READY, Reason.CLOUD_NODES_DOWN)
 ROBOT_NODES = (Reason.ROBOT_UNABLE, Reason.ROBOT_NOT_READY)
 INPUTS = (Reason.INPUT_STALE,)
+LINK = (Reason.NEVER_HEARD, Reason.HEARTBEAT_LOST)
 
 
 def explained(
-    reason: str, message: str, nodes: Iterable[Node], replicas: Mapping[str, str], problems: Iterable[tuple[str, str]]
-) -> str:
+    reason: str, message: str, nodes: Iterable[Node], replicas: Mapping[str, str],
+    problems: Iterable[tuple[str, str]], link: str,
+) -> str:  # fmt: skip
     """Returns the message of a decision with those that it is about.
 
     Args:
@@ -23,7 +25,10 @@ def explained(
         nodes: of the robot, as its guardian knows them.
         replicas: state of each node in the cloud.
         problems: (reason, message) of the robot's data process.
+        link: what is wrong with the pulse session, "" for nothing.
     """
+    if reason in LINK:
+        return f"{message}: {link}" if link else message
     found = ", ".join(_culprits(reason, message, tuple(nodes), replicas, tuple(problems)))
     return f"{message}: {found}" if found else message
 

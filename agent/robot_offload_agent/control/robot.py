@@ -34,6 +34,7 @@ class RobotControlShell(ControlShell):
         super().__init__(configuration, bus)
         started_us = now_us()
         self.since_s = started_us / 1e6
+        self.published = ""
         self.override = Override(configuration)
         self.tuned = RobotSettings(configuration, self.post, self.adopt)
         present = self.tuned.present
@@ -127,7 +128,8 @@ class RobotControlShell(ControlShell):
         """Returns the message of a decision with the nodes and topics that it is about."""
         process = self.process
         problems = process.data_status.problems if process.data_status else ()
-        return culprits.explained(reason, message, process.guardian.nodes, process.replicas, problems)
+        link = self.pulse_status.message if self.pulse_status else ""
+        return culprits.explained(reason, message, process.guardian.nodes, process.replicas, problems, link)
 
     def effects_changed(self) -> None:
         """Publishes the placement again."""
@@ -148,6 +150,7 @@ class RobotControlShell(ControlShell):
             "effects": effects.value if effects is not None else "none",
             "control": self.incarnation,
         }
+        self.published = message
         self.report.publish_placement(json.dumps(body))
         self.send_notes()
 
@@ -157,6 +160,9 @@ class RobotControlShell(ControlShell):
         """Publishes diagnostics and network status, and makes the slow checks."""
         process = self.process
         self.report.publish_network_status(process.sustained())
+        decided = process.robot.decided
+        if self.explained(decided.reason, decided.message) != self.published:  # why is known a while after what
+            self.effects_changed()
         self.report.note("replicas", process.missing_replicas())
         self.report.note("degraded", process.degraded())
         self.report.note("settings", self.tuned.problem)

@@ -132,6 +132,13 @@ def test_a_lifecycle_node_that_runs_in_the_cloud_only_is_brought_up_there_before
     world.until(lambda: diagnostics["node mapper"].message == "active", "the mapper is active")
 
 
+def test_a_robot_that_finds_no_cloud_says_where_it_looks_for_it(build: Callable[..., World]) -> None:
+    world = build()
+    world.start_agent("robot")
+    address = f"quic/127.0.0.1:{world.wire.port('pulse-udp')}" if world.wire else ""
+    world.until(lambda: world.reason == "NeverHeard" and address in world.message, "the address is in the placement")
+
+
 def test_a_node_without_a_lifecycle_and_a_misspelt_one_are_named_with_the_cure(build: Callable[..., World]) -> None:
     world = build(robot={"nodes": ["walker", "ear", "mappper"], "node.mappper.duplicated": False})
     world.start_agent("robot")

@@ -12,7 +12,7 @@ NODES = (WALKER, PLANNER, CAMERA)
 
 
 def said(reason: Reason, message: str = "Why", **given: object) -> str:
-    known = {"nodes": NODES, "replicas": {}, "problems": (), **given}
+    known = {"nodes": NODES, "replicas": {}, "problems": (), "link": "", **given}
     return explained(reason, message, **known)  # type: ignore[arg-type]
 
 
@@ -33,6 +33,12 @@ def test_a_stale_input_without_a_publisher_says_that() -> None:
     problems = (("NoPublisher", "/scan has no publisher yet"), ("NoPublisher", "/odom has no publisher yet"))
     message = "Input /odom never arrived in the cloud, the limit is 400 ms"
     assert said(Reason.INPUT_STALE, message, problems=problems) == f"{message}: /odom has no publisher yet"
+
+
+def test_a_cloud_that_is_not_heard_says_what_is_wrong_with_the_session() -> None:
+    link = "No pulse session with quic/cloud.example:7447: its name cannot be looked up here"
+    assert said(Reason.NEVER_HEARD, link=link) == f"Why: {link}"
+    assert said(Reason.LINK_GOOD, link=link) == said(Reason.NEVER_HEARD) == "Why"
 
 
 def test_other_decisions_and_those_without_a_culprit_stay_as_they_are() -> None:
