@@ -112,6 +112,7 @@ BROKEN: tuple[Example, ...] = (
         "WrongExposure",
         (_EXPOSE, {"type": "NodePort", "address": "192.0.2.1"}),
         (_EXPOSE, {"type": "ClusterIP", "loadBalancerClass": "example.com/internal"}),
+        (_EXPOSE, {"type": "NodePort", "sourceRanges": ["198.51.100.0/24"]}),
         (_EXPOSE, {"type": "ClusterIP", "nodePorts": {"pulse": 30001}}),
     ),
     *_of(
@@ -230,6 +231,7 @@ KEPT: tuple[tuple[str, Any], ...] = (
         },
     ),
     (_EXPOSE, {"address": "192.0.2.1", "loadBalancerClass": "example.com/internal", "nodePorts": {"pulse": 30001}}),
+    (_EXPOSE, {"sourceRanges": ["198.51.100.0/24", "2001:db8::/32", "192.0.2.7/32"]}),
     (_EXPOSE, {"type": "ClusterIP", "address": None, "loadBalancerClass": None, "nodePorts": None}),
     ("spec.transport.certificates", {"duration": "24h", "renewBefore": "23h"}),
     ("spec.transport.certificates", {"issuerRef": {"name": "corporate"}}),

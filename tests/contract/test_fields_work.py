@@ -99,6 +99,7 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     "transport.expose.host": ({}, "transport.expose.host", None, "edge.example.com"),
     "transport.expose.address": ({}, "transport.expose.address", None, "192.0.2.1"),
     "transport.expose.loadBalancerClass": ({}, "transport.expose.loadBalancerClass", None, "example.com/internal"),
+    "transport.expose.sourceRanges": ({}, "transport.expose.sourceRanges", None, ["198.51.100.0/24"]),
     "transport.expose.annotations": ({}, "transport.expose.annotations", {}, {"a": "b"}),
     **{
         f"{NODE_PORTS}.{purpose}": ({}, f"{NODE_PORTS}.{purpose}", None, 30001)

@@ -50,6 +50,8 @@ def service(
             spec["loadBalancerIP"] = expose.address
         if expose.load_balancer_class is not None:
             spec["loadBalancerClass"] = expose.load_balancer_class
+        if expose.source_ranges:
+            spec["loadBalancerSourceRanges"] = list(expose.source_ranges)
     return parent.child(SERVICE, part, {"spec": spec}, expose.annotations)
 
 

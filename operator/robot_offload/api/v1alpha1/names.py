@@ -164,6 +164,16 @@ def _check_ip(text: str) -> str:
     return text
 
 
+def _check_range(text: str) -> str:
+    try:
+        ipaddress.ip_network(text)
+    except ValueError:
+        raise ValueError(
+            f"{_shown(text)} is not a range of addresses; write its first address and its length, e.g. 198.51.100.0/24"
+        ) from None
+    return text
+
+
 def _check_remapped(text: str) -> str:
     if "__" in text:
         raise ValueError(f"{_shown(text)} {_RENAMED}")
@@ -295,6 +305,20 @@ ObjectName = Annotated[
     _schema(_OBJECT_NAME, 253),
 ]
 IPAddress = Annotated[str, AfterValidator(_check_ip), _schema(r"^[0-9A-Fa-f:.]+$", 45, (_IS_IP,))]
+AddressRange = Annotated[
+    str,
+    AfterValidator(_check_range),
+    _schema(
+        r"^[0-9A-Fa-f:.]+/[0-9]{1,3}$",
+        49,
+        (
+            (
+                "isCIDR(self) && cidr(self).masked() == cidr(self)",
+                "must be a range of addresses that begins with its first one, e.g. 198.51.100.0/24",
+            ),
+        ),
+    ),
+]
 Address = Annotated[str, AfterValidator(_check_address), _schema(_ADDRESS, 253, (_REACHABLE,))]
 LabelKey = Annotated[
     str,

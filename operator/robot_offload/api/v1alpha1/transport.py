@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import Field
 
 from robot_offload.api.v1alpha1.model import NO_SERVER_DEFAULT, Model
-from robot_offload.api.v1alpha1.names import Address, DNSName, IPAddress, LabelKey, ObjectName
+from robot_offload.api.v1alpha1.names import Address, AddressRange, DNSName, IPAddress, LabelKey, ObjectName
 from robot_offload.api.v1alpha1.quantities import DomainID, Duration, Port, Within
 
 TransportType: TypeAlias = Literal["Zenoh", "DDSRouter", "DiscoveryServer", "StaticPeers"]
@@ -131,6 +131,12 @@ class Expose(Model):
         default=None,
         description="Which load balancer serves the Services (loadBalancerClass). Only for type LoadBalancer. "
         "Default: the cluster's own.",
+    )
+    source_ranges: tuple[AddressRange, ...] | None = Field(
+        default=None,
+        max_length=64,
+        description="From which ranges of addresses the load balancer lets robots through, e.g. 198.51.100.0/24 "
+        "(loadBalancerSourceRanges of the Services), at most 64. Only for type LoadBalancer. Default: from everywhere.",
     )
     annotations: dict[LabelKey, Annotated[str, Field(max_length=4096)]] = Field(
         default_factory=dict,

@@ -83,6 +83,17 @@ def test_robots_share_one_address_on_ports_of_their_own() -> None:
     assert "annotations" not in services(resource)["wheelchair-7-agent"]["metadata"]
 
 
+@pytest.mark.parametrize("transport_type", ["Zenoh", "DDSRouter", "DiscoveryServer"])
+def test_the_load_balancer_lets_only_the_declared_ranges_through(transport_type: str) -> None:
+    expose = {"sourceRanges": ["198.51.100.0/24"]}
+    found = services(offload(transport={"type": transport_type, "expose": expose}))
+    outside = [one["spec"] for one in found.values() if one["spec"]["type"] == "LoadBalancer"]
+    assert outside
+    assert all(one["loadBalancerSourceRanges"] == ["198.51.100.0/24"] for one in outside)
+    declared = offload(transport={"type": transport_type})
+    assert "loadBalancerSourceRanges" not in str(services(declared))
+
+
 def test_before_the_load_balancer_answers_no_address_is_known() -> None:
     assert transport.observed_endpoints(offload(), live(offload()), []) == ()
 

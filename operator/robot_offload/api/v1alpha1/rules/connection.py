@@ -87,6 +87,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _not_ours("data_port"),
     _of_load_balancers("address"),
     _of_load_balancers("load_balancer_class"),
+    _of_load_balancers("source_ranges"),
     Rule(
         "spec.transport.expose",
         "WrongExposure",
