@@ -126,7 +126,7 @@ def pytest_runtest_makereport(
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """What ran, what was skipped and why, and every figure."""
     rows = [
-        (report.nodeid.rpartition("/")[2], word, _why(report), report.duration)
+        (report.nodeid.rpartition("/")[2], word, _why(report), getattr(report, "duration", 0.0))  # none if not imported
         for word in ("passed", "failed", "error", "skipped", "rerun")
         for report in terminalreporter.stats.get(word, [])
         if "tests/e2e/" in report.nodeid and (report.when == "call" or word != "passed")
