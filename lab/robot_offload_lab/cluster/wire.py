@@ -72,6 +72,8 @@ class RobotWire:
     ) -> None:
         """Changes the link from now on; what is not named stays, and a recording that plays ends.
 
+        On a link that is followed, what is named counts instead of that link's, until `follow` is called again.
+
         Args:
             delay_ms: Of each frame, one way.
             jitter_ms: Standard deviation of the delay.

@@ -33,6 +33,7 @@ BURST = 64  # frames from one side before the other side and the frames that are
 BUFFER_MS = 500.0  # of a link with a limited rate: what would wait longer is dropped
 REALTIME_PRIORITY = 20
 WAYS: Final[Mapping[Direction, str]] = {"up": "to_cloud", "down": "to_robot"}
+CUTS: Final[Mapping[str | None, str | None]] = {"both": "both", "to_cloud": "up", "to_robot": "down", None: None}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +48,8 @@ class WireSettings:
 
     def constant(self, *, recorded: bool = False) -> Constant:
         """Returns both directions; with a recording, which has the delays, without delay and jitter of its own."""
+        if self.cut not in CUTS:
+            raise WireError(f"cut must be both, to_cloud, to_robot or null, found {self.cut!r}")
         same = LinkConditions(
             delay_ms=0.0 if recorded else self.delay_ms,
             jitter_ms=0.0 if recorded else self.jitter_ms,
@@ -65,6 +68,7 @@ class Steering:
         self.settings = WireSettings()
         self.link = EmulatedLink(Schedule((self.settings.constant(),)), seed)
         self._over_s: float | None = None
+        self._followed = False
 
     def settle(self, now_s: float) -> None:
         """Gives the link back to the settings when a recording is over."""
@@ -78,9 +82,7 @@ class Steering:
             WireError, TypeError: the order makes no sense.
         """
         if "set" in order:
-            settings = dataclasses.replace(self.settings, **order["set"])
-            self._follow(Schedule((settings.constant(),)))
-            self.settings = settings
+            self._set(dataclasses.replace(self.settings, **order["set"]), order["set"])
         elif "play" in order:
             trace = load_trace(Path(order["play"]))
             self._follow(Schedule((self.settings.constant(recorded=True), Replay(trace))))
@@ -88,6 +90,7 @@ class Steering:
             self._over_s = now_s + trace.duration_s
         elif "follow" in order:
             self._follow(LinkOptions.from_dict(order["follow"]).schedule())
+            self._followed = True
         elif "start" in order:
             self.link.start(now_s)
         frames = {WAYS[way]: [each.datagrams - each.dropped, each.dropped] for way, each in self.link.counters.items()}
@@ -98,9 +101,22 @@ class Steering:
             "frames": frames,
         }
 
+    def _set(self, settings: WireSettings, named: Mapping[str, Any]) -> None:
+        """Put what is named on top of the link that is followed, or else make the settings the link."""
+        constant = settings.constant()
+        if self._followed:
+            both = {"delay_ms": constant.up.delay_ms, "jitter_ms": constant.up.jitter_ms, "loss": constant.up.loss}
+            words = {"delay_ms": "delay_ms", "jitter_ms": "jitter_ms", "loss_pct": "loss"}
+            cut = {"cut": CUTS[settings.cut]} if "cut" in named else {}
+            self.link.override({words[name]: both[words[name]] for name in named if name in words} | cut)
+        else:
+            self._follow(Schedule((constant,)))
+        self.settings = settings
+
     def _follow(self, schedule: Schedule) -> None:
+        self.link.override({"delay_ms": None, "jitter_ms": None, "loss": None, "cut": None})
         self.link.follow(schedule)
-        self._over_s = None
+        self._over_s, self._followed = None, False
 
 
 class FrameRelay:

@@ -64,18 +64,36 @@ def test_a_recording_plays_once_with_the_losses_that_are_set(steering: Steering,
     assert arrival(steering, 101.2) == pytest.approx(101.203)
 
 
-def test_a_link_is_quiet_until_its_schedule_starts_and_again_when_settings_follow(steering: Steering) -> None:
+def test_a_link_is_quiet_until_its_schedule_starts_and_when_it_is_followed_anew(steering: Steering) -> None:
     link = LinkOptions(delay="5ms", outages=("1/4",))
     steering.obey({"follow": json.loads(json.dumps(asdict(link)))}, 10.0)
     assert arrival(steering, 13.5) == pytest.approx(13.505)
     assert steering.obey({"start": True}, 20.0)["started_s"] == 20.0
     assert arrival(steering, 22.9) == pytest.approx(22.905)
     assert arrival(steering, 23.5) is None
-    steering.obey({"set": {}}, 23.6)
-    assert arrival(steering, 23.7) == pytest.approx(23.7)
+    steering.obey({"follow": json.loads(json.dumps(asdict(link)))}, 24.0)
+    assert arrival(steering, 27.5) == pytest.approx(27.505)
 
 
-@pytest.mark.parametrize("order", [{"set": {"speed": 1}}, {"set": {"loss_pct": 200}}, {"follow": {"delay": "soon"}}])
+def test_what_is_set_comes_on_top_of_a_link_that_is_followed(steering: Steering) -> None:
+    link = json.loads(json.dumps(asdict(LinkOptions(delay="5ms"))))
+    steering.obey({"follow": link}, 10.0)
+    steering.obey({"start": True}, 10.0)
+    steering.obey({"set": {"cut": "to_cloud"}}, 10.0)
+    assert arrival(steering, 11.0) is None
+    assert steering.link.datagram("down", 11.0, 100) == pytest.approx(11.005)
+    steering.obey({"set": {"cut": None}}, 11.0)
+    assert arrival(steering, 12.0) == pytest.approx(12.005)
+    steering.obey({"set": {"delay_ms": 30.0}}, 12.0)
+    assert arrival(steering, 13.0) == pytest.approx(13.030)
+    steering.obey({"follow": link}, 14.0)
+    assert arrival(steering, 15.0) == pytest.approx(15.005)
+
+
+@pytest.mark.parametrize(
+    "order",
+    [{"set": {"speed": 1}}, {"set": {"loss_pct": 200}}, {"set": {"cut": "half"}}, {"follow": {"delay": "soon"}}],
+)
 def test_an_order_that_makes_no_sense_changes_nothing(steering: Steering, order: dict[str, object]) -> None:
     before = steering.obey({}, 1.0)
     with pytest.raises((WireError, TypeError)):
