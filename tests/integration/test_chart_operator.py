@@ -31,9 +31,9 @@ def settings_of(objects: list[dict[str, Any]]) -> dict[str, str]:
 
 
 def test_the_operator_understands_the_environment_that_the_chart_gives_it(helm: Helm) -> None:
-    told = settings_of(rendered(helm, {"watchNamespace": "robots", "logLevel": "debug", "images.tag": "9"}))
+    told = settings_of(rendered(helm, {"watchNamespaces": ["robots"], "logLevel": "debug", "images.tag": "9"}))
     settings = from_environment(told)
-    assert (settings.watch_namespace, settings.log_level) == ("robots", "debug")
+    assert (settings.watch_namespaces, settings.log_level) == (("robots",), "debug")
     assert settings.images.agent == "registry.robotoffload.dev/agent:9"
     # The ports of probes, Service and policy are those that it opens when nobody says otherwise.
     (deployment,) = of_kind(rendered(helm), "Deployment")
@@ -76,7 +76,9 @@ def test_the_rights_of_the_chart_are_enough_and_none_is_tried_in_vain(
     bare_control_plane: ControlPlane, system: str, robots: Place, tmp_path: Path, everywhere: bool
 ) -> None:
     watched = "" if everywhere else robots.namespace
-    bare_control_plane.helm(system)("install", RELEASE, str(CHART), *with_values({"watchNamespace": watched}))
+    bare_control_plane.helm(system)(
+        "install", RELEASE, str(CHART), *with_values({"watchNamespaces": [watched] if watched else []})
+    )
     account = bare_control_plane.kubeconfig_of(system, OPERATOR)
     settings = {"POD_NAMESPACE": system, "WATCH_NAMESPACE": watched}
     operator = Operator.start(account, tmp_path / "operator.log", **settings)

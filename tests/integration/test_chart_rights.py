@@ -56,7 +56,7 @@ def test_optional_uses_are_granted_only_when_asked_for(helm: Helm) -> None:
 
 
 def test_the_role_for_one_namespace_grants_the_same_without_what_lives_in_none(helm: Helm) -> None:
-    objects = rendered(helm, {"watchNamespace": helm.namespace, **CERT_MANAGER})
+    objects = rendered(helm, {"watchNamespaces": [helm.namespace], **CERT_MANAGER})
     within = [use for use in USES if use.kind.namespaced]
     (role,) = bound_roles(objects)
     assert role["kind"] == "Role"
@@ -64,8 +64,17 @@ def test_the_role_for_one_namespace_grants_the_same_without_what_lives_in_none(h
     assert of_kind(objects, "ClusterRoleBinding") == []
 
 
+def test_an_operator_for_several_namespaces_has_a_role_in_each_and_none_for_all(helm: Helm) -> None:
+    objects = rendered(helm, {"watchNamespaces": ["a", "b"]})
+    within = [use for use in USES if use.kind.namespaced and not use.optional]
+    roles = [role for role in of_kind(objects, "Role") if role["metadata"]["namespace"] in ("a", "b")]
+    assert [role["metadata"]["namespace"] for role in roles] == ["a", "b"]
+    assert all(granted(role) == used(*within) for role in roles)
+    assert of_kind(objects, "ClusterRoleBinding") == []
+
+
 def test_an_operator_beside_its_namespace_gets_one_more_right_its_lease(helm: Helm) -> None:
-    objects = rendered(helm, {"watchNamespace": "robots"})
+    objects = rendered(helm, {"watchNamespaces": ["robots"]})
     lease = [role for role in of_kind(objects, "Role") if role["metadata"]["name"] == f"{OPERATOR}-leader"]
     assert granted(*lease) == {("coordination.k8s.io", "leases", verb) for verb in ("get", "create", "patch")}
 
@@ -103,7 +112,7 @@ def test_an_operator_for_one_namespace_can_do_nothing_in_another(
     control_plane: ControlPlane, helm: Helm, new_namespace: NewNamespace
 ) -> None:
     mine, other = helm.namespace, new_namespace()
-    values = {"watchNamespace": mine, "crds.install": False}
+    values = {"watchNamespaces": [mine], "crds.install": False}
     helm("install", RELEASE, str(CHART), *with_values(values))
     operator = operator_of(control_plane, mine)
     assert may(operator, "patch", "deployments.apps", mine)
@@ -114,7 +123,7 @@ def test_an_operator_for_one_namespace_can_do_nothing_in_another(
 def test_the_operator_may_grant_the_reporter_its_lease_and_nothing_it_has_not_itself(
     control_plane: ControlPlane, helm: Helm
 ) -> None:
-    helm("install", RELEASE, str(CHART), *with_values({"watchNamespace": helm.namespace, "crds.install": False}))
+    helm("install", RELEASE, str(CHART), *with_values({"watchNamespaces": [helm.namespace], "crds.install": False}))
     operator = operator_of(control_plane, helm.namespace)
     operator.apply(role("reporter", "coordination.k8s.io", "leases", "get", "patch"))
     assert "is attempting to grant RBAC permissions not currently held" in operator.apply_refused(

@@ -44,6 +44,20 @@ CASES: dict[str, Values] = {
     "labels and annotations": {"podLabels": {"team": "robots"}, "podAnnotations": {"example.com/a": "yes"}},
     "metrics for one namespace only": {"networkPolicy.metricsFrom": [PEER]},
     "another port of the API server": {"networkPolicy.apiServerPorts": [16443]},
+    "two operators": {
+        "replicas": 2,
+        "topologySpreadConstraints": [
+            {"maxSkew": 1, "topologyKey": "zone", "whenUnsatisfiable": "DoNotSchedule", "labelSelector": {}}
+        ],
+    },
+    "settings": {
+        "config": {"resyncSeconds": 600, "workers": 8, "leaderLeaseSeconds": 30, "requestTimeoutSeconds": 10},
+        "logFormat": "text",
+        "extraEnv": [{"name": "HTTPS_PROXY", "value": "http://proxy.example:3128"}],
+        "dnsConfig": {"searches": ["a.example"]},
+        "revisionHistoryLimit": 2,
+        "commonLabels": {"team": "robots"},
+    },
     "builds": {"builds.enabled": True, "images.git": "mirror.example/git:1"},
     "no admission policy": {"admission.enabled": False},
     "what everybody may ask for": {
@@ -58,7 +72,7 @@ WRONG: dict[str, tuple[Values, str]] = {
     "text for a number": ({"runAsUser": "1000"}, "runAsUser"),
     "root": ({"runAsUser": 0}, "runAsUser"),
     "a number for text": ({"images.tag": 1.2}, "images.tag|images/tag"),
-    "no namespace": ({"watchNamespace": "Not_A_Namespace"}, "watchNamespace"),
+    "no namespace": ({"watchNamespaces": ["Not_A_Namespace"]}, "watchNamespaces"),
     "an unknown pull policy": ({"images.pullPolicy": "Sometimes"}, "pullPolicy"),
     "a reference with a blank": ({"images.agent": "agent :1"}, "agent"),
     "no port": ({"networkPolicy.apiServerPorts": [70000]}, "apiServerPorts"),
@@ -79,7 +93,7 @@ def test_the_api_server_accepts_what_the_chart_renders(helm: Helm, kubectl: Kube
 def test_the_api_server_accepts_a_chart_for_one_namespace(
     helm: Helm, kubectl: Kubectl, new_namespace: NewNamespace
 ) -> None:
-    objects = rendered(helm, {"watchNamespace": new_namespace(), "crds.install": False})
+    objects = rendered(helm, {"watchNamespaces": [new_namespace()], "crds.install": False})
     kubectl.within("")("apply", "--server-side", "--dry-run=server", "-f", "-", stdin=yaml.safe_dump_all(objects))
 
 
@@ -151,8 +165,22 @@ def test_the_builder_is_the_one_that_the_operator_knows_and_may_be_another(helm:
     )
 
 
+def test_a_second_operator_waits_beside_the_first_and_one_of_them_may_always_go(helm: Helm) -> None:
+    alone, both = rendered(helm), rendered(helm, CASES["two operators"])
+    assert of_kind(alone, "Deployment")[0]["spec"]["strategy"] == {"type": "Recreate"}
+    assert of_kind(alone, "PodDisruptionBudget") == []
+    (deployment,) = of_kind(both, "Deployment")
+    assert (deployment["spec"]["replicas"], deployment["spec"]["strategy"]["type"]) == (2, "RollingUpdate")
+    assert [each["spec"]["maxUnavailable"] for each in of_kind(both, "PodDisruptionBudget")] == [1]
+
+
+def test_every_object_carries_the_common_labels(helm: Helm) -> None:
+    labels = [each["metadata"].get("labels", {}) for each in rendered(helm, CASES["settings"])]
+    assert all(found.get("team") == "robots" for found in labels)
+
+
 def test_the_operator_learns_which_namespace_to_serve(helm: Helm) -> None:
-    assert environment(rendered(helm, {"watchNamespace": "robots"}))["WATCH_NAMESPACE"] == "robots"
+    assert environment(rendered(helm, {"watchNamespaces": ["robots"]}))["WATCH_NAMESPACE"] == "robots"
     assert environment(rendered(helm))["WATCH_NAMESPACE"] == ""
 
 

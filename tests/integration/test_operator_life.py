@@ -371,4 +371,8 @@ def test_metrics_and_health_tell_what_the_operator_sees(place: Place, operator: 
     assert float(values["robot_offload_leader"]) == 1
     assert float(values['robot_offload_reconciles_total{result="ok"}']) >= 1
     assert float(values['robot_offload_condition{status="True",type="ResourcesApplied"}']) >= 1
-    assert operator.ask("health", "/healthz")[0] == 200
+    info = f'robot_offload_info{{connected="false",name="walker",namespace="{place.namespace}",ready="'
+    assert any(name.startswith(info) for name in values)
+    assert float(values["process_resident_memory_bytes"]) > 0
+    assert any(name.startswith("robot_offload_build_info{version=") for name in values)
+    assert operator.ask("health", "/livez")[0] == operator.ask("health", "/readyz")[0] == 200

@@ -73,7 +73,7 @@ class Rob:
 def protected(plane: ControlPlane, name: str, **values: Any) -> Iterator[Kubectl]:
     """A namespace in which the chart's policy counts."""
     kubectl = plane.kubectl(plane.new_namespace(name))
-    objects = rendered(plane.helm(kubectl.namespace), {"watchNamespace": kubectl.namespace, **values})
+    objects = rendered(plane.helm(kubectl.namespace), {"watchNamespaces": [kubectl.namespace], **values})
     policies = yaml.safe_dump_all([each for kind in POLICIES for each in of_kind(objects, kind)])
     kubectl("apply", "--server-side", "-f", "-", stdin=policies)
     forbidden, somebody = changed(cloud={"imagePullSecrets": [{"name": "s"}]}), Rob(kubectl)
@@ -206,7 +206,7 @@ def test_the_operator_may_own_children_where_owners_are_guarded_as_in_openshift(
 ) -> None:
 
     place = helm.namespace
-    helm("install", RELEASE, str(CHART), *with_values({"watchNamespace": place, "crds.install": False}))
+    helm("install", RELEASE, str(CHART), *with_values({"watchNamespaces": [place], "crds.install": False}))
     administrator = control_plane.kubectl(place)
     administrator.apply(sample())
     uid = administrator.json("get", "roff", "wheelchair-7")["metadata"]["uid"]

@@ -75,7 +75,7 @@ class Limit:
     """One sign of life.
 
     Attributes:
-        name: for the answer of /healthz.
+        name: for the answer of /livez.
         age_s: how long ago it was given.
         limit_s: how old it may be.
     """

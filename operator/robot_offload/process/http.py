@@ -1,8 +1,8 @@
-"""The operator's two small HTTP servers: /metrics for Prometheus, /healthz for the kubelet."""
+"""The operator's two small HTTP servers: /metrics for Prometheus, /livez and /readyz for the kubelet."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 import structlog
@@ -16,29 +16,44 @@ _log = structlog.get_logger("robot_offload.http")
 
 
 @asynccontextmanager
-async def serving(settings: Settings, registry: CollectorRegistry, signs: Signs) -> AsyncIterator[None]:
-    """Serves both while the block runs."""
+async def serving(
+    settings: Settings, registry: CollectorRegistry, signs: Signs, reached: Callable[[], bool]
+) -> AsyncIterator[None]:
+    """Serves both while the block runs.
+
+    Args:
+        settings: with the ports.
+        registry: of the metrics.
+        signs: of life.
+        reached: whether the API server answered and knows RobotOffload; a standby that waits for leadership is ready.
+    """
 
     async def metrics(_: web.Request) -> web.Response:
         return web.Response(body=generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
-    async def healthz(_: web.Request) -> web.Response:
+    async def readyz(_: web.Request) -> web.Response:
+        fine = reached()
+        told = {"kind RobotOffload": "listed" if fine else "not listed yet"}
+        return web.json_response(told, status=200 if fine else 503)
+
+    async def livez(_: web.Request) -> web.Response:
         fine, told = healthy(signs())
         return web.json_response(told, status=200 if fine else 503)
 
     runners = []
     try:
-        for name, port, path, answer in (
-            ("metrics", settings.metrics_port, "/metrics", metrics),
-            ("health", settings.health_port, "/healthz", healthz),
+        for name, port, answers in (
+            ("metrics", settings.metrics_port, {"/metrics": metrics}),
+            ("health", settings.health_port, {"/livez": livez, "/readyz": readyz, "/healthz": livez}),
         ):
             application = web.Application()
-            application.router.add_get(path, answer)
+            for path, answer in answers.items():
+                application.router.add_get(path, answer)
             runner = web.AppRunner(application, access_log=None, shutdown_timeout=1)
             runners.append(runner)
             await runner.setup()
             await web.TCPSite(runner, None, port).start()
-            _log.info("Serving", what=name, path=path, port=_port(runner))
+            _log.info("Serving", what=name, paths=list(answers), port=_port(runner))
         yield
     finally:
         for runner in runners:

@@ -1,14 +1,23 @@
-"""The operator's log: one JSON object a line, our own lines and those of the libraries alike."""
+"""The operator's log: one JSON object (or one text) a line, our own lines and those of the libraries alike."""
 
 from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Mapping
+from typing import Final
 
 import structlog
 
+from robot_offload.process.settings import LogFormat
 
-def set_up(level: str) -> None:
+_LAST: Final[Mapping[LogFormat, tuple[structlog.typing.Processor, ...]]] = {
+    "json": (structlog.processors.format_exc_info, structlog.processors.JSONRenderer()),
+    "text": (structlog.dev.ConsoleRenderer(colors=False),),
+}
+
+
+def set_up(level: str, form: LogFormat = "json") -> None:
     """Sends everything to the standard error, from `level` on."""
     shared: list[structlog.typing.Processor] = [
         structlog.stdlib.add_logger_name,
@@ -32,8 +41,7 @@ def set_up(level: str) -> None:
             foreign_pre_chain=shared,
             processors=[
                 structlog.stdlib.ProcessorFormatter.remove_processors_meta,
-                structlog.processors.format_exc_info,
-                structlog.processors.JSONRenderer(),
+                *_LAST[form],
             ],
         )
     )

@@ -60,6 +60,7 @@ class Operator:
         self._sight = WatchSight()
         self._probed_s = self._clock.steady_s()
         self._watching = False
+        self._reached = False
         self.metrics = Metrics()
         self.metrics.show(self._statuses, lambda: guard.calls, lambda: len(self._queue), lambda: self._leadership.held)
 
@@ -105,7 +106,7 @@ class Operator:
         Raises:
             RobotOffloadError: a part has ended by itself.
         """
-        async with serving(self._settings, self.metrics.registry, self.signs):
+        async with serving(self._settings, self.metrics.registry, self.signs, lambda: self._reached):
             waiting = asyncio.create_task(self._become_leader())
             await _first(waiting, asyncio.create_task(stop.wait()))
             if stop.is_set():
@@ -149,7 +150,7 @@ class Operator:
         watching = asyncio.ensure_future(
             triggers.operator(
                 self,
-                namespace=self._settings.watch_namespace,
+                namespaces=self._settings.watch_namespaces,
                 inactivity_s=self._settings.inactivity_s,
                 ready=ready,
                 stop=stop_watching,
@@ -231,18 +232,21 @@ class Operator:
                 self._queue.remind(name, random.uniform(0, self._settings.resync_s / 5))
 
     async def _list(self) -> list[Manifest]:
-        return await self._api.list(ROBOT_OFFLOAD, self._settings.watch_namespace or None)
+        places = self._settings.watch_namespaces or (None,)
+        found = await asyncio.gather(*(self._api.list(ROBOT_OFFLOAD, place) for place in places))
+        self._reached = True
+        return [manifest for manifests in found for manifest in manifests]
 
     def signs(self) -> Iterable[Limit]:
-        """The signs of life for /healthz."""
+        """The signs of life for /livez."""
         now_s = self._clock.steady_s()
         yield Limit("leader loop", now_s - self._leadership.looked_s, max(60.0, 4 * self._settings.lease_s))
         if self._watching:
             yield Limit("watch behind the list", self._sight.blind_s(now_s), _BLIND_LIMIT * self._settings.inactivity_s)
             yield Limit("list", now_s - self._probed_s, max(300.0, 6 * self._settings.probe_s))
 
-    def _statuses(self) -> Iterable[dict[str, object]]:
-        return [dict(memory.status) for memory in self._controller.memories.values()]
+    def _statuses(self) -> Iterable[tuple[Name, dict[str, object]]]:
+        return [(name, dict(memory.status)) for name, memory in self._controller.memories.items()]
 
 
 def main() -> int:
@@ -252,7 +256,7 @@ def main() -> int:
     except RobotOffloadError as error:
         print("\n".join(error.lines), file=sys.stderr)  # noqa: T201
         return error.exit_code
-    logs.set_up(settings.log_level)
+    logs.set_up(settings.log_level, settings.log_format)
     try:
         asyncio.run(_run(settings))
     except RobotOffloadError as error:

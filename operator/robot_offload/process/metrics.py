@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from collections import Counter as Tally
 from collections.abc import Callable, Iterable, Mapping
+from importlib.metadata import version
 from typing import Any
 
-from prometheus_client import CollectorRegistry, Counter, Histogram
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client import (
+    CollectorRegistry,
+    Counter,
+    GCCollector,
+    Histogram,
+    Info,
+    PlatformCollector,
+    ProcessCollector,
+)
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from robot_offload.api.v1alpha1.status import CONDITION_TYPES
 
-Statuses = Callable[[], Iterable[Mapping[str, Any]]]
-"""The statuses of all objects, as last seen or written."""
+Statuses = Callable[[], Iterable[tuple[tuple[str, str], Mapping[str, Any]]]]
+"""The statuses of all objects, as last seen or written, by namespace and name."""
 
 
 class Metrics:
@@ -21,6 +30,10 @@ class Metrics:
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
+        for collector in (ProcessCollector, PlatformCollector, GCCollector):
+            collector(registry=self.registry)
+        build = Info("robot_offload_build", "The version of this operator.", registry=self.registry)
+        build.info({"version": version("robot-offload")})
         self.reconciles = Counter(
             "robot_offload_reconciles", "Passes over an object by result.", ["result"], registry=self.registry
         )
@@ -68,7 +81,9 @@ class _State(Collector):
         for verb, count in sorted(self._calls().items()):
             requests.add_metric([verb], count)
         yield requests
-        statuses = list(self._statuses())
+        named = list(self._statuses())
+        statuses = [status for _, status in named]
+        yield _info(named)
         yield _gauge("robot_offload_objects", "RobotOffloads that this operator keeps.", len(statuses))
         yield _gauge("robot_offload_queue", "Objects that wait for a pass.", self._queued())
         yield _gauge("robot_offload_leader", "1 while this process is the leader.", int(self._leader()))
@@ -89,6 +104,19 @@ class _State(Collector):
             for truth in ("True", "False", "Unknown"):
                 conditions.add_metric([name, truth], found[name, truth])
         yield conditions
+
+
+def _info(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
+    """One series for each object, to join others with and to alert by name."""
+    found = InfoMetricFamily(
+        "robot_offload", "What is known of each object.", labels=["namespace", "name", "site", "connected", "ready"]
+    )
+    for (namespace, name), status in named:
+        truths = {condition["type"]: condition["status"] for condition in status.get("conditions") or ()}
+        connected = str(bool((status.get("robot") or {}).get("connected"))).lower()
+        site, ready = status.get("placement") or "Unknown", truths.get("Ready", "Unknown")
+        found.add_metric([namespace, name, site, connected, ready], {})
+    return found
 
 
 def _gauge(name: str, text: str, value: float) -> GaugeMetricFamily:

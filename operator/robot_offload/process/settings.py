@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
 
 from robot_offload.errors import InputError
 from robot_offload.objects.facts import BUILDER, Images
+
+LogFormat: TypeAlias = Literal["json", "text"]
+_LEVELS: Final = ("debug", "info", "warning", "error")
+_FORMATS: Final[Mapping[str, LogFormat]] = {"json": "json", "text": "text"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +20,7 @@ class Settings:
 
     Attributes:
         images: of our own programs.
-        watch_namespace: the one namespace that it serves; empty: all.
+        watch_namespaces: the namespaces that it serves; empty: all.
         pod_namespace: where the leader's Lease is.
         pod_name: its identity as leader; unique among operators.
         resync_s: after this long every object is looked at, whatever the events said.
@@ -23,8 +28,9 @@ class Settings:
         inactivity_s: a watch that is silent for this long is opened again.
         lease_s: how long the leader's Lease holds.
         metrics_port: of /metrics; 0: a free one, told in the log.
-        health_port: of /healthz; 0: a free one, told in the log.
+        health_port: of /livez and /readyz; 0: a free one, told in the log.
         log_level: debug, info, warning or error.
+        log_format: json, one object a line, or text for people.
         request_s: how long one request to the API server may take.
         workers: how many objects are looked at at once.
     """
@@ -32,7 +38,7 @@ class Settings:
     images: Images
     pod_namespace: str
     pod_name: str
-    watch_namespace: str = ""
+    watch_namespaces: tuple[str, ...] = ()
     resync_s: float = 300.0
     probe_s: float = 30.0
     inactivity_s: float = 70.0
@@ -40,6 +46,7 @@ class Settings:
     metrics_port: int = 8080
     health_port: int = 8081
     log_level: str = "info"
+    log_format: LogFormat = "json"
     request_s: float = 15.0
     workers: int = 4
 
@@ -80,14 +87,17 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
         ),
         pod_namespace=text("POD_NAMESPACE"),
         pod_name=text("POD_NAME"),
-        watch_namespace=environment.get("WATCH_NAMESPACE", ""),
+        watch_namespaces=_words(environment.get("WATCH_NAMESPACE", "")),
         resync_s=number("RESYNC_SECONDS", 300.0, 1.0),
         probe_s=number("PROBE_SECONDS", 30.0, 0.5),
         inactivity_s=number("WATCH_INACTIVITY_SECONDS", 70.0, 1.0),
         lease_s=number("LEADER_LEASE_SECONDS", 15.0, 3.0),
         metrics_port=int(number("METRICS_PORT", 8080, 0)),
         health_port=int(number("HEALTH_PORT", 8081, 0)),
-        log_level=_level(environment.get("LOG_LEVEL") or "info", problems),
+        log_level=_one_of("LOG_LEVEL", environment.get("LOG_LEVEL") or "info", _LEVELS, problems),
+        log_format=_FORMATS.get(
+            _one_of("LOG_FORMAT", environment.get("LOG_FORMAT") or "json", _FORMATS, problems), "json"
+        ),
         request_s=number("REQUEST_TIMEOUT_SECONDS", 15.0, 0.1),
         workers=int(number("WORKERS", 4, 1)),
     )
@@ -96,8 +106,17 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
     return settings
 
 
-def _level(text: str, problems: list[str]) -> str:
-    level = text.lower()
-    if level not in ("debug", "info", "warning", "error"):
-        problems.append(f"LOG_LEVEL must be debug, info, warning or error, found {text!r}")
-    return level
+def _words(text: str) -> tuple[str, ...]:
+    """The words of a list with commas, each once."""
+    return tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
+
+
+def _one_of(name: str, text: str, allowed: Collection[str], problems: list[str]) -> str:
+    word, words = text.lower(), list(allowed)
+    if word not in words:
+        problems.append(f"{name} must be {', '.join(words[:-1])} or {words[-1]}, found {text!r}")
+    return word
+
+
+def _format(text: str, problems: list[str]) -> LogFormat:
+    return _FORMATS.get(_one_of("LOG_FORMAT", text, _FORMATS, problems), "json")

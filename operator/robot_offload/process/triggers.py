@@ -9,7 +9,7 @@ objects; ours are never written by it.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Mapping
+from collections.abc import Awaitable, Mapping, Sequence
 from typing import Any, Final, Protocol
 
 import kopf
@@ -105,18 +105,18 @@ def settings(inactivity_s: float) -> kopf.OperatorSettings:
 
 
 def operator(
-    triggers: Triggers, *, namespace: str, inactivity_s: float, ready: asyncio.Event, stop: asyncio.Event
+    triggers: Triggers, *, namespaces: Sequence[str], inactivity_s: float, ready: asyncio.Event, stop: asyncio.Event
 ) -> Awaitable[None]:
     """Watches until `stop` is set, a signal comes or something breaks.
 
     Args:
         triggers: what events are made into.
-        namespace: the only one to watch; empty: all.
+        namespaces: those to watch; empty: all.
         inactivity_s: see `settings`.
         ready: set when watching begins.
         stop: ends it.
     """
-    places: Mapping[str, Any] = {"namespaces": [namespace]} if namespace else {"clusterwide": True}
+    places: Mapping[str, Any] = {"namespaces": list(namespaces)} if namespaces else {"clusterwide": True}
     return kopf.operator(
         registry=table(triggers),
         settings=settings(inactivity_s),

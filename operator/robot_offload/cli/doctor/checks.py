@@ -113,7 +113,7 @@ def operator_alive(
     for lease in leases:
         yield from _leader(lease, now)
     if len(deployments) > 1:
-        step = "Uninstall one, or give each its own namespace with watchNamespace."
+        step = "Uninstall one, or give each its own namespace with watchNamespaces."
         yield Finding("Operator", "warning", f"{len(deployments)} operators are installed", step)
 
 

@@ -20,7 +20,11 @@ NEEDED = {
 
 def test_what_is_needed_is_enough() -> None:
     settings = from_environment(NEEDED)
-    assert (settings.watch_namespace, settings.metrics_port, settings.images.router) == ("", 8080, "r:1")
+    assert (settings.watch_namespaces, settings.metrics_port, settings.images.router) == ((), 8080, "r:1")
+
+
+def test_namespaces_are_a_list() -> None:
+    assert from_environment({**NEEDED, "WATCH_NAMESPACE": "a,b, a"}).watch_namespaces == ("a", "b")
 
 
 def test_who_builds_images_is_known_and_may_be_another() -> None:
@@ -30,10 +34,20 @@ def test_who_builds_images_is_known_and_may_be_another() -> None:
 
 def test_every_problem_is_told() -> None:
     with pytest.raises(InputError) as caught:
-        from_environment({**NEEDED, "AGENT_IMAGE": "", "WORKERS": "many", "LOG_LEVEL": "loud", "PROBE_SECONDS": "0"})
+        from_environment(
+            {
+                **NEEDED,
+                "AGENT_IMAGE": "",
+                "WORKERS": "many",
+                "LOG_LEVEL": "loud",
+                "LOG_FORMAT": "x",
+                "PROBE_SECONDS": "0",
+            }
+        )
     assert caught.value.lines == (
         "AGENT_IMAGE is not set",
         "PROBE_SECONDS must be at least 0.5, found 0",
         "LOG_LEVEL must be debug, info, warning or error, found 'loud'",
+        "LOG_FORMAT must be json or text, found 'x'",
         "WORKERS must be a number, found 'many'",
     )

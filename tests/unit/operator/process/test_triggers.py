@@ -31,5 +31,5 @@ class NoTriggers:
 def test_kopf_need_not_ask_for_the_name_of_a_user_that_a_pod_does_not_have(monkeypatch: pytest.MonkeyPatch) -> None:
     given: dict[str, Any] = {}
     monkeypatch.setattr(kopf, "operator", lambda **options: given.update(options))
-    triggers.operator(NoTriggers(), namespace="", inactivity_s=1.0, ready=asyncio.Event(), stop=asyncio.Event())
+    triggers.operator(NoTriggers(), namespaces=(), inactivity_s=1.0, ready=asyncio.Event(), stop=asyncio.Event())
     assert given["identity"], "kopf would call getpass.getuser(), which fails for a user id without a name"
