@@ -1,21 +1,24 @@
-"""The beat: what each pulse process tells the other side fifty times a second, and its text form.
+"""The beat: what each pulse process says to the other side fifty times a second, and its text form.
 
 One line of printable text, fields separated by blanks, the version first. The same text travels on the Zenoh pulse
 session and in `frame_id` of the std_msgs/Header beats of DDS transports. Unknown versions and garbage raise BeatError
 with a reason to count by; they never reach the machines. Times are microseconds of the sender's steady clock unless
-said otherwise; durations are microseconds.
+said otherwise; durations are microseconds, ages in a report are milliseconds.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robot_offload_core.change import replace
 from robot_offload_core.token import Site, Token, is_incarnation
 
-VERSION = "1"
+VERSION = "2"
 MAX_LENGTH = 900
 """Longest text accepted: one datagram of the smallest path MTU we count on (1150 bytes less the transport's own)."""
 NONE = "-"
+MAX_AGE_MS = 99_999
+"""Longest age in a report, ms: all that is older is too old alike. It keeps the text short."""
 MAX_INTEGER = 2**63
 UID_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-")
 MAX_UID = 63
@@ -55,12 +58,15 @@ class Permission:
         granted: the cloud named in `cloud` may act under (robot, epoch, cloud).
         cloud: incarnation of the cloud's control process that this is addressed to; "" before one was heard.
         lease_us: length of the grant.
+        in_charge: the cloud is in charge under this epoch; False while it only gets ready. On the wire the grant has
+            three values: 0 none, 1 to get ready, 2 in charge.
     """
 
     epoch: int
     granted: bool
     cloud: str
     lease_us: int
+    in_charge: bool = False
 
     def token(self, robot: str) -> Token:
         """The token that a grant names."""
@@ -133,7 +139,12 @@ def encode(beat: Beat) -> str:
     ]
     body = beat.body
     if isinstance(body, Permission):
-        words += [str(body.epoch), str(int(body.granted)), body.cloud or NONE, str(body.lease_us)]
+        words += [
+            str(body.epoch),
+            str(int(body.granted) + int(body.granted and body.in_charge)),
+            body.cloud or NONE,
+            str(body.lease_us),
+        ]
     elif isinstance(body, CloudReport):
         words += [
             body.serves or NONE,
@@ -141,13 +152,26 @@ def encode(beat: Beat) -> str:
             str(int(body.acting)),
             str(int(body.ready)),
             body.refused or NONE,
-            str(body.data_age_us),
-            ",".join(map(str, body.input_ages_us)) or NONE,
+            _age(body.data_age_us),
+            ",".join(map(_age, body.input_ages_us)) or NONE,
         ]
     text = " ".join(words)
     if len(text) > MAX_LENGTH:
         raise BeatError("BadForm", f"{len(text)} characters are more than {MAX_LENGTH}; declare fewer rated inputs")
     return text
+
+
+def encode_fitting(beat: Beat) -> str:
+    """Returns the text of a beat; of a bare one, which renews nothing, when the whole would be too long to be read."""
+    try:
+        return encode(beat)
+    except BeatError:
+        return encode(replace(beat, body=None))
+
+
+def _age(age_us: int) -> str:
+    """Returns an age as it is written: whole milliseconds, rounded up, never more than MAX_AGE_MS; -1 never."""
+    return "-1" if age_us < 0 else str(min(MAX_AGE_MS, -(-age_us // 1000)))
 
 
 class _Words:
@@ -209,6 +233,11 @@ def decode(text: str) -> Beat:
     return Beat(uid, sender, incarnation, sequence, sent_us, wall_us, control_age_us, echo, body)
 
 
+def _age_us(words: _Words) -> int:
+    age_ms = words.integer(-1)
+    return -1 if age_ms < 0 else age_ms * 1000
+
+
 def _echo(words: _Words) -> Echo | None:
     incarnation = words.incarnation()
     if not incarnation:
@@ -219,14 +248,15 @@ def _echo(words: _Words) -> Echo | None:
 
 
 def _permission(words: _Words) -> Permission:
-    return Permission(words.integer(), words.flag(), words.incarnation(), words.integer())
+    epoch, grant = words.integer(), words.integer()
+    return Permission(epoch, grant > 0, words.incarnation(), words.integer(), in_charge=grant > 1)
 
 
 def _report(words: _Words) -> CloudReport:
     serves, epoch, acting, ready = words.incarnation(), words.integer(), words.flag(), words.flag()
-    refused, data_age_us, ages = words.incarnation(), words.integer(-1), words.word()
+    refused, data_age_us, ages = words.incarnation(), _age_us(words), words.word()
     listed = _Words([] if ages == NONE else ages.split(","))
     input_ages_us = []
     while listed.rest:
-        input_ages_us.append(listed.integer(-1))
+        input_ages_us.append(_age_us(listed))
     return CloudReport(serves, epoch, acting, ready, refused, data_age_us, tuple(input_ages_us))

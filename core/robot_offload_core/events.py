@@ -28,8 +28,10 @@ class Acting:
         acting: the side is in charge or gets ready to be.
         outputs_flow: its rated outputs flow.
         in_charge: False while it only gets ready and the other side acts: then nothing of it stops the driver.
+        stop: why the driver is to be stopped at once whoever acts; "" for no reason.
     """
 
     acting: bool
     outputs_flow: bool = True
     in_charge: bool = True
+    stop: str = ""

@@ -115,7 +115,7 @@ class Guardian:
         acting_since_s: since when.
         in_charge: it is in charge; only then its duplicated CORE nodes matter to the driver.
         outputs_flow: the rated outputs of this side flow (judged by the collector).
-        flowing: see Flowing.
+        flowing: see Flowing. stop: see Acting.
         grace_s: how long a CORE node may be on its way to Active before the driver is inhibited.
         has_driver: there is an inhibit service (the robot's side).
         inhibited: last confirmed by the driver; None before the first confirmation.
@@ -132,6 +132,7 @@ class Guardian:
     in_charge: bool = False
     outputs_flow: bool = True
     flowing: tuple[str, ...] = ()
+    stop: str = ""
     inhibited: bool | None = None
     inhibit_said: bool | None = None
     inhibit_due_s: float = 0.0
@@ -265,6 +266,8 @@ def _stays_active(node: Node) -> bool:
 
 def core_fault(guardian: Guardian) -> str:
     """Why the robot must not move now; "" when it may."""
+    if guardian.stop:
+        return guardian.stop
     for node in guardian.nodes:
         concerned = node.spec.core and (guardian.in_charge or not node.spec.duplicated)
         if concerned and node.spec.lifecycle and node.state is not State.ACTIVE:
@@ -294,7 +297,7 @@ def _act(guardian: Guardian, event: Acting, now_s: float) -> Guardian:
         guardian = replace(guardian, acting=event.acting, acting_since_s=now_s, nodes=nodes)
     if in_charge != guardian.in_charge:
         guardian = replace(guardian, in_charge=in_charge, fault_since_s=None)
-    return replace(guardian, outputs_flow=event.outputs_flow)
+    return replace(guardian, outputs_flow=event.outputs_flow, stop=event.stop)
 
 
 def _observe(node: Node, state: State, now_s: float, commands: list[Command]) -> Node:
@@ -433,7 +436,7 @@ def _core_rule(guardian: Guardian, now_s: float, commands: list[Command]) -> Gua
     # Once inhibited, stay so until healthy: a second fault in a row earns no second grace. Silence earns none at all:
     # it is judged only after the nodes had their time.
     inhibit = since_s is not None and (
-        now_s - since_s >= guardian.grace_s or bool(guardian.inhibit_said) or _silent(guardian)
+        now_s - since_s >= guardian.grace_s or bool(guardian.inhibit_said) or _silent(guardian) or bool(guardian.stop)
     )
     if fault and not inhibit and guardian.inhibit_said is None:
         return guardian  # an earlier incarnation of us may have inhibited the driver, and for a reason

@@ -17,11 +17,6 @@ from robot_offload_core.reasons import Explained
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Token
 
-ROBOT_LIVE_S = 1.0
-"""Silence after which a robot is no longer live, so that another incarnation may be served."""
-PAUSE_LIMIT_S = 0.150
-"""A distance of two steps that counts as a pause: many times the tick, less than a lease."""
-
 
 class Stand(Explained):
     """What the cloud's side does."""
@@ -47,6 +42,7 @@ class Cloud:
         robot_sent_us: send time of its newest beat, on its clock.
         epoch: newest that it has named to us.
         granted: that epoch came with a grant.
+        in_charge: the grant says that this side is in charge, not only that it is to get ready.
         lease_end_s: end of the lease of that epoch.
         ready: all duplicated CORE nodes here are Active.
         data_age_s: since the data session last heard the robot; None never.
@@ -65,6 +61,7 @@ class Cloud:
     robot_sent_us: int = -1
     epoch: int = 0
     granted: bool = False
+    in_charge: bool = False
     lease_end_s: float = 0.0
     ready: bool = False
     data_age_s: float | None = None
@@ -104,10 +101,14 @@ Event = RobotBeat | CloudNodes | CloudData | Tick
 
 @dataclass(frozen=True)
 class SetEgress:
-    """To the data process: what may leave, until when. None closes."""
+    """To the data process: what may leave, until when. None closes.
+
+    `in_charge` is False while this side only gets ready: then consumers here do not hear it yet.
+    """
 
     token: Token | None
     lease_end_s: float
+    in_charge: bool = False
 
 
 @dataclass(frozen=True)
@@ -194,16 +195,18 @@ def situation(cloud: Cloud, now_s: float) -> tuple[Stand, str]:
 
 
 def _notice_pause(cloud: Cloud, now_s: float) -> Cloud:
-    if cloud.stepped_s is not None and now_s - cloud.stepped_s > PAUSE_LIMIT_S:
+    if cloud.stepped_s is not None and now_s - cloud.stepped_s > cloud.settings.pause_s:
         cloud = replace(cloud, lease_end_s=0.0, void_before_s=now_s)
     return replace(cloud, stepped_s=now_s)
 
 
 def _hear(cloud: Cloud, beat: Beat, arrived_s: float, now_s: float) -> Cloud:
     if beat.incarnation != cloud.robot:
-        if cloud.robot and (now_s - cloud.robot_s <= ROBOT_LIVE_S or holds_lease(cloud, now_s)):
+        if cloud.robot and (now_s - cloud.robot_s <= cloud.settings.robot_live_s or holds_lease(cloud, now_s)):
             return replace(cloud, refused=beat.incarnation, refused_s=now_s)
-        cloud = replace(cloud, robot=beat.incarnation, robot_sent_us=-1, epoch=0, granted=False, lease_end_s=0.0)
+        cloud = replace(
+            cloud, robot=beat.incarnation, robot_sent_us=-1, epoch=0, granted=False, in_charge=False, lease_end_s=0.0
+        )
     if beat.sent_us <= cloud.robot_sent_us:
         return cloud
     cloud = replace(cloud, robot_s=max(cloud.robot_s, arrived_s), robot_sent_us=beat.sent_us)
@@ -213,10 +216,10 @@ def _hear(cloud: Cloud, beat: Beat, arrived_s: float, now_s: float) -> Cloud:
     if permission.epoch < cloud.epoch:
         return cloud
     if permission.epoch > cloud.epoch:
-        cloud = replace(cloud, epoch=permission.epoch, granted=False, lease_end_s=0.0)
+        cloud = replace(cloud, epoch=permission.epoch, granted=False, in_charge=False, lease_end_s=0.0)
     if not permission.granted:
         return cloud
-    cloud = replace(cloud, granted=True)
+    cloud = replace(cloud, granted=True, in_charge=permission.in_charge)
     echo = beat.echo
     if echo is None or echo.incarnation != cloud.incarnation:
         return cloud
@@ -226,11 +229,15 @@ def _hear(cloud: Cloud, beat: Beat, arrived_s: float, now_s: float) -> Cloud:
     return replace(cloud, lease_end_s=max(cloud.lease_end_s, end_s))
 
 
+def _unserved(cloud: Cloud) -> Cloud:
+    return replace(cloud, epoch=0, granted=False, in_charge=False, lease_end_s=0.0)
+
+
 def _forget(cloud: Cloud, now_s: float) -> Cloud:
-    if cloud.refused and now_s - cloud.refused_s > ROBOT_LIVE_S:
+    if cloud.refused and now_s - cloud.refused_s > cloud.settings.robot_live_s:
         cloud = replace(cloud, refused="")
-    if cloud.robot and now_s - cloud.robot_s > ROBOT_LIVE_S and not holds_lease(cloud, now_s):
-        cloud = replace(cloud, robot="", epoch=0, granted=False, lease_end_s=0.0)
+    if cloud.robot and now_s - cloud.robot_s > cloud.settings.robot_live_s and not holds_lease(cloud, now_s):
+        cloud = replace(_unserved(cloud), robot="")
     return cloud
 
 
@@ -245,7 +252,7 @@ def _levels(cloud: Cloud, now_s: float) -> list[Command]:
         data_age_us=_us(cloud.data_age_s),
         input_ages_us=tuple(map(_us, cloud.input_ages_s)),
     )
-    egress = SetEgress(token(cloud), cloud.lease_end_s) if held else SetEgress(None, 0.0)
+    egress = SetEgress(token(cloud), cloud.lease_end_s, cloud.in_charge) if held else SetEgress(None, 0.0)
     return [egress, Acting(held), SetReport(report)]
 
 

@@ -124,6 +124,7 @@ class Robot:
         slowest_output_s: the longest deadline of a rated output; 0 when none is rated.
         duplicated: the robot has duplicated nodes; without any there is nothing to change over.
         clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
+        vetoes: of each source that has any.
         pin: on the robot; manual: the last switch by hand; leaving: what the cloud said of its end.
         stalls: see Stalls.
         fell_at_s: when the robot became unable to act; None while able.
@@ -152,6 +153,7 @@ class Robot:
     duplicated: bool = True
     slowest_output_s: float = 0.0
     clear_s: float | None = None
+    vetoes: tuple[Vetoed, ...] = ()
     pin: Wish | None = None
     manual: Wish | None = None
     leaving: CloudLeaving | None = None
@@ -216,6 +218,29 @@ class NodesReported:
 
 
 @dataclass(frozen=True)
+class Veto:
+    """Something that forbids the cloud, found by another process.
+
+    Attributes:
+        reason: of the kind LIMIT (ends a stay in the cloud at once) or VETO (the robot takes over as if pinned).
+        message: for people.
+        stops: the driver is to be stopped meanwhile, whoever acts (`strict`).
+    """
+
+    reason: Reason
+    message: str
+    stops: bool = False
+
+
+@dataclass(frozen=True)
+class Vetoed:
+    """Level of one source: all vetoes that it knows of now; none takes its earlier ones back."""
+
+    source: str
+    vetoes: tuple[Veto, ...] = ()
+
+
+@dataclass(frozen=True)
 class SwitchByHand:
     """One of the four services was called. `key` comes back with the answer."""
 
@@ -239,7 +264,7 @@ class SetSettings:
 
 
 Event = (
-    CloudBeat | PulseSent | GateReported | DataReported | NodesReported | SwitchByHand | SetPin | CloudLeaving
+    CloudBeat | PulseSent | GateReported | DataReported | NodesReported | Vetoed | SwitchByHand | SetPin | CloudLeaving
     | SetSettings | Tick
 )  # fmt: skip
 

@@ -87,7 +87,7 @@ def compose(pulse: Pulse, now_s: float, wall_us: int) -> tuple[Pulse, Beat]:
         and body.granted
         and (silent_s is None or silent_s > PERMISSION_BEATS * pulse.beat_period_s)
     ):
-        body = replace(body, granted=False)
+        body = replace(body, granted=False, in_charge=False)
     age_us = -1 if silent_s is None else max(0, round(silent_s * 1e6))
     beat = Beat(
         uid=pulse.uid,

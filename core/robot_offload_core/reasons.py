@@ -87,7 +87,12 @@ class Reason(Explained):
     @property
     def yields_to_need(self) -> bool:
         """Asks for the robot, but not for a standstill: given up when the robot cannot act and the cloud can."""
-        return self.kind is not Kind.PIN and self not in _STANDING_VETOES
+        return self.kind is not Kind.PIN and (self.kind is not Kind.VETO or self in _YIELDING_VETOES)
+
+    @property
+    def ends_stay(self) -> bool:
+        """Ends a stay in the cloud; what does not is judged only while a side gets ready, later it is `Degraded`."""
+        return self not in _JUDGED_BEFORE
 
     STARTING = "Starting", Kind.STATE, "The control process has just started", "Wait for the first beat of the cloud"
 
@@ -183,7 +188,33 @@ class Reason(Explained):
         "Give the agent CPU time: real-time priority, no fractional CPU limit",
     )  # fmt: skip
 
+    # hard limits: found by other processes
+    TYPES_DIFFER = (
+        "TypesDiffer", Kind.LIMIT, "An output has another interface type in the cloud than on the robot",
+        "Run the same version and parameters on both sides, or declare the type",
+    )  # fmt: skip
+    DUPLICATE_AGENT = (
+        "DuplicateAgent", Kind.LIMIT, "A second agent of this identity passes messages to the same consumers",
+        "End one of the two agents",
+    )  # fmt: skip
+
     # vetoes
+    SECOND_PUBLISHER = (
+        "SecondPublisher", Kind.VETO, "The public topic of an output has a publisher besides the collector",
+        "Remap that node's output to the private topic (see the bundle)",
+    )  # fmt: skip
+    UNDECLARED_PUBLISHER = (
+        "UndeclaredPublisher", Kind.VETO, "A duplicated node publishes a topic that no output declares (`strict`)",
+        "Declare the topic under outputs, or remap it",
+    )  # fmt: skip
+    SECOND_LIFECYCLE_MANAGER = (
+        "SecondLifecycleManager", Kind.VETO, "Somebody else changes the lifecycle states of the managed nodes",
+        "Take the duplicated nodes out of the other lifecycle manager's list",
+    )  # fmt: skip
+    REPLICA_PARAMETERS_DIFFER = (
+        "ReplicaParametersDiffer", Kind.VETO, "A replica has other parameters than the robot's node",
+        "Give both the same parameter file",
+    )  # fmt: skip
     CLOCK_OFFSET = (
         "ClockOffset", Kind.VETO, "The system clocks of the two sides differ by more than `maxClockOffset`",
         "Synchronise them (chrony, ptp)",
@@ -228,8 +259,9 @@ class Reason(Explained):
     ROBOT_PREFERRED = "RobotPreferred", Kind.PREFERENCE, "The resource prefers the robot, and it is able to act"
 
 
-_STANDING_VETOES = frozenset({Reason.CLOCK_OFFSET})
-"""Vetoes for which a robot stands still rather than let the cloud act."""
+_YIELDING_VETOES = frozenset({Reason.POD_STOPPING})
+"""Vetoes for which no robot stands still; for all others that is better than to let the cloud act."""
+_JUDGED_BEFORE = frozenset({Reason.REPLICA_PARAMETERS_DIFFER})
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
 from robot_offload_core.token import Site
 
-DRIFT_SHARE = 1e-3
-"""Margin for two steady clocks running at different speeds: 1000 ppm, ten times what a bad quartz does."""
+DRIFT_SHARE = 0.2
+"""Margin for two steady clocks running at different speeds.
+
+A quartz is off by 0.01 %, but chrony slews a clock by up to 83,333 ppm (its `maxslewrate`), and with it the steady
+clock that leases are counted on: two hosts slewed apart differ by (1 + 0.0833) / (1 - 0.0833) = 1.18.
+"""
+
+
+STALL_BEATS = 2.5
+STALL_LEAST_S = 0.050
+"""Two turns of a control process (20 ms) and its slack (10 ms)."""
+PAUSE_MOST_S = 0.150
+ROBOT_LIVE_LEAST_S = 1.0
+LOOKS_S = 0.060
+"""Shortest deadline of an output that can be judged: the collector looks every 20 ms, a look may be late."""
 
 
 class SettingsError(ValueError):
@@ -82,34 +96,104 @@ class Settings:
         """The longer of the two replicas' periods."""
         return max(self.robot_period_s, self.cloud_period_s)
 
+    # What else is coupled to the values above. At the default beat period these are the figures that docs name.
+
+    @property
+    def stall_s(self) -> float:
+        """Own steps further apart are a stall of ours, not silence of the link: 2.5 beats, and more than two turns.
+
+        Always less than the loss timeout where turns allow it, so that a stall is noticed before it looks like a loss.
+        """
+        return max(STALL_LEAST_S, min(STALL_BEATS * self.beat_period_s, self.loss_timeout_s / 2))
+
+    @property
+    def pause_s(self) -> float:
+        """Own steps of the cloud further apart void its lease: many turns, less than a lease where turns allow it."""
+        return max(STALL_LEAST_S, min(PAUSE_MOST_S, 0.6 * self.lease_s))
+
+    @property
+    def robot_live_s(self) -> float:
+        """Silence after which a robot is no longer live, so that another incarnation of it may be served."""
+        return max(ROBOT_LIVE_LEAST_S, self.loss_timeout_s + 2 * self.beat_period_s)
+
     def check(self) -> None:
         """Raises SettingsError naming the first setting that cannot work."""
-        for name in ("beat_period_s", "loss_timeout_s", "lease_s", "max_command_age_s", "robot_period_s",
-                     "cloud_period_s", "activation_deadline_s"):  # fmt: skip
-            if not getattr(self, name) > 0:
-                raise SettingsError(f"{name}: must be greater than 0")
-        if self.loss_timeout_s < 2 * self.beat_period_s:
-            raise SettingsError("loss_timeout_s: must be at least two beat periods, one lost beat is normal")
-        if self.allowed_loop_s <= 0:
-            raise SettingsError("tolerance_s: robot period + tolerance - cloud period must be greater than 0")
-        if self.lease_s < self.echo_limit_s + 2 * self.beat_period_s - 1e-9:
-            raise SettingsError(
-                f"lease_s: must be at least {self.echo_limit_s + 2 * self.beat_period_s:.3f} "
-                "(loss timeout + allowed loop latency + two beats)"
-            )
-        if self.max_command_age_s <= self.allowed_loop_s + self.beat_period_s:
-            raise SettingsError(
-                f"max_command_age_s: must exceed {self.allowed_loop_s + self.beat_period_s:.3f} "
-                "(allowed loop latency + one beat)"
-            )
+        for rule in RULES:
+            message = rule.broken(self)
+            if message:
+                raise SettingsError(f"{rule.path}: {message}")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What settings must keep to work together.
+
+    Attributes:
+        path: the setting to change.
+        broken: returns what it must be; "" while all is well.
+    """
+
+    path: str
+    broken: Callable[[Settings], str]
+
+
+def _positive(name: str) -> Rule:
+    return Rule(name, lambda s: "" if getattr(s, name) > 0 else "must be greater than 0")
+
+
+def _loss_timeout(s: Settings) -> str:
+    holds = s.loss_timeout_s >= 2 * s.beat_period_s
+    return "" if holds else "must be at least two beat periods, one lost beat is normal"
+
+
+def _tolerance(s: Settings) -> str:
+    return "" if s.allowed_loop_s > 0 else "robot period + tolerance - cloud period must be greater than 0"
+
+
+def _lease(s: Settings) -> str:
+    least_s = s.echo_limit_s + 2 * s.beat_period_s
+    if s.lease_s >= least_s - 1e-9:
+        return ""
+    return f"must be at least {least_s:.3f} (loss timeout + allowed loop latency + two beats)"
+
+
+def _max_command_age(s: Settings) -> str:
+    least_s = s.allowed_loop_s + s.beat_period_s
+    return "" if s.max_command_age_s > least_s else f"must exceed {least_s:.3f} (allowed loop latency + one beat)"
+
+
+RULES: tuple[Rule, ...] = (
+    *map(_positive, (
+        "beat_period_s", "loss_timeout_s", "lease_s", "max_command_age_s", "robot_period_s", "cloud_period_s",
+        "activation_deadline_s",
+    )),
+    Rule("loss_timeout_s", _loss_timeout),
+    Rule("tolerance_s", _tolerance),
+    Rule("lease_s", _lease),
+    Rule("max_command_age_s", _max_command_age),
+)  # fmt: skip
+"""In order; the first broken one is named."""
 
 
 @dataclass(frozen=True)
 class OutputSpec:
-    """A collected output. `deadline_s` 0 means not rated: its silence is never judged."""
+    """A collected output. `deadline_s` 0 means not rated: its silence is never judged. `period_s` 0: unknown."""
 
     name: str
     deadline_s: float = 0.150
+    period_s: float = 0.0
+
+    def problem(self) -> str:
+        """Returns why its deadline is none; "" when all is well."""
+        if not self.deadline_s or self.deadline_s > self.period_s:
+            return ""
+        return f"must exceed the period, {self.period_s * 1e3:g} ms at {1 / self.period_s:g} Hz"
+
+    def too_tight(self) -> str:
+        """Returns why its deadline may be missed although all is well; "" when it is kept."""
+        if not 0 < self.deadline_s < LOOKS_S:
+            return ""
+        return f"should be at least {LOOKS_S * 1e3:g} ms: the collector looks every 20 ms"
 
 
 @dataclass(frozen=True)
@@ -118,6 +202,13 @@ class InputSpec:
 
     name: str
     max_age_s: float = 0.0
+
+    def too_tight(self, settings: Settings) -> str:
+        """Returns why its limit is broken on a good link too; "" when it is kept there."""
+        least_s = settings.allowed_loop_s + settings.beat_period_s
+        if not self.max_age_s or self.max_age_s > least_s:
+            return ""
+        return f"should exceed {least_s * 1e3:g} ms, or every message is too old (allowed loop latency + one beat)"
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from robot_offload_core.placement import (
     SetPin,
     SetSettings,
     SwitchByHand,
+    Vetoed,
     Wish,
 )
 from robot_offload_core.pulse import PERMISSION_BEATS
@@ -51,12 +52,6 @@ REPORT_BEATS = 2
 """Beats added to that: the grant must go there, the report must come back."""
 RETRY_FIRST_S = 1.0
 RETRY_MAX_S = 30.0
-STALL_BEATS = 2.5
-"""Own steps this many beat periods apart are a stall of ours, not silence of the link.
-
-The queues between our processes hold only so much: what came last during a stall may be lost. Therefore silence counts
-from the end of the stall (for no longer than a lease, see limits.cloud_fault).
-"""
 HEALTHY_S = 0.5
 """Without a stall for so long our process is healthy: a later stall begins a new row (see Stalls)."""
 DECIDED_PERIOD_S = 0.5
@@ -120,8 +115,13 @@ def _clear_s(robot: Robot, revoked_s: float) -> float:
 
 
 def _notice_stall(robot: Robot, now_s: float) -> Robot:
+    """Notices that our own steps came late.
+
+    The queues between our processes hold only so much: what came last during a stall may be lost. Therefore silence
+    counts from the end of the stall (for no longer than a lease, see limits.cloud_fault).
+    """
     stalls, settings = robot.stalls, robot.settings
-    if stalls.stepped_s is not None and now_s - stalls.stepped_s > STALL_BEATS * settings.beat_period_s:
+    if stalls.stepped_s is not None and now_s - stalls.stepped_s > settings.stall_s:
         in_a_row = stalls.last_s is not None and now_s - stalls.last_s < HEALTHY_S
         first_s = stalls.first_s if in_a_row else now_s
         stalls = replace(stalls, until_s=now_s + settings.loss_timeout_s, last_s=now_s, first_s=first_s)
@@ -158,6 +158,9 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
             robot = replace(robot, situation=replace(data, data_cloud=event.cloud, data_s=now_s))
         case NodesReported():
             robot = replace(robot, nodes_ready=event.ready, duplicated=event.duplicated)
+        case Vetoed():
+            others = tuple(v for v in robot.vetoes if v.source != event.source)
+            robot = replace(robot, vetoes=(*others, event) if event.vetoes else others)
         case SetPin():
             robot = replace(robot, pin=event.pin)
         case CloudLeaving():
@@ -230,7 +233,9 @@ def _frame(robot: Robot, now_s: float) -> Frame:
 
 
 def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
-    return cloud_fault(robot.situation, robot.link, _frame(robot, now_s), now_s, acting=acting)
+    fault = cloud_fault(robot.situation, robot.link, _frame(robot, now_s), now_s, acting=acting)
+    limits = (v for v in wishes.reported(robot) if v.reason.kind is Kind.LIMIT)
+    return fault or next((Verdict(Site.ROBOT, v.reason, v.message) for v in limits), None)
 
 
 def _move(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
@@ -436,9 +441,9 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     preparing_cloud = robot.phase is Phase.TO_CLOUD
     granted = preparing_cloud or site(robot) is Site.CLOUD
     epoch = robot.candidate if preparing_cloud else robot.epoch
-    permission = Permission(
-        epoch, granted, robot.partner if granted else robot.link.peer, round(settings.lease_s * 1e6)
-    )
+    in_charge = site(robot) is Site.CLOUD
+    cloud = robot.partner if granted else robot.link.peer
+    permission = Permission(epoch, granted, cloud, round(settings.lease_s * 1e6), in_charge)
     following = None
     if robot.preparation is not None and robot.preparation.armed:
         following = _charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate)
@@ -447,6 +452,7 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
         acting=robot.phase is not Phase.CLOUD,
         outputs_flow=_outputs_flow(robot, now_s),
         in_charge=site(robot) is Site.ROBOT,
+        stop=next((v.message for v in wishes.reported(robot) if v.stops), ""),
     )
     levels = (permission, gate, acting)
     if levels != robot.levels or now_s - robot.levels_s >= settings.beat_period_s - 1e-6:

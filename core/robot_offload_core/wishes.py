@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from robot_offload_core import policies
 from robot_offload_core.change import replace
 from robot_offload_core.health import clock_fault, fitness
-from robot_offload_core.placement import IN_CHARGE, Robot
-from robot_offload_core.reasons import Reason, Verdict
+from robot_offload_core.placement import IN_CHARGE, Robot, Veto
+from robot_offload_core.reasons import Kind, Reason, Verdict
 from robot_offload_core.token import Site
 
 
@@ -17,6 +19,13 @@ def pin(robot: Robot, now_s: float) -> Site | None:
     return robot.settings.pin
 
 
+def reported(robot: Robot) -> Iterator[Veto]:
+    """Yields the vetoes that hold now: those that are judged while a side gets ready end no stay."""
+    acting = IN_CHARGE[robot.phase] is Site.CLOUD
+    for vetoed in robot.vetoes:
+        yield from (v for v in vetoed.vetoes if v.reason.ends_stay or not acting)
+
+
 def veto(robot: Robot, now_s: float) -> Verdict | None:
     """What forbids the cloud whatever anybody asks for, besides the hard limits."""
     fault = clock_fault(robot.link, robot.settings)
@@ -24,7 +33,8 @@ def veto(robot: Robot, now_s: float) -> Verdict | None:
     if fault is None and leaving is not None and leaving.cloud == robot.link.peer and now_s < leaving.until_s:
         message = "The cloud's pods are stopping, the robot acts until they are back"
         return Verdict(Site.ROBOT, Reason.POD_STOPPING, message)
-    return fault
+    found = (v for v in reported(robot) if v.reason.kind is Kind.VETO)
+    return fault or next((Verdict(Site.ROBOT, v.reason, v.message) for v in found), None)
 
 
 def wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:

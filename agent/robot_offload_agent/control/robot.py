@@ -16,10 +16,12 @@ from robot_offload_agent.ros.services import SwitchServices
 from robot_offload_agent.settings.adopted import RobotSettings
 from robot_offload_agent.settings.liaison import LEAVING_S
 from robot_offload_agent.settings.override import Override
-from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_agent.settings.parameters import Configuration, too_tight
 from robot_offload_core import links, placement, switcher
+from robot_offload_core.problems import Problem
 from robot_offload_core.process.messages import Arrived, Notes
 from robot_offload_core.process.robot_control import RobotControlProcess, RobotPlan
+from robot_offload_core.reasons import Reason
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
@@ -41,7 +43,7 @@ class RobotControlShell(ControlShell):
         plan = RobotPlan(
             configuration.settings(), present.settings(), present.input_specs(), configuration.node_specs(),
             bool(configuration["inhibit_service"]), self.override.wish(self.since_s), configuration.output_specs(),
-            tuple(o["node"] for o in configuration.outputs),
+            tuple(o["node"] for o in configuration.outputs), configuration["strict"],
         )  # fmt: skip
         self.process = RobotControlProcess(plan, self, self.incarnation, started_us)
         self.report.show_settings(present)
@@ -165,10 +167,14 @@ class RobotControlShell(ControlShell):
             self.effects_changed()
         self.report.note("replicas", process.missing_replicas())
         self.report.note("degraded", process.degraded())
+        tight = too_tight(self.tuned.present)
+        self.report.note("limits", (Problem.LIMIT_TOO_TIGHT, tight) if tight else None)
         self.report.note("settings", self.tuned.problem)
         self.send_limits()
         self.send_notes()
-        for node, warning in self.managed.undeclared().items():
+        undeclared = self.managed.undeclared()
+        process.veto("nodes", [(Reason.UNDECLARED_PUBLISHER, warning) for warning in undeclared.values() if warning])
+        for node, warning in undeclared.items():
             self.report.note(f"undeclared {node}", ("UndeclaredPublisher", warning) if warning else None)
             if warning and self.configuration["strict"]:
                 self.fail_start(warning)

@@ -71,7 +71,7 @@ class PulseProcess:
         assert self.link is not None
         with self.lock:
             self.pulse, beat = pulse.compose(self.pulse, now, wall_us())
-        self.link.send("beat", b"", beats.encode(beat).encode())
+        self.link.send("beat", b"", beats.encode_fitting(beat).encode())
         self.sent = PulseSent(now, isinstance(beat.body, beats.Permission) and beat.body.granted)
         # Beats that arrive bring it along; only while none arrive it is told on its own.
         if now - self.told_sent_s > self.pulse.beat_period_s:

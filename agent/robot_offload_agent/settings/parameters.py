@@ -205,7 +205,10 @@ class Configuration:
 
     def output_specs(self) -> tuple[OutputSpec, ...]:
         """For the collector core."""
-        return tuple(OutputSpec(o.name, o["deadline_ms"] / 1e3 if o["rate_hz"] else 0.0) for o in self.outputs)
+        return tuple(
+            OutputSpec(o.name, o["deadline_ms"] / 1e3, 1 / o["rate_hz"]) if o["rate_hz"] else OutputSpec(o.name, 0.0)
+            for o in self.outputs
+        )
 
     def input_specs(self) -> tuple[InputSpec, ...]:
         """For the health core, which names them to people: by their topics."""
@@ -316,11 +319,17 @@ def contradictions(configuration: Configuration) -> Iterator[str]:
     for output in configuration.outputs:
         if output["node"] and output["node"] not in nodes:
             yield f"parameter output.{output.name}.node: {output['node']} is not one of nodes"
-        if output["rate_hz"] and output["deadline_ms"] <= 1e3 / output["rate_hz"]:
-            yield (
-                f"parameter output.{output.name}.deadline_ms: must exceed the period, "
-                f"{1e3 / output['rate_hz']:g} ms at {output['rate_hz']:g} Hz"
-            )
+    for spec in configuration.output_specs():
+        if problem := spec.problem():
+            yield f"parameter output.{spec.name}.deadline_ms: {problem}"
+
+
+def too_tight(configuration: Configuration) -> str:
+    """Returns the limits that are broken although all is well (rules of the core), "" for none."""
+    settings = configuration.settings()
+    outputs = [(f"output.{o.name}.deadline_ms", o.too_tight()) for o in configuration.output_specs()]
+    inputs = [(f"input.{i.name}.max_age_ms", i.too_tight(settings)) for i in configuration.input_specs()]
+    return "; ".join(f"{name}: {text}" for name, text in [*outputs, *inputs] if text)
 
 
 def listed(names: list[str]) -> list[str]:

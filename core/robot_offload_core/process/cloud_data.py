@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any, Protocol
 
-from robot_offload_core import envelope
+from robot_offload_core import envelope, mirror
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.lease import CloudData, SetEgress
+from robot_offload_core.mirror import Mirror
 from robot_offload_core.process import probe
 from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
 from robot_offload_core.process.messages import DataStatus, Egress, Limits
@@ -36,6 +37,7 @@ class CloudDataProcess(DataProcess):
         egress: what may leave, from control.
         sequence: newest of each output under its present token.
         accepted: arrival of the newest message of each input, and the bound of its age then.
+        mirror: gate in front of the consumers in the cloud.
         wanted: hash that the robot holds of each latched input. known_types: of inputs, as the robot says.
     """
 
@@ -50,6 +52,7 @@ class CloudDataProcess(DataProcess):
         self.accepted: dict[str, tuple[float, float]] = {}
         self.wanted: dict[str, str] = {}
         self.known_types: dict[str, str] = {}
+        self.mirror = Mirror()
 
     # -- towards the robot --------------------------------------------------------------------------------------------
 
@@ -76,7 +79,10 @@ class CloudDataProcess(DataProcess):
         sent = self.ports.cross(f"out/{output.name}", header, payload)
         self.counters[f"{output.name}.{'sent' if sent else 'unsent'}"] += 1
         if output.mirrored and self.plan.carried:
-            self.ports.publish_output(index, payload)
+            with self.ports.lock:
+                self.mirror, passes = mirror.own(self.mirror, egress.token, in_charge=egress.in_charge)
+                if passes:
+                    self.ports.publish_output(index, payload)
 
     # -- from the robot -----------------------------------------------------------------------------------------------
 
@@ -87,8 +93,10 @@ class CloudDataProcess(DataProcess):
             self.counters[f"{name}.foreign"] += 1
             return
         if kind == "mirror":
-            if name in self.index:
-                self.ports.publish_output(self.index[name], payload)
+            with self.ports.lock:
+                self.mirror, passes = mirror.mirrored(self.mirror, opened.token)
+                if passes and name in self.index:
+                    self.ports.publish_output(self.index[name], payload)
             return
         if kind != "in" or name not in self.max_age_ms:
             return

@@ -109,15 +109,16 @@ class CollectorProcess:
         self.sequence += 1
         state, passage = collectors.offer_robot(self.state, index, self.sequence, now_s)
         changed = self._keep(state)
-        self._publish(index, payload, passage)
+        published = self._publish(index, payload, passage)
         self._count("robot", index, passage)
         if changed:
             self.report()
-        if passage.passes and self.plan.mirrored[index]:
-            charge = self.state.charge
-            token = charge.token if charge is not None else Token("", 0, "")
-            header = envelope.encode(Envelope(token, self.sequence, 0))
-            self.ports.carry("data", PASSED, index, header, payload)
+        charge = self.state.charge
+        token = charge.token if charge is not None else Token("", 0, "")
+        header = envelope.encode(Envelope(token, self.sequence, 0))
+        for other, passed in published:
+            if self.plan.mirrored[other]:
+                self.ports.carry("data", PASSED, other, header, passed)
 
     def offer_cloud(self, message: Carried) -> None:
         """Takes a message of the cloud's replica, which the data process carried here."""
@@ -137,18 +138,18 @@ class CollectorProcess:
         if changed:
             self.report()
 
-    def _publish(self, index: int, payload: Any, passage: Passage) -> None:
-        """Publishes a message, or holds it for the changeover, as the machine says."""
+    def _publish(self, index: int, payload: Any, passage: Passage) -> list[tuple[int, Any]]:
+        """Publishes a message, or holds it for the changeover, as the machine says; returns all that was published."""
         if passage.reason is Ruling.NOT_ALL_READY:
             self.held[index] = payload
         if not passage.passes:
-            return
-        for other in passage.also:
-            if other in self.held:
-                self.ports.publish(other, self.held[other])
+            return []
+        passing = [(other, self.held[other]) for other in passage.also if other in self.held] + [(index, payload)]
         if passage.reason is Ruling.CHANGED_OVER:
             self.held.clear()
-        self.ports.publish(index, payload)
+        for other, held in passing:
+            self.ports.publish(other, held)
+        return passing
 
     def _count(self, side: str, index: int, passage: Passage) -> None:
         name = self.plan.outputs[index].name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,6 +14,7 @@ from robot_offload_core.guardians import Flowing
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import CollectorStatus, DataStatus, Orders, Speak
+from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import InputSpec, NodeSpec, OutputSpec, Settings
 from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site
@@ -23,6 +25,13 @@ REPLICA_GRACE_S = 3.0
 """How long a replica may be on its way before it is reported missing."""
 DEADLINE_MARGIN_S = 0.0005
 """Behind a deadline, so that one turn finds it passed."""
+VETOES = {
+    reason.value: reason for reason in (
+        Reason.SECOND_PUBLISHER, Reason.UNDECLARED_PUBLISHER, Reason.TYPES_DIFFER, Reason.DUPLICATE_AGENT,
+        Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER,
+    )
+}  # fmt: skip
+"""Problems of other processes that forbid the cloud."""
 FROM_CLOUD = 0
 """Key of a switch by hand that was asked for in the cloud."""
 
@@ -46,6 +55,7 @@ class RobotPlan:
         inputs: topics to the cloud. nodes: managed here. has_driver: there is an inhibit service.
         pin: of a person on the robot.
         outputs: the collected outputs. publishers: the node that publishes each of them; "" unknown.
+        strict: a second or undeclared publisher stops the driver.
     """
 
     settings: Settings
@@ -56,6 +66,7 @@ class RobotPlan:
     pin: Wish | None = None
     outputs: tuple[OutputSpec, ...] = ()
     publishers: tuple[str, ...] = ()
+    strict: bool = False
 
 
 class RobotControlProcess(ControlProcess):
@@ -83,6 +94,7 @@ class RobotControlProcess(ControlProcess):
             slowest_output_s=max((o.deadline_s for o in plan.outputs), default=0.0),
         )  # fmt: skip
         self.settings = plan.asked
+        self.strict = plan.strict
         self._published = tuple(zip(plan.outputs, plan.publishers))  # noqa: B905 - publishers may be unknown
         self.data_status: DataStatus | None = None
         self.collector_status: CollectorStatus | None = None
@@ -108,15 +120,29 @@ class RobotControlProcess(ControlProcess):
         elif isinstance(message, CollectorStatus):
             if message.counters:
                 self.collector_status = message
+                self.veto("collector", message.problems)
             self.step(placement.GateReported(message.report))
             self._note_flowing(message.report.robot_flowing)
         elif isinstance(message, DataStatus) and message.report is not None:
             if message.counters or message.replicas:
                 self.data_status = message
+            if message.counters:
+                self.veto("data", message.problems)
             if message.replicas:
                 self.replicas = dict(message.replicas)
             self.step(message.report)
             self._ask_for_cloud(message.word)
+
+    def veto(self, source: str, problems: Iterable[tuple[str, str]]) -> None:
+        """Takes the problems, (reason, message), of one source: those that forbid the cloud become vetoes."""
+        vetoes = tuple(
+            placement.Veto(VETOES[reason], message, stops=self.strict)
+            for reason, message in problems
+            if reason in VETOES and (self.strict or reason != Reason.UNDECLARED_PUBLISHER)
+        )
+        level = placement.Vetoed(source, vetoes)
+        if level != next((v for v in self.robot.vetoes if v.source == source), placement.Vetoed(source)):
+            self.step(level)
 
     def _note_flowing(self, outputs: tuple[int, ...]) -> None:
         """Takes which rated outputs flow: their nodes live, however long they take to answer."""
@@ -187,8 +213,9 @@ class RobotControlProcess(ControlProcess):
                 self.ports.send("pulse", Speak(self.incarnation, command.permission, self.ports.now_s()))
                 self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud()))
             case Acting():
-                known = (self.guardian.acting, self.guardian.outputs_flow, self.guardian.in_charge)
-                if known != (command.acting, command.outputs_flow, command.acting and command.in_charge):
+                guardian = self.guardian
+                known = Acting(guardian.acting, guardian.outputs_flow, guardian.in_charge, guardian.stop)
+                if known != replace(command, in_charge=command.acting and command.in_charge):
                     self.guard(command)
             case placement.Reopen():
                 for process in ("pulse", "data"):

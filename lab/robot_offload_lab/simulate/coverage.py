@@ -15,7 +15,6 @@ from robot_offload_core.beats import Beat, CloudReport, Permission
 from robot_offload_core.collectors import Collector, Gate, Ruling
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.events import Tick
-from robot_offload_core.switcher import STALL_BEATS
 from robot_offload_core.token import Site, Token
 
 Pair = tuple[str, str, str]
@@ -187,7 +186,7 @@ def collector_state(collector: Collector) -> str:
 def _robot_event(robot: placement.Robot, event: placement.Event, now_s: float) -> tuple[str, str]:
     if isinstance(event, Tick):
         stepped_s = robot.stalls.stepped_s
-        late = stepped_s is not None and now_s - stepped_s > STALL_BEATS * robot.settings.beat_period_s
+        late = stepped_s is not None and now_s - stepped_s > robot.settings.stall_s
         return "tick: after a stall" if late else "tick", ""
     if isinstance(event, placement.CloudBeat):
         return _cloud_beat(robot, event.beat, event.arrived_s)
@@ -258,7 +257,7 @@ def _data_report(robot: placement.Robot, event: placement.DataReported) -> tuple
 
 def _cloud_event(cloud: lease.Cloud, event: lease.Event, now_s: float) -> tuple[str, str]:
     if isinstance(event, Tick):
-        late = cloud.stepped_s is not None and now_s - cloud.stepped_s > lease.PAUSE_LIMIT_S
+        late = cloud.stepped_s is not None and now_s - cloud.stepped_s > cloud.settings.pause_s
         return "tick: after a pause" if late else "tick", ""
     if isinstance(event, lease.RobotBeat):
         return _robot_beat(cloud, event.beat, now_s)

@@ -15,9 +15,7 @@ MUTANTS: dict[str, Mutant] = {
         "paused_cloud_control",
         (Edit("lease", "cloud.void_before_s <= echo.sent_us / 1e6 <= now_s", "echo.sent_us / 1e6 <= now_s"),),
     ),
-    "L2": Mutant(
-        "pause never noticed", "paused_cloud_control", (Edit("lease", "PAUSE_LIMIT_S = 0.150", "PAUSE_LIMIT_S = 1e9"),)
-    ),
+    "L2": Mutant("pause never noticed", "paused_cloud_control", (Edit("lease", "> cloud.settings.pause_s", "> 1e9"),)),
     "L3": Mutant(
         "takes grants for another cloud",
         "stranger_in_the_echo",
@@ -35,7 +33,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "lease",
-                "cloud = replace(cloud, epoch=permission.epoch, granted=False, lease_end_s=0.0)",
+                "cloud = replace(cloud, epoch=permission.epoch, granted=False, in_charge=False, lease_end_s=0.0)",
                 "cloud = replace(cloud, epoch=permission.epoch)",
             ),
         ),
@@ -46,7 +44,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "lease",
-                "if cloud.robot and (now_s - cloud.robot_s <= ROBOT_LIVE_S or holds_lease(cloud, now_s)):",
+                "if cloud.robot and (now_s - cloud.robot_s <= cloud.settings.robot_live_s or holds_lease(cloud, now_s)):",
                 "if False:",
             ),
         ),
@@ -88,7 +86,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "lease",
-                "if cloud.robot and now_s - cloud.robot_s > ROBOT_LIVE_S and not holds_lease(cloud, now_s):",
+                "if cloud.robot and now_s - cloud.robot_s > cloud.settings.robot_live_s and not holds_lease(cloud, now_s):",
                 "if False:",
             ),
         ),
@@ -727,7 +725,13 @@ MUTANTS: dict[str, Mutant] = {
     "X9": Mutant(
         "what was held for a changeover is lost",
         "nothing_is_lost",
-        (Edit("process.collector", "            if other in self.held:\n", "            if False:\n"),),
+        (
+            Edit(
+                "process.collector",
+                "for other in passage.also if other in self.held]",
+                "for other in passage.also if False]",
+            ),
+        ),
     ),
     "X11": Mutant(
         "the collector's memory is not written",
@@ -737,7 +741,7 @@ MUTANTS: dict[str, Mutant] = {
     "X12": Mutant(
         "consumers in the cloud do not hear the robot",
         "consumers_in_the_cloud",
-        (Edit("process.collector", "if passage.passes and self.plan.mirrored[index]:", "if False:"),),
+        (Edit("process.collector", "            if self.plan.mirrored[other]:", "            if False:"),),
     ),
     "X13": Mutant(
         "the collector takes no changed limits",

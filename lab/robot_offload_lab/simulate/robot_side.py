@@ -304,10 +304,10 @@ class WatchedCollector(CollectorProcess):
         self.around.coverage.passage(Site(side), passage.reason)
         super()._count(side, index, passage)
 
-    def _publish(self, index: int, payload: Any, passage: Passage) -> None:
+    def _publish(self, index: int, payload: Any, passage: Passage) -> list[tuple[int, Any]]:
         if passage.reason is Ruling.CHANGED_OVER:
             self.around.witness.flipped()
-        super()._publish(index, payload, passage)
+        return super()._publish(index, payload, passage)
 
     def _keep(self, state: collectors.Collector) -> bool:
         before = self.state

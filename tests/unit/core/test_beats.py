@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_core import beats
-from robot_offload_core.beats import MAX_INTEGER, MAX_LENGTH, Beat, BeatError, CloudReport, Echo, Permission
+from robot_offload_core.beats import MAX_AGE_MS, MAX_INTEGER, MAX_LENGTH, Beat, BeatError, CloudReport, Echo, Permission
 from robot_offload_core.token import Site
 from tests.unit.core.builders import CLOUD, ROBOT, UID, cloud_beat, many, report, robot_beat
 
@@ -19,10 +19,15 @@ addressed = st.one_of(st.just(""), incarnations)
 counts = st.integers(0, MAX_INTEGER - 1)
 ages = st.integers(-1, MAX_INTEGER - 1)
 echoes = st.one_of(st.none(), st.builds(Echo, incarnations, counts, counts, counts))
-permissions = st.builds(Permission, counts, st.booleans(), addressed, counts)
+grants = st.sampled_from([(False, False), (True, False), (True, True)])
+permissions = st.builds(
+    lambda epoch, grant, cloud, lease_us: Permission(epoch, grant[0], cloud, lease_us, grant[1]),
+    counts, grants, addressed, counts,
+)  # fmt: skip
+written_ages = st.one_of(st.just(-1), st.integers(0, MAX_AGE_MS).map(lambda age_ms: age_ms * 1000))
 reports = st.builds(
-    CloudReport, addressed, counts, st.booleans(), st.booleans(), addressed, ages,
-    st.lists(ages, max_size=12).map(tuple),
+    CloudReport, addressed, counts, st.booleans(), st.booleans(), addressed, written_ages,
+    st.lists(written_ages, max_size=12).map(tuple),
 )  # fmt: skip
 uids = st.text(string.ascii_letters + string.digits + "._-", min_size=1, max_size=63)
 walls = st.integers(-MAX_INTEGER, MAX_INTEGER - 1)
@@ -96,7 +101,7 @@ def test_one_changed_character_raises_nothing_but_a_beat_error(beat: Beat, data:
 
 
 @many
-@given(st.text(min_size=1).filter(lambda version: version != "1" and " " not in version))
+@given(st.text(min_size=1).filter(lambda version: version != beats.VERSION and " " not in version))
 def test_an_unknown_version_is_told_apart_from_garbage(version: str) -> None:
     _, rest = beats.encode(cloud_beat()).split(" ", 1)
     with pytest.raises(BeatError) as caught:
@@ -116,9 +121,9 @@ def test_text_over_the_length_limit_is_refused_unread() -> None:
 
 
 def test_a_report_of_exactly_the_limit_is_written_and_read() -> None:
-    room = MAX_LENGTH - len(beats.encode(cloud_beat(body=report(input_ages_us=(1,)))))
-    last = 11 if room % 2 else 1
-    beat = cloud_beat(body=report(input_ages_us=(1,) * (room // 2) + (last,)))
+    room = MAX_LENGTH - len(beats.encode(cloud_beat(body=report(input_ages_us=(1000,)))))
+    last = 11_000 if room % 2 else 1000
+    beat = cloud_beat(body=report(input_ages_us=(1000,) * (room // 2) + (last,)))
     text = beats.encode(beat)
     assert len(text) == MAX_LENGTH
     assert beats.decode(text) == beat
@@ -126,7 +131,27 @@ def test_a_report_of_exactly_the_limit_is_written_and_read() -> None:
 
 def test_a_report_over_the_limit_is_not_sent_and_says_what_to_change() -> None:
     with pytest.raises(BeatError, match="declare fewer rated inputs"):
-        beats.encode(cloud_beat(body=report(input_ages_us=(123_456,) * 200)))
+        beats.encode(cloud_beat(body=report(input_ages_us=(123_456,) * 300)))
+
+
+def test_what_cannot_be_written_is_sent_as_a_bare_beat_so_that_the_sender_lives_on() -> None:
+    bare = beats.decode(beats.encode_fitting(cloud_beat(body=report(input_ages_us=(123_456,) * 300))))
+    assert bare == cloud_beat(body=None)
+    assert beats.encode_fitting(cloud_beat()) == beats.encode(cloud_beat())
+
+
+def test_sixty_four_inputs_whose_robot_was_away_for_a_week_fit() -> None:
+    week_us = 7 * 86_400 * 10**6
+    beat = beats.decode(beats.encode(cloud_beat(body=report(data_age_us=week_us, input_ages_us=(week_us,) * 64))))
+    assert isinstance(beat.body, CloudReport)
+    assert set(beat.body.input_ages_us) == {MAX_AGE_MS * 1000}, "older than any limit"
+
+
+@pytest.mark.parametrize(("age_us", "read_us"), [(0, 0), (1, 1000), (1000, 1000), (1001, 2000), (-1, -1)])
+def test_an_age_is_never_read_as_younger_than_it_was(age_us: int, read_us: int) -> None:
+    beat = beats.decode(beats.encode(cloud_beat(body=report(data_age_us=age_us))))
+    assert isinstance(beat.body, CloudReport)
+    assert beat.body.data_age_us == read_us
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import itertools
 import pytest
 
 from robot_offload_core import guardians
+from robot_offload_core.events import Acting
 from robot_offload_core.guardians import INHIBIT_PERIOD_S, Inhibit, InhibitAnswered, State
 from robot_offload_core.settings import NodeSpec
 from tests.unit.core.shift import GRACE_S, STEP_S, Shift
@@ -234,3 +235,14 @@ def test_a_node_that_never_comes_up_inhibits_after_the_grace_also_at_the_start()
     shift.act()
     shift.run(0.5)
     assert shift.driver is True
+
+
+def test_a_strict_veto_stops_the_driver_at_once_also_while_the_cloud_acts() -> None:
+    shift = Shift(CONTROLLER, driver=True)
+    shift.act(False)
+    shift.run(1.0)
+    assert shift.driver is False
+    shift.happen(Acting(False, in_charge=False, stop="a second publisher"))
+    assert shift.driver is True
+    shift.happen(Acting(False, in_charge=False))
+    assert shift.driver is False

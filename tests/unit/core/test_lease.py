@@ -12,8 +12,6 @@ from robot_offload_core import lease
 from robot_offload_core.beats import Beat, CloudReport, Echo
 from robot_offload_core.events import Acting, Tick
 from robot_offload_core.lease import (
-    PAUSE_LIMIT_S,
-    ROBOT_LIVE_S,
     Cloud,
     CloudData,
     CloudNodes,
@@ -23,19 +21,9 @@ from robot_offload_core.lease import (
     SetReport,
     StandChanged,
 )
+from robot_offload_core.settings import Settings
 from robot_offload_core.token import Token
-from tests.unit.core.builders import (
-    CLOUD,
-    LEASE_US,
-    NOW_S,
-    ROBOT,
-    SETTINGS,
-    STRANGER,
-    many,
-    permission,
-    robot_beat,
-    us,
-)
+from tests.unit.core.builders import CLOUD, LEASE_US, NOW_S, ROBOT, SETTINGS, STRANGER, many, permission, robot_beat, us
 
 LEASE_S = SETTINGS.lease_s
 ASLEEP = Cloud(CLOUD, SETTINGS, ready=True, stepped_s=NOW_S - 0.010)
@@ -159,12 +147,12 @@ def test_late_words_of_an_older_epoch_do_not_bring_it_back() -> None:
 
 
 def test_a_pause_voids_the_lease() -> None:
-    cloud, _ = lease.step(acting(), Tick(), NOW_S + PAUSE_LIMIT_S + 0.001)
-    assert not lease.holds_lease(cloud, NOW_S + PAUSE_LIMIT_S + 0.001)
+    cloud, _ = lease.step(acting(), Tick(), NOW_S + SETTINGS.pause_s + 0.001)
+    assert not lease.holds_lease(cloud, NOW_S + SETTINGS.pause_s + 0.001)
 
 
 def test_a_pause_is_noticed_by_whatever_comes_first_after_it() -> None:
-    after_s = NOW_S + PAUSE_LIMIT_S + 0.001
+    after_s = NOW_S + SETTINGS.pause_s + 0.001
     cloud = heard(acting(), robot_beat(NOW_S + 0.015, NOW_S + 0.010), after_s)
     assert not lease.holds_lease(cloud, after_s), "the grant in the inbox echoes a beat of before the pause"
 
@@ -196,7 +184,7 @@ def test_a_second_robot_is_refused_while_the_first_is_live_and_told_so() -> None
 def test_a_refusal_is_forgotten_when_the_second_robot_is_gone() -> None:
     cloud, now_s = acting(), NOW_S + 0.001
     cloud = heard(cloud, robot_beat(now_s, incarnation=STRANGER), now_s)
-    while now_s < NOW_S + ROBOT_LIVE_S + 0.1:
+    while now_s < NOW_S + SETTINGS.robot_live_s + 0.1:
         now_s += 0.020
         cloud = heard(cloud, robot_beat(now_s - 0.005, now_s - 0.010), now_s)
     assert cloud.refused == ""
@@ -204,8 +192,8 @@ def test_a_refusal_is_forgotten_when_the_second_robot_is_gone() -> None:
 
 
 def test_a_robot_that_was_silent_for_long_enough_gives_way_to_its_next_incarnation() -> None:
-    cloud = stepped(acting(), NOW_S + ROBOT_LIVE_S + 0.011)
-    now_s = NOW_S + ROBOT_LIVE_S + 0.020
+    cloud = stepped(acting(), NOW_S + SETTINGS.robot_live_s + 0.011)
+    now_s = NOW_S + SETTINGS.robot_live_s + 0.020
     assert (cloud.robot, cloud.epoch) == ("", 0)
     cloud = heard(cloud, robot_beat(1.0, now_s - 0.010, incarnation=STRANGER, body=permission(1)), now_s)
     assert levels(cloud, now_s)[0] == SetEgress(Token(STRANGER, 1, CLOUD), cloud.lease_end_s)
@@ -319,3 +307,27 @@ def test_no_lease_outlives_the_beat_that_it_echoes_whatever_is_heard(
             assert now_s < egress.lease_end_s <= echoed_s[egress.token] + LEASE_S + 2e-6
             assert egress.token == Token(cloud.robot, cloud.epoch, CLOUD)
         assert commands[1] == Acting(egress.token is not None)
+
+
+def test_the_egress_knows_whether_the_cloud_is_in_charge_or_only_gets_ready() -> None:
+    ready = acting()
+    assert not levels(ready)[0].in_charge
+    beat = robot_beat(body=permission(in_charge=True), sent_us=us(NOW_S + 0.001))
+    ready, _ = lease.step(ready, RobotBeat(beat, NOW_S), NOW_S)
+    assert levels(ready)[0].in_charge
+    newer = robot_beat(body=permission(5), sent_us=us(NOW_S + 0.002))
+    ready, _ = lease.step(ready, RobotBeat(newer, NOW_S), NOW_S)
+    assert not levels(ready)[0].in_charge
+
+
+def test_a_robot_whose_beats_are_a_second_apart_is_not_forgotten_between_them() -> None:
+    slow = Settings(beat_period_s=1.0, loss_timeout_s=2.5, lease_s=5.0, max_command_age_s=2.0, tolerance_s=0.1)
+    slow.check()
+    cloud = Cloud(CLOUD, slow)
+    for beat in range(5):
+        now_s = NOW_S + beat * 1.05
+        sent = robot_beat(now_s - 0.010, now_s - 0.030, body=permission(lease_us=us(5.0)))
+        cloud, _ = lease.step(cloud, RobotBeat(sent, now_s), now_s)
+        for tick in range(1, 50):
+            cloud, _ = lease.step(cloud, Tick(), now_s + tick * 0.020)
+            assert cloud.robot == ROBOT

@@ -27,13 +27,15 @@ def test_every_reason_says_its_cause_in_one_sentence_part(reason: Reason) -> Non
 
 
 def test_who_waits_for_no_dwell() -> None:
-    urgent = {"ByHand", "PinnedToRobot", "PinnedToCloud", "ClockOffset", "PodStopping"}
+    vetoes = {"SecondPublisher", "UndeclaredPublisher", "SecondLifecycleManager", "ReplicaParametersDiffer"}
+    urgent = {"ByHand", "PinnedToRobot", "PinnedToCloud", "ClockOffset", "PodStopping"} | vetoes
     assert {r.value for r in Reason if r.urgent} == urgent
     assert {r.value for r in Reason if r.chosen} == urgent | {"RobotPreferred"}
 
 
 def test_who_lets_a_robot_stand_still_rather_than_the_cloud_act() -> None:
-    assert {r.value for r in Reason if not r.yields_to_need} == {"PinnedToRobot", "PinnedToCloud", "ClockOffset"}
+    vetoes = {r.value for r in Reason if r.kind is Kind.VETO and r is not Reason.POD_STOPPING}
+    assert {r.value for r in Reason if not r.yields_to_need} == {"PinnedToRobot", "PinnedToCloud"} | vetoes
 
 
 def test_hard_limits_are_no_ones_wish() -> None:

@@ -11,7 +11,7 @@ from robot_offload_core import switcher
 from robot_offload_core.events import Acting, Tick
 from robot_offload_core.placement import GateReported, Permit, Phase, Robot, SetGate, SetPin, SwitchByHand, Wish
 from robot_offload_core.pulse import PERMISSION_BEATS
-from robot_offload_core.switcher import STALL_BEATS
+from robot_offload_core.settings import STALL_BEATS
 from robot_offload_core.token import Site
 from tests.unit.core.builders import (
     BEAT_S,

@@ -22,8 +22,11 @@ from robot_offload_core.placement import (
     Robot,
     SetPin,
     SwitchByHand,
+    Veto,
+    Vetoed,
     Wish,
 )
+from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import Mode, Settings
 from robot_offload_core.token import Site
 from tests.unit.core.builders import (
@@ -254,3 +257,50 @@ def test_a_reason_that_stays_is_told_once() -> None:
 @pytest.mark.parametrize("phase", Phase)
 def test_in_a_world_in_which_all_is_well_each_phase_goes_on(phase: Phase) -> None:
     assert after(robot_in(phase)).phase is phase
+
+
+# -- vetoes of other processes
+
+SECOND = Veto(Reason.SECOND_PUBLISHER, "/cmd_vel has another publisher: teleop")
+OTHER_TYPE = Veto(Reason.TYPES_DIFFER, "cmd_vel is TwistStamped in the cloud, Twist on the robot")
+
+
+def test_a_veto_of_another_process_puts_the_robot_in_charge_and_says_why() -> None:
+    story = in_cloud()
+    story.tell(Vetoed("collector", (SECOND,)))
+    story.until_in(Phase.ROBOT, 1.0)
+    assert (story.reason, story.robot.decided.message) == ("SecondPublisher", SECOND.message)
+    story.run(2.0)
+    assert story.robot.phase is Phase.ROBOT
+    story.tell(Vetoed("collector"))
+    story.until_in(Phase.CLOUD)
+
+
+def test_a_limit_that_another_process_found_ends_a_stay_at_once() -> None:
+    robot, commands = switcher.step(robot_in(Phase.CLOUD), Vetoed("data", (OTHER_TYPE,)), NOW_S)
+    assert (switcher.site(robot), robot.decided.reason) == (Site.ROBOT, "TypesDiffer")
+    assert only(commands, Decided).switched
+
+
+def test_a_source_takes_back_its_own_vetoes_only() -> None:
+    robot = after(after(robot_in(), Vetoed("collector", (SECOND,))), Vetoed("data", (OTHER_TYPE,)))
+    assert [v.source for v in after(robot, Vetoed("collector")).vetoes] == ["data"]
+
+
+def test_a_robot_that_cannot_act_stands_still_rather_than_to_break_a_veto() -> None:
+    robot = robot_in(nodes_ready=False, fell_at_s=NOW_S - 60.0, vetoes=(Vetoed("collector", (SECOND,)),))
+    assert after(robot).phase is Phase.ROBOT
+
+
+def test_a_strict_veto_stops_the_driver_whoever_acts() -> None:
+    strict = Vetoed("collector", (replace(SECOND, stops=True),))
+    for phase in (Phase.ROBOT, Phase.CLOUD):
+        _, commands = switcher.step(robot_in(phase), strict, NOW_S)
+        assert only(commands, Acting).stop == SECOND.message
+
+
+def test_replicas_with_other_parameters_hinder_a_preparation_and_end_no_stay() -> None:
+    differ = Vetoed("nodes", (Veto(Reason.REPLICA_PARAMETERS_DIFFER, "planner: speed is 1.0 here, 2.0 there"),))
+    assert after(robot_in(Phase.CLOUD), differ).phase is Phase.CLOUD
+    robot = after(robot_in(pin=Wish(Site.CLOUD)), differ)
+    assert (robot.phase, robot.decided.reason) == (Phase.ROBOT, "ReplicaParametersDiffer")

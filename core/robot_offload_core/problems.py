@@ -1,0 +1,77 @@
+"""What the agents report in `/diagnostics` besides the decisions: problems that a person should look at."""
+
+from __future__ import annotations
+
+from robot_offload_core.reasons import Explained
+
+
+class Problem(Explained):
+    """A problem of one agent; the robot drives on unless a reason of the placement says otherwise."""
+
+    REPLICA_MISSING = (
+        "ReplicaMissing", "The cloud has not seen a replica of a duplicated node for 3 s",
+        "Look at the replica's pod; without it the cloud is not chosen",
+    )  # fmt: skip
+    NO_PUBLISHER = (
+        "NoPublisher",
+        "A topic has no publisher yet, or several types",
+        "Start the node or declare the type",
+    )
+    TYPE_MISSING = (
+        "TypeMissing", "The interface package of a topic is not installed beside the agent",
+        "Add the package to the agent's image or overlay (`interfaces`)",
+    )  # fmt: skip
+    QOS_MISMATCH = (
+        "QosMismatch", "A topic cannot be heard with the declared quality of service", "Declare what its publisher has"
+    )  # fmt: skip
+    REALTIME_REFUSED = (
+        "RealtimeRefused", "The system refuses real-time priority", "Grant it, or set `realtime` to false"
+    )  # fmt: skip
+    PROCESS_HUNG = (
+        "ProcessHung", "A process of the agent gave no sign of life and was started anew", "Look at the agent's log"
+    )  # fmt: skip
+    OTHER_VERSION = (
+        "OtherVersion", "The other side runs another version of the agent", "Run one version on both sides"
+    )  # fmt: skip
+    LIMIT_TOO_TIGHT = (
+        "LimitTooTight", "A deadline or an age is so short that it is broken although all is well",
+        "Choose the value that the message names",
+    )  # fmt: skip
+    MESSAGE_TOO_LARGE = (
+        "MessageTooLarge", "A message is larger than what the agent's processes hand over, and was left out",
+        "Make the message smaller (compressed, lower resolution)",
+    )  # fmt: skip
+    NOT_LIFECYCLE = (
+        "NotLifecycle", "A node that is declared as managed runs without a lifecycle",
+        "Write `lifecycle: false`, or make it a managed node",
+    )  # fmt: skip
+    NODE_MISSING = (
+        "NodeMissing", "A managed node does not run, one with a similar name does",
+        "Give the node the name that it has in the graph",
+    )  # fmt: skip
+    SETTINGS_REFUSED = (
+        "SettingsRefused", "The robot refused settings that the cloud offers", "Read the reason in the message"
+    )  # fmt: skip
+    SETTINGS_UNREADABLE = (
+        "SettingsUnreadable", "The cloud's agent cannot read its settings file", "Look at the ConfigMap of the agent"
+    )  # fmt: skip
+    KEPT_SETTINGS_DAMAGED = (
+        "KeptSettingsDamaged", "The settings kept on the robot's disk cannot be read; its own file holds",
+        "Wait until the cloud offers them again",
+    )  # fmt: skip
+    KEPT_SETTINGS_REFUSED = (
+        "KeptSettingsRefused", "The settings kept on the robot's disk no longer fit its own file, which holds",
+        "Wait until the cloud offers settings again",
+    )  # fmt: skip
+    ROBOT_NOT_CONNECTED = (
+        "RobotNotConnected", "The cloud's agent hears no robot", "Start the robot's agent, then look at the link"
+    )  # fmt: skip
+    NOT_OFFERED = "NotOffered", "The cloud's agent has no settings to offer; the robot runs its own file"
+    PENDING = "Pending", "The robot has not answered to the settings yet", "Wait"
+    CONNECTING = "Connecting", "The robot is heard and has not said yet who acts", "Wait"
+    BARE_BEAT = "BareBeat", "A beat without content arrived; it renews nothing", "None, while it is a single one"
+    FOREIGN_UID = (
+        "ForeignUid", "A beat of another RobotOffload arrived and was ignored", "Separate the two in domain or address"
+    )  # fmt: skip
+    BAD_VERSION = "BadVersion", "A beat of another version arrived and was ignored", "Run one version on both sides"
+    BAD_FORM = "BadForm", "Something that is no beat arrived and was ignored", "See who else sends to this port"
