@@ -120,7 +120,7 @@ WIDE_FACTOR: Final = 30.0
 
 
 def spread(group: str, outcomes: Sequence[GroupResult]) -> Canvas:
-    """Returns the share of samples with at most a value on the left, boxes from quartile to quartile on the right."""
+    """Draws the share of samples with at most a value on the left, boxes from quartile to quartile on the right."""
     of = SPREADS[group]
     found: dict[str, list[float]] = {}
     for outcome in outcomes:
@@ -161,7 +161,7 @@ def _word(value: object) -> str:
 
 
 def commanded_gaps(outcomes: Sequence[GroupResult]) -> Canvas:
-    """Returns the share of switches with at most a gap, for each priority."""
+    """Draws the share of switches with at most a gap, for each priority."""
     canvas = _canvas()
     axes = canvas.subplots()
     for outcome in outcomes:
@@ -178,7 +178,7 @@ def commanded_gaps(outcomes: Sequence[GroupResult]) -> Canvas:
 
 
 def cut_gaps(outcomes: Sequence[GroupResult]) -> Canvas:
-    """Returns each cut of both directions as a stack of its parts, the shortest gap first."""
+    """Draws each cut of both directions as a stack of its parts, the shortest gap first."""
     canvas = _canvas(len(outcomes))
     for axes, outcome in zip(_row(canvas, len(outcomes)), outcomes, strict=True):
         falls = [s for s in outcome.samples if s["direction"] == "both" and _is_number(s["gap_ms"])]

@@ -224,7 +224,7 @@ def _with_libraries(root: Path, program: str) -> Mapping[str, Path]:
 
 
 def _import(root: Path) -> str:
-    """Returns an image of these files; its name."""
+    """Builds an image of these files; returns its name."""
     changes = ("ENV container=docker", 'ENTRYPOINT ["/usr/local/bin/entrypoint", "/sbin/init"]')
     options = [word for change in changes for word in ("--change", change)]
     with subprocess.Popen(["tar", "-C", str(root), "--numeric-owner", "-c", "."], stdout=subprocess.PIPE) as packing:

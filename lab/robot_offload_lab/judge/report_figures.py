@@ -61,7 +61,7 @@ def path(measures: Measures) -> Figure:
 
 
 def run(measures: Measures) -> Figure:
-    """Returns all in one picture, for a README."""
+    """Draws everything in one picture, for a README."""
     with_path = bool(measures.recording.path)
     heights = (3.2, 1.4, 2.8, 2.4) if with_path else (3.2, 1.4, 2.8)
     with style():

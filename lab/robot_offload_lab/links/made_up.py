@@ -278,7 +278,7 @@ def made(family: str, seed: int, duration_s: float) -> Trace:
 
 
 def corridor_wifi(seed: int, duration_s: float) -> str:
-    """Returns a robot driving through a building on Wi-Fi, in the text format.
+    """Returns the link of a robot driving through a building on Wi-Fi, in the text format.
 
     About 11 ms with a long tail; every 15-25 s the robot changes to the next access point: the link stands
     still for 0.15-0.9 s, and for some seconds before that it gets slower.
@@ -302,7 +302,7 @@ def corridor_wifi(seed: int, duration_s: float) -> str:
 
 
 def yard_4g(seed: int, duration_s: float) -> str:
-    """Returns a robot in a yard on 4G, in the CSV format, ten requests a second.
+    """Returns the link of a robot in a yard on 4G, in the CSV format, ten requests a second.
 
     40-60 ms in a slow swell with a long tail; 1 % of the requests are lost alone, and about every 40 s a
     change of the cell loses all for 0.5-2.5 s.

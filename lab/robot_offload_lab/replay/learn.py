@@ -62,7 +62,7 @@ def learnt(cases: Sequence[StudiedLink] | Iterator[StudiedLink]) -> list[float]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Returns the command line."""
+    """Runs the command line; returns 0."""
     parser = argparse.ArgumentParser(
         prog="python -m robot_offload_lab.replay.learn", description="The prior of the core."
     )

@@ -152,7 +152,7 @@ class Tunnel:
 
 
 def _host(name: str, address: str) -> _End:
-    """Returns a network namespace with loopback and a device that leads to us. This thread stays in it."""
+    """Makes a network namespace with loopback and a device that leads to us. This thread stays in it."""
     other = CLOUD_ADDRESS if address == ROBOT_ADDRESS else ROBOT_ADDRESS
     os.unshare(os.CLONE_NEWNET)
     with Path("/proc/self/ns/net").open(encoding="ascii") as own:

@@ -49,7 +49,7 @@ def steps(_amounts: Amounts) -> float:
 
 
 def run(order: Order) -> GroupResult:
-    """Returns all loads with the default transports, then the large ones with those that are made for them."""
+    """Measures all loads with the default transports, then the large ones with those that are made for them."""
     found = _measure(order, "collector", LOADS, {})
     found += _measure(order, "collector-large", LARGE_LOADS, {"FASTDDS_BUILTIN_TRANSPORTS": LARGE})
     return collector.outcome(order.priority, found)

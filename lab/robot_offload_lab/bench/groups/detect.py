@@ -98,7 +98,7 @@ def steps(amounts: Amounts) -> float:
 
 
 def run(order: Order) -> GroupResult:
-    """Returns one case after the other, each with its rivals where this machine can run them."""
+    """Measures one case after the other, each with its rivals where this machine can run them."""
     refused = TwoHosts.refusal()
     known = (*RUNS, *MORE) if order.cases else runs(order.amounts)
     wanted = [one for one in known if order.wants(one.name)]
@@ -188,7 +188,7 @@ def _cut(
     chance: random.Random,
     advance: Callable[[float], None],
 ) -> Cut:
-    """Returns both links at the same moment; each with its own time stamp."""
+    """Cuts both links at the same moment; each has its own time stamp."""
     world.rest(chance.uniform(*REST_S))
     world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
     _, cut_s = world.cut("both")

@@ -70,7 +70,7 @@ def steps(_amounts: Amounts) -> float:
 
 
 def run(order: Order) -> GroupResult:
-    """Returns all scenarios, one after the other."""
+    """Measures all scenarios, one after the other."""
     found: list[Travelled] = []
     refused = {}
     for name, (scenario, measure) in RUNS.items():

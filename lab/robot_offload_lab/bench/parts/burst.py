@@ -58,7 +58,7 @@ class Burst(LifecycleNode):  # type: ignore[misc]  # rclpy carries no types
         return super().on_activate(state)
 
     def run(self, stage: dict[str, Any]) -> dict[str, Any]:
-        """Returns one stage."""
+        """Publishes one stage; returns what was sent."""
         data, half_s = message(stage["bytes"]), 0.5 / stage["rate_hz"]
         count = round(stage["seconds"] * stage["rate_hz"])
         due_s = steady_s()
