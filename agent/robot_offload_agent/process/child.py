@@ -89,11 +89,7 @@ def run_child(child: Child, prefix: str, folder: Path, name: str) -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     with contextlib.suppress(OSError):
         Path("/proc/self/comm").write_text(f"{prefix}-{child.name}"[:15])
-    held = identity.take(f"{name}/{child.name}")  # by this the next supervisor finds us when ours is gone
-    if not isinstance(held, socket.socket):
-        log.warning(
-            "Process %d holds the name of our process %s: a later supervisor cannot find it", held.pid, child.name
-        )
+    _held = _named(f"{name}/{child.name}")  # for as long as this process lives
     code = 1
     try:
         child.run()
@@ -107,6 +103,19 @@ def run_child(child: Child, prefix: str, folder: Path, name: str) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
+
+
+def _named(name: str) -> socket.socket | None:
+    """Takes a name by which the next supervisor finds this process when ours is gone; nothing else depends on it."""
+    try:
+        held = identity.take(name)
+    except OSError as error:
+        log.warning("The name %s cannot be taken: %s; a later supervisor cannot find this process", name, error)
+        return None
+    if isinstance(held, socket.socket):
+        return held
+    log.warning("Process %d holds the name %s; a later supervisor cannot find this process", held.pid, name)
+    return None
 
 
 def describe(code: int) -> str:

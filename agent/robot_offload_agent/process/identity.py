@@ -8,6 +8,7 @@ containers on the host's network share them, and frees a name when its holder di
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import signal
 import socket
@@ -39,12 +40,17 @@ def take(name: str) -> socket.socket | Holder:
     """Takes a name for as long as the returned socket, or a copy of it in another process, is open.
 
     Returns the holder instead when somebody else has the name.
+
+    Raises:
+        OSError: this process may take no such name at all.
     """
     taken = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
     try:
         taken.bind(_PREFIX + name)
-    except OSError:
+    except OSError as error:
         taken.close()
+        if error.errno != errno.EADDRINUSE:
+            raise
         return holder(name) or Holder(0)
     taken.listen(_BACKLOG)
     return taken

@@ -138,7 +138,13 @@ class Supervisor:
 
     def _take_identity(self) -> None:
         """Takes the identity, and ends what an earlier supervisor of it has left."""
-        taken = take(self.identity)
+        try:
+            taken = take(self.identity)
+        except OSError as error:  # for example forbidden by a policy of the system
+            raise ConfigurationError(
+                f"parameter uid: the name {self.identity} cannot be taken on this host ({error}); without it nobody "
+                "can say that this is the only agent of that identity: allow abstract unix sockets"
+            ) from error
         if not isinstance(taken, socket.socket):
             raise AlreadyRunningError(self._refusal(taken))
         self.name = taken

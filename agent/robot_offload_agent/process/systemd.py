@@ -26,13 +26,14 @@ class Systemd:
         if period_us.isdecimal() and meant_for == str(os.getpid()):
             self.period_s = int(period_us) / 1e6 / WATCHDOG_SHARE
         self.due_s = 0.0
-        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
 
     def say(self, *words: str) -> None:
         """Sends assignments such as `READY=1`. Nobody waits: a manager that does not read misses them."""
-        if self.address:
-            with contextlib.suppress(OSError):
-                self.socket.sendto("\n".join(words).encode(), self.address)
+        if not self.address:
+            return
+        manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        with manager, contextlib.suppress(OSError):
+            manager.sendto("\n".join(words).encode(), self.address)
 
     def live(self, now_s: float) -> None:
         """Feeds the watchdog when that is due."""

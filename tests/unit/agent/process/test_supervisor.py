@@ -14,6 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from robot_offload_agent.errors import ConfigurationError
+from robot_offload_agent.process.supervisor import Supervisor
+
 PATIENCE_S = 20.0
 
 
@@ -199,6 +202,11 @@ def test_an_agent_in_a_container_on_the_hosts_network_is_refused_as_well(family:
     assert until(lambda: family.lives("one"))
     assert family.start("one=sleep", folder=family.folder / "other", inside=inside).wait(PATIENCE_S) == 3
     assert "it is in a container, or of another user" in family.log
+
+
+def test_a_name_that_the_system_does_not_allow_is_no_second_agent(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be taken on this host"):
+        Supervisor(tmp_path, "ro-test", [], "x" * 200).run()
 
 
 def test_what_an_agent_left_in_another_folder_is_ended_by_the_next_one(family: Family) -> None:
