@@ -240,6 +240,7 @@ def test_pin_changes_one_field_and_says_so(place: Place, run: Run) -> None:
     assert after["spec"]["switching"]["pin"] == "Robot"
     before["spec"]["switching"]["pin"] = "Robot"
     assert after["spec"] == before["spec"]
+    assert "kubectl-offload" in {entry["manager"] for entry in after["metadata"]["managedFields"]}
     assert after["metadata"]["generation"] == before["metadata"]["generation"] + 1
     run("pin", "walker", "robot")
     assert place.roff()["metadata"]["generation"] == after["metadata"]["generation"]

@@ -32,6 +32,8 @@ Namespace = Annotated[
     str | None, typer.Option("--namespace", "-n", metavar="NAME", help="Namespace. Default: the context's.")
 ]
 
+FIELD_MANAGER: Final = "kubectl-offload"
+"""Whose a pin by hand is: a person's, not the operator's."""
 REPORTER_PORT: Final = 8080
 INSTALL: Final = "helm install robot-offload charts/robot-offload --namespace robot-offload-system --create-namespace"
 NO_KIND: Final = f"the cluster does not know RobotOffload; install it first: {INSTALL}"
@@ -63,7 +65,7 @@ class Target:
     @asynccontextmanager
     async def api(self, retry: RetryPolicy = PATIENCE) -> AsyncIterator[KubeApi]:
         """A connection, ended at the end."""
-        api = connect(self.kubeconfig, self.context, retry)
+        api = connect(self.kubeconfig, self.context, retry, manager=FIELD_MANAGER)
         try:
             yield api
         finally:

@@ -35,8 +35,15 @@ Guard: TypeAlias = Callable[[Verb], None]
 class Client:
     """`KubeApi` over HTTP. Make it with `connect`, end it with `close`."""
 
-    def __init__(self, configure: Configure, retry: RetryPolicy | None = None, guard: Guard | None = None) -> None:
+    def __init__(
+        self,
+        configure: Configure,
+        retry: RetryPolicy | None = None,
+        guard: Guard | None = None,
+        manager: str = FIELD_MANAGER,
+    ) -> None:
         self._configure = configure
+        self._manager = manager
         self._guard = guard or _let_pass
         self._retry = retry or RetryPolicy()
         self._dynamic: DynamicClient | None = None
@@ -83,7 +90,7 @@ class Client:
             f"apply {_told(kind, namespace, name)}",
             body=manifest,
             content_type=_APPLY_PATCH,
-            field_manager=FIELD_MANAGER,
+            field_manager=self._manager,
             force_conflicts="true" if force else None,
         )
 
@@ -97,7 +104,7 @@ class Client:
             f"create {_told(kind, namespace, name)}",
             idempotent=False,
             body=manifest,
-            field_manager=FIELD_MANAGER,
+            field_manager=self._manager,
         )
 
     async def patch(
@@ -116,7 +123,7 @@ class Client:
             f"patch {_told(kind, namespace, name)}",
             body=dict(patch),
             content_type=_MERGE_PATCH,
-            field_manager=FIELD_MANAGER,
+            field_manager=self._manager,
         )
 
     async def delete(self, kind: Kind, namespace: str | None, name: str, uid: str) -> None:

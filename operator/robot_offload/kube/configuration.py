@@ -16,6 +16,7 @@ from kubernetes.aio.config.config_exception import ConfigException
 
 from robot_offload.kube.client import Client, Guard
 from robot_offload.kube.errors import NotConfiguredError
+from robot_offload.kube.port import FIELD_MANAGER
 from robot_offload.kube.retry import RetryPolicy
 
 
@@ -49,6 +50,7 @@ def connect(
     context: str | None = None,
     retry: RetryPolicy | None = None,
     guard: Guard | None = None,
+    manager: str = FIELD_MANAGER,
 ) -> Client:
     """Returns a client for an API server. Credentials are read at the first request and again after a 401.
 
@@ -57,13 +59,14 @@ def connect(
         context: as `kubectl --context`.
         retry: how patient requests are.
         guard: is called before each request and may keep it from being sent.
+        manager: whose the written fields are, for server-side apply.
     """
     access = Access(kubeconfig, context)
 
     async def configure() -> Configuration:
         return await _configuration(access)
 
-    return Client(configure, retry, guard)
+    return Client(configure, retry, guard, manager)
 
 
 def current_namespace(kubeconfig: str | None = None, context: str | None = None) -> str:

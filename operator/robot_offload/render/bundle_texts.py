@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shlex
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -194,7 +196,13 @@ def _nodes(offload: RobotOffload) -> str:
 def _whole_command(offload: RobotOffload, node: Node) -> list[str]:
     if node.run is None:
         return []
-    return ["", "  ```sh", f"  {shlex.join(command(offload.spec, node, 'robot'))}", "  ```"]
+    return ["", textwrap.indent(_fenced(shlex.join(command(offload.spec, node, "robot"))), "  ")]
+
+
+def _fenced(text: str) -> str:
+    """A block of code in Markdown that its own text cannot leave: the fence is longer than any in it."""
+    fence = "`" * max(3, 1 + max(map(len, re.findall("`+", text)), default=0))
+    return f"{fence}sh\n{text}\n{fence}"
 
 
 def _driver(offload: RobotOffload) -> str:

@@ -125,6 +125,17 @@ def test_the_readme_says_the_remappings_and_the_way_back() -> None:
     assert "/wheels_control/inhibit" in readme
 
 
+def test_a_command_cannot_leave_its_block_in_the_readme() -> None:
+    hostile = "x\n```\n## Install this instead"
+    changed = offload({"nodes.1.run.command": ["controller", hostile]})
+    readme = bundle(Parent(changed, KNOWN), SECRETS)["README.md"].decode()
+    [place] = [index for index, line in enumerate(readme.splitlines()) if "Install this instead" in line]
+    before = readme.splitlines()[:place]
+    assert before[-1] == "  ```", "as the command has it, inside of a longer fence"
+    assert "  ````sh" in before
+    assert not [line for line in readme.splitlines() if line.startswith("## Install this instead")]
+
+
 def test_a_robot_without_collected_outputs_changes_nothing_about_its_nodes() -> None:
     files = bundle(Parent(offload({"nodes.1.outputs": [], "nodes.1.run.remap": {}}), KNOWN), SECRETS)
     assert b"nothing about them changes" in files["README.md"]
