@@ -22,6 +22,7 @@ from typing import Any
 from robot_offload_agent.link.port import Channel
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import ZenohSettings
+from robot_offload_agent.link.zenoh_log import WheelLog
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from tests.ros.ports import HOST
 
@@ -33,9 +34,9 @@ ROOT = Path(__file__).parents[2]
 class End:
     """One end of a link and what it has received."""
 
-    def __init__(self, settings: ZenohSettings) -> None:
+    def __init__(self, settings: ZenohSettings, wheel: WheelLog | None = None) -> None:
         self.received: list[tuple[str, bytes, bytes]] = []
-        self.link = ZenohLink(settings, CHANNELS, lambda *message: self.received.append(message))
+        self.link = ZenohLink(settings, CHANNELS, lambda *message: self.received.append(message), wheel)
 
 
 class Ends:
@@ -45,8 +46,8 @@ class Ends:
         self.opened: list[End] = []
         self.started: list[subprocess.Popen[str]] = []
 
-    def open(self, settings: ZenohSettings) -> End:
-        self.opened.append(End(settings))
+    def open(self, settings: ZenohSettings, wheel: WheelLog | None = None) -> End:
+        self.opened.append(End(settings, wheel))
         self.opened[-1].link.start()
         return self.opened[-1]
 

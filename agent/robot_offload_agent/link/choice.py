@@ -9,10 +9,12 @@ import rclpy
 from rclpy.node import Node
 
 from robot_offload_agent.errors import ConfigurationError
+from robot_offload_agent.link.certificate_files import certificate_problem
 from robot_offload_agent.link.port import Channel, Link, LinkStatus, OnMessage
 from robot_offload_agent.link.ros import RosLink
-from robot_offload_agent.link.zenoh import ZenohLink, certificate_problem
+from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import ZenohSettings
+from robot_offload_agent.link.zenoh_log import WheelLog
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration, listed
@@ -66,7 +68,7 @@ def open_link(
         ConfigurationError: a certificate file is missing.
     """
     if configuration["link.type"] == "zenoh":
-        return LinkHandle(ZenohLink(zenoh_settings(configuration, session), channels, on_message))
+        return LinkHandle(ZenohLink(zenoh_settings(configuration, session), channels, on_message, WheelLog()))
     own = None
     if node is None:
         context.init(configuration)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from typing import Protocol
 
 OnMessage = Callable[[str, bytes, bytes], None]
@@ -30,6 +31,25 @@ class Channel:
     urgent: bool = False
 
 
+class LinkCause(str, Enum):
+    """Why there is no session as it should be; the values are the reasons that people read."""
+
+    NONE = ""
+    NO_SESSION = "NoSession"
+    UNKNOWN_NAME = "UnknownName"
+    NO_ANSWER = "NoAnswer"
+    UDP_BLOCKED = "UdpBlocked"
+    CERTIFICATE_REFUSED = "CertificateRefused"
+    CERTIFICATE_EXPIRED = "CertificateExpired"
+    CERTIFICATE_FILES = "CertificateFiles"
+    WRONG_AUTHORITY = "WrongAuthority"
+    WRONG_NAME = "WrongName"
+    OTHER_IDENTITY = "OtherIdentity"
+    STRANGER = "Stranger"
+    SECOND_SESSION = "SecondSession"
+    CANNOT_LISTEN = "CannotListen"
+
+
 @dataclass(frozen=True)
 class LinkStatus:
     """What a link can say about itself.
@@ -39,7 +59,9 @@ class LinkStatus:
         endpoint: the endpoint in use or being tried, e.g. `quic/cloud.example:7447`; empty for DDS.
         fallback: the endpoint is the fallback (TLS over TCP), with its longer limits.
         sessions: how many sessions were opened since the start; grows with every reconnect.
-        message: what a person should read when it is not connected, e.g. the last error.
+        message: what a person should read: what is wrong, and the next step; empty when all is well.
+        cause: of what `message` says.
+        counters: (name, how often) of what happened since the start and should not.
     """
 
     connected: bool
@@ -47,6 +69,8 @@ class LinkStatus:
     fallback: bool = False
     sessions: int = 0
     message: str = ""
+    cause: LinkCause = LinkCause.NONE
+    counters: tuple[tuple[str, int], ...] = ()
 
 
 class Link(Protocol):

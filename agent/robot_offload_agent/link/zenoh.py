@@ -9,26 +9,36 @@ a minute after the listener was closed.
 from __future__ import annotations
 
 import logging
-import ssl
 import threading
+from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 
 import zenoh
 
 from robot_offload_agent.errors import ConfigurationError
-from robot_offload_agent.link.port import Channel, LinkStatus, OnMessage
+from robot_offload_agent.link import zenoh_causes
+from robot_offload_agent.link.certificate_files import certificate_problem
+from robot_offload_agent.link.port import Channel, LinkCause, LinkStatus, OnMessage
+from robot_offload_agent.link.zenoh_causes import Found
 from robot_offload_agent.link.zenoh_config import ZenohSettings, key
-from robot_offload_agent.link.zenoh_rules import EndpointChoice, Patience
+from robot_offload_agent.link.zenoh_log import WheelLog
+from robot_offload_agent.link.zenoh_rules import Attendance, EndpointChoice, Patience, Repetition
 from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
 from robot_offload_agent.process.clock import now_s
 
 log = logging.getLogger(__name__)
 
+NO_ROBOT = "no robot is connected"
 _CLOSE_S = 0.9
 """How long `close` waits for the session to say goodbye."""
 _SUCCESSION_S = 1.0
 """How long a second session may stay silent before it takes over from the first all the same."""
+_LOOK_S = 0.5
+"""How often the cloud looks at who is connected."""
+_LOG_S = 0.05
+"""How long after a failed attempt its line in the wheel's log is waited for."""
+_REFUSAL_S = 60.0
+"""How long a refused robot stays in the status of a cloud without one."""
 
 
 class ZenohLink:
@@ -38,8 +48,20 @@ class ZenohLink:
         settings: as given.
     """
 
-    def __init__(self, settings: ZenohSettings, channels: Sequence[Channel], on_message: OnMessage) -> None:
+    def __init__(
+        self,
+        settings: ZenohSettings,
+        channels: Sequence[Channel],
+        on_message: OnMessage,
+        wheel: WheelLog | None = None,
+    ) -> None:
         """Checks everything that can be checked without a network.
+
+        Args:
+            settings: of the link.
+            channels: the same as on the other side.
+            on_message: see `port.OnMessage`.
+            wheel: where the wheel says why a session was refused; without one that is not known.
 
         Raises:
             ConfigurationError: a certificate file is missing or does not fit, or a channel has no usable name.
@@ -58,6 +80,10 @@ class ZenohLink:
         self._on_message = on_message
         self._choice = EndpointChoice(bool(settings.fallback), settings.fallback_after_ms / 1e3)
         self._patience = Patience(settings.open_timeout_ms, settings.slow_open_timeout_ms)
+        self._wheel = wheel
+        self._attendance = Attendance()
+        self._repetition = Repetition()
+        self._counters: Counter[str] = Counter()
         self._change = threading.Condition()
         self._thread: threading.Thread | None = None
         # What follows is guarded by _change; the sessions may be read without.
@@ -66,6 +92,8 @@ class ZenohLink:
         self._earlier_sessions = 0
         self._earlier_malformed = 0
         self._message = "not started"
+        self._cause = LinkCause.NONE
+        self._refused: tuple[str, float] = ("", float("-inf"))  # a robot that was refused, and when
         self._reopening = ""
         self._closing = False
 
@@ -74,6 +102,8 @@ class ZenohLink:
         if self._thread is not None:
             raise RuntimeError("the link was started already")
         work = self._dial if self.settings.dials else self._listen
+        if self._wheel is not None and not self.settings.dials:
+            self._wheel.watch(self._handshake_failed)
         self._thread = threading.Thread(target=work, name=f"link-{self.settings.session}", daemon=True)
         self._thread.start()
 
@@ -89,20 +119,37 @@ class ZenohLink:
         return session is not None and self._up(session) and session.send(channel, header, payload)
 
     def _up(self, session: ZenohSession) -> bool:
-        return session.connections > 0 and not self._reopening
+        return session.connections > 0 and not self._reopening and not self._is_foreign(session)
+
+    def _is_foreign(self, session: ZenohSession) -> bool:
+        """Whether the cloud at the other end has said that it serves another RobotOffload."""
+        return session.served_uid not in ("", self.settings.uid)
 
     def status(self) -> LinkStatus:
         """The present state."""
         with self._change:
             session = self._session
             connected = session is not None and self._up(session)
+            cause, message = self._judge(session, connected)
             return LinkStatus(
                 connected=connected,
                 endpoint=self._where(self._choice.fallback),
                 fallback=self._choice.fallback,
                 sessions=self._earlier_sessions + (session.opened if session is not None else 0),
-                message="" if connected else self._message,
+                message=message,
+                cause=cause,
+                counters=tuple(sorted(self._counters.items())),
             )
+
+    def _judge(self, session: ZenohSession | None, connected: bool) -> tuple[LinkCause, str]:
+        """What is wrong at present; call with _change held."""
+        if self.settings.dials and session is not None and self._is_foreign(session):
+            return LinkCause.OTHER_IDENTITY, zenoh_causes.other_identity(self.settings, session.served_uid)
+        if connected and self._choice.fallback and self.settings.dials:
+            return LinkCause.UDP_BLOCKED, zenoh_causes.udp_blocked(self.settings, self._where(fallback=True))
+        if self.settings.dials:
+            return (LinkCause.NONE, "") if connected else (self._cause, self._message)
+        return self._cause, "" if connected and not self._cause else self._message
 
     def _where(self, fallback: bool) -> str:
         return ", ".join(self.settings.fallback if fallback else self.settings.endpoints)
@@ -161,7 +208,8 @@ class ZenohLink:
         self._end_session(f"reopening: {self._reopening}" if self._reopening else "the session was lost")
 
     def _session_over(self) -> bool:
-        return self._closing or self._session is None or not self._up(self._session)
+        # With a foreign cloud the session stays: dialling again would lead to the same one.
+        return self._closing or self._session is None or self._session.connections == 0 or bool(self._reopening)
 
     def _begin(self, session: ZenohSession) -> None:
         """Takes a session into use where there is none."""
@@ -226,35 +274,83 @@ class ZenohLink:
                 self._pause(self.settings.retry_ms / 1e3)
                 continue
             with self._change:
-                self._message = "no robot is connected"
+                self._message = NO_ROBOT
             self._begin(session)
-            with self._change:
-                self._change.wait_for(lambda: self._closing)
+            while not self._closing:
+                self._pause(_LOOK_S)
+                self._look(session, now_s())
         self._end_session("closed", wait_s=_CLOSE_S / 2)
+
+    def _look(self, session: ZenohSession, now: float) -> None:
+        """Judges who is connected; a robot that says nothing learns whom this cloud serves."""
+        settings = self.settings
+        with self._change:
+            sessions, strangers = session.connections, session.strangers
+            cause = self._attendance.look(now, sessions, session.received)
+            message = "" if sessions else NO_ROBOT
+            if cause is LinkCause.SECOND_SESSION:
+                message = zenoh_causes.second_session(settings, sessions)
+                self._counters["second_session"] = self._attendance.seconds
+            elif cause is LinkCause.OTHER_IDENTITY:
+                message = zenoh_causes.silent_robot(settings)
+            elif not sessions and strangers:
+                cause, message = LinkCause.STRANGER, zenoh_causes.stranger(settings, strangers)
+            elif not sessions and now - self._refused[1] < _REFUSAL_S:
+                cause, message = LinkCause.CERTIFICATE_REFUSED, self._refused[0]
+            self._cause, self._message = cause, message
+            self._counters["strangers"] = session.foreign
+        if cause is LinkCause.OTHER_IDENTITY:
+            session.introduce()
+        if strangers:
+            message = zenoh_causes.stranger(settings, strangers)
+        if (cause or strangers) and self._repetition.is_due(message, now):
+            log.warning("%s", message)
+
+    def _handshake_failed(self, found: Found) -> None:
+        """A handshake at some listener of this process failed (thread of the log)."""
+        message = zenoh_causes.explain(found, self.settings, self._where(fallback=False))
+        with self._change:
+            self._counters["refused"] += 1
+            self._refused = message, now_s()
+        if self._repetition.is_due(message, now_s()):
+            log.warning("%s", message)
 
     # -- both -------------------------------------------------------------------------------------------------------
 
     def _open(self, fallback: bool) -> ZenohSession | None:
         """One attempt; the reason of a failure becomes the status message."""
-        where = self._where(fallback)
+        where, began_s = self._where(fallback), now_s()
         try:
             session = ZenohSession(self.settings, fallback, self._patience.next_ms(now_s()))
             self._patience.succeeded()
             return session
         except PeerRefusedError as error:
-            message = f"{where} was refused: {error}"
+            found = Found(LinkCause.WRONG_NAME, str(error))
         except zenoh.ZError as error:
-            if self.settings.dials:
-                hint = "no answer, or a certificate was refused"
-                message = f"no session with {where}: {certificate_problem(self.settings) or hint}"
-            else:
-                # The wheel appends its source line.
-                message = f"cannot listen on {where}: {str(error).partition(' at /')[0]}"
+            found = self._failure(error, fallback, began_s)
+        if found.cause in (LinkCause.CANNOT_LISTEN, LinkCause.CERTIFICATE_FILES):
+            message = found.detail
+        else:
+            message = zenoh_causes.explain(found, self.settings, where)
         with self._change:
-            if message != self._message and self._session is None:
-                log.warning("Opened no %s session yet: %s", self.settings.session, message)
-                self._message = message
+            if self._session is None:
+                self._cause, self._message = found.cause, message
+                if self._repetition.is_due(message, now_s()):
+                    log.warning("%s reason=%s", message, found.cause.value)
         return None
+
+    def _failure(self, error: zenoh.ZError, fallback: bool, began_s: float) -> Found:
+        """Why an attempt failed."""
+        if not self.settings.dials:
+            # The wheel appends its source line.
+            where = self._where(fallback)
+            return Found(LinkCause.CANNOT_LISTEN, f"cannot listen on {where}: {str(error).partition(' at /')[0]}")
+        problem = certificate_problem(self.settings)
+        if problem:
+            return Found(LinkCause.CERTIFICATE_FILES, problem)
+        endpoints = self.settings.fallback if fallback else self.settings.endpoints
+        said = [] if self._wheel is None else self._wheel.dialled(endpoints, began_s, _LOG_S)
+        return zenoh_causes.most_telling(said) or Found(LinkCause.NO_SESSION, "")
 
     def _declare(self, session: ZenohSession) -> None:
         try:
@@ -289,23 +385,3 @@ class ZenohLink:
                 return
             self._choice.opened(fallback)
             log.info("Counted connections session=%s robots=%d", self.settings.session, session.connections)
-
-
-def certificate_problem(settings: ZenohSettings) -> str:
-    """What is wrong with the certificate files, "" when nothing is: missing, unreadable, or not made for each other."""
-    for name in ("ca", "certificate", "private_key"):
-        path = Path(getattr(settings, name))
-        try:
-            path.read_bytes()
-        except OSError as error:
-            return f"{name} {path}: {error.strerror}"
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    try:
-        context.load_verify_locations(settings.ca)
-    except ssl.SSLError:
-        return f"ca {settings.ca}: holds no certificate in PEM form"
-    try:
-        context.load_cert_chain(settings.certificate, settings.private_key)
-    except ssl.SSLError as error:
-        return f"certificate {settings.certificate} and private_key {settings.private_key}: {error.reason or error}"
-    return ""

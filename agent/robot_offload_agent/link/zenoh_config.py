@@ -153,6 +153,10 @@ def acknowledgement_key(settings: ZenohSettings, sender_side: str) -> str:
     return _key(settings, sender_side, "_ack")
 
 
+UID_KEY = f"{KEY_PREFIX}/_uid"
+"""Under it a cloud says whom it serves, to a robot that is silent under that uid."""
+
+
 def _key(settings: ZenohSettings, sender_side: str, name: str) -> str:
     return f"{KEY_PREFIX}/{settings.uid}/{sender_side}/{settings.session}/{name}"
 
@@ -225,6 +229,8 @@ def access_control(settings: ZenohSettings) -> dict[str, Any]:
         allowed("said", _SAID, "egress", own),
         allowed("asked for", _ASKED_FOR, "ingress", own),
         allowed("ask for", _ASKED_FOR, "egress", others),
+        allowed("who is served", _SAID, "ingress" if settings.dials else "egress", UID_KEY),
+        allowed("who is asked", _ASKED_FOR, "egress" if settings.dials else "ingress", UID_KEY),
     ]
     observer = [
         allowed("shown", _SAID, "egress", f"{prefix}/**"),

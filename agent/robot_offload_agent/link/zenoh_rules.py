@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
+from robot_offload_agent.link.port import LinkCause
+
 
 @dataclass
 class EndpointChoice:
@@ -71,6 +73,63 @@ class Patience:
     def succeeded(self) -> None:
         """Notes a session."""
         self.began_s, self.tries = None, 0
+
+
+@dataclass
+class Attendance:
+    """Who is connected to the cloud's listener, and whether that is as it should be.
+
+    Attributes:
+        changeover_s: how long two sessions of one robot are the changeover from one to the next, or one that ended
+            without a goodbye.
+        silence_s: how long a robot that is connected may say nothing: its beats and probes take 0.1 s.
+        crowded_s, silent_s: since when there have been several sessions, and since when all were silent; None: not.
+        received: messages so far, as of `silent_s`.
+        seconds: how often there were several sessions for too long.
+    """
+
+    changeover_s: float = 5.0
+    silence_s: float = 2.0
+    crowded_s: float | None = None
+    silent_s: float | None = None
+    received: int = 0
+    seconds: int = 0
+    crowded: bool = False
+
+    def look(self, now_s: float, sessions: int, received: int) -> LinkCause:
+        """Returns what is wrong with these sessions of the robot's certificate; `received` counts their messages."""
+        if sessions == 0 or received != self.received or self.silent_s is None:
+            self.silent_s, self.received = (now_s if sessions else None), received
+        if sessions < 2:
+            self.crowded_s, self.crowded = None, False
+        elif self.crowded_s is None:
+            self.crowded_s = now_s
+        if self.crowded_s is not None and now_s - self.crowded_s > self.changeover_s:
+            self.seconds += not self.crowded
+            self.crowded = True
+            return LinkCause.SECOND_SESSION
+        silent = self.silent_s is not None and now_s - self.silent_s > self.silence_s
+        return LinkCause.OTHER_IDENTITY if silent else LinkCause.NONE
+
+
+@dataclass
+class Repetition:
+    """Says a sentence once, and again now and then while it stays true.
+
+    Attributes:
+        period_s: between two times.
+        said: when each sentence was said last.
+    """
+
+    period_s: float = 60.0
+    said: dict[str, float] = field(default_factory=dict)
+
+    def is_due(self, sentence: str, now_s: float) -> bool:
+        """Returns whether to say it now, and notes that it was said."""
+        due = now_s - self.said.get(sentence, float("-inf")) >= self.period_s
+        if due:
+            self.said = {one: t_s for one, t_s in self.said.items() if now_s - t_s < self.period_s} | {sentence: now_s}
+        return due
 
 
 @dataclass

@@ -18,6 +18,7 @@ import zenoh
 from robot_offload_agent.link.port import Channel
 from robot_offload_agent.link.zenoh_config import (
     BULK_BYTES,
+    UID_KEY,
     ZenohSettings,
     acknowledgement_key,
     key,
@@ -60,7 +61,10 @@ class ZenohSession:
         connections: to the other side, now; who shows another certificate is not counted. A robot's is 1 and then 0
             for ever: nothing reconnects within a session.
         opened: how many connections there have been.
+        received: how many messages of the other side arrived.
+        served_uid: whom the cloud serves, if it has said so: it does to a robot that is silent under that uid.
         strangers: common names of the certificates of the others that are connected, "" for none.
+        foreign: how many connections such clients have had.
         malformed: how many messages arrived that are none of ours.
     """
 
@@ -80,7 +84,10 @@ class ZenohSession:
         self.fallback = fallback
         self.connections = self.opened = 0
         self.malformed = 0
+        self.received = 0
+        self.served_uid = ""
         self.strangers: frozenset[str] = frozenset()
+        self.foreign = 0
         self._peers: dict[str, str] = {}  # of the cloud: session -> common name
         self._outlets: dict[str, _Outlet] = {}
         self._lock = threading.Lock()
@@ -138,6 +145,11 @@ class ZenohSession:
             heard = key(settings, settings.other_side, channel.name)
             self._declared.append(self._session.declare_subscriber(heard, receive))
 
+        if settings.dials:
+            self._declared.append(self._session.declare_subscriber(UID_KEY, self._introduced))
+        else:
+            self._introduction = self._publish(UID_KEY, reliable=True)
+
         def changed(event: Any) -> None:
             up = event.kind == zenoh.SampleKind.PUT
             if settings.dials:
@@ -156,15 +168,26 @@ class ZenohSession:
 
     def _count_peer(self, session: str, up: bool) -> None:
         """Notes that somebody came or went at the cloud."""
+        known = (self.settings.peer_name, *self.settings.observers)
         if up:
             names = {link.auth_identifier or "" for link in self._session.info.links() if str(link.zid) == session}
             self._peers[session] = min(names, default="")
             self.opened += self._peers[session] == self.settings.peer_name
+            self.foreign += self._peers[session] not in known
         else:
             self._peers.pop(session, None)
-        known = (self.settings.peer_name, *self.settings.observers)
         self.connections = sum(name == self.settings.peer_name for name in self._peers.values())
         self.strangers = frozenset(name for name in self._peers.values() if name not in known)
+
+    def introduce(self) -> None:
+        """Says which uid the cloud serves."""
+        try:
+            self._introduction.put(self.settings.uid)
+        except zenoh.ZError as error:
+            log.debug("Saying whom this cloud serves failed: %s", error)
+
+    def _introduced(self, sample: zenoh.Sample) -> None:
+        self.served_uid = sample.payload.to_bytes().decode(errors="replace")[:63]
 
     def _make_outlet(self, channel: Channel) -> _Outlet:
         settings = self.settings
@@ -219,6 +242,7 @@ class ZenohSession:
         if len(attachment) < _SEQUENCE_BYTES:
             self.malformed += 1
             return
+        self.received += 1
         sequence, header = attachment[:_SEQUENCE_BYTES], attachment[_SEQUENCE_BYTES:]
         if any(sequence):
             try:

@@ -80,9 +80,10 @@ class PulseProcess:
         status = self.link.status()
         if status != self.status or now >= self.status_due_s:
             self.status, self.status_due_s = status, now + STATUS_PERIOD_S
-            garbage = tuple(sorted({**self.garbage, "pulse": self.bus.garbage + self.guard.count}.items()))
+            ours = {"pulse": self.bus.garbage + self.guard.count}
+            garbage = tuple(sorted({**self.garbage, **ours, **dict(status.counters)}.items()))
             told = (status.connected, status.endpoint, status.fallback, status.sessions, status.message)
-            self.bus.send("control", PulseStatus(*told, garbage, self.realtime))
+            self.bus.send("control", PulseStatus(*told, garbage, self.realtime, status.cause.value))
 
     def read(self) -> None:
         """What control says."""

@@ -206,8 +206,10 @@ class Report:
         if pulse is None:
             return self._status("link", DiagnosticStatus.ERROR, "The pulse process has not reported", values)
         values.update(endpoint=pulse.endpoint, fallback=str(pulse.fallback), sessions=str(pulse.sessions))
+        values.update(cause=pulse.cause)
         values.update({f"garbage.{reason}": str(count) for reason, count in pulse.garbage})
-        level = DiagnosticStatus.OK if pulse.connected and not pulse.fallback else DiagnosticStatus.WARN
+        well = pulse.connected and not pulse.fallback and not pulse.cause
+        level = DiagnosticStatus.OK if well else DiagnosticStatus.WARN
         return self._status(
             "link", level, pulse.message or ("Connected" if pulse.connected else "Not connected"), values
         )

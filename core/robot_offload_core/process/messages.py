@@ -43,7 +43,10 @@ class Heard:
 
 @dataclass(frozen=True)
 class PulseStatus:
-    """pulse -> control, once a second and at changes: the session and what was not understood."""
+    """pulse -> control, once a second and at changes: the session and what was not understood.
+
+    `cause` is the reason of what `message` says (the link's `LinkCause`); there may be one while it is connected.
+    """
 
     connected: bool
     endpoint: str
@@ -52,6 +55,7 @@ class PulseStatus:
     message: str
     garbage: tuple[tuple[str, int], ...]
     realtime: str
+    cause: str = ""
 
 
 @dataclass(frozen=True)
