@@ -37,14 +37,21 @@ class Answer:
 class FarEar:
     """The test's end. It offers what the tests over DDS need of an `Ear`."""
 
-    def __init__(self, processes: Processes, domain: int, namespace: str, topic: str) -> None:
+    def __init__(
+        self,
+        processes: Processes,
+        domain: int,
+        namespace: str,
+        topic: str,
+        environment: dict[str, str] | None = None,
+    ) -> None:
         self.heard: list[Arrival] = []
         self.placed: list[PlacementChange] = []
         self.diagnostics: dict[str, Status] = {}
         self.orders: list[tuple[float, bool]] = []
         self.answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
         command = [sys.executable, "-m", __name__, str(domain), topic]
-        self.process = processes.start("far-ear", command, namespace, talks=True)
+        self.process = processes.start("far-ear", command, namespace, environment, talks=True)
         self.thread = threading.Thread(target=self._listen, name="far-ear", daemon=True)
         self.thread.start()
 

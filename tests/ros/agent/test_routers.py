@@ -63,7 +63,8 @@ def test_probes_and_strangers_at_the_door_do_not_disturb(routed_world: World) ->
 
 def test_whoever_publishes_in_the_cloud_is_not_heard_on_the_robot(routed_world: World) -> None:
     world = routed_world
-    thief = FarEar(world.processes, world.domain["cloud"], world.namespace("cloud"), "/unused")
+    space = world.namespace("cloud")
+    thief = FarEar(world.processes, world.domain["cloud"], space, "/unused", ENVIRONMENT["cloud"])
     assert not thief.say("/command", "cloud 1 1").success, (
         "somebody in the cloud listens to what is meant for the robot"
     )
