@@ -274,13 +274,13 @@ MUTANTS: dict[str, Mutant] = {
         ),
     ),
     "S2": Mutant(
-        "clear without the two beats",
+        "clear without the two beats and the margin for clocks",
         "effects_wait_for_the_lease",
         (
             Edit(
                 "switcher",
                 "return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
-                "return revoked_s + settings.lease_s + settings.drift_s",
+                "return revoked_s + settings.lease_s",
             ),
         ),
     ),
