@@ -1,0 +1,71 @@
+"""The robot's control process: what it sends how often, and which problems of others become vetoes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robot_offload_core import guardians, placement
+from robot_offload_core.placement import SetGate
+from robot_offload_core.process.robot_control import LEVELS_PER_LEASE, RobotControlProcess, RobotPlan
+from robot_offload_core.settings import NodeSpec
+from tests.unit.core.builders import NOW_S, ROBOT, SETTINGS, us
+
+
+class Ports:
+    """A shell that writes down what is sent."""
+
+    def __init__(self) -> None:
+        self.time_s = NOW_S
+        self.sent: list[tuple[str, object]] = []
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def send(self, to: str, message: object) -> bool:
+        self.sent.append((to, message))
+        return True
+
+    def carry_out(self, command: guardians.Command) -> None: ...
+
+    def answer(self, key: int, accepted: bool, message: str) -> None: ...
+
+    def network_status(self, sustained: int) -> None: ...
+
+    def decided(self, decided: placement.Decided) -> None: ...
+
+    def effects_changed(self) -> None: ...
+
+
+def control(**plan: Any) -> tuple[RobotControlProcess, Ports]:
+    ports = Ports()
+    nodes = (NodeSpec("controller", core=True),)
+    return RobotControlProcess(RobotPlan(SETTINGS, SETTINGS, (), nodes, **plan), ports, ROBOT, us(NOW_S)), ports
+
+
+def test_a_gate_that_says_the_same_goes_out_five_times_in_a_lease() -> None:
+    process, ports = control()
+    for _ in range(200):
+        ports.time_s += 0.010
+        process.turn()
+    gates = [message for to, message in ports.sent if to == "collector" and isinstance(message, SetGate)]
+    expected = 200 * 0.010 / SETTINGS.lease_s * LEVELS_PER_LEASE
+    assert 0.7 * expected <= len(gates) <= 1.2 * expected
+    assert all(gate.gate.said_s is not None for gate in gates)
+
+
+def test_a_second_publisher_is_a_veto_and_with_strict_stops_the_driver() -> None:
+    problem = [("SecondPublisher", "/cmd_vel has another publisher: teleop"), ("NoPublisher", "/scan")]
+    for strict in (False, True):
+        process, _ = control(strict=strict)
+        process.veto("collector", problem)
+        (vetoed,) = process.robot.vetoes
+        assert [(v.reason.value, v.stops) for v in vetoed.vetoes] == [("SecondPublisher", strict)]
+        process.veto("collector", [])
+        assert process.robot.vetoes == ()
+
+
+def test_an_undeclared_publisher_is_a_veto_only_when_that_is_wanted() -> None:
+    for strict in (False, True):
+        process, _ = control(strict=strict)
+        process.veto("nodes", [("UndeclaredPublisher", "controller publishes /debug")])
+        assert bool(process.robot.vetoes) is strict
