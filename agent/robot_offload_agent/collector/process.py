@@ -14,6 +14,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from robot_offload_agent.errors import StartError
 from robot_offload_agent.process import losses, realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
@@ -24,6 +25,7 @@ from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings import store
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.collectors import Charge, Collector
+from robot_offload_core.process import rivals
 from robot_offload_core.process.collector import TURN_S, CollectorPlan, CollectorProcess
 from robot_offload_core.process.messages import Fatal
 from robot_offload_core.token import Site, Token
@@ -31,13 +33,11 @@ from robot_offload_core.token import Site, Token
 log = logging.getLogger(__name__)
 
 NODE_NAME = "offload_collector"
-NAMELESS = "_NODE_NAME_UNKNOWN_"
-"""What rmw calls the node of a publisher whose name has not been announced yet."""
 RESOLVE_FIRST_S = 0.05
 RESOLVE_PERIOD_S = 0.5
 """How often the graph is looked at: often until everything is subscribed, because no message passes before."""
-SECOND_PUBLISHER_CHECK_S = 1.5
-"""Discovery on one host takes up to about a second; a second publisher found by then stops the start."""
+SECOND_PUBLISHER_CHECK_S = rivals.NAME_S
+"""A second publisher found by then stops the start."""
 MEMORY_BYTES = 256
 
 
@@ -95,13 +95,17 @@ class CollectorShell:
         self.memory = Memory(configuration.runtime_dir)
         plan = CollectorPlan(
             configuration.output_specs(), tuple(o["mirror"] for o in configuration.outputs),
-            settings.max_command_age_s, settings.lease_s,
+            settings.max_command_age_s, settings.lease_s, configuration["strict"],
         )  # fmt: skip
         self.process = CollectorProcess(plan, self, self.memory.load())
         self.started_s = now_s()
         context.init(configuration)
         self.node = context.make_node(configuration, NODE_NAME)
         self.publishers: dict[int, Any] = {}
+        self.offered: dict[int, Any] = {}
+        self.published: dict[int, str] = {}  # the type, and behind a blank its hash where rmw gives one
+        full_name = self.node.get_fully_qualified_name()
+        self.rivals = [rivals.Rivals(full_name) for _ in configuration.outputs]
         self.subscriptions = [
             raw.RawSubscription(self.node, o["robot_topic"], o, False, self.robot_handler(i))
             for i, o in enumerate(configuration.outputs)
@@ -134,6 +138,15 @@ class CollectorShell:
         if index in self.publishers:
             self.publishers[index].publish(payload)
 
+    def type_of(self, index: int) -> str:
+        """Returns the type that an output is published with, "" while there is no publisher."""
+        return self.published.get(index, "")
+
+    def topics_of(self, index: int) -> tuple[str, str]:
+        """Returns the public topic of an output and the private one of the robot's replica."""
+        output = self.configuration.outputs[index]
+        return output["topic"], output["robot_topic"]
+
     def save(self, state: Collector) -> None:
         """Keeps who passes now in the memory file."""
         self.memory.save(state)
@@ -151,37 +164,53 @@ class CollectorShell:
             zip(self.subscriptions, self.configuration.outputs, strict=True)
         ):
             subscription.resolve()
-            if subscription.type_name and index not in self.publishers:
-                self.add_publisher(index, subscription.type_name)
+            self.resolve_publisher(index, subscription)
             self.process.note(f"robot {output.name}", subscription.problem)
         self.check_publishers()
         hurried = now_s() - self.started_s < SECOND_PUBLISHER_CHECK_S
         return RESOLVE_FIRST_S if hurried else RESOLVE_PERIOD_S
 
-    def add_publisher(self, index: int, type_name: str) -> None:
-        """Makes the publisher of the public topic of one output."""
+    def resolve_publisher(self, index: int, subscription: raw.RawSubscription) -> None:
+        """Makes the publisher of the public topic, of the type and the kind of the replica's own publisher.
+
+        While the robot's replica has never been seen the cloud's type is taken: the robot may be what is missing.
+        """
         output = self.configuration.outputs[index]
-        qos = raw.publication_qos(output, output["durability"] == "transient_local")
-        self.publishers[index] = raw.make_publisher(self.node, output["topic"], type_name, qos)
+        own = subscription.type_name and raw.named_type(subscription.type_name, subscription.type_hash)
+        wanted = own or self.process.cloud_types.get(output.name, "")
+        qos = raw.offered_qos(self.node, output, output["robot_topic"]) or self.offered.get(index)
+        qos = qos or raw.publication_qos(output, output["durability"] == "transient_local")
+        if not wanted or (self.published.get(index), self.offered.get(index)) == (wanted, qos):
+            return
+        before = self.published.get(index, "")
+        if index in self.publishers and wanted.partition(" ")[0] == before and qos == self.offered[index]:
+            self.published[index] = wanted  # only its hash has become known
+            return
+        try:
+            made = raw.make_publisher(self.node, output["topic"], wanted.partition(" ")[0], qos)
+        except StartError as error:
+            self.process.note(f"public type {output.name}", ("TypeMissing", str(error)))
+            return
+        self.process.note(f"public type {output.name}", None)
+        with self.lock:
+            replaced = self.publishers.get(index)
+            self.publishers[index], self.published[index], self.offered[index] = made, wanted, qos
+        if replaced is not None:
+            self.node.destroy_publisher(replaced)
 
     def check_publishers(self) -> None:
-        """A second publisher on a public topic would bypass the gate: it stops the start, later it is a problem."""
-        for output in self.configuration.outputs:
-            infos = self.node.get_publishers_info_by_topic(output["topic"])
-            young = now_s() - self.started_s < SECOND_PUBLISHER_CHECK_S
-            others = sorted({i.node_name for i in infos if i.node_name != NODE_NAME})
-            if young:
-                others = [name for name in others if name != NAMELESS]  # its name is on its way
-            if not others:
-                self.process.note(f"public {output.name}", None)
-                continue
-            message = (
-                f"{output['topic']} has another publisher: {', '.join(others)}; remap its output to "
-                f"{output['robot_topic']}"
-            )
-            if young:
+        """A second publisher on a public topic would bypass the gate: it stops the start, and later the cloud."""
+        now = now_s()
+        for index, output in enumerate(self.configuration.outputs):
+            found = [raw.endpoint(info) for info in self.node.get_publishers_info_by_topic(output["topic"])]
+            others = self.rivals[index].look(found, int(index in self.publishers), now)
+            with self.lock:
+                message = self.process.rival(index, others)
+            if message and now - self.started_s < SECOND_PUBLISHER_CHECK_S:
                 self.bus.send("supervisor", Fatal("collector", message))
-            self.process.note(f"public {output.name}", ("SecondPublisher", message))
+            self.process.note(
+                f"consumers {output.name}", raw.unheard(self.node, output["topic"], self.offered.get(index))
+            )
 
     def robot_handler(self, index: int) -> raw.OnRaw:
         """Returns the callback for the robot's private topic of one output."""

@@ -47,7 +47,8 @@ class CloudDataShell(DataShell):
             name = self.outputs[index].type_name or self.input_types().get(output.name, "")
             if not name:
                 return
-            qos = raw.publication_qos(output, output["durability"] == "transient_local")
+            qos = raw.offered_qos(self.node, output, output["cloud_topic"])
+            qos = qos or raw.publication_qos(output, output["durability"] == "transient_local")
             self.publishers[key] = raw.make_publisher(self.node, output["topic"], name, qos)
         self.publishers[key].publish(payload)
 
@@ -86,7 +87,7 @@ class CloudDataShell(DataShell):
 
     def types(self) -> dict[str, str]:
         """Returns the types of the outputs that have been found in the graph."""
-        return {s.spec.name: s.type_name for s in self.outputs if s.type_name}
+        return {s.spec.name: raw.named_type(s.type_name, s.type_hash) for s in self.outputs if s.type_name}
 
 
 def run(configuration: Configuration) -> None:

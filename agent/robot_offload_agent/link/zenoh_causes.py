@@ -21,6 +21,7 @@ _CERTIFICATE = re.compile(r"invalid peer certificate: ([^\n]*?)(?:\"\s*\}\)|$)")
 _NO_ANSWER = ("deadline has elapsed", "refused (os error", "unreachable", "No route to host", "timed out", "Timeout")
 _UNKNOWN_NAME = ("failed to lookup address", "Could not resolve")
 _REFUSED = ("aborted by peer", "received fatal alert")
+_HANDSHAKE = ("invalid peer certificate", "fatal alert", "crypto(", "peer sent no certificates")
 _TELLING = (
     LinkCause.CERTIFICATE_REFUSED, LinkCause.WRONG_AUTHORITY, LinkCause.WRONG_NAME, LinkCause.CERTIFICATE_EXPIRED,
     LinkCause.UNKNOWN_NAME, LinkCause.NO_SESSION, LinkCause.NO_ANSWER,
@@ -48,7 +49,8 @@ def read_line(line: str) -> Found | None:
     text = _SOURCE.sub("", _COLOURS.sub("", line).strip())
     if (dialled := _DIALLED.search(text)) is not None:
         return Found(_dialled(dialled[2]), _short(dialled[2]), dialled[1])
-    if (listened := _LISTENED.search(text)) is not None:
+    listened = _LISTENED.search(text)
+    if listened is not None and any(words in listened[1] for words in _HANDSHAKE):
         ours = "ConnectionClosed" in text or "fatal alert" in text  # it is the other side that ended the handshake
         return Found(LinkCause.WRONG_AUTHORITY if ours else LinkCause.CERTIFICATE_REFUSED, _short(listened[1]))
     return None

@@ -32,6 +32,7 @@ from robot_offload_core.process.messages import (
     Alive,
     Arrived,
     Carried,
+    CloudTypes,
     CollectorStatus,
     DataStatus,
     Egress,
@@ -60,8 +61,8 @@ _RIGHTS_BYTES = socket.CMSG_SPACE(array.array("i").itemsize)
 KINDS: dict[str, type] = {
     cls.__name__: cls
     for cls in (
-        Speak, Arrived, Heard, PulseStatus, Orders, Egress, DataStatus, CollectorStatus, Notes, Limits, Fatal,
-        Alive, Lives, placement.PulseSent, placement.SetGate, placement.Reopen,
+        Speak, Arrived, Heard, PulseStatus, Orders, Egress, DataStatus, CollectorStatus, CloudTypes, Notes, Limits,
+        Fatal, Alive, Lives, placement.PulseSent, placement.SetGate, placement.Reopen,
     )
 }  # fmt: skip
 

@@ -10,15 +10,27 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, ReliabilityPolicy, qos_check_compatible
+from rclpy.qos import (
+    DurabilityPolicy,
+    LivelinessPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
 from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from robot_offload_agent.errors import StartError
 from robot_offload_agent.settings.parameters import Named
+from robot_offload_core.process.rivals import Endpoint
 
 INTERFACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/msg/[A-Za-z][A-Za-z0-9_]*")
 SETUP_VARIABLE = "ROBOT_OFFLOAD_SETUP"
 OnRaw = Callable[[bytes], None]
+_INFINITE_NS = 2**62
+NAMELESS = "_NODE_NAME_UNKNOWN_"
+"""What rmw calls the node of an endpoint whose name has not been announced yet."""
 
 
 def message_type(name: str) -> Any:
@@ -56,6 +68,62 @@ def subscription_qos(node: Node, topic: str, spec: Named, latched: bool) -> QoSP
     return profile(spec, reliable, kept)
 
 
+def offered_qos(node: Node, output: Named, private: str) -> QoSProfile | None:
+    """Returns what the public topic of an output offers: what the replica's own publisher does; None without one.
+
+    Reliable, so that every subscriber matches, but where the output says otherwise. A deadline or liveliness that the
+    replica promises is promised to the consumers as well: subscribers that ask for one hear nobody else. Messages
+    that the replica lets end (lifespan) end here too.
+
+    Args:
+        node: of ours, whose graph is read.
+        output: its parameters.
+        private: topic of the replica.
+    """
+    infos = node.get_publishers_info_by_topic(private)
+    if not infos:
+        return None
+    replica = infos[0].qos_profile
+    offered = publication_qos(output, all(i.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for i in infos))
+    for name in ("deadline", "lifespan", "liveliness_lease_duration"):
+        duration = getattr(replica, name)
+        if 0 < duration.nanoseconds < _INFINITE_NS:
+            setattr(offered, name, duration)
+    if replica.liveliness is LivelinessPolicy.MANUAL_BY_TOPIC:
+        offered.liveliness = replica.liveliness  # each message that passes asserts it
+    return offered
+
+
+def unheard(node: Node, topic: str) -> tuple[str, str] | None:
+    """Returns the problem that subscribers ask for more than `node` offers on a topic, None when all can hear."""
+    # As the graph has both: there an absent duration is infinite, in a profile of ours it is 0.
+    ours = [i.qos_profile for i in node.get_publishers_info_by_topic(topic) if i.node_name == node.get_name()]
+    deaf = sorted(
+        f"{info.node_name} ({reason.strip()})" for info in node.get_subscriptions_info_by_topic(topic)
+        for verdict, reason in [qos_check_compatible(offered, info.qos_profile) for offered in ours[:1]]
+        if verdict == QoSCompatibility.ERROR
+    )  # fmt: skip
+    return ("IncompatibleQos", f"{topic} cannot be heard by {', '.join(deaf)}") if deaf else None
+
+
+def endpoint(info: TopicEndpointInfo) -> Endpoint:
+    """Returns a publisher of the graph as the core judges it."""
+    known = info.node_name not in ("", NAMELESS)
+    node = f"{info.node_namespace.rstrip('/')}/{info.node_name}" if known else ""
+    return Endpoint(bytes(info.endpoint_gid), node)
+
+
+def named_type(name: str, type_hash: str) -> str:
+    """Returns a type as the two sides compare it: its name, and behind a blank its hash if there is one."""
+    return f"{name} {type_hash}" if type_hash else name
+
+
+def graph_type_hash(node: Node, topic: str) -> str:
+    """Returns the hash of the type that all publishers of a topic use; "" where rmw gives none (before Iron)."""
+    hashes = {str(getattr(info, "topic_type_hash", "") or "") for info in node.get_publishers_info_by_topic(topic)}
+    return hashes.pop() if len(hashes) == 1 else ""
+
+
 def publication_qos(spec: Named, latched: bool) -> QoSProfile:
     """QoS for what we publish: reliable, so that every kind of subscriber can match."""
     return profile(spec, reliable=True, kept=latched)
@@ -81,7 +149,7 @@ class RawSubscription:
     Attributes:
         topic: what is subscribed.
         spec: the output or input that it belongs to.
-        type_name: declared, or found in the graph.
+        type_name: declared, or found in the graph. type_hash: of the publishers' type, "" where it is not known.
         problem: (reason, message) for diagnostics while something is wrong.
     """
 
@@ -91,6 +159,7 @@ class RawSubscription:
     latched: bool
     on_raw: OnRaw
     type_name: str = ""
+    type_hash: str = ""
     qos: QoSProfile | None = None
     subscription: Subscription | None = None
     problem: tuple[str, str] | None = None
@@ -118,6 +187,7 @@ class RawSubscription:
         if self.subscription is not None:  # a node that was restarted with other QoS
             self.node.destroy_subscription(self.subscription)
         self.type_name, self.qos, self.problem = name, qos, None
+        self.type_hash = graph_type_hash(self.node, self.topic)
         self.subscription = self.node.create_subscription(cls, self.topic, self.on_raw, qos, raw=True)
         return True
 
@@ -125,7 +195,7 @@ class RawSubscription:
         """Publishers that cannot be heard with what was declared."""
         deaf_to = sorted(
             info.node_name for info in self.node.get_publishers_info_by_topic(self.topic)
-            if qos_check_compatible(info.qos_profile, self.qos)[0] is QoSCompatibility.ERROR
+            if qos_check_compatible(info.qos_profile, self.qos)[0] == QoSCompatibility.ERROR
         )  # fmt: skip
         if not deaf_to:
             return None

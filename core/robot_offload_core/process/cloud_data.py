@@ -36,6 +36,7 @@ class CloudDataProcess(DataProcess):
     Attributes:
         egress: what may leave, from control.
         sequence: newest of each output under its present token.
+        newest: robot's incarnation and sequence of the newest message of each input: no older one is published.
         accepted: arrival of the newest message of each input, and the bound of its age then.
         mirror: gate in front of the consumers in the cloud.
         wanted: hash that the robot holds of each latched input. known_types: of inputs, as the robot says.
@@ -50,6 +51,7 @@ class CloudDataProcess(DataProcess):
         self.max_age_ms = {i.name: i.max_age_ms for i in plan.inputs}
         self.index = {output.name: index for index, output in enumerate(plan.outputs)}
         self.accepted: dict[str, tuple[float, float]] = {}
+        self.newest: dict[str, tuple[str, int]] = {}
         self.wanted: dict[str, str] = {}
         self.known_types: dict[str, str] = {}
         self.mirror = Mirror()
@@ -106,7 +108,13 @@ class CloudDataProcess(DataProcess):
         if self.max_age_ms[name] and age_s * 1e3 > self.max_age_ms[name]:
             self.counters[f"{name}.too_old"] += 1
             return
+        source = (opened.token.robot, opened.sequence)
         with self.ports.lock:
+            before = self.newest.get(name)
+            if before is not None and before[0] == source[0] and before[1] >= source[1]:
+                self.counters[f"{name}.reordered"] += 1
+                return
+            self.newest[name] = source
             self.accepted[name] = (now_s, age_s)
             if name in self.latched:
                 self._keep_latched(name, payload)

@@ -6,17 +6,20 @@ Not safe for several threads by itself: the shell holds one lock around every ca
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 from robot_offload_core import collectors, envelope
+from robot_offload_core.change import replace
 from robot_offload_core.collectors import Charge, Collector, Passage, Ruling
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import SetGate
-from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CollectorStatus, Limits
+from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CloudTypes, CollectorStatus, Limits
 from robot_offload_core.process.pauses import Pauses
+from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import OutputSpec
-from robot_offload_core.token import Token
+from robot_offload_core.token import Site, Token
 
 TURN_S = 0.020
 """How often the process looks whether anything has changed that control must know."""
@@ -38,8 +41,17 @@ class CollectorPorts(Protocol):
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         """Sends an output's message with its header to another process of this agent."""
 
+    def topics_of(self, index: int) -> tuple[str, str]:
+        """Returns the public topic of output `index` and the private one of the robot's replica, for sentences."""
+
     def publish(self, index: int, payload: Any) -> None:
         """Publishes a message to the consumers of output `index`."""
+
+    def type_of(self, index: int) -> str:
+        """Returns the interface type that output `index` is published with, "" while there is no publisher.
+
+        Behind a blank stands the type's hash where the middleware gives one.
+        """
 
     def save(self, state: Collector) -> None:
         """Keeps who passes now, for the next life of this process."""
@@ -55,12 +67,14 @@ class CollectorPlan:
     Attributes:
         outputs: the collected outputs; mirrored: whether consumers in the cloud get what passes, per output.
         max_age_s, lease_s: see `collectors.Collector`.
+        strict: nobody may move the robot while somebody else publishes an output.
     """
 
     outputs: tuple[OutputSpec, ...]
     mirrored: tuple[bool, ...]
     max_age_s: float
     lease_s: float
+    strict: bool = False
 
 
 class CollectorProcess:
@@ -70,6 +84,7 @@ class CollectorProcess:
         state: of the machine. held: newest message per output of the side that gets ready.
         sequence: of the robot's messages; grows over restarts of this process.
         problems: by key, for diagnostics. counters: per output, side and reason.
+        cloud_types: of the outputs, as the cloud says. rivals: by output, what is said of other publishers.
     """
 
     def __init__(
@@ -86,6 +101,9 @@ class CollectorProcess:
         self.held: dict[int, Any] = {}
         self.counters: Counter[str] = Counter()
         self.problems: dict[str, tuple[str, str]] = {}
+        self.cloud_types: dict[str, str] = {}
+        self.rivals: dict[str, str] = {}
+        self.strict = plan.strict
         self.detail_due_s = self.report_due_s = 0.0
         self.report_period_s = report_period_s(plan.lease_s)
         self.reported: collectors.GateReport | None = None
@@ -96,6 +114,33 @@ class CollectorProcess:
             self.problems.pop(key, None)
         else:
             self.problems[key] = problem
+
+    def rival(self, index: int, nodes: Sequence[str]) -> str:
+        """Notes who else publishes an output's public topic; returns the sentence about it, "" for nobody."""
+        name = self.plan.outputs[index].name
+        self.rivals.pop(name, None)
+        if nodes:
+            topic, private = self.ports.topics_of(index)
+            message = f"{topic} has another publisher: {', '.join(nodes)}; remap its output to {private}"
+            self.rivals[name] = message
+        self.note(f"public {name}", (Reason.SECOND_PUBLISHER.value, self.rivals[name]) if nodes else None)
+        return self.rivals.get(name, "")
+
+    def differing(self) -> dict[str, str]:
+        """Returns a sentence for each output whose types differ."""
+        found = {}
+        for index, spec in enumerate(self.plan.outputs):
+            ours, theirs = self.ports.type_of(index), self.cloud_types.get(spec.name, "")
+            if ours and theirs and not same_type(ours, theirs):
+                found[spec.name] = f"Output {spec.name} is {ours} here and {theirs} in the cloud"
+        return found
+
+    def _refusal(self, index: int) -> str:
+        """Returns why a message of the cloud cannot be published at all, "" when it can."""
+        ours, theirs = self.ports.type_of(index), self.cloud_types.get(self.plan.outputs[index].name, "")
+        if not ours or not theirs:
+            return "NoType"
+        return "" if same_type(ours, theirs) else Reason.TYPES_DIFFER.value
 
     # -- messages of the two replicas ---------------------------------------------------------------------------------
 
@@ -130,6 +175,10 @@ class CollectorProcess:
             return
         if index >= len(self.plan.outputs):
             self.counters["cloud_garbage"] += 1
+            return
+        refusal = self._refusal(index)
+        if refusal:  # the machine must not take for passed what reaches nobody
+            self.counters[f"{self.plan.outputs[index].name}.cloud.{refusal}"] += 1
             return
         state, passage = collectors.offer_cloud(self.state, index, header, self.ports.now_s())
         changed = self._keep(state)
@@ -172,6 +221,8 @@ class CollectorProcess:
                 self.report()
         elif isinstance(message, Carried) and message.kind == ENVELOPE:
             self.offer_cloud(message)
+        elif isinstance(message, CloudTypes):
+            self.cloud_types = dict(message.types)
         elif isinstance(message, Limits):
             self.report_period_s = report_period_s(message.gate_timeout_s)
             self.state = collectors.limit(self.state, message.max_command_age_s, message.gate_timeout_s)
@@ -180,12 +231,25 @@ class CollectorProcess:
         """Notes a sign of life of the process: a long silence of ours is a pause."""
         self.pauses.waited(self.ports.now_s())
 
+    def faults(self) -> tuple[Verdict, ...]:
+        """Returns what is wrong at the topics themselves; each asks for the robot."""
+        differing = self.differing()
+        for spec in self.plan.outputs:
+            text = differing.get(spec.name)
+            self.note(f"type {spec.name}", (Reason.TYPES_DIFFER.value, text) if text else None)
+        found = [(Reason.TYPES_DIFFER, text) for text in differing.values()]
+        found += [(Reason.SECOND_PUBLISHER, text) for text in self.rivals.values()]
+        return tuple(Verdict(Site.ROBOT, reason, text) for reason, text in found)
+
+    def _inhibits(self) -> bool:
+        return self.strict and bool(self.rivals)
+
     def report(self, *, only_news: bool = False) -> None:
         """Reports to control, and notices that control fell silent."""
         now_s = self.ports.now_s()
         if self._keep(collectors.turn(self.state, now_s)):
             self.ports.fell_silent()
-        report = collectors.report(self.state, now_s)
+        report = replace(collectors.report(self.state, now_s), faults=self.faults(), inhibits=self._inhibits())
         if only_news and report == self.reported and now_s < self.report_due_s:
             return
         self.reported, self.report_due_s = report, now_s + self.report_period_s
@@ -195,6 +259,12 @@ class CollectorProcess:
             self.detail_due_s = now_s + DETAIL_PERIOD_S
             problems, counters = tuple(self.problems.values()), tuple(sorted(self.counters.items()))
         self.ports.send("control", CollectorStatus(report, problems, counters))
+
+
+def same_type(one: str, other: str) -> bool:
+    """Returns whether two types are the same: by name, and by hash where both have one."""
+    names, hashes = zip(*((text.partition(" ")[0], text.partition(" ")[2]) for text in (one, other)), strict=True)
+    return names[0] == names[1] and ("" in hashes or hashes[0] == hashes[1])
 
 
 def report_period_s(lease_s: float) -> float:

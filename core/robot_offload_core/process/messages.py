@@ -59,6 +59,16 @@ class PulseStatus:
 
 
 @dataclass(frozen=True)
+class CloudTypes:
+    """data -> collector, with every probe of the cloud: (output, interface type) of the cloud's replicas.
+
+    A type is its name, and behind a blank its hash where the middleware of the cloud gives one.
+    """
+
+    types: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
 class Orders:
     """control -> data (robot): identity for headers and probes, renewed with every beat period.
 

@@ -9,7 +9,7 @@ from robot_offload_core import envelope
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import DataReported
 from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
-from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, DataStatus, Limits, Orders
+from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CloudTypes, DataStatus, Limits, Orders
 from robot_offload_core.process.probe import Probe
 from robot_offload_core.token import Token
 
@@ -27,6 +27,8 @@ class RobotDataProcess(DataProcess):
     def __init__(self, plan: DataPlan, ports: DataPorts) -> None:
         super().__init__(plan, ports)
         self.orders = Orders("", 0)
+        # Grows over restarts of this process: the cloud passes only what is newer.
+        self.first_sequence = round(ports.now_s() * 1e6)
         self.sequence: dict[str, int] = {}
         self.sent_s: dict[str, float] = {}
         self.resent_s: dict[str, float] = {}
@@ -55,7 +57,7 @@ class RobotDataProcess(DataProcess):
         """Sends with a header that lets the cloud bound the message's age."""
         heard = self.heard
         with self.ports.lock:
-            sequence = self.sequence[name] = self.sequence.get(name, 0) + 1
+            sequence = self.sequence[name] = self.sequence.get(name, self.first_sequence) + 1
         token = Token(self.orders.incarnation, self.orders.epoch, heard.incarnation if heard else "")
         header = envelope.encode(Envelope(token, sequence, heard.sent_us if heard else 0))
         sent = self.ports.cross(f"in/{name}", header, payload)
@@ -88,8 +90,10 @@ class RobotDataProcess(DataProcess):
         return bool(incarnation)
 
     def probed(self, received: Probe) -> None:
-        """Sends latched values again that the cloud does not hold (a new session, a restarted agent)."""
+        """Sends latched values again that the cloud does not hold, and hands its types to the collector."""
         now_s = self.ports.now_s()
+        types = tuple(sorted((name, of) for name, of in received.types.items() if name in self.index))
+        self.ports.send("collector", CloudTypes(types))
         for name, values in self.latched.items():
             if not values or received.latched.get(name) == self.digest(name):
                 continue

@@ -19,7 +19,7 @@ from robot_offload_lab.simulate.coverage import collector_state
 from robot_offload_lab.simulate.nodes import Message, Node
 from robot_offload_lab.simulate.ports import Payload, Surroundings
 from robot_offload_lab.simulate.scenario import UID
-from robot_offload_lab.simulate.shells import EFFECT_S, DataShell, Shell, call_node, read, written
+from robot_offload_lab.simulate.shells import EFFECT_S, TYPE, DataShell, Shell, call_node, read, written
 from robot_offload_lab.simulate.world import Host, Process
 
 LEAVING_S = 25.0
@@ -381,6 +381,15 @@ class Collector(Shell):
         if index == 0:
             self.around.driver.command()
         self.around.witness.passed(index, payload)
+
+    def type_of(self, _index: int) -> str:
+        """Returns the one type that all payloads here have."""
+        return TYPE
+
+    def topics_of(self, index: int) -> tuple[str, str]:
+        """Returns the topics of an output, for sentences."""
+        name = self.plan.outputs[index].name
+        return f"/{name}", f"/robot/{name}"
 
     def save(self, state: collectors.Collector) -> None:
         """Keeps who passes."""

@@ -18,6 +18,7 @@ from robot_offload_lab.simulate.world import Host, Process
 EFFECT_S = 0.037
 TEXT_EVERY = 8
 """Every eighth beat crosses as text through the real codec, the others as objects: this keeps the simulation fast."""
+TYPE = "simulated/msg/Payload"
 SLACK_S = 0.010
 """As in the agent: what is due waits so long for a datagram to come with."""
 
@@ -95,8 +96,8 @@ class DataShell(Shell):
         self.around.link.data.reopen()
 
     def types(self) -> dict[str, str]:
-        """Returns no types: payloads here have none."""
-        return {}
+        """Returns the one type that all payloads here have."""
+        return {output.name: TYPE for output in self.process.plan.outputs}
 
     def warn(self, message: str) -> None:
         """Keeps a warning for the story."""

@@ -87,3 +87,17 @@ def test_a_sentence_is_repeated_now_and_then() -> None:
     assert repetition.is_due("b", 61.0)
     assert repetition.is_due("c", 200.0)
     assert set(repetition.said) == {"c"}
+
+
+def test_a_listener_says_who_refused_whom_and_nothing_of_an_attempt_that_was_given_up() -> None:
+    quic = f"{BEGIN}zenoh_link_commons::quic::unicast: QUIC acceptor failed: "
+    ours = read_line(
+        quic + 'TransportError(Error { code: Code::crypto(33), reason: "invalid peer certificate: BadSig" })'
+    )
+    theirs = read_line(quic + 'ConnectionClosed(ConnectionClose { error_code: Code::crypto(30), reason: b"" })')
+    assert ours is not None
+    assert (ours.cause, ours.endpoint) == (LinkCause.CERTIFICATE_REFUSED, "")
+    assert theirs is not None
+    assert theirs.cause is LinkCause.WRONG_AUTHORITY
+    given_up = 'ConnectionClosed(ConnectionClose { error_code: NO_ERROR, frame_type: None, reason: b"" })'
+    assert read_line(quic + given_up) is None

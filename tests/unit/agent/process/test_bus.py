@@ -3,6 +3,7 @@
 import array
 import random
 import socket
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from robot_offload_agent.process.bus import MAX_INLINE, Bus
 from robot_offload_agent.process.codec import CodecError, plain, typed
 from robot_offload_agent.process.parcels import LARGEST_BYTES, TOTAL_BYTES, TOTAL_COUNT
 from robot_offload_core import beats, envelope
+from robot_offload_core.process import messages
 from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, Fatal, Speak
 from robot_offload_core.token import Token
 
@@ -189,3 +191,8 @@ def test_a_process_that_starts_again_takes_over_the_socket_of_its_predecessor(tm
     assert heir.receive() == Fatal("sender", "hello")
     for end in (sender, first, heir):
         end.close()
+
+
+def test_every_message_of_the_core_can_be_sent() -> None:
+    declared = {name for name, kind in vars(messages).items() if getattr(kind, "__module__", "") == messages.__name__}
+    assert {name for name in declared if is_dataclass(vars(messages)[name])} - {"Carried"} <= bus.KINDS.keys()

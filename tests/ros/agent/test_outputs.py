@@ -1,0 +1,69 @@
+"""In front of the consumers: nobody else publishes, types agree, the public topic offers what the replica offers."""
+
+from collections.abc import Callable
+
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from tests.ros.agent.ears import LATCHED
+from tests.ros.agent.harness import World
+from tests.ros.agent.test_start import problem
+
+PLAN = {
+    "outputs": ["command", "plan"],
+    "output.plan.topic": "/plan",
+    "output.plan.robot_topic": "/offload/robot/plan",
+    "output.plan.cloud_topic": "/offload/cloud/plan",
+    "output.plan.node": "walker",
+}
+
+
+def test_a_second_publisher_that_comes_later_takes_the_cloud_away_and_when_strict_stops_the_driver(
+    build: Callable[..., World],
+) -> None:
+    world = build(both={"strict": True})
+    world.start()
+    world.until(world.driver.drives, "the driver drives")
+    world.ear.feed("/command", 0.1)
+    world.until(lambda: (world.site, world.reason) == ("robot", "SecondPublisher"), "the robot is in charge")
+    assert "remap its output to /offload/robot/command" in world.message
+    world.until(lambda: world.driver.inhibited, "the driver is inhibited")
+    world.until(lambda: "ear" in problem(world, "SecondPublisher"), "the problem names who")
+
+
+def test_a_cloud_without_a_replica_on_the_robot_is_heard_with_the_type_that_the_cloud_names(
+    build: Callable[..., World],
+) -> None:
+    world = build(both={"output.command.type": "auto"})
+    world.start_agent("robot")
+    world.start_agent("cloud")
+    world.start_node("cloud")
+    world.goes_to("cloud")
+    world.check()
+
+
+def test_outputs_of_different_types_keep_the_cloud_out(build: Callable[..., World]) -> None:
+    world = build(robot={"output.command.type": "std_msgs/msg/String"})
+    for side in ("cloud", "robot"):
+        world.start_agent(side)
+        world.start_node(side)
+    world.until(lambda: world.reason == "TypesDiffer", "the robot says that types differ")
+    assert "std_msgs/msg/String" in world.message
+    assert "std_msgs/msg/Header" in world.message
+    assert world.site == "robot"
+    assert not [each for each in world.arrivals if each.site == "cloud"]
+
+
+def test_the_public_topic_offers_what_the_replicas_own_publisher_offers(build: Callable[..., World]) -> None:
+    world = build(both=PLAN)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, deadline=Duration(seconds=5))
+    publisher = world.ear.node.create_publisher(String, "/offload/robot/plan", latched)
+    publisher.publish(String(data="a plan"))
+    world.start_agent("robot")
+    demanding = world.ear.hear(String, "/plan", latched)
+    world.until(lambda: demanding, "the plan at a consumer that asks for a deadline")
+    late = world.ear.hear(String, "/plan", LATCHED)
+    world.until(lambda: late, "the plan at a consumer that comes late")
+    world.ear.hear(String, "/plan", QoSProfile(depth=1, deadline=Duration(seconds=1)))
+    world.until(lambda: "/plan cannot be heard by ear" in problem(world, "IncompatibleQos"), "one that cannot hear")

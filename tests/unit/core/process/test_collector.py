@@ -1,0 +1,132 @@
+"""The collector's process around its machine: types of the two sides, and others in front of the consumers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from robot_offload_core import envelope
+from robot_offload_core.collectors import Charge, Collector, Gate
+from robot_offload_core.envelope import Envelope
+from robot_offload_core.placement import SetGate
+from robot_offload_core.process.collector import CollectorPlan, CollectorProcess, same_type
+from robot_offload_core.process.messages import ENVELOPE, Carried, CloudTypes, CollectorStatus
+from robot_offload_core.reasons import Reason
+from robot_offload_core.settings import OutputSpec
+from robot_offload_core.token import Site, Token
+
+TWIST = "geometry_msgs/msg/Twist"
+STAMPED = "geometry_msgs/msg/TwistStamped"
+TOKEN = Token("1" * 32, 4, "2" * 32)
+
+
+class Ports:
+    """Keeps what the process does."""
+
+    def __init__(self) -> None:
+        self.type = TWIST
+        self.published: list[Any] = []
+        self.statuses: list[CollectorStatus] = []
+
+    def now_s(self) -> float:
+        return 100.0
+
+    def send(self, to: str, message: object) -> bool:
+        assert to == "control"
+        assert isinstance(message, CollectorStatus)
+        self.statuses.append(message)
+        return True
+
+    def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
+        return True
+
+    def publish(self, index: int, payload: Any) -> None:
+        self.published.append(payload)
+
+    def type_of(self, index: int) -> str:
+        return self.type
+
+    def topics_of(self, index: int) -> tuple[str, str]:
+        return "/command", "/offload/robot/command"
+
+    def save(self, state: Collector) -> None:
+        pass
+
+    def fell_silent(self) -> None:
+        pass
+
+
+def acting_cloud(*, strict: bool = False) -> tuple[Ports, CollectorProcess]:
+    ports = Ports()
+    plan = CollectorPlan((OutputSpec("command", 0.3),), (False,), 0.15, 0.25, strict)
+    process = CollectorProcess(plan, ports)
+    process.handle(SetGate(Gate(1, Charge(Site.CLOUD, TOKEN))))
+    return ports, process
+
+
+def of_the_cloud(sequence: int = 1) -> Carried:
+    return Carried(ENVELOPE, 0, envelope.encode(Envelope(TOKEN, sequence, round(99.99e6))), b"go")
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "counted"),
+    [("", TWIST, "NoType"), (TWIST, "", "NoType"), (TWIST, STAMPED, "TypesDiffer")],
+)
+def test_a_message_of_the_cloud_passes_only_where_both_types_are_known_and_the_same(
+    ours: str, theirs: str, counted: str
+) -> None:
+    ports, process = acting_cloud()
+    ports.type = ours
+    process.handle(CloudTypes((("command", theirs),)))
+    process.handle(of_the_cloud())
+    process.report()
+    assert ports.published == []
+    assert process.counters == {f"command.cloud.{counted}": 1}
+    assert not ports.statuses[-1].report.cloud_flows
+
+    ports.type = TWIST
+    process.handle(CloudTypes((("command", TWIST),)))
+    process.handle(of_the_cloud(2))
+    assert ports.published == [b"go"]
+
+
+def test_types_that_differ_are_a_broken_limit_until_they_agree() -> None:
+    ports, process = acting_cloud()
+    process.handle(CloudTypes((("command", STAMPED),)))
+    process.report()
+    (fault,) = ports.statuses[-1].report.faults
+    assert (fault.site, fault.reason) == (Site.ROBOT, Reason.TYPES_DIFFER)
+    assert TWIST in fault.message
+    assert STAMPED in fault.message
+    assert ("TypesDiffer", fault.message) in process.problems.values()
+    process.handle(CloudTypes((("command", TWIST),)))
+    process.report()
+    assert ports.statuses[-1].report.faults == ()
+    assert not process.problems
+
+
+@pytest.mark.parametrize("strict", [False, True])
+def test_somebody_else_in_front_of_the_consumers_is_a_veto_and_when_strict_stops_the_driver(strict: bool) -> None:
+    ports, process = acting_cloud(strict=strict)
+    sentence = process.rival(0, ["/walker"])
+    process.report()
+    report = ports.statuses[-1].report
+    assert [fault.reason for fault in report.faults] == [Reason.SECOND_PUBLISHER]
+    assert (
+        sentence
+        == report.faults[0].message
+        == ("/command has another publisher: /walker; remap its output to /offload/robot/command")
+    )
+    assert report.inhibits is strict
+    assert process.rival(0, []) == ""
+    process.report()
+    assert ports.statuses[-1].report.faults == ()
+    assert not ports.statuses[-1].report.inhibits
+
+
+def test_types_are_compared_by_name_and_by_hash_where_both_have_one() -> None:
+    assert same_type(TWIST, f"{TWIST} RIHS01_aa")
+    assert same_type(f"{TWIST} RIHS01_aa", f"{TWIST} RIHS01_aa")
+    assert not same_type(f"{TWIST} RIHS01_aa", f"{TWIST} RIHS01_bb")
+    assert not same_type(TWIST, STAMPED)
