@@ -208,9 +208,7 @@ class CollectorShell:
                 message = self.process.rival(index, others)
             if message and now - self.started_s < SECOND_PUBLISHER_CHECK_S:
                 self.bus.send("supervisor", Fatal("collector", message))
-            self.process.note(
-                f"consumers {output.name}", raw.unheard(self.node, output["topic"], self.offered.get(index))
-            )
+            self.process.note(f"consumers {output.name}", raw.unheard(self.node, output["topic"]))
 
     def robot_handler(self, index: int) -> raw.OnRaw:
         """Returns the callback for the robot's private topic of one output."""
