@@ -24,6 +24,10 @@ class Problem(Explained):
     QOS_MISMATCH = (
         "QosMismatch", "A topic cannot be heard with the declared quality of service", "Declare what its publisher has"
     )  # fmt: skip
+    INCOMPATIBLE_QOS = (
+        "IncompatibleQos", "A subscriber of an output's public topic asks for more than the replica's publisher offers",
+        "Change the subscriber's quality of service, or that of the replica's publisher",
+    )  # fmt: skip
     REALTIME_REFUSED = (
         "RealtimeRefused", "The system refuses real-time priority", "Grant it, or set `realtime` to false"
     )  # fmt: skip

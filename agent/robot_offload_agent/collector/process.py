@@ -95,7 +95,7 @@ class CollectorShell:
         self.memory = Memory(configuration.runtime_dir)
         plan = CollectorPlan(
             configuration.output_specs(), tuple(o["mirror"] for o in configuration.outputs),
-            settings.max_command_age_s, settings.lease_s, configuration["strict"],
+            settings.max_command_age_s, settings.lease_s,
         )  # fmt: skip
         self.process = CollectorProcess(plan, self, self.memory.load())
         self.started_s = now_s()

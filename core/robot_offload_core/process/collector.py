@@ -11,15 +11,14 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from robot_offload_core import collectors, envelope
-from robot_offload_core.change import replace
 from robot_offload_core.collectors import Charge, Collector, Passage, Ruling
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import SetGate
 from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CloudTypes, CollectorStatus, Limits
 from robot_offload_core.process.pauses import Pauses
-from robot_offload_core.reasons import Reason, Verdict
+from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import OutputSpec
-from robot_offload_core.token import Site, Token
+from robot_offload_core.token import Token
 
 TURN_S = 0.020
 """How often the process looks whether anything has changed that control must know."""
@@ -67,14 +66,12 @@ class CollectorPlan:
     Attributes:
         outputs: the collected outputs; mirrored: whether consumers in the cloud get what passes, per output.
         max_age_s, lease_s: see `collectors.Collector`.
-        strict: nobody may move the robot while somebody else publishes an output.
     """
 
     outputs: tuple[OutputSpec, ...]
     mirrored: tuple[bool, ...]
     max_age_s: float
     lease_s: float
-    strict: bool = False
 
 
 class CollectorProcess:
@@ -84,7 +81,7 @@ class CollectorProcess:
         state: of the machine. held: newest message per output of the side that gets ready.
         sequence: of the robot's messages; grows over restarts of this process.
         problems: by key, for diagnostics. counters: per output, side and reason.
-        cloud_types: of the outputs, as the cloud says. rivals: by output, what is said of other publishers.
+        cloud_types: of the outputs, as the cloud says.
     """
 
     def __init__(
@@ -99,11 +96,9 @@ class CollectorProcess:
         self.pauses = Pauses(now_s)
         self.sequence = round(now_s * 1e6)
         self.held: dict[int, Any] = {}
-        self.counters: Counter[str] = Counter()
+        self.counters: Counter[str] = Counter(cloud_garbage=0)  # never empty: control takes a detailed report by it
         self.problems: dict[str, tuple[str, str]] = {}
         self.cloud_types: dict[str, str] = {}
-        self.rivals: dict[str, str] = {}
-        self.strict = plan.strict
         self.detail_due_s = self.report_due_s = 0.0
         self.report_period_s = report_period_s(plan.lease_s)
         self.reported: collectors.GateReport | None = None
@@ -118,22 +113,18 @@ class CollectorProcess:
     def rival(self, index: int, nodes: Sequence[str]) -> str:
         """Notes who else publishes an output's public topic; returns the sentence about it, "" for nobody."""
         name = self.plan.outputs[index].name
-        self.rivals.pop(name, None)
-        if nodes:
-            topic, private = self.ports.topics_of(index)
-            message = f"{topic} has another publisher: {', '.join(nodes)}; remap its output to {private}"
-            self.rivals[name] = message
-        self.note(f"public {name}", (Reason.SECOND_PUBLISHER.value, self.rivals[name]) if nodes else None)
-        return self.rivals.get(name, "")
+        topic, private = self.ports.topics_of(index)
+        message = f"{topic} has another publisher: {', '.join(nodes)}; remap its output to {private}" if nodes else ""
+        self.note(f"public {name}", (Reason.SECOND_PUBLISHER.value, message) if nodes else None)
+        return message
 
-    def differing(self) -> dict[str, str]:
-        """Returns a sentence for each output whose types differ."""
-        found = {}
+    def compare_types(self) -> None:
+        """Notes each output whose types differ."""
         for index, spec in enumerate(self.plan.outputs):
             ours, theirs = self.ports.type_of(index), self.cloud_types.get(spec.name, "")
-            if ours and theirs and not same_type(ours, theirs):
-                found[spec.name] = f"Output {spec.name} is {ours} here and {theirs} in the cloud"
-        return found
+            message = f"Output {spec.name} is {ours} here and {theirs} in the cloud"
+            differs = bool(ours and theirs) and not same_type(ours, theirs)
+            self.note(f"type {spec.name}", (Reason.TYPES_DIFFER.value, message) if differs else None)
 
     def _refusal(self, index: int) -> str:
         """Returns why a message of the cloud cannot be published at all, "" when it can."""
@@ -231,25 +222,12 @@ class CollectorProcess:
         """Notes a sign of life of the process: a long silence of ours is a pause."""
         self.pauses.waited(self.ports.now_s())
 
-    def faults(self) -> tuple[Verdict, ...]:
-        """Returns what is wrong at the topics themselves; each asks for the robot."""
-        differing = self.differing()
-        for spec in self.plan.outputs:
-            text = differing.get(spec.name)
-            self.note(f"type {spec.name}", (Reason.TYPES_DIFFER.value, text) if text else None)
-        found = [(Reason.TYPES_DIFFER, text) for text in differing.values()]
-        found += [(Reason.SECOND_PUBLISHER, text) for text in self.rivals.values()]
-        return tuple(Verdict(Site.ROBOT, reason, text) for reason, text in found)
-
-    def _inhibits(self) -> bool:
-        return self.strict and bool(self.rivals)
-
     def report(self, *, only_news: bool = False) -> None:
         """Reports to control, and notices that control fell silent."""
         now_s = self.ports.now_s()
         if self._keep(collectors.turn(self.state, now_s)):
             self.ports.fell_silent()
-        report = replace(collectors.report(self.state, now_s), faults=self.faults(), inhibits=self._inhibits())
+        report = collectors.report(self.state, now_s)
         if only_news and report == self.reported and now_s < self.report_due_s:
             return
         self.reported, self.report_due_s = report, now_s + self.report_period_s
@@ -257,6 +235,7 @@ class CollectorProcess:
         counters: tuple[tuple[str, int], ...] = ()
         if now_s >= self.detail_due_s:
             self.detail_due_s = now_s + DETAIL_PERIOD_S
+            self.compare_types()
             problems, counters = tuple(self.problems.values()), tuple(sorted(self.counters.items()))
         self.ports.send("control", CollectorStatus(report, problems, counters))
 

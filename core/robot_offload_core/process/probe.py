@@ -22,7 +22,7 @@ MAX_ENTRIES = 1024
 MAX_NAME = 256
 """Characters of a name, a hash, a type or a state."""
 MAX_WORD = 2048
-INTERFACE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
+INTERFACE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*( [A-Za-z0-9_]{1,100})?")
 
 
 class ProbeError(ValueError):
@@ -40,7 +40,7 @@ class Probe:
     Attributes:
         incarnation: of the sender's control process; pulse and data must show the same one.
         latched: hash of the last values of each latched input that the sender holds.
-        types: interface type of each input and output that the sender knows.
+        types: interface type of each input and output that the sender knows; behind a blank its hash where known.
         nodes: lifecycle state of each managed node of the sender.
         word: a request to, or an answer of, the robot's control process; "" for none.
         notes: of the sender's control process (notes.py); "" for none.

@@ -12,7 +12,6 @@ from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import SetGate
 from robot_offload_core.process.collector import CollectorPlan, CollectorProcess, same_type
 from robot_offload_core.process.messages import ENVELOPE, Carried, CloudTypes, CollectorStatus
-from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
 
@@ -57,9 +56,9 @@ class Ports:
         pass
 
 
-def acting_cloud(*, strict: bool = False) -> tuple[Ports, CollectorProcess]:
+def acting_cloud() -> tuple[Ports, CollectorProcess]:
     ports = Ports()
-    plan = CollectorPlan((OutputSpec("command", 0.3),), (False,), 0.15, 0.25, strict)
+    plan = CollectorPlan((OutputSpec("command", 0.3),), (False,), 0.15, 0.25)
     process = CollectorProcess(plan, ports)
     process.handle(SetGate(Gate(1, Charge(Site.CLOUD, TOKEN))))
     return ports, process
@@ -82,7 +81,7 @@ def test_a_message_of_the_cloud_passes_only_where_both_types_are_known_and_the_s
     process.handle(of_the_cloud())
     process.report()
     assert ports.published == []
-    assert process.counters == {f"command.cloud.{counted}": 1}
+    assert +process.counters == {f"command.cloud.{counted}": 1}
     assert not ports.statuses[-1].report.cloud_flows
 
     ports.type = TWIST
@@ -91,38 +90,27 @@ def test_a_message_of_the_cloud_passes_only_where_both_types_are_known_and_the_s
     assert ports.published == [b"go"]
 
 
-def test_types_that_differ_are_a_broken_limit_until_they_agree() -> None:
+def test_types_that_differ_are_a_problem_until_they_agree() -> None:
     ports, process = acting_cloud()
     process.handle(CloudTypes((("command", STAMPED),)))
+    process.detail_due_s = 0.0
     process.report()
-    (fault,) = ports.statuses[-1].report.faults
-    assert (fault.site, fault.reason) == (Site.ROBOT, Reason.TYPES_DIFFER)
-    assert TWIST in fault.message
-    assert STAMPED in fault.message
-    assert ("TypesDiffer", fault.message) in process.problems.values()
-    process.handle(CloudTypes((("command", TWIST),)))
-    process.report()
-    assert ports.statuses[-1].report.faults == ()
-    assert not process.problems
-
-
-@pytest.mark.parametrize("strict", [False, True])
-def test_somebody_else_in_front_of_the_consumers_is_a_veto_and_when_strict_stops_the_driver(strict: bool) -> None:
-    ports, process = acting_cloud(strict=strict)
-    sentence = process.rival(0, ["/walker"])
-    process.report()
-    report = ports.statuses[-1].report
-    assert [fault.reason for fault in report.faults] == [Reason.SECOND_PUBLISHER]
-    assert (
-        sentence
-        == report.faults[0].message
-        == ("/command has another publisher: /walker; remap its output to /offload/robot/command")
+    assert ports.statuses[-1].problems == (
+        ("TypesDiffer", f"Output command is {TWIST} here and {STAMPED} in the cloud"),
     )
-    assert report.inhibits is strict
-    assert process.rival(0, []) == ""
+    process.handle(CloudTypes((("command", TWIST),)))
+    process.detail_due_s = 0.0
     process.report()
-    assert ports.statuses[-1].report.faults == ()
-    assert not ports.statuses[-1].report.inhibits
+    assert ports.statuses[-1].problems == ()
+
+
+def test_somebody_else_in_front_of_the_consumers_is_a_problem_that_names_both_topics() -> None:
+    _, process = acting_cloud()
+    sentence = process.rival(0, ["/walker"])
+    assert sentence == "/command has another publisher: /walker; remap its output to /offload/robot/command"
+    assert list(process.problems.values()) == [("SecondPublisher", sentence)]
+    assert process.rival(0, []) == ""
+    assert not process.problems
 
 
 def test_types_are_compared_by_name_and_by_hash_where_both_have_one() -> None:
