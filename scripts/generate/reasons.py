@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
+from robot_offload_agent.link.port import LinkCause
 from robot_offload_agent.settings.offer import Answer
 from robot_offload_core.collectors import Ruling
 from robot_offload_core.guardians import NodeEvent
@@ -48,6 +49,8 @@ def reasons() -> str:
         "## What the cloud's side does", "", _table(Stand), "",
         "## What happens to managed nodes", "", _table(NodeEvent), "",
         "## Problems in /diagnostics", "", _table(Problem), "",
+        "## The link", "", "As `cause` in the status `link`; the message says what to do.", "",
+        _table(cause for cause in LinkCause if cause), "",
         "## The robot's answer to settings of the cloud", "", _table(Answer), "",
         "## What becomes of a message at the collector", "",
         "Counted in `/diagnostics` as `OUTPUT.SIDE.REASON`; a message that passes counts as `passed`.", "",

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from typing import Protocol
+
+from robot_offload_core.reasons import Explained
 
 OnMessage = Callable[[str, bytes, bytes], None]
 """(channel, header, payload), called on a thread of the link as soon as a message has arrived; must not block."""
@@ -31,23 +32,49 @@ class Channel:
     urgent: bool = False
 
 
-class LinkCause(str, Enum):
-    """Why there is no session as it should be; the values are the reasons that people read."""
+class LinkCause(Explained):
+    """Why there is no session as it should be."""
 
-    NONE = ""
-    NO_SESSION = "NoSession"
-    UNKNOWN_NAME = "UnknownName"
-    NO_ANSWER = "NoAnswer"
-    UDP_BLOCKED = "UdpBlocked"
-    CERTIFICATE_REFUSED = "CertificateRefused"
-    CERTIFICATE_EXPIRED = "CertificateExpired"
-    CERTIFICATE_FILES = "CertificateFiles"
-    WRONG_AUTHORITY = "WrongAuthority"
-    WRONG_NAME = "WrongName"
-    OTHER_IDENTITY = "OtherIdentity"
-    STRANGER = "Stranger"
-    SECOND_SESSION = "SecondSession"
-    CANNOT_LISTEN = "CannotListen"
+    NONE = "", "All is well"
+    NO_SESSION = "NoSession", "A session does not come about, for a cause that is not known", "Read the message"
+    UNKNOWN_NAME = "UnknownName", "The cloud's name cannot be looked up", "Check the name, and the robot's DNS"
+    NO_ANSWER = (
+        "NoAnswer", "Nobody answers at the cloud's address", "Check the address, the ports and the firewalls on the way"
+    )  # fmt: skip
+    UDP_BLOCKED = (
+        "UdpBlocked", "Only TLS over TCP gets through; the link works with it", "Open the UDP ports on the way"
+    )  # fmt: skip
+    CERTIFICATE_REFUSED = (
+        "CertificateRefused", "One side refuses the other's certificate: revoked, ended, or of another authority",
+        "Write the robot's bundle again",
+    )  # fmt: skip
+    CERTIFICATE_EXPIRED = (
+        "CertificateExpired", "The cloud's certificate is not valid at the robot's time of day",
+        "Check the robot's clock",
+    )  # fmt: skip
+    CERTIFICATE_FILES = (
+        "CertificateFiles", "A certificate file is missing, unreadable, or does not fit", "Write the bundle again"
+    )  # fmt: skip
+    WRONG_AUTHORITY = (
+        "WrongAuthority", "Who answers is not this robot's cloud, or its authority is newer than the bundle",
+        "Check the address, then write the bundle again",
+    )  # fmt: skip
+    WRONG_NAME = (
+        "WrongName", "The cloud's certificate is for another host", "Dial that host, or correct `expose.host`"
+    )  # fmt: skip
+    OTHER_IDENTITY = (
+        "OtherIdentity", "Robot and cloud belong to different RobotOffloads: the resource was made anew",
+        "Write the robot's bundle again",
+    )  # fmt: skip
+    STRANGER = (
+        "Stranger", "A certificate of the same issuer for another robot is connected; it says and hears nothing",
+        "See that each robot has its own bundle",
+    )  # fmt: skip
+    SECOND_SESSION = (
+        "SecondSession", "Two sessions show this robot's certificate: a second agent, or a copy of the key",
+        "End the second agent, or revoke the certificate",
+    )  # fmt: skip
+    CANNOT_LISTEN = "CannotListen", "The cloud's agent cannot listen on its port", "See what else uses the port"
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from robot_offload_agent.link.port import LinkCause
 from robot_offload_agent.settings.offer import Answer
 from robot_offload_core.collectors import Ruling
 from robot_offload_core.guardians import NodeEvent
@@ -20,7 +21,8 @@ SOURCES = sorted(
     for room in ("agent/robot_offload_agent", "core/robot_offload_core")
     for path in (REPOSITORY / room).rglob("*.py")
 )
-KNOWN = {word.value for words in (Reason, Problem, Answer, NodeEvent, Stand, Ruling) for word in words}
+WORDS: tuple[type[Explained], ...] = (Reason, Problem, Answer, NodeEvent, Stand, Ruling, LinkCause)
+KNOWN = {word.value for words in WORDS for word in words}
 GIVEN = re.compile(r"""(?:\(|return |reason, message = )"([A-Z][a-z]+(?:[A-Z][a-z]+)+)", """)
 
 
@@ -29,7 +31,7 @@ def test_a_reason_that_is_given_as_text_is_one_that_is_explained(path: Path) -> 
     assert set(GIVEN.findall(path.read_text())) <= KNOWN, "add the word to problems.py, then make generate"
 
 
-@pytest.mark.parametrize("words", [Reason, Problem, Answer, NodeEvent, Stand, Ruling])
+@pytest.mark.parametrize("words", WORDS)
 def test_causes_and_next_steps_are_parts_of_sentences_in_one_line(words: type[Explained]) -> None:
     for word in words:
         for text in (word.cause, word.advice):
@@ -40,6 +42,6 @@ def test_causes_and_next_steps_are_parts_of_sentences_in_one_line(words: type[Ex
 
 def test_the_page_has_every_word_with_its_next_step() -> None:
     page = (REPOSITORY / "docs/reference/reasons.md").read_text()
-    for words in (Reason, Problem, Answer, NodeEvent, Stand, Ruling):
-        for word in words:
+    for words in WORDS:
+        for word in filter(None, words):
             assert re.search(rf"^\| `{word}` \|.*\| {re.escape(word.advice or '-')} \|$", page, re.M), word
