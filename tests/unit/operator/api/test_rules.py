@@ -153,3 +153,10 @@ def test_static_peers_need_an_address_of_the_robot() -> None:
     del values["spec"]["cloud"]["domainID"]
     [finding] = errors_of(values)
     assert (finding.path, finding.reason) == ("spec.transport.staticPeers", "NoPeers")
+
+
+def test_a_parameter_that_kubectl_may_have_renamed_is_a_warning() -> None:
+    pose = {"initial_pose": {"x": 1.5, "true": 2.5}}
+    found = check(parse_object(changed("spec.nodes.1.run.parameters", pose), "f.yaml").spec)
+    misread = [finding for finding in found if finding.reason == "MisreadName"]
+    assert [(it.path, it.severity) for it in misread] == [("spec.nodes[1].run.parameters.initial_pose.true", "warning")]
