@@ -9,7 +9,7 @@ from robot_offload_lab.simulate.campaign import Total
 from robot_offload_lab.simulate.main import replay_command
 
 HOURS = 2.0
-"""About seven minutes of processor time; what it takes to meet the rarest pairs comes on top."""
+"""About five minutes of processor time; what it takes to meet the rarest pairs comes on top."""
 SEED = 24
 MORE = 12
 MOST = 240

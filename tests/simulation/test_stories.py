@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from robot_offload_core import collectors
@@ -29,6 +31,13 @@ def test_a_planted_fault_is_found_by_its_story(name: str) -> None:
 def test_an_edit_that_changes_nothing_by_itself_fits_the_core_and_says_why(name: str) -> None:
     with planted(EQUIVALENT[name]):
         assert EQUIVALENT[name].why
+
+
+def test_the_page_lists_every_planted_fault_and_who_finds_it() -> None:
+    page = (Path(__file__).parents[2] / "docs/explanation/simulation.md").read_text()
+    rows = [f"| {name} | {mutant.meaning} | `{mutant.story}` |" for name, mutant in MUTANTS.items()]
+    rows += [f"| {name} | {edit.meaning} | {edit.why} |" for name, edit in EQUIVALENT.items()]
+    assert [row for row in rows if row not in page] == []
 
 
 def test_the_core_is_whole_again_after_a_mutant() -> None:

@@ -9,7 +9,7 @@ from robot_offload_core.checks import InvariantError
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate import scenario as scenarios
 from robot_offload_lab.simulate.coverage import Pair
-from robot_offload_lab.simulate.faults import Faults, Hands, plan, plan_ambushes
+from robot_offload_lab.simulate.faults import Faults, Hands, only_link, plan, plan_ambushes
 from robot_offload_lab.simulate.observer import Observer, ViolationError
 from robot_offload_lab.simulate.system import System
 
@@ -47,9 +47,9 @@ class Chunk:
         name = f"{seed}/{index}"
         dice = random.Random(name + "/plan")
         self.system = System(scenarios.draw(dice), name)
-        self.faults = Faults(self.system, plan(dice), plan_ambushes(dice, index))
+        self.faults = Faults(self.system, plan(dice, index), plan_ambushes(dice, index))
         self.hands = Hands(self.system, dice)
-        self.observer = Observer(self.system, self.faults.quiet_s)
+        self.observer = Observer(self.system, self.faults.quiet_s, only_link=only_link(index))
         self.system.around.witness = self.observer
         self.system.around.entered = self.faults.entered
 

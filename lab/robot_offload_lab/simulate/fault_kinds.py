@@ -78,6 +78,28 @@ def _cut(run: System, fault: Fault) -> Undo:
     return undo
 
 
+def _clean_cut(run: System, fault: Fault) -> Undo:
+    """Both sessions are cut in both directions at once, and what is under way is lost."""
+    del fault
+    wires = (run.link.pulse.up, run.link.pulse.down, run.link.data.up, run.link.data.down)
+    return _raised(wires, "cut_lost", 1)
+
+
+def _starve(run: System, fault: Fault) -> Undo:
+    """One process of the robot gets its processor time in slices."""
+    process, pick = _of((run.robot.control, run.robot.control, run.robot.collector, run.robot.data), fault.pick)
+    off_s = 0.03 + 0.2 * pick**2
+    end_s = run.world.now + fault.duration_s
+
+    def slice_() -> None:
+        if run.world.now < end_s:
+            process.stop_for(off_s)
+            run.world.after(off_s + 0.012, slice_)
+
+    slice_()
+    return _nothing
+
+
 def _loss(run: System, fault: Fault) -> Undo:
     wires, pick = _wires(run, fault.pick)
     share = 0.05 + 0.7 * pick
@@ -378,6 +400,8 @@ def _hand(run: System, fault: Fault) -> Undo:
 
 KINDS: dict[str, Kind] = {
     "cut": Kind(5.0, (0.03, 3.0), _cut),
+    "clean cut": Kind(1.0, (0.2, 2.0), _clean_cut),
+    "starve": Kind(1.0, (0.3, 2.5), _starve),
     "loss": Kind(3.0, (0.3, 4.0), _loss),
     "data loss": Kind(0.7, (0.1, 1.5), _data_loss),
     "slow": Kind(3.0, (0.1, 3.0), _slow),

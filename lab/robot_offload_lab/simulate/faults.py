@@ -17,6 +17,19 @@ from robot_offload_lab.simulate.system import System
 STORMS = ((3.0, 18.0), (32.0, 47.0))
 """True times between which faults start, in a stretch of 60 s."""
 FAULTS_PER_S = 1.1
+LINK_EVERY = 5
+"""Every fifth stretch nothing but the link fails."""
+LINK_FAULTS_PER_S = 0.5
+LINK = {
+    "cut": 6.0,
+    "clean cut": 6.0,
+    "loss": 1.0,
+    "data loss": 1.0,
+    "slow": 1.0,
+    "double": 0.5,
+    "reorder": 0.5,
+    "bare": 0.5,
+}
 AMBUSHES = 30
 """Faults per stretch that wait for a state of a machine to be entered: chance alone rarely hits the short ones."""
 AMBUSHED: dict[str, tuple[tuple[str, ...], ...]] = {
@@ -60,13 +73,16 @@ SETTLE_S = 0.3
 Ambushes = dict[str, list[list["Fault"]]]
 
 
-def plan(dice: random.Random) -> tuple[Fault, ...]:
-    """The faults of one stretch."""
+def plan(dice: random.Random, index: int) -> tuple[Fault, ...]:
+    """Returns the faults of one stretch; in some only the link fails, so that the product's main promise is judged."""
     names, weights = list(KINDS), [kind.weight for kind in KINDS.values()]
+    per_s = FAULTS_PER_S
+    if only_link(index):
+        names, weights, per_s = list(LINK), [LINK[name] for name in LINK], LINK_FAULTS_PER_S
     faults = []
     for start_s, end_s in STORMS:
         at_s = start_s
-        while (at_s := at_s + dice.expovariate(FAULTS_PER_S)) < end_s:
+        while (at_s := at_s + dice.expovariate(per_s)) < end_s:
             name = dice.choices(names, weights)[0]
             low_s, high_s = KINDS[name].lasts_s
             duration_s = low_s + (high_s - low_s) * dice.random() ** 3
@@ -74,11 +90,18 @@ def plan(dice: random.Random) -> tuple[Fault, ...]:
     return tuple(faults)
 
 
+def only_link(index: int) -> bool:
+    """Returns whether in this stretch nothing but the link fails."""
+    return index % LINK_EVERY == LINK_EVERY - 1
+
+
 def plan_ambushes(dice: random.Random, index: int) -> Ambushes:
     """Per state the faults that its entering sets off, one or two each time; `at_s` counts from there.
 
     Every third stretch (by `index`) lies in wait for one state only, each in turn.
     """
+    if only_link(index):
+        return {}
     names, weights = list(KINDS), [kind.weight for kind in KINDS.values()]
     states = list(AMBUSHED)
     if index % 3 == 2:

@@ -650,6 +650,39 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
+    "G12": Mutant(
+        "a dead node holds up every CORE node behind it",
+        "dead_node_before_the_core",
+        (
+            Edit(
+                "guardians",
+                "waits_core = waits_core or (node.spec.core and _rises(node))",
+                "waits_core = waits_core or node.state is not State.ACTIVE",
+            ),
+        ),
+    ),
+    "C18": Mutant(
+        "outputs that need not speak never change over",
+        "nothing_to_hear",
+        (
+            Edit(
+                "collectors",
+                "    if collector.next is None or any(o.spec.deadline_s > 0 for o in collector.outputs):",
+                "    if True:",
+            ),
+        ),
+    ),
+    "S21": Mutant(
+        "a stall of control is taken for a silent collector",
+        "stall_inhibits_nobody",
+        (
+            Edit(
+                "switcher",
+                "return now_s < robot.stalls.until_s and not _starved(robot, now_s)  # its reports",
+                "return False  # its reports",
+            ),
+        ),
+    ),
     "H17": Mutant(
         "what was reported waits for the end of a stall",
         "reported_in_a_stall",

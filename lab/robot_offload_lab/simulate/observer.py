@@ -26,6 +26,9 @@ DRIFT = 4.1e-4
 """Two clocks of up to 200 ppm each."""
 HANDOVER_S = 0.0025
 """Longest local datagram."""
+BUSY_S = 0.11
+"""A service call may meet a busy executor."""
+TIMER_S = 0.025
 SETTLED_S = 8.0
 """T of invariant 5: the longest retry wait of the guardian after a storm, and the transitions."""
 RETURN_S = 4.0
@@ -67,9 +70,15 @@ class Observer:
         passed_messages: per side. alarms: sudden losses by reason.
     """
 
-    def __init__(self, run: System, quiet_s: Callable[[], float]) -> None:
+    def __init__(self, run: System, quiet_s: Callable[[], float], *, only_link: bool = False) -> None:
         self.run = run
         self.quiet_s = quiet_s
+        self.only_link = only_link
+        self.loss_s: float | None = None
+        self.loss_epoch = 0
+        self.since_loss: set[int] = set()
+        self.losses_judged = 0
+        self.slowest_loss_s = 0.0
         self.world = run.world
         settings = run.scenario.settings
         self.settings = settings
@@ -139,6 +148,8 @@ class Observer:
             self.changeovers["commanded"] += 1
             return
         self.changeovers["sudden"] += 1
+        if self.only_link:
+            self.loss_s, self.loss_epoch, self.since_loss = self.world.now, decided.epoch, set()
         reason = decided.verdict.reason.value
         self.alarms[reason] = self.alarms.get(reason, 0) + 1
         handed_s = self.good_s if self.world.now - self.good_s > HANDOVER_S else self.good_before_s
@@ -176,6 +187,8 @@ class Observer:
             self._entered(lane, index, now)
         elif last is not None and message.sequence != last.sequence + 1 and message.life == last.life:
             self._check_lost(lane, last, message)
+        if site is Site.ROBOT:
+            self.since_loss.add(index)
         lane.last[site] = message
         lane.passed_s, lane.rank, self.rank = now, rank, rank
         self.passed_messages[site] += 1
@@ -280,8 +293,27 @@ class Observer:
             self.alone_s = self.world.now
         self._check_detection(control.robot, control.running_since_s)
         self._check_stopped(control.robot, control.running_since_s)
+        self._check_first_commands(control.robot)
         if self.quiet_s() > SETTLED_S:
             self._check_order(control.robot)
+
+    def _check_first_commands(self, robot: placement.Robot) -> None:
+        """Invariant 3e: after a loss for which only the link is to blame all rated outputs of the robot flow in time.
+
+        That is within the transitions of its nodes, one after the other, a period, and a reaction.
+        """
+        loss_s, scenario, now = self.loss_s, self.run.scenario, self.world.now
+        if loss_s is None or placement.IN_CHARGE[robot.phase] is not Site.ROBOT or robot.epoch != self.loss_epoch:
+            self.loss_s = None
+            return
+        limit_s = len(scenario.robot_nodes) * (scenario.transition_s + BUSY_S) + scenario.reaction_s + 2 * TIMER_S
+        limit_s += self.settings.robot_period_s
+        if {i for i, _ in self.rated} <= self.since_loss:
+            self.losses_judged += 1
+            self.slowest_loss_s = max(self.slowest_loss_s, now - loss_s)
+            self.loss_s = None
+        elif now - loss_s > limit_s:
+            self._violated("3e", f"no command of the robot {(now - loss_s) * 1e3:.0f} ms after a loss of the link")
 
     def _check_detection(self, robot: placement.Robot, running_s: float) -> None:
         """Invariant 3a: control, while it runs, ends a stay in the cloud a loss timeout after the last good beat.

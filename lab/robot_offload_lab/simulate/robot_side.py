@@ -7,7 +7,7 @@ from typing import Any
 
 from robot_offload_core import collectors, envelope, placement, pulse, switcher
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.collectors import Charge, Passage, Ruling
+from robot_offload_core.collectors import Charge, Passage
 from robot_offload_core.guardians import Command, Guardian, Inhibit, InhibitAnswered
 from robot_offload_core.process.collector import CollectorPlan, CollectorProcess
 from robot_offload_core.process.messages import Carried, Heard, Limits, Notes, Speak
@@ -304,16 +304,13 @@ class WatchedCollector(CollectorProcess):
         self.around.coverage.passage(Site(side), passage.reason)
         super()._count(side, index, passage)
 
-    def _publish(self, index: int, payload: Any, passage: Passage) -> list[tuple[int, Any]]:
-        if passage.reason is Ruling.CHANGED_OVER:
-            self.around.witness.flipped()
-        return super()._publish(index, payload, passage)
-
     def _keep(self, state: collectors.Collector) -> bool:
         before = self.state
         if (state.charge, state.next, state.fell_back) != (before.charge, before.next, before.fell_back):
             self.around.entered("collector " + collector_state(state))
         if state.charge != before.charge and (charge := state.charge) is not None:
+            if charge == before.next:
+                self.around.witness.flipped()
             self.around.world.note("collector passes", charge.site.value, charge.token.epoch)
         return super()._keep(state)
 
@@ -361,7 +358,11 @@ class Collector(Shell):
             coverage.cloud_message(
                 self.process.state, message.index, envelope.decode(message.header), self.host.now_s()
             )
+        before = self.process.state.charge
         self.process.handle(message)
+        following = message.gate.next if isinstance(message, placement.SetGate) else None
+        if following is not None and before != following == self.process.state.charge:
+            self.around.witness.flipped()  # nothing had to be heard: it changed over on being armed
 
     def robot_message(self, index: int, message: Message) -> None:
         """Takes what the robot's replica has published."""

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robot_offload_lab.simulate import story_fence, story_link, story_nodes, story_people, story_processes
+from robot_offload_lab.simulate import (
+    story_fence,
+    story_graphs,
+    story_link,
+    story_nodes,
+    story_people,
+    story_processes,
+)
 
 STORIES: dict[str, Callable[[], None]] = {
     story.__name__: story
-    for module in (story_link, story_fence, story_people, story_nodes, story_processes)
+    for module in (story_link, story_fence, story_people, story_nodes, story_graphs, story_processes)
     for story in module.STORIES
 }
