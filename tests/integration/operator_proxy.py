@@ -22,7 +22,7 @@ from tests.integration.operator_cluster import eventually
 
 WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 LEADER = "/leases/robot-offload-operator"
-_HOP_BY_HOP = frozenset({"connection", "content-length", "transfer-encoding", "content-encoding", "host"})
+_HOP_BY_HOP = frozenset({"connection", "content-length", "transfer-encoding", "host"})
 
 
 @dataclass(frozen=True)

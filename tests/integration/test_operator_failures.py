@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload.controller import reconcile
+from robot_offload.controller import reconcile, steps
 from robot_offload.controller.failures import Step
 from robot_offload.controller.reconcile import Controller, Result
 from robot_offload.errors import InputError
@@ -25,13 +25,13 @@ IMAGES = Images(agent="agent:1", operator="operator:1", discovery="discovery:1",
 BUILD = {"git": {"url": "https://git.example/talker.git"}, "packages": ["talker"]}
 BROKEN_IN: dict[Step, tuple[Any, str]] = {
     Step.READ: (reconcile, "check"),
-    Step.OBSERVE: (reconcile.observe, "cluster"),
-    Step.SECRETS: (reconcile.certificates, "issue"),
-    Step.BUILDS: (reconcile._Pass, "_builds"),
-    Step.DISCOVERY: (reconcile.discovery, "hosts"),
-    Step.RENDER: (reconcile, "children"),
-    Step.APPLY: (reconcile._Pass, "_prunable"),
-    Step.JUDGE: (reconcile.agent, "state_of"),
+    Step.OBSERVE: (steps.observe.Observer, "cluster"),
+    Step.SECRETS: (steps.certificates, "issue"),
+    Step.BUILDS: (steps.Pass, "_builds"),
+    Step.DISCOVERY: (steps.discovery, "hosts"),
+    Step.RENDER: (steps, "children"),
+    Step.APPLY: (steps.Pass, "_prunable"),
+    Step.JUDGE: (steps.agent, "state_of"),
 }
 
 
@@ -81,7 +81,7 @@ def test_what_cannot_be_rendered_is_the_users_to_correct(
 ) -> None:
     place = Place(control_plane, namespace)
     place.create(ROBOT_OFFLOAD, walker())
-    monkeypatch.setattr(reconcile, "children", raising(InputError("spec.x: write y instead")))
+    monkeypatch.setattr(steps, "children", raising(InputError("spec.x: write y instead")))
     one_pass(control_plane, namespace)
     condition = place.wait_condition("ResourcesApplied", "False", "CannotRender")
     assert "write y instead" in condition["message"]

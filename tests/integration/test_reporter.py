@@ -26,6 +26,7 @@ from tests.unit.operator.reporter.states import text
 
 pytestmark = pytest.mark.api
 RIGHTS = ("ServiceAccount", "Role", "RoleBinding", "Lease")
+SETTINGS = "talker-settings"
 
 
 @pytest.fixture
@@ -72,6 +73,39 @@ def test_the_state_reaches_the_lease_with_the_rendered_role_alone(running: Runni
     assert "lease_failures_total 0.0" in running.ask("/metrics")[1]
 
 
+def settings_of(generation: int) -> str:
+    return f"/**:\n  ros__parameters:\n    generation: {generation}\n    pin: Robot\n"
+
+
+def offer(kubectl: Kubectl, generation: int) -> None:
+    metadata = {"name": SETTINGS}
+    data = {"settings.yaml": settings_of(generation)}
+    kubectl.apply({"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": data})
+
+
+def test_changed_settings_reach_the_agents_file_by_a_watch_with_the_rendered_role_alone(
+    kubectl: Kubectl, namespace: str, control_plane: ControlPlane, lease: str, tmp_path: Path
+) -> None:
+    mounted, file = tmp_path / "mounted" / "settings.yaml", tmp_path / "run" / "settings.yaml"
+    mounted.parent.mkdir()
+    file.parent.mkdir()
+    mounted.write_text(settings_of(1))  # what the kubelet brought when the pod started, and never brings again here
+    variables = {"SETTINGS_NAME": SETTINGS, "SETTINGS_MOUNTED": str(mounted), "SETTINGS_FILE": str(file)}
+    kubeconfig = control_plane.kubeconfig_of(namespace, "talker-agent")
+    process = Running(tmp_path, kubeconfig, namespace, "talker", **variables)
+    try:
+        eventually(lambda: file.exists() and file.read_text() == settings_of(1))
+        for generation in (2, 3):
+            offer(kubectl, generation)
+            eventually(lambda generation=generation: file.read_text() == settings_of(generation))
+        kubectl("delete", "configmap", SETTINGS)
+        offer(kubectl, 4)
+        eventually(lambda: file.read_text() == settings_of(4))
+        assert [path.name for path in file.parent.iterdir()] == ["settings.yaml"]
+    finally:
+        assert process.stop() == 0
+
+
 def test_applying_the_lease_again_takes_nothing_back(running: Running, kubectl: Kubectl, namespace: str) -> None:
     running.write(text())
     held(kubectl, "talker")
@@ -100,6 +134,9 @@ def test_the_reporter_may_touch_one_lease_and_nothing_else(
     assert not may("patch", "lease/another-robot")
     assert not may("create", "leases")
     assert not may("list", "leases")
+    assert may("watch", f"configmap/{SETTINGS}")
+    assert not may("watch", "configmap/another-settings")
+    assert not may("list", "configmaps")
     assert not may("get", "secrets")
     assert not may("get", "robotoffloads")
 

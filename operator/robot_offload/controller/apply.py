@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from robot_offload.controller.clock import Clock
+from robot_offload.controller.store import Store
 from robot_offload.decide.ownership import Key, key_of
 from robot_offload.decide.plan import History, Obstacle, Plan
+from robot_offload.decide.rollouts import WAITING
 from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.errors import (
     ForbiddenError,
@@ -52,6 +54,9 @@ class Applied:
     @property
     def verdict(self) -> Verdict:
         """Returns whether all children are as declared, for the condition ResourcesApplied."""
+        if self.obstacles and not self.errors and all(one.reason == WAITING for one in self.obstacles):
+            # What runs is complete and in order; only its next version is not there yet.
+            return yes("WaitingForTurn", "; ".join(one.message for one in self.obstacles))
         messages = [obstacle.message for obstacle in self.obstacles] + [str(error) for error in self.errors]
         if self.obstacles:
             lasting: Sequence[Obstacle] = [obstacle for obstacle in self.obstacles if not obstacle.passing]
@@ -68,8 +73,10 @@ class Applied:
         self.writes += other.writes
 
 
-async def carry_out(api: KubeApi, plan: Plan, live: dict[Key, Manifest], history: History, clock: Clock) -> Applied:
-    """Carries out a plan; brings `live` and `history` up to date."""
+async def carry_out(
+    api: KubeApi, store: Store, plan: Plan, live: dict[Key, Manifest], history: History, clock: Clock
+) -> Applied:
+    """Carries out a plan; brings `store`, `live` and `history` up to date."""
     done = Applied(obstacles=list(plan.obstacles))
     for step in plan.applies:
         if done.stopped:
@@ -80,7 +87,9 @@ async def carry_out(api: KubeApi, plan: Plan, live: dict[Key, Manifest], history
             _note(error, step.manifest, done)
             continue
         done.writes += 1
-        live[key_of(step.manifest)] = answer
+        key = key_of(step.manifest)
+        live[key] = answer
+        store.put(key[0], answer)
         history.remember(step, answer, clock.steady_s())
     for child in plan.deletes:
         if done.stopped:

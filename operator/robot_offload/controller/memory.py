@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from robot_offload.controller.observe import CachedConfig
 from robot_offload.decide.plan import History
 from robot_offload.decide.presence import Sighting
+from robot_offload.decide.verdicts import Verdict
 
 EVENTS_AT_ONCE: Final = 25
 EVENT_EVERY_S: Final = 300.0
@@ -37,6 +39,23 @@ class Allowance:
         return True
 
 
+@dataclass(frozen=True, slots=True)
+class Certified:
+    """What the Secrets with certificates were last found to be, so that keys are not read in every pass.
+
+    Attributes:
+        based_on: generation, revocation and the versions of the Secrets.
+        verdict: for the condition CertificatesReady.
+        hash: of the cloud's certificate.
+        renewal_s: when the first of them is to be renewed, on the steady clock.
+    """
+
+    based_on: object
+    verdict: Verdict
+    hash: str
+    renewal_s: float
+
+
 @dataclass(slots=True)
 class Memory:
     """What is remembered of one RobotOffload, by its uid.
@@ -45,9 +64,11 @@ class Memory:
         uid: whose memory it is; another uid under the same name starts anew.
         history: what earlier passes have learnt about the children.
         sighting: the robot's Lease.
-        config_maps: names of the ConfigMaps of users that it reads.
+        configs: the ConfigMaps of users that it reads, by name.
         lease: what the robot's Lease said when it was last read (`presence.meaning`); None: there was none.
-        versions: resourceVersion by uid of all that the last pass read or wrote: events about those are no news.
+        unchanged: what the last full pass was made of; None: it left something to do.
+        due_s: when time alone may change something, on the steady clock.
+        secrets: what the certificates were decided from, and what came of it.
         status: what the metrics need of the status as it was last seen or written (`summary`).
         refusals: what the API server refused for good in the last pass; the same again is not worth a retry.
         failures: passes in a row that a step has broken off.
@@ -57,9 +78,11 @@ class Memory:
     uid: str
     history: History = field(default_factory=History)
     sighting: Sighting | None = None
-    config_maps: frozenset[str] = frozenset()
+    configs: dict[str, CachedConfig] = field(default_factory=dict)
     lease: tuple[Any, ...] | None = None
-    versions: dict[str, str] = field(default_factory=dict)
+    unchanged: object = None
+    due_s: float = float("inf")
+    secrets: Certified | None = None
     status: Mapping[str, Any] = field(default_factory=dict)
     refusals: frozenset[str] = frozenset()
     failures: int = 0

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from collections.abc import Iterable
+import json
+import zlib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.controller.store import Store
 from robot_offload.decide.issuer import WRITTEN_BY
 from robot_offload.decide.ownership import Key, belongs, key_of
 from robot_offload.kube.errors import ForbiddenError, NotFoundError
@@ -35,11 +38,13 @@ class Snapshot:
         live: objects with the labels of its children, and whoever else bears the name of one.
         nodes: the cluster's nodes, when their addresses matter.
         configs: the ConfigMap entries that its nodes read, by `name/key`; None: it is missing.
+        fresh: objects that this pass has read from the API server itself.
     """
 
     live: dict[Key, Manifest] = field(default_factory=dict)
     nodes: tuple[Manifest, ...] = ()
     configs: dict[str, str | None] = field(default_factory=dict)
+    fresh: set[Key] = field(default_factory=set)
 
     @property
     def config_texts(self) -> dict[str, str]:
@@ -50,12 +55,6 @@ class Snapshot:
     def config_hashes(self) -> dict[str, str]:
         """A short name for the content of each entry; empty: it is missing."""
         return {entry: "" if text is None else _hash(text) for entry, text in self.configs.items()}
-
-    @property
-    def versions(self) -> dict[str, str]:
-        """Returns the resourceVersions of all live objects by uid."""
-        metadata = [child["metadata"] for child in self.live.values()]
-        return {found["uid"]: found["resourceVersion"] for found in metadata}
 
     def ours(self, kind: Kind, name: str, uid: str) -> Manifest | None:
         """Returns a child of the RobotOffload with this uid; None: it is missing or somebody else's."""
@@ -75,45 +74,112 @@ class Snapshot:
         return [child for (kind, _), child in self.children(uid).items() if kind in (DEPLOYMENT, STATEFUL_SET)]
 
 
-async def cluster(api: KubeApi, namespace: str, offload: RobotOffload) -> Snapshot:
-    """Reads all that the next decisions need of the cluster."""
-    lists = [api.list(kind, namespace, _labels(offload)) for kind in CHILD_KINDS]
-    children, nodes, configs = await asyncio.gather(
-        asyncio.gather(*lists), _nodes(api, offload), _configs(api, namespace, offload)
-    )
-    seen = Snapshot({key_of(child): child for found in children for child in found}, nodes, configs)
-    if _issuer_matters(offload, seen):
-        found = await _certificates(api, namespace, offload)
-        seen.live.update({key_of(certificate): certificate for certificate in found})
-    return seen
+class Observer:
+    """Reads for one pass: from the store what the watches keep up to date, from the API server the rest."""
+
+    def __init__(self, api: KubeApi, store: Store, namespace: str, offload: RobotOffload) -> None:
+        self._api = api
+        self._store = store
+        self._namespace = namespace
+        self._offload = offload
+
+    async def cluster(self, cached: dict[str, CachedConfig]) -> Snapshot:
+        """Reads all that the next decisions need of the cluster.
+
+        Args:
+            cached: users' ConfigMaps as they were read last, by name; is brought up to date.
+        """
+        children, nodes, configs = await asyncio.gather(
+            self._children(), _nodes(self._api, self._offload), self._configs(cached)
+        )
+        seen = Snapshot(children, nodes, configs)
+        seen.fresh |= set() if self._store.fed else set(children)
+        if _issuer_matters(self._offload, seen):
+            found = await _certificates(self._api, self._namespace, self._offload)
+            seen.live.update({key_of(certificate): certificate for certificate in found})
+        return seen
+
+    async def confirm(self, seen: Snapshot, keys: Iterable[Key]) -> None:
+        """Reads what a write would touch from the API server, once a pass: what the store has may be old.
+
+        Also finds whoever else has the name of a child that is missing.
+        """
+        asked = [key for key in keys if key not in seen.fresh]
+        found = await asyncio.gather(*(self._api.get(kind, self._namespace, name) for kind, name in asked))
+        for key, manifest in zip(asked, found, strict=True):
+            seen.fresh.add(key)
+            if manifest is None:
+                seen.live.pop(key, None)
+                self._store.drop(key[0], self._namespace, key[1])
+            else:
+                seen.live[key] = manifest
+
+    async def pods(self) -> tuple[Manifest, ...]:
+        """Returns the pods of the children: only worth reading when a workload is not as it should be."""
+        return tuple(await self._pods(labels.instance_labels(self._offload)))
+
+    async def build_pods(self) -> tuple[Manifest, ...]:
+        """Returns the pods of build Jobs: only worth reading while a build is not written down yet."""
+        return tuple(await self._pods(labels.selector(self._offload, "build")))
+
+    async def secret_types(self, names: Iterable[str]) -> dict[str, str]:
+        """Returns the types of those of these Secrets that are there, by name. Users' own Secrets are not watched."""
+        wanted = sorted(names)
+        found = await asyncio.gather(*(self._api.get(SECRET, self._namespace, name) for name in wanted))
+        there = {name: secret for name, secret in zip(wanted, found, strict=True) if secret is not None}
+        return {name: str(secret.get("type") or "Opaque") for name, secret in there.items()}
+
+    async def _children(self) -> dict[Key, Manifest]:
+        if self._store.fed:
+            return self._store.children(self._namespace, self._offload.metadata.name)
+        wanted = _labels(self._offload)
+        lists = await asyncio.gather(*(self._api.list(kind, self._namespace, wanted) for kind in CHILD_KINDS))
+        return {key_of(child): child for found in lists for child in found}
+
+    async def _pods(self, wanted: Mapping[str, str]) -> Iterable[Manifest]:
+        if not self._store.fed:
+            return await self._api.list(POD, self._namespace, wanted)
+        found = self._store.children(self._namespace, self._offload.metadata.name, (POD,)).values()
+        return [pod for pod in found if wanted.items() <= (pod["metadata"].get("labels") or {}).items()]
+
+    async def _configs(self, cached: dict[str, CachedConfig]) -> dict[str, str | None]:
+        entries = sorted(config_maps(self._offload))
+        names = sorted({name for name, _ in entries})
+        for gone in set(cached) - set(names):
+            del cached[gone]
+        await asyncio.gather(*(self._config(name, cached) for name in names))
+        return {f"{name}/{key}": _entry(cached[name].manifest(), key) for name, key in entries}
+
+    async def _config(self, name: str, cached: dict[str, CachedConfig]) -> None:
+        version = self._store.config_versions.get((self._namespace, name)) if self._store.fed else None
+        if version is None or name not in cached or cached[name].version != version:
+            found = await self._api.get(CONFIG_MAP, self._namespace, name)
+            cached[name] = CachedConfig.of(found)
 
 
-async def look_up(api: KubeApi, namespace: str, seen: Snapshot, wanted: Iterable[Key]) -> None:
-    """Asks for wanted children that carry no label of ours: somebody else may have their names."""
-    missing = [key for key in wanted if key not in seen.live]
-    found = await asyncio.gather(*(_get(api, kind, namespace, name) for kind, name in missing))
-    seen.live.update({key: manifest for key, manifest in zip(missing, found, strict=True) if manifest is not None})
+@dataclass(frozen=True, slots=True)
+class CachedConfig:
+    """A user's ConfigMap as it was read last.
 
+    Attributes:
+        version: its resourceVersion; empty: there was none.
+        packed: its entries.
+    """
 
-async def pods(api: KubeApi, namespace: str, offload: RobotOffload) -> tuple[Manifest, ...]:
-    """The pods of the children: only worth reading when a workload is not as it should be."""
-    return tuple(await api.list(POD, namespace, labels.instance_labels(offload)))
+    version: str
+    packed: bytes
 
+    @classmethod
+    def of(cls, config_map: Manifest | None) -> CachedConfig:
+        """Packs what was read."""
+        found = config_map or {"metadata": {"resourceVersion": ""}}
+        text = json.dumps({"data": found.get("data") or {}})
+        return cls(str(found["metadata"]["resourceVersion"]), zlib.compress(text.encode(), 1))
 
-async def build_pods(api: KubeApi, namespace: str, offload: RobotOffload) -> tuple[Manifest, ...]:
-    """The pods of build Jobs: only worth reading while a build is not written down yet."""
-    return tuple(await api.list(POD, namespace, labels.selector(offload, "build")))
-
-
-async def secret_types(api: KubeApi, namespace: str, names: Iterable[str]) -> dict[str, str]:
-    """Returns the types of those of these Secrets that are there, by name."""
-    wanted = sorted(names)
-    found = await asyncio.gather(*(api.get(SECRET, namespace, name) for name in wanted))
-    return {
-        name: str(secret.get("type") or "Opaque")
-        for name, secret in zip(wanted, found, strict=True)
-        if secret is not None
-    }
+    def manifest(self) -> Manifest:
+        """Returns the entries as a manifest has them."""
+        manifest: Manifest = json.loads(zlib.decompress(self.packed))
+        return manifest
 
 
 def config_maps(offload: RobotOffload) -> frozenset[tuple[str, str]]:
@@ -130,10 +196,6 @@ def _labels(offload: RobotOffload) -> dict[str, str]:
     return {**labels.instance_labels(offload), labels.MANAGED_BY: labels.MANAGER}
 
 
-async def _get(api: KubeApi, kind: Kind, namespace: str, name: str) -> Manifest | None:
-    return await api.get(kind, namespace, name)
-
-
 async def _nodes(api: KubeApi, offload: RobotOffload) -> tuple[Manifest, ...]:
     expose = offload.spec.transport.expose
     if expose.type != "NodePort" or expose.host:
@@ -143,12 +205,6 @@ async def _nodes(api: KubeApi, offload: RobotOffload) -> tuple[Manifest, ...]:
     except ForbiddenError:
         # An operator for one namespace has no rights on nodes; the endpoints stay empty until a host is declared.
         return ()
-
-
-async def _configs(api: KubeApi, namespace: str, offload: RobotOffload) -> dict[str, str | None]:
-    entries = sorted(config_maps(offload))
-    found = await asyncio.gather(*(api.get(CONFIG_MAP, namespace, name) for name, _ in entries))
-    return {f"{name}/{key}": _entry(manifest, key) for (name, key), manifest in zip(entries, found, strict=True)}
 
 
 def _entry(config_map: Manifest | None, key: str) -> str | None:

@@ -10,6 +10,7 @@ import structlog
 
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.memory import Memory, summary
+from robot_offload.controller.store import Store
 from robot_offload.decide import conditions, status, transitions
 from robot_offload.kube.errors import InvalidObjectError, KubeError
 from robot_offload.kube.kinds import EVENT, ROBOT_OFFLOAD
@@ -20,16 +21,17 @@ COMPONENT: Final = "robot-offload-operator"
 _log = structlog.get_logger("robot_offload.controller")
 
 
-async def publish(api: KubeApi, raw: Manifest, after: Mapping[str, Any], memory: Memory, clock: Clock) -> int:
+async def publish(
+    api: KubeApi, store: Store, raw: Manifest, after: Mapping[str, Any], memory: Memory, clock: Clock
+) -> int:
     """Writes the status where it differs and posts the transitions; returns the number of writes."""
     before = raw.get("status") or {}
     metadata = raw["metadata"]
-    memory.versions = {metadata["uid"]: metadata["resourceVersion"]}
     change = status.patch(before, after)
     if not change:
         return 0
     answer = await _write(api, raw, change)
-    memory.versions[metadata["uid"]] = answer["metadata"]["resourceVersion"]
+    store.put(ROBOT_OFFLOAD, answer)
     memory.status = summary(answer.get("status") or after)
     posted = 0
     for event in transitions.transitions(before, after):

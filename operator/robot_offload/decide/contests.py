@@ -28,10 +28,12 @@ class Contest:
     Attributes:
         count: taking-backs in a row, each within `WINDOW_S` after the pause of the one before.
         last_s: when the last one was, on the steady clock.
+        rival: who had changed the child before that.
     """
 
     count: int = 0
     last_s: float = float("-inf")
+    rival: str = "somebody else"
 
     @property
     def pause_s(self) -> float:
@@ -44,15 +46,15 @@ class Contest:
         """Returns the seconds that are left of the pause; 0: the child may be taken back now."""
         return max(0.0, self.last_s + self.pause_s - now_s)
 
-    def taken_back(self, now_s: float) -> Contest:
+    def taken_back(self, now_s: float, rival: str) -> Contest:
         """Returns the contest after one more taking-back."""
         calm = now_s - self.last_s > self.pause_s + WINDOW_S
-        return Contest(1 if calm else self.count + 1, now_s)
+        return Contest(1 if calm else self.count + 1, now_s, rival)
 
 
 def contested(there: Manifest, contest: Contest) -> Verdict:
     """Returns the verdict about a child that somebody else keeps changing."""
-    other = other_manager(there)
+    other = contest.rival
     return no(
         "Contested",
         f"{described(there)}: {other} sets fields that belong to this RobotOffload again and again; the operator now "

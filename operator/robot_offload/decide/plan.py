@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from robot_offload.decide.contests import Contest, contested
+from robot_offload.decide.contests import Contest, contested, other_manager
 from robot_offload.decide.drift import Settled, digest, in_place, settle, stamped
 from robot_offload.decide.ownership import (
     Key,
@@ -27,13 +27,13 @@ class Apply:
         manifest: what to apply, stamped.
         force: whether fields that others changed are taken back: only on objects that are ours already.
         uid: a precondition: what was looked at is what is written to, or nothing is; empty: there was nothing.
-        again: whether exactly this was applied before, so that somebody else must have changed it.
+        rival: who has changed it since exactly this was applied; empty: nobody, it is another manifest.
     """
 
     manifest: Manifest
     force: bool
     uid: str = ""
-    again: bool = False
+    rival: str = ""
 
     @property
     def body(self) -> Manifest:
@@ -97,8 +97,8 @@ class History:
     def remember(self, step: Apply, answer: Manifest, now_s: float) -> None:
         """Notes what came of an apply."""
         key = key_of(step.manifest)
-        if step.again:
-            self.contests[key] = self.contests.get(key, Contest()).taken_back(now_s)
+        if step.rival:
+            self.contests[key] = self.contests.get(key, Contest()).taken_back(now_s, step.rival)
         self.applied[key] = digest(step.manifest)
         kept = settle(step.manifest, answer)
         if kept is None:
@@ -152,7 +152,8 @@ def plan(
             if again and contest.waits_s(now_s) > 0:
                 obstacles.append(_fought_over(there, contest, now_s))
             else:
-                applies.append(Apply(stamp, force=True, uid=there["metadata"]["uid"], again=again))
+                rival = other_manager(there) if again else ""
+                applies.append(Apply(stamp, force=True, uid=there["metadata"]["uid"], rival=rival))
     doomed = [live[key] for key in prunable if key in live and key not in names]
     deletes = [child for child in doomed if belongs(child, uid) and not being_deleted(child)]
     return Plan(tuple(applies), tuple(deletes), tuple(obstacles))

@@ -179,6 +179,10 @@ CLUSTER: Final[dict[str, Advice]] = {
         "Report the message together with the object; the traceback is in kubectl logs -n "
         "robot-offload-system deployment/robot-offload-operator",
     ),
+    "WaitingForTurn": Advice(
+        "A new version of the operator wants other pods; those of this RobotOffload are replaced when others are done.",
+        "Wait; MAX_ROLLING of the operator says how many are replaced at once.",
+    ),
     "WaitingForDeletion": Advice(
         "An object of ours is being deleted; it is made again when it is gone.",
         "Wait; if it stays, kubectl get it with -o yaml and look at its finalizers.",

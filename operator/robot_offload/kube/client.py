@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Mapping
+import random
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
 import aiohttp
@@ -16,13 +17,25 @@ from kubernetes.aio.client import ApiClient, Configuration
 from kubernetes.aio.client.exceptions import ApiException
 from kubernetes.aio.dynamic import DynamicClient
 
-from robot_offload.kube.errors import KubeError, NotFoundError, UnauthorizedError, UnreachableError, error_of
+from robot_offload.kube.errors import (
+    KubeError,
+    NotFoundError,
+    SilentError,
+    UnauthorizedError,
+    UnreachableError,
+    error_of,
+)
 from robot_offload.kube.kinds import Kind, kind_of
-from robot_offload.kube.port import FIELD_MANAGER, Manifest, Verb
+from robot_offload.kube.port import FIELD_MANAGER, Change, Manifest, Selection, Verb
 from robot_offload.kube.retry import RetryPolicy
 
 _MERGE_PATCH: Final = "application/merge-patch+json"
 _APPLY_PATCH: Final = "application/apply-patch+yaml"
+_METADATA: Final = "application/json;as=PartialObjectMetadata;g=meta.k8s.io;v=v1"
+_METADATA_LIST: Final = "application/json;as=PartialObjectMetadataList;g=meta.k8s.io;v=v1"
+_CHANGES: Final = frozenset({"ADDED", "MODIFIED", "DELETED", "BOOKMARK"})
+_WATCH_S: Final = (300, 600)
+"""How long the API server keeps a watch open, as client-go asks it: at random, so that not all end together."""
 _PAGE: Final = 500
 """Objects per answer of a list: bounds what one answer holds in memory."""
 
@@ -63,22 +76,65 @@ class Client:
         """See `KubeApi.list`."""
         self._guard("list")
         selector = ",".join(f"{key}={value}" for key, value in sorted((labels or {}).items()))
-        found: list[Manifest] = []
+        return [item async for page, _ in self._pages(kind, namespace, Selection(selector)) for item in page]
+
+    async def pages(
+        self, kind: Kind, namespace: str | None, selection: Selection
+    ) -> AsyncIterator[tuple[Sequence[Manifest], str]]:
+        """See `KubeApi.pages`."""
+        self._guard("list")
+        async for page in self._pages(kind, namespace, selection):
+            yield page
+
+    async def _pages(
+        self, kind: Kind, namespace: str | None, selection: Selection
+    ) -> AsyncIterator[tuple[Sequence[Manifest], str]]:
         token: str | None = None
         while True:
             answer = await self._send(
                 "get",
                 kind.path(namespace),
                 f"list {kind.plural}{f' in {namespace}' if namespace else ''}",
-                label_selector=selector or None,
+                **_asked(selection, _METADATA_LIST),
                 limit=_PAGE,
                 _continue=token,
             )
-            # Items of a list carry neither apiVersion nor kind.
-            found += [{"apiVersion": kind.api_version, "kind": kind.kind, **item} for item in answer.get("items") or ()]
-            token = answer.get("metadata", {}).get("continue") or None
+            # Items of a list carry neither apiVersion nor kind, or those of the form that was asked for.
+            own = {"apiVersion": kind.api_version, "kind": kind.kind}
+            metadata = answer.get("metadata") or {}
+            yield [{**item, **own} for item in answer.get("items") or ()], str(metadata.get("resourceVersion") or "")
+            token = metadata.get("continue") or None
             if token is None:
-                return found
+                return
+
+    async def watch(
+        self, kind: Kind, namespace: str | None, selection: Selection, version: str, *, idle_s: float
+    ) -> AsyncIterator[Change]:
+        """See `KubeApi.watch`."""
+        self._guard("watch")
+        doing = f"watch {kind.plural}{f' in {namespace}' if namespace else ''}"
+        timeout = aiohttp.ClientTimeout(total=None, sock_connect=self._retry.request_timeout_s, sock_read=idle_s)
+        query = [("allowWatchBookmarks", "true"), ("timeoutSeconds", str(random.randint(*_WATCH_S)))]
+        parameters = {**_asked(selection, _METADATA), "watch": "true", "resource_version": version}
+        try:
+            answer = await self._request(
+                "get", kind.path(namespace), doing, timeout, {**parameters, "query_params": query}
+            )
+        except UnreachableError as error:
+            if isinstance(error.__cause__, TimeoutError):
+                raise SilentError(f"cannot {doing}: silent for {idle_s:g} s") from error
+            raise
+        try:
+            while line := await answer.content.readline():
+                change = _change(json.loads(line), kind, doing)
+                if change is not None:
+                    yield change
+        except TimeoutError as error:
+            raise SilentError(f"cannot {doing}: silent for {idle_s:g} s") from error
+        except (aiohttp.ClientError, OSError, ValueError) as error:
+            raise UnreachableError(f"cannot {doing}: {error or type(error).__name__}") from error
+        finally:
+            answer.close()
 
     async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:
         """See `KubeApi.apply`."""
@@ -172,15 +228,10 @@ class Client:
                 await asyncio.sleep(pause_s)
 
     async def _send_once(self, method: str, path: str, doing: str, parameters: dict[str, Any]) -> Manifest:
-        dynamic = await self._open()
         timeout = aiohttp.ClientTimeout(total=self._retry.request_timeout_s)
+        answer = await self._request(method, path, doing, timeout, parameters)
         try:
-            answer = await dynamic.request(
-                method, path, serialize=False, query_params=[], header_params={}, _request_timeout=timeout, **parameters
-            )
             body = await answer.read()
-        except ApiException as error:
-            raise error_of(error.status or 0, _text(error.body), dict(error.headers or {}), doing) from error
         except TimeoutError as error:
             raise UnreachableError(f"cannot {doing}: no answer within {self._retry.request_timeout_s:g} s") from error
         except (aiohttp.ClientError, OSError) as error:
@@ -193,11 +244,49 @@ class Client:
             ) from error
         return value if isinstance(value, dict) else {}
 
+    async def _request(
+        self, method: str, path: str, doing: str, timeout: aiohttp.ClientTimeout, parameters: dict[str, Any]
+    ) -> aiohttp.ClientResponse:
+        """Sends one request once; returns an answer whose content has still to be read."""
+        dynamic = await self._open()
+        given = {"query_params": [], "header_params": {}, **parameters}
+        try:
+            answer: aiohttp.ClientResponse = await dynamic.request(
+                method, path, serialize=False, _request_timeout=timeout, **given
+            )
+        except ApiException as error:
+            raise error_of(error.status or 0, _text(error.body), dict(error.headers or {}), doing) from error
+        except TimeoutError as error:
+            raise UnreachableError(f"cannot {doing}: no answer within {self._retry.request_timeout_s:g} s") from error
+        except (aiohttp.ClientError, OSError) as error:
+            raise UnreachableError(f"cannot {doing}: {error or type(error).__name__}") from error
+        return answer
+
     async def _open(self) -> DynamicClient:
         async with self._opening:
             if self._dynamic is None:
                 self._dynamic = DynamicClient(ApiClient(await self._configure()))
             return self._dynamic
+
+
+def _asked(selection: Selection, form: str) -> dict[str, Any]:
+    """Returns a selection as the parameters of a request."""
+    asked: dict[str, Any] = {
+        "label_selector": selection.labels or None,
+        "field_selector": selection.fields or None,
+    }
+    return {**asked, "header_params": {"Accept": form}} if selection.metadata_only else asked
+
+
+def _change(event: Any, kind: Kind, doing: str) -> Change | None:
+    """Returns an event of a watch; None: a type that this program does not know."""
+    manifest = event["object"]
+    if event["type"] == "ERROR":
+        raise error_of(int(manifest.get("code") or 500), json.dumps(manifest), {}, doing)
+    if event["type"] not in _CHANGES:
+        return None
+    own = {"apiVersion": kind.api_version, "kind": kind.kind}
+    return Change(event["type"], {**manifest, **own}, str(manifest["metadata"]["resourceVersion"]))
 
 
 def _let_pass(verb: Verb) -> None:

@@ -11,6 +11,7 @@ KubeError                  the base; `retriable` says whether the same request m
 |- TooManyError            429: the API server asks to slow down
 |- ServerFailedError       5xx: the API server has a problem
 `- UnreachableError        no answer in time, or no connection at all
+   `- SilentError          a watch that brings nothing, not even bookmarks
 
 NotLeaderError stands beside it: this process may not write (any more), so nothing is to be tried again.
 """
@@ -19,9 +20,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from robot_offload.errors import RobotOffloadError
+
+_UID: Final = "metadata.uid"
 
 
 class KubeError(RobotOffloadError):
@@ -117,6 +120,10 @@ class UnreachableError(KubeError):
     reason = "Unreachable"
 
 
+class SilentError(UnreachableError):
+    """A watch has brought nothing for too long, not even a sign that nothing happens."""
+
+
 class NotLeaderError(RobotOffloadError):
     """Another operator may be writing now; this one must not."""
 
@@ -134,6 +141,9 @@ def error_of(status: int, body: str, headers: Mapping[str, str], doing: str) -> 
     message = f"cannot {doing}: {answer.get('message') or _shortened(body) or f'HTTP {status}'}"
     causes = (answer.get("details") or {}).get("causes") or ()
     details = tuple((str(cause.get("field", "")), str(cause.get("message", ""))) for cause in causes)
+    if any(field == _UID for field, _ in details):
+        # For some kinds (Services) that is the answer to a write meant for an object that has been replaced meanwhile.
+        status = 409
     return _class_of(status, str(answer.get("reason", "")))(
         message, status=status, retry_after_s=_retry_after_s(headers), details=details
     )

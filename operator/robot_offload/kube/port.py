@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final, Literal, Protocol, TypeAlias
 
 from robot_offload.kube.kinds import Kind
@@ -20,6 +21,36 @@ READS: Final = frozenset({"get", "list", "watch"})
 """The verbs that change nothing."""
 
 
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Which objects of a kind are listed and watched.
+
+    Attributes:
+        labels: a label selector as in URLs; empty: all.
+        fields: a field selector as in URLs; empty: all.
+        metadata_only: whether the API server leaves out everything but `metadata`.
+    """
+
+    labels: str = ""
+    fields: str = ""
+    metadata_only: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One event of a watch.
+
+    Attributes:
+        type: ADDED, MODIFIED or DELETED; BOOKMARK: nothing, up to this version.
+        manifest: the object; of a deleted one its last state.
+        version: the resourceVersion to go on from.
+    """
+
+    type: str
+    manifest: Manifest
+    version: str
+
+
 class KubeApi(Protocol):
     """Reads and writes of objects. Every method raises a `KubeError` when the API server says no or is silent."""
 
@@ -31,6 +62,27 @@ class KubeApi(Protocol):
         self, kind: Kind, namespace: str | None = None, labels: Mapping[str, str] | None = None
     ) -> list[Manifest]:
         """Returns all objects of a kind in a namespace (None: in all) that carry all `labels`."""
+        ...
+
+    def pages(
+        self, kind: Kind, namespace: str | None, selection: Selection
+    ) -> AsyncIterator[tuple[Sequence[Manifest], str]]:
+        """Yields a list in parts, each with the version that a watch can begin from after the last one."""
+        ...
+
+    def watch(
+        self, kind: Kind, namespace: str | None, selection: Selection, version: str, *, idle_s: float
+    ) -> AsyncIterator[Change]:
+        """Yields what happens after a version, until the API server ends the watch.
+
+        Args:
+            kind: of the objects.
+            namespace: None: all.
+            selection: which of them.
+            version: as from `pages`. `ConflictError` when it is too old.
+            idle_s: a connection that is silent for this long is a `SilentError`; the API server sends a bookmark
+                every minute.
+        """
         ...
 
     async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:

@@ -77,6 +77,7 @@ class Facts:
         certificate_hash: of what is in the Secret of the cloud's certificate; a renewed one rolls what reads it.
         user_config_hashes: of the ConfigMaps of `parametersFrom`, by `name/key`; empty text: it is missing.
         user_configs: what is in them, by `name/key`; replicas get a copy in which they find their own names.
+        load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         built: the images of nodes that are built in the cluster, by node; one that is not there yet is missing.
     """
 
@@ -91,6 +92,7 @@ class Facts:
     certificate_hash: str = ""
     user_config_hashes: Mapping[str, str] = field(default_factory=dict)
     user_configs: Mapping[str, str] = field(default_factory=dict)
+    load_balancer_node_ports: bool = True
     built: Mapping[str, str] = field(default_factory=dict)
 
     def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:

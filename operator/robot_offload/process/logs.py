@@ -48,7 +48,5 @@ def set_up(level: str, form: LogFormat = "json") -> None:
     root = logging.getLogger()
     root.handlers = [handler]
     root.setLevel(level.upper())
-    # kopf tells each event it handles; that is noise below debugging.
-    logging.getLogger("kopf").setLevel("DEBUG" if level == "debug" else "WARNING")
     for noisy in ("asyncio", "aiohttp.access", "urllib3", "kubernetes"):
         logging.getLogger(noisy).setLevel("WARNING")

@@ -19,23 +19,26 @@ import structlog
 
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.reconcile import Controller, Name
+from robot_offload.controller.steps import Policy
+from robot_offload.controller.store import Store
 from robot_offload.errors import RobotOffloadError
 from robot_offload.kube.configuration import connect
 from robot_offload.kube.errors import KubeError, NotFoundError, NotLeaderError
 from robot_offload.kube.kinds import ROBOT_OFFLOAD
-from robot_offload.kube.port import KubeApi, Manifest
+from robot_offload.kube.port import KubeApi, Manifest, Selection
 from robot_offload.kube.retry import RetryPolicy
-from robot_offload.objects import labels
 from robot_offload.process import logs, triggers
 from robot_offload.process.health import Limit, WatchSight
 from robot_offload.process.http import serving
+from robot_offload.process.informer import Informer
 from robot_offload.process.leadership import Leadership, LeadersOnly, Terms
 from robot_offload.process.metrics import Metrics
 from robot_offload.process.queue import Queue
 from robot_offload.process.settings import Settings, from_environment
+from robot_offload.process.triggers import SETTLE_S, OthersConfigMaps, Triggers
 
-_SETTLE_S: Final = 0.1
-"""How long after an event of a child the pass waits for its siblings' events."""
+FEED_S: Final = 30.0
+"""Seconds after which passes begin although not everything is listed: one kind that cannot be read holds up nothing."""
 _BLIND_LIMIT: Final = 2.5
 """How long the watch may miss something, in times of silence after which it is opened again."""
 _log = structlog.get_logger("robot_offload.process.main")
@@ -55,48 +58,24 @@ class Operator:
         self._clock = clock or Clock()
         self._leadership = leadership
         self._api = api
-        self._controller = Controller(self._api, settings.images, self._clock)
+        self._store = Store()
+        policy = Policy(settings.max_rolling, settings.load_balancer_node_ports)
+        self._controller = Controller(self._api, settings.images, self._clock, self._store, policy)
         self._queue: Queue[Name] = Queue(self._clock.steady_s)
         self._sight = WatchSight()
+        self._triggers = Triggers(self._controller, self._store, self._queue, self._sight)
+        self._others = OthersConfigMaps(self._controller, self._store, self._queue)
         self._probed_s = self._clock.steady_s()
         self._watching = False
         self._reached = False
         self.metrics = Metrics()
-        self.metrics.show(self._statuses, lambda: guard.calls, lambda: len(self._queue), lambda: self._leadership.held)
-
-    # -- triggers (handlers.Triggers) ---------------------------------------------------------------------------
-
-    def resource(self, manifest: Manifest, *, gone: bool) -> None:
-        """A RobotOffload has changed."""
-        self._sight.delivered(manifest, gone=gone)
-        name = manifest["metadata"]["namespace"], manifest["metadata"]["name"]
-        if gone or self._controller.news(name, manifest):
-            self._queue.add(name)
-
-    def child(self, manifest: Manifest, *, gone: bool) -> None:
-        """An object with our labels has changed."""
-        name = _owner(manifest)
-        if name is not None and (gone or self._controller.news(name, manifest)):
-            self._queue.add(name, _SETTLE_S)
-
-    def lease(self, manifest: Manifest, *, gone: bool) -> None:
-        """A robot's Lease has changed; renewing alone needs no pass."""
-        name = _owner(manifest)
-        if name is None:
-            return
-        settled_s = None if gone else self._controller.saw_lease(name, manifest)
-        if settled_s is not None:
-            self._queue.postpone(name, settled_s)
-        elif gone or self._controller.news(name, manifest):
-            self._queue.add(name)
-
-    def config_map(self, manifest: Manifest, *, gone: bool) -> None:
-        """A ConfigMap has changed: one of ours, or one that a user's nodes read."""
-        self.child(manifest, gone=gone)
-        metadata = manifest["metadata"]
-        for name, memory in self._controller.memories.items():
-            if name[0] == metadata["namespace"] and metadata["name"] in memory.config_maps:
-                self._queue.add(name, _SETTLE_S)
+        self.metrics.show(
+            self._statuses,
+            lambda: guard.calls,
+            lambda: len(self._queue),
+            lambda: self._queue.late_s,
+            lambda: self._leadership.held,
+        )
 
     # -- the process --------------------------------------------------------------------------------------------
 
@@ -137,39 +116,48 @@ class Operator:
         await self._leadership.acquire()
 
     async def _work(self, stop: asyncio.Event) -> None:
-        # kopf cancels every task that is younger than itself when it ends: ours must be older.
-        parts = [asyncio.create_task(self._queue.work(self._look)) for _ in range(self._settings.workers)]
+        places, idle_s = self._settings.watch_namespaces, self._settings.inactivity_s
+        informers = triggers.informers(
+            self._api, self._triggers, self._others, namespaces=places, idle_s=idle_s, clock=self._clock
+        )
+        parts = [asyncio.create_task(informer.run()) for informer in informers]
+        parts.append(asyncio.create_task(self._leadership.hold()))
+        parts.append(asyncio.create_task(self._feed(informers)))
         parts.append(asyncio.create_task(self._probe()))
         parts.append(asyncio.create_task(self._resync()))
-        leading = asyncio.create_task(self._leadership.hold())
         stopped = asyncio.create_task(stop.wait())
-        for manifest in await self._list():
-            # At once, without waiting for the watches: whatever a predecessor left half done is finished first.
-            self._queue.add((manifest["metadata"]["namespace"], manifest["metadata"]["name"]))
-        stop_watching, ready = asyncio.Event(), asyncio.Event()
-        watching = asyncio.ensure_future(
-            triggers.operator(
-                self,
-                namespaces=self._settings.watch_namespaces,
-                inactivity_s=self._settings.inactivity_s,
-                ready=ready,
-                stop=stop_watching,
-            )
-        )
         self._watching = True
-        done = await _first(*parts, leading, watching, stopped)
+        await _first(*parts, stopped)
         _log.info("Stopping")
-        stop_watching.set()
-        for part in (*parts, leading, stopped):
+        for part in (*parts, stopped):
             part.cancel()
-        results = await asyncio.gather(*parts, leading, watching, stopped, return_exceptions=True)
-        for result in results:
+        for result in await asyncio.gather(*parts, stopped, return_exceptions=True):
             if isinstance(result, RobotOffloadError):
                 raise result
             if isinstance(result, Exception):
                 raise PartEndedError(f"a part of the operator broke: {result!r}") from result
-        if watching in done and not stop.is_set():
-            _log.info("Stopped by a signal")
+
+    async def _feed(self, informers: list[Informer]) -> None:
+        """Works on the queue: from the store once that is complete, and before that from the API server itself."""
+        listed = asyncio.gather(*(informer.listed.wait() for informer in informers))
+        try:
+            async with asyncio.timeout(FEED_S):
+                await asyncio.shield(listed)
+        except TimeoutError:
+            late = [informer.kind.kind for informer in informers if not informer.listed.is_set()]
+            _log.warning("Works without the store until everything is listed", missing=late)
+        workers = [asyncio.create_task(self._queue.work(self._look)) for _ in range(self._settings.workers)]
+        try:
+            await _first(listed, *workers)
+            if listed.done():
+                self._store.fed = True
+                _log.info("Knows everything", objects=len(self._store))
+            await asyncio.gather(*workers)
+        finally:
+            for worker in workers:
+                worker.cancel()
+            listed.cancel()
+            await asyncio.gather(*workers, return_exceptions=True)
 
     async def _look(self, name: Name) -> None:
         """One pass with everything around it: metrics, errors, the next time."""
@@ -206,7 +194,7 @@ class Operator:
             self.metrics.reconciles.labels("ok").inc()
             self._queue.forgive(name)
         if result.again_s is not None:
-            self._queue.remind(name, result.again_s + _SETTLE_S)
+            self._queue.remind(name, result.again_s + SETTLE_S)
 
     async def _probe(self) -> None:
         """Compares the watch with a list, again and again; what the watch has missed is looked at."""
@@ -214,28 +202,30 @@ class Operator:
             await asyncio.sleep(self._settings.probe_s * random.uniform(0.9, 1.1))
             try:
                 listed = await self._list()
+                self._probed_s = self._clock.steady_s()
+                for manifest in self._sight.listed(listed, self._probed_s):
+                    name = manifest["metadata"]["namespace"], manifest["metadata"]["name"]
+                    found = await self._api.get(ROBOT_OFFLOAD, *name)
+                    if found is not None and self._store.put(ROBOT_OFFLOAD, found):
+                        self._queue.add(name, urgent=True)
             except KubeError as error:
                 _log.warning("Could not compare the watch with a list", error=str(error))
-                continue
-            self._probed_s = self._clock.steady_s()
-            late = {manifest["metadata"]["uid"] for manifest in self._sight.listed(listed, self._probed_s)}
-            for manifest in listed:
-                name = manifest["metadata"]["namespace"], manifest["metadata"]["name"]
-                if manifest["metadata"]["uid"] in late and self._controller.news(name, manifest):
-                    self._queue.add(name, _SETTLE_S)
 
     async def _resync(self) -> None:
         """Looks at every object now and then, each at its own time, whatever the events said."""
         while True:
-            await asyncio.sleep(self._settings.resync_s * random.uniform(0.8, 1.2))
+            await asyncio.sleep(self._settings.resync_s)
             for name in list(self._controller.memories):
-                self._queue.remind(name, random.uniform(0, self._settings.resync_s / 5))
+                self._queue.remind(name, random.uniform(0, self._settings.resync_s))
 
     async def _list(self) -> list[Manifest]:
-        places = self._settings.watch_namespaces or (None,)
-        found = await asyncio.gather(*(self._api.list(ROBOT_OFFLOAD, place) for place in places))
+        """Returns the metadata of all RobotOffloads."""
+        found: list[Manifest] = []
+        for place in self._settings.watch_namespaces or (None,):
+            async for page, _ in self._api.pages(ROBOT_OFFLOAD, place, Selection(metadata_only=True)):
+                found += page
         self._reached = True
-        return [manifest for manifests in found for manifest in manifests]
+        return found
 
     def signs(self) -> Iterable[Limit]:
         """The signs of life for /livez."""
@@ -288,13 +278,6 @@ async def _run(settings: Settings) -> None:
 async def _first(*tasks: asyncio.Future[Any]) -> set[asyncio.Future[Any]]:
     done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     return done
-
-
-def _owner(manifest: Manifest) -> Name | None:
-    """The RobotOffload that an object belongs to by its label."""
-    metadata = manifest["metadata"]
-    instance = (metadata.get("labels") or {}).get(labels.INSTANCE)
-    return (metadata["namespace"], instance) if instance and metadata.get("namespace") else None
 
 
 if __name__ == "__main__":

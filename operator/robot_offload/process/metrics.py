@@ -52,10 +52,11 @@ class Metrics:
         statuses: Statuses,
         calls: Callable[[], Mapping[str, int]],
         queued: Callable[[], int],
+        late_s: Callable[[], float],
         leader: Callable[[], bool],
     ) -> None:
         """Adds what is worked out when somebody asks."""
-        self.registry.register(_State(statuses, calls, queued, leader))
+        self.registry.register(_State(statuses, calls, queued, late_s, leader))
 
 
 class _State(Collector):
@@ -64,11 +65,13 @@ class _State(Collector):
         statuses: Statuses,
         calls: Callable[[], Mapping[str, int]],
         queued: Callable[[], int],
+        late_s: Callable[[], float],
         leader: Callable[[], bool],
     ) -> None:
         self._statuses = statuses
         self._calls = calls
         self._queued = queued
+        self._late_s = late_s
         self._leader = leader
 
     def collect(self) -> Iterable[Metric]:
@@ -86,6 +89,7 @@ class _State(Collector):
         yield _info(named)
         yield _gauge("robot_offload_objects", "RobotOffloads that this operator keeps.", len(statuses))
         yield _gauge("robot_offload_queue", "Objects that wait for a pass.", self._queued())
+        yield _gauge("robot_offload_queue_late_seconds", "For how long the oldest of them waits.", self._late_s())
         yield _gauge("robot_offload_leader", "1 while this process is the leader.", int(self._leader()))
         connected = sum(bool((status.get("robot") or {}).get("connected")) for status in statuses)
         yield _gauge("robot_offload_robots_connected", "Robots whose agent is connected.", connected)

@@ -1,11 +1,14 @@
 """Which RobotOffload is looked at when: one pass at a time for each, few at once, failing ones ever less often.
 
-Many events for one name become one pass. An event during a pass means one more pass after it.
+Many events for one name become one pass. An event during a pass means one more pass after it. What a person has changed
+goes before everything else that is due.
 """
 
 from __future__ import annotations
 
 import asyncio
+import heapq
+import itertools
 import random
 from collections.abc import Awaitable, Callable
 from typing import Final, Generic, TypeVar
@@ -17,29 +20,48 @@ LONGEST_BACKOFF_S: Final = 120.0
 
 
 class Queue(Generic[Item]):
-    """Names with the time at which each is due."""
+    """Names with the time at which each is due, in two heaps: what waits for its time, and what is due."""
 
     def __init__(self, steady_s: Callable[[], float], seed: int | None = None) -> None:
         self._steady_s = steady_s
         self._random = random.Random(seed)
         self._due: dict[Item, float] = {}
+        self._urgent: set[Item] = set()
         self._timers: set[Item] = set()
         self._busy: set[Item] = set()
         self._failures: dict[Item, int] = {}
+        # Entries of the heaps are never removed when plans change; those that no longer hold are skipped.
+        self._later: list[tuple[float, int, Item]] = []
+        self._ready: list[tuple[bool, float, int, Item]] = []
+        self._numbers = itertools.count()
         self._changed = asyncio.Event()
 
     def __len__(self) -> int:
-        """How many are due or being looked at; timers of the future do not count."""
+        """Returns how many are due or being looked at; timers of the future do not count."""
         now_s = self._steady_s()
         return len(self._busy) + sum(due_s <= now_s for item, due_s in self._due.items() if item not in self._busy)
 
-    def add(self, item: Item, delay_s: float = 0.0) -> None:
-        """Something has happened: look at it after `delay_s`, or earlier when that was planned already."""
+    @property
+    def late_s(self) -> float:
+        """Returns for how many seconds the oldest one has been due; 0: none is."""
+        now_s = self._steady_s()
+        return max((now_s - due_s for item, due_s in self._due.items() if item not in self._busy), default=0.0)
+
+    def add(self, item: Item, delay_s: float = 0.0, *, urgent: bool = False) -> None:
+        """Plans a pass because something has happened: after `delay_s`, or earlier when that was planned already.
+
+        Args:
+            item: what to look at.
+            delay_s: seconds to wait for further events.
+            urgent: whether it goes before others that are due.
+        """
+        if urgent:
+            self._urgent.add(item)
         self._plan(item, delay_s)
         self._timers.discard(item)
 
     def remind(self, item: Item, delay_s: float) -> None:
-        """Nothing has happened, but time passes: look at it after `delay_s` at the latest."""
+        """Plans a pass although nothing has happened, because time passes: after `delay_s` at the latest."""
         if item not in self._due:
             self._timers.add(item)
         self._plan(item, delay_s)
@@ -47,7 +69,10 @@ class Queue(Generic[Item]):
     def postpone(self, item: Item, delay_s: float) -> None:
         """Moves a reminder further away; what events have planned stays."""
         if item in self._timers:
-            self._due[item] = max(self._due[item], self._steady_s() + delay_s)
+            due_s = max(self._due[item], self._steady_s() + delay_s)
+            if due_s > self._due[item]:
+                self._due[item] = due_s
+                heapq.heappush(self._later, (due_s, next(self._numbers), item))
 
     def retry(self, item: Item, at_least_s: float = 0.0) -> float:
         """Plans the next attempt after a failure; returns the delay in seconds."""
@@ -58,7 +83,7 @@ class Queue(Generic[Item]):
         return delay_s
 
     def forgive(self, item: Item) -> None:
-        """A pass went well: the next failure is the first again."""
+        """Notes that a pass went well: the next failure is the first again."""
         self._failures.pop(item, None)
 
     async def work(self, look: Callable[[Item], Awaitable[None]]) -> None:
@@ -69,28 +94,41 @@ class Queue(Generic[Item]):
                 await look(item)
             finally:
                 self._busy.discard(item)
+                if item in self._due:  # planned again meanwhile
+                    heapq.heappush(self._later, (self._due[item], next(self._numbers), item))
                 self._changed.set()
 
     def _plan(self, item: Item, delay_s: float) -> None:
         due_s = self._steady_s() + delay_s
-        self._due[item] = min(self._due.get(item, due_s), due_s)
-        self._changed.set()
+        known_s = self._due.get(item)
+        if known_s is None or due_s < known_s or item in self._urgent:
+            self._due[item] = due_s = min(due_s, due_s if known_s is None else known_s)
+            heapq.heappush(self._later, (due_s, next(self._numbers), item))
+            self._changed.set()
 
     async def _take(self) -> Item:
         while True:
             self._changed.clear()
             now_s = self._steady_s()
-            free = [(due_s, item) for item, due_s in self._due.items() if item not in self._busy]
-            if free:
-                due_s, item = min(free, key=lambda entry: entry[0])
-                if due_s <= now_s:
+            self._promote(now_s)
+            while self._ready:
+                _, due_s, _, item = heapq.heappop(self._ready)
+                if self._due.get(item) == due_s and item not in self._busy:
                     del self._due[item]
                     self._timers.discard(item)
+                    self._urgent.discard(item)
                     self._busy.add(item)
                     return item
-            wait_s = min((due_s for due_s, _ in free), default=now_s + 3600.0) - now_s
+            wait_s = self._later[0][0] - now_s if self._later else 3600.0
             try:
                 async with asyncio.timeout(max(0.0, wait_s)):
                     await self._changed.wait()
             except TimeoutError:
                 continue
+
+    def _promote(self, now_s: float) -> None:
+        """Moves what has become due from one heap to the other."""
+        while self._later and self._later[0][0] <= now_s:
+            due_s, number, item = heapq.heappop(self._later)
+            if self._due.get(item) == due_s and item not in self._busy:
+                heapq.heappush(self._ready, (item not in self._urgent, due_s, number, item))

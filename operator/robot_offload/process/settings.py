@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
+from robot_offload.decide.rollouts import AT_ONCE
 from robot_offload.errors import InputError
 from robot_offload.objects.facts import BUILDER, Images
 
@@ -33,6 +34,8 @@ class Settings:
         log_format: json, one object a line, or text for people.
         request_s: how long one request to the API server may take.
         workers: how many objects are looked at at once.
+        max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
+        load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
     """
 
     images: Images
@@ -49,6 +52,8 @@ class Settings:
     log_format: LogFormat = "json"
     request_s: float = 15.0
     workers: int = 4
+    max_rolling: int = AT_ONCE
+    load_balancer_node_ports: bool = True
 
 
 def from_environment(environment: Mapping[str, str]) -> Settings:
@@ -100,6 +105,8 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
         ),
         request_s=number("REQUEST_TIMEOUT_SECONDS", 15.0, 0.1),
         workers=int(number("WORKERS", 4, 1)),
+        max_rolling=int(number("MAX_ROLLING", AT_ONCE, 1)),
+        load_balancer_node_ports=_truth("LOAD_BALANCER_NODE_PORTS", environment, problems),
     )
     if problems:
         raise InputError("\n".join(problems))
@@ -120,3 +127,10 @@ def _one_of(name: str, text: str, allowed: Collection[str], problems: list[str])
 
 def _format(text: str, problems: list[str]) -> LogFormat:
     return _FORMATS.get(_one_of("LOG_FORMAT", text, _FORMATS, problems), "json")
+
+
+def _truth(name: str, environment: Mapping[str, str], problems: list[str]) -> bool:
+    text = (environment.get(name) or "true").lower()
+    if text not in ("true", "false"):
+        problems.append(f"{name} must be true or false, found {text!r}")
+    return text == "true"

@@ -1,138 +1,154 @@
-"""The table of triggers: which event in the cluster leads to a pass over which RobotOffload.
+"""The table of triggers: which event in the cluster leads to a pass over which RobotOffload, and what is watched.
 
-Nothing else imports kopf.
-
-Events are all that kopf is used for. Its timers, daemons and change handlers would write annotations or finalizers onto
-objects; ours are never written by it.
+Events bring the store up to date first. What a pass has written itself is in the store already when its event comes, so
+the echo of our own writes leads to nothing.
 """
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Awaitable, Mapping, Sequence
-from typing import Any, Final, Protocol
+from collections.abc import Sequence
+from typing import Final
 
-import kopf
-
-from robot_offload.kube.kinds import CHILD_KINDS, CONFIG_MAP, LEASE, POD, ROBOT_OFFLOAD, Kind
-from robot_offload.kube.port import Manifest
+from robot_offload.controller.clock import Clock
+from robot_offload.controller.reconcile import Controller, Name
+from robot_offload.controller.store import Store
+from robot_offload.kube.kinds import CHILD_KINDS, CONFIG_MAP, LEASE, POD, ROBOT_OFFLOAD, SECRET, Kind
+from robot_offload.kube.port import KubeApi, Manifest, Selection
 from robot_offload.objects import labels
+from robot_offload.process.health import WatchSight
+from robot_offload.process.informer import Informer, Sink
+from robot_offload.process.queue import Queue
 
-OWN: Final = "robotoffload.dev"
-OURS: Final = f"{labels.MANAGED_BY}={labels.MANAGER}"
-# For kopf's peering, which is off. Without one kopf asks for the name of the user, and the user id of a pod has none.
-_IDENTITY: Final[Any] = "robot-offload"
-_CHILDREN: Final = tuple(kind for kind in CHILD_KINDS if kind not in (CONFIG_MAP, LEASE))
-
-
-class Triggers(Protocol):
-    """What events are made into."""
-
-    def resource(self, manifest: Manifest, *, gone: bool) -> None:
-        """A RobotOffload has changed."""
-        ...
-
-    def child(self, manifest: Manifest, *, gone: bool) -> None:
-        """An object with our labels has changed."""
-        ...
-
-    def lease(self, manifest: Manifest, *, gone: bool) -> None:
-        """A robot's Lease has changed."""
-        ...
-
-    def config_map(self, manifest: Manifest, *, gone: bool) -> None:
-        """A ConfigMap has changed: one of ours, or one that a user's nodes read."""
-        ...
+SETTLE_S: Final = 0.1
+"""Seconds for which the pass after an event of a child waits for its siblings' events."""
+_OURS: Final = f"{labels.MANAGED_BY}={labels.MANAGER}"
+_OTHERS: Final = Selection(f"{labels.MANAGED_BY}!={labels.MANAGER}", "metadata.name!=kube-root-ca.crt", True)
 
 
-def table(triggers: Triggers) -> kopf.OperatorRegistry:
-    """The triggers, registered."""
-    registry = kopf.OperatorRegistry()
+class Triggers:
+    """Takes in events of RobotOffloads, their children and their pods (see `informer.Sink`)."""
 
-    @kopf.on.login(registry=registry)
-    def login(**given: Any) -> kopf.ConnectionInfo | None:
-        # Only these two: the others would import the whole synchronous client.
-        return kopf.login_with_kubeconfig(**given) or kopf.login_with_service_account(**given)
+    def __init__(self, controller: Controller, store: Store, queue: Queue[Name], sight: WatchSight) -> None:
+        self._controller = controller
+        self._store = store
+        self._queue = queue
+        self._sight = sight
 
-    @kopf.on.event(*_names(ROBOT_OFFLOAD), registry=registry, id="resource")
-    async def resource(body: kopf.Body, type: str | None, **_: Any) -> None:  # noqa: A002
-        triggers.resource(_manifest(ROBOT_OFFLOAD, body), gone=type == "DELETED")
+    def seen(self, kind: Kind, manifest: Manifest) -> None:
+        """See `Sink.seen`."""
+        if kind == ROBOT_OFFLOAD:
+            self._resource(manifest)
+            return
+        news = self._store.put(kind, manifest)
+        name = owner(manifest)
+        if name is None:
+            return
+        if kind == LEASE:
+            settled_s = self._controller.saw_lease(name, manifest)
+            if settled_s is not None:
+                self._queue.postpone(name, settled_s)  # renewing alone needs no pass
+                return
+        if news:
+            self._queue.add(name, 0.0 if kind == LEASE else SETTLE_S)
 
-    @kopf.on.event(*_names(CONFIG_MAP), registry=registry, id="config-map")
-    async def config_map(body: kopf.Body, type: str | None, **_: Any) -> None:  # noqa: A002
-        triggers.config_map(_manifest(CONFIG_MAP, body), gone=type == "DELETED")
+    def gone(self, kind: Kind, manifest: Manifest) -> None:
+        """See `Sink.gone`."""
+        metadata = manifest["metadata"]
+        self._store.drop(kind, metadata["namespace"], metadata["name"], metadata["uid"])
+        if kind == ROBOT_OFFLOAD:
+            self._sight.delivered(manifest, gone=True)
+            self._queue.add((metadata["namespace"], metadata["name"]))
+        elif (name := owner(manifest)) is not None:
+            self._queue.add(name, SETTLE_S)
 
-    @kopf.on.event(*_names(LEASE), registry=registry, id="lease")
-    async def lease(body: kopf.Body, type: str | None, **_: Any) -> None:  # noqa: A002
-        triggers.lease(_manifest(LEASE, body), gone=type == "DELETED")
+    def only(self, kind: Kind, place: str | None, there: frozenset[tuple[str, str]], version: str) -> None:
+        """See `Sink.only`."""
+        for namespace, instance in self._store.prune(kind, place, there, version):
+            if instance:
+                self._queue.add((namespace, instance), SETTLE_S)
 
-    async def child(body: kopf.Body, type: str | None, param: Any = None, **_: Any) -> None:  # noqa: A002
-        triggers.child(_manifest(param, body), gone=type == "DELETED")
+    def _resource(self, manifest: Manifest) -> None:
+        self._sight.delivered(manifest)
+        metadata = manifest["metadata"]
+        name = metadata["namespace"], metadata["name"]
+        before = self._store.entry(ROBOT_OFFLOAD, *name)
+        if self._store.put(ROBOT_OFFLOAD, manifest):
+            # What a person has just written goes first; what is found at the start is all equally old.
+            changed = before is None or before.generation != metadata.get("generation")
+            self._queue.add(name, urgent=self._store.fed and changed)
 
-    for kind in (*_CHILDREN, POD):
-        kopf.on.event(*_names(kind), registry=registry, id=kind.plural, param=kind)(child)
-    return registry
+
+class OthersConfigMaps:
+    """Takes in events of ConfigMaps that are not ours: nodes may read them. Only their versions are kept."""
+
+    def __init__(self, controller: Controller, store: Store, queue: Queue[Name]) -> None:
+        self._controller = controller
+        self._store = store
+        self._queue = queue
+
+    def seen(self, kind: Kind, manifest: Manifest) -> None:
+        """See `Sink.seen`."""
+        metadata = manifest["metadata"]
+        self._note((metadata["namespace"], metadata["name"]), str(metadata["resourceVersion"]))
+
+    def gone(self, kind: Kind, manifest: Manifest) -> None:
+        """See `Sink.gone`."""
+        self._note((manifest["metadata"]["namespace"], manifest["metadata"]["name"]), "")
+
+    def only(self, kind: Kind, place: str | None, there: frozenset[tuple[str, str]], version: str) -> None:
+        """See `Sink.only`."""
+        for known in set(self._store.config_versions) - there:
+            if place in (None, known[0]):
+                self._note(known, "")
+
+    def _note(self, place: tuple[str, str], version: str) -> None:
+        if self._store.config_versions.get(place, "") == version:
+            return
+        if version:
+            self._store.config_versions[place] = version
+        else:
+            del self._store.config_versions[place]
+        for name in self._controller.readers(*place):
+            self._queue.add(name, SETTLE_S)
 
 
-def settings(inactivity_s: float) -> kopf.OperatorSettings:
-    """The settings of kopf, all that matter owned by us.
+def informers(
+    api: KubeApi,
+    triggers: Triggers,
+    others: OthersConfigMaps,
+    *,
+    namespaces: Sequence[str],
+    idle_s: float,
+    clock: Clock,
+) -> list[Informer]:
+    """Returns one informer for each kind that leads to passes, and for each namespace.
 
     Args:
-        inactivity_s: seconds after which a silent watch is opened again; API servers send a bookmark each minute.
-    """
-    own = kopf.OperatorSettings()
-    own.persistence.finalizer = f"{OWN}/finalizer"
-    own.persistence.progress_storage = kopf.AnnotationsProgressStorage(prefix=OWN)
-    own.persistence.diffbase_storage = kopf.AnnotationsDiffBaseStorage(prefix=OWN)
-    own.posting.enabled = False
-    own.scanning.disabled = True
-    own.networking.request_timeout = 30.0
-    own.networking.connect_timeout = 10.0
-    own.networking.enforce_retry_after = True
-    own.watching.server_timeout = 600
-    own.watching.connect_timeout = 10.0
-    own.watching.inactivity_timeout = inactivity_s
-    own.watching.reconnect_backoff = 1.0
-    own.watching.chunk_size = 200
-    own.queueing.idle_timeout = 1.0
-    own.queueing.exit_timeout = 1.0
-    own.process.ultimate_exiting_timeout = 25.0
-    for kind in (*_CHILDREN, LEASE, POD):
-        own.watching.label_selectors[kind.group, kind.plural] = OURS
-    # Users' ConfigMaps carry no label of ours; the one that every namespace has is the only one that is never read.
-    own.watching.field_selectors[CONFIG_MAP.group, CONFIG_MAP.plural] = "metadata.name!=kube-root-ca.crt"
-    return own
-
-
-def operator(
-    triggers: Triggers, *, namespaces: Sequence[str], inactivity_s: float, ready: asyncio.Event, stop: asyncio.Event
-) -> Awaitable[None]:
-    """Watches until `stop` is set, a signal comes or something breaks.
-
-    Args:
-        triggers: what events are made into.
+        api: reads the cluster.
+        triggers: what becomes of events of our own kinds.
+        others: what becomes of events of other ConfigMaps.
         namespaces: those to watch; empty: all.
-        inactivity_s: see `settings`.
-        ready: set when watching begins.
-        stop: ends it.
+        idle_s: seconds after which a silent watch is opened again; API servers send a bookmark each minute.
+        clock: both clocks.
     """
-    places: Mapping[str, Any] = {"namespaces": list(namespaces)} if namespaces else {"clusterwide": True}
-    return kopf.operator(
-        registry=table(triggers),
-        settings=settings(inactivity_s),
-        standalone=True,
-        identity=_IDENTITY,
-        ready_flag=ready,
-        stop_flag=stop,
-        **places,
-    )
+    # Keys of certificates are none of the store's business.
+    kinds = [(kind, Selection(_OURS, metadata_only=kind == SECRET)) for kind in (*CHILD_KINDS, POD)]
+    found: list[Informer] = []
+    for place in namespaces or (None,):
+        sinks: list[tuple[Kind, Selection, Sink]] = [
+            (ROBOT_OFFLOAD, Selection(), triggers),
+            *((kind, selection, triggers) for kind, selection in kinds),
+            (CONFIG_MAP, _OTHERS, others),
+        ]
+        found += [
+            Informer(api, kind, sink, selection, namespace=place, idle_s=idle_s, clock=clock)
+            for kind, selection, sink in sinks
+        ]
+    return found
 
 
-def _names(kind: Kind) -> tuple[str, str, str]:
-    group, _, version = kind.api_version.rpartition("/")
-    return group, version, kind.plural
-
-
-def _manifest(kind: Kind, body: kopf.Body) -> Manifest:
-    """The object of an event as a manifest; objects from a list lack apiVersion and kind."""
-    return {**body, "apiVersion": kind.api_version, "kind": kind.kind}
+def owner(manifest: Manifest) -> Name | None:
+    """Returns the RobotOffload that an object belongs to by its label."""
+    metadata = manifest["metadata"]
+    instance = (metadata.get("labels") or {}).get(labels.INSTANCE)
+    return (metadata["namespace"], instance) if instance and metadata.get("namespace") else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from robot_offload import transport
-from robot_offload.kube.kinds import LEASE, ROLE, ROLE_BINDING, SERVICE, SERVICE_ACCOUNT
+from robot_offload.kube.kinds import CONFIG_MAP, LEASE, ROLE, ROLE_BINDING, SERVICE, SERVICE_ACCOUNT, Kind
 from robot_offload.kube.port import Manifest
 from robot_offload.objects import names, pod
 from robot_offload.objects.hashes import config_hash
@@ -28,6 +28,8 @@ CONFIG_KEY: Final = "agent.yaml"
 SETTINGS_KEY: Final = "settings.yaml"
 STATE_FILE: Final = f"{RUNTIME_DIR}/state.json"
 HANDOVER_FILE: Final = f"{RUNTIME_DIR}/handover"
+SETTINGS_FILE: Final = f"{RUNTIME_DIR}/{SETTINGS_KEY}"
+"""Written by the reporter, which watches the ConfigMap: a kubelet may take more than a minute to bring a change."""
 LEASE_DURATION_S: Final = 30
 """Three times the reporter's period: one lost write is no lost robot."""
 _TOKEN_DIR: Final = "/var/run/secrets/kubernetes.io/serviceaccount"  # noqa: S105 - a folder, no secret
@@ -87,7 +89,7 @@ def site(parent: Parent) -> AgentSite:
         state_dir=STATE_DIR,
         generation=parent.facts.generation,
         state_file=STATE_FILE,
-        settings_file=f"{SETTINGS_DIR}/{SETTINGS_KEY}",
+        settings_file=SETTINGS_FILE,
         handover_file=HANDOVER_FILE,
     )
 
@@ -106,7 +108,6 @@ def _agent(parent: Parent) -> Manifest:
     chosen = transport.of(parent.spec)
     mounts = [
         pod.mount("configuration", CONFIG_DIR),
-        pod.mount("settings", SETTINGS_DIR),
         pod.mount("runtime", RUNTIME_DIR, read_only=False),
         pod.mount("state", STATE_DIR, read_only=False),
         *dds_profile.mounts(parent.offload),
@@ -157,10 +158,17 @@ def _reporter(parent: Parent) -> Manifest:
             "LEASE_NAME": child_name(parent.name, names.ROBOT),
             "STATE_FILE": STATE_FILE,
             "HANDOVER_FILE": HANDOVER_FILE,
+            "SETTINGS_NAME": child_name(parent.name, names.SETTINGS),
+            "SETTINGS_MOUNTED": f"{SETTINGS_DIR}/{SETTINGS_KEY}",
+            "SETTINGS_FILE": SETTINGS_FILE,
             "HOME": pod.TMP,
             handover.URL_VARIABLE: handover.url("127.0.0.1"),
         },
-        mounts=[pod.mount("runtime", RUNTIME_DIR, read_only=False), pod.mount("token", _TOKEN_DIR)],
+        mounts=[
+            pod.mount("runtime", RUNTIME_DIR, read_only=False),
+            pod.mount("settings", SETTINGS_DIR),
+            pod.mount("token", _TOKEN_DIR),
+        ],
         resources={"requests": {"cpu": "10m", "memory": "96Mi"}, "limits": {"memory": "192Mi"}},
         extra={
             "ports": [{"name": "http", "containerPort": handover.PORT, "protocol": "TCP"}],
@@ -173,23 +181,26 @@ def _reporter(parent: Parent) -> Manifest:
 
 
 def _rights(parent: Parent) -> tuple[Manifest, ...]:
-    """The reporter may read and change one Lease, and nothing else."""
+    """Returns the reporter's rights: to read and change one Lease, to read one ConfigMap, and nothing else."""
     part = _part(parent)
-    rule = {
-        "apiGroups": ["coordination.k8s.io"],
-        "resources": ["leases"],
-        "resourceNames": [child_name(parent.name, names.ROBOT)],
-        "verbs": ["get", "patch"],
-    }
+    rules = [
+        _rule(LEASE, child_name(parent.name, names.ROBOT), "get", "patch"),
+        _rule(CONFIG_MAP, child_name(parent.name, names.SETTINGS), "get", "watch"),
+    ]
     binding = {
         "roleRef": {"apiGroup": ROLE.group, "kind": ROLE.kind, "name": part.name},
         "subjects": [{"kind": SERVICE_ACCOUNT.kind, "name": part.name, "namespace": parent.namespace}],
     }
     return (
         parent.child(SERVICE_ACCOUNT, part, {"automountServiceAccountToken": False}),
-        parent.child(ROLE, part, {"rules": [rule]}),
+        parent.child(ROLE, part, {"rules": rules}),
         parent.child(ROLE_BINDING, part, binding),
     )
+
+
+def _rule(kind: Kind, name: str, *verbs: str) -> Manifest:
+    """Returns a rule for one object."""
+    return {"apiGroups": [kind.group], "resources": [kind.plural], "resourceNames": [name], "verbs": list(verbs)}
 
 
 def _lease(parent: Parent) -> Manifest:

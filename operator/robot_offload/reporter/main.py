@@ -17,10 +17,13 @@ from aiohttp import web
 
 from robot_offload.api.agent_state import Sight, look
 from robot_offload.errors import RobotOffloadError
+from robot_offload.kube.configuration import connect
+from robot_offload.kube.retry import RetryPolicy
 from robot_offload.reporter import mirror
 from robot_offload.reporter.handover import WAIT_S, Handovers
 from robot_offload.reporter.leases import WRITE_WITHIN_S, ClusterLease, Leases
 from robot_offload.reporter.metrics import Counts
+from robot_offload.reporter.offered import OfferedSettings
 from robot_offload.reporter.server import application
 from robot_offload.reporter.settings import ReporterSettings, read_settings
 
@@ -50,7 +53,14 @@ async def _run(settings: ReporterSettings) -> None:
     stop = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
-    await Reporter(settings, ClusterLease(settings.namespace, settings.lease)).run(stop)
+    api = connect(retry=RetryPolicy(attempts=1, request_timeout_s=WRITE_WITHIN_S))
+    wanted, offered = settings.offered, None
+    if wanted is not None:
+        offered = OfferedSettings(api, settings.namespace, wanted.name, wanted.mounted, wanted.file)
+    try:
+        await Reporter(settings, ClusterLease(settings.namespace, settings.lease), offered).run(stop)
+    finally:
+        await api.close()
 
 
 class Reporter:
@@ -59,9 +69,11 @@ class Reporter:
     Args:
         settings: where things are.
         leases: where the state is mirrored to.
+        offered: keeps the agent's settings file; None: nobody asks for it.
     """
 
-    def __init__(self, settings: ReporterSettings, leases: Leases) -> None:
+    def __init__(self, settings: ReporterSettings, leases: Leases, offered: OfferedSettings | None = None) -> None:
+        self._offered = offered
         self._settings = settings
         self._leases = leases
         self._sight = Sight()
@@ -79,18 +91,19 @@ class Reporter:
         log.info("serving", addresses=[list(address[:2]) for address in runner.addresses], lease=self._settings.lease)
         looking = asyncio.create_task(self._keep_looking())
         mirroring = asyncio.create_task(self._keep_mirroring())
+        offering = asyncio.create_task(self._offered.keep() if self._offered else stop.wait())
         stopped = asyncio.create_task(stop.wait())
         try:
-            await asyncio.wait([looking, mirroring, stopped], return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait([looking, mirroring, offering, stopped], return_when=asyncio.FIRST_COMPLETED)
             await self._handovers.finish()
         finally:
-            for task in (mirroring, looking, stopped):
+            for task in (mirroring, offering, looking, stopped):
                 task.cancel()
-            await asyncio.gather(mirroring, looking, stopped, return_exceptions=True)
+            await asyncio.gather(mirroring, offering, looking, stopped, return_exceptions=True)
             await runner.cleanup()
             await self._tell_the_last()
             await self._leases.close()
-        for task in (looking, mirroring):
+        for task in (looking, mirroring, offering):
             if not task.cancelled() and (error := task.exception()) is not None:
                 raise error
         log.info("stopped")

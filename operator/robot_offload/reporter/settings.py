@@ -10,6 +10,21 @@ from robot_offload.errors import InputError
 
 
 @dataclass(frozen=True, slots=True)
+class Offered:
+    """Where the run-time settings come from and go to.
+
+    Attributes:
+        name: of the ConfigMap.
+        mounted: the ConfigMap's entry as the kubelet brings it.
+        file: what the agent watches.
+    """
+
+    name: str
+    mounted: Path
+    file: Path
+
+
+@dataclass(frozen=True, slots=True)
 class ReporterSettings:
     """Where things are.
 
@@ -20,6 +35,7 @@ class ReporterSettings:
         state_file: what the agent writes.
         handover_file: what the agent watches.
         port: of the HTTP server.
+        offered: the run-time settings that the agent offers to its robot; None: nobody asks for them.
     """
 
     namespace: str
@@ -28,10 +44,11 @@ class ReporterSettings:
     state_file: Path
     handover_file: Path
     port: int = 8080
+    offered: Offered | None = None
 
 
 def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
-    """Reads NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_FILE and, if given, PORT.
+    """Reads NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_FILE and, if given, PORT, SETTINGS_*.
 
     Raises:
         InputError: one is missing or no usable value.
@@ -50,4 +67,11 @@ def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
         state_file=Path(environment["STATE_FILE"]),
         handover_file=Path(environment["HANDOVER_FILE"]),
         port=int(port),
+        offered=_offered(environment),
     )
+
+
+def _offered(environment: Mapping[str, str]) -> Offered | None:
+    values = [environment.get(name) for name in ("SETTINGS_NAME", "SETTINGS_MOUNTED", "SETTINGS_FILE")]
+    name, mounted, file = (value or "" for value in values)
+    return Offered(name, Path(mounted), Path(file)) if name and mounted and file else None

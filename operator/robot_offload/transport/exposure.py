@@ -46,6 +46,8 @@ def service(
         "ports": [_port(one, with_node_port=expose.type != "ClusterIP") for one in ports],
     }
     if expose.type == "LoadBalancer":
+        if not parent.facts.load_balancer_node_ports and expose.node_ports is None:
+            spec["allocateLoadBalancerNodePorts"] = False
         if expose.address is not None:
             spec["loadBalancerIP"] = expose.address
         if expose.load_balancer_class is not None:

@@ -37,7 +37,7 @@ def test_the_operators_pins_hold_nothing_that_draws() -> None:
     project = (ROOT / "operator/pyproject.toml").read_text(encoding="utf-8")
     picked = pins.chosen((ROOT / "requirements/all.txt").read_text(encoding="utf-8"), pins.dependencies(project))
     names = {line.split("==")[0] for line in picked.splitlines() if "==" in line and not line.startswith(" ")}
-    assert {"kopf", "kubernetes", "aiohttp", "yarl"} <= names
+    assert {"kubernetes", "aiohttp", "yarl"} <= names
     assert not {"matplotlib", "numpy", "pillow", "psutil", "ruff", "pytest", "ros-rclpy"} & names
 
 

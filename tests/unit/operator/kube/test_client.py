@@ -267,3 +267,12 @@ def test_the_namespace_is_the_one_of_the_context(tmp_path: Path) -> None:
     file = kubeconfig(tmp_path, 1)
     assert current_namespace(file) == "fleet"
     assert current_namespace(file, "there") == "default"
+
+
+def test_a_write_that_was_meant_for_an_object_that_has_been_replaced_is_a_conflict() -> None:
+    """Most kinds answer 409 to another uid; Services answer 422, which would not be tried again."""
+    causes = [{"reason": "FieldValueInvalid", "field": "metadata.uid", "message": "field is immutable"}]
+    body = {"kind": "Status", "reason": "Invalid", "message": "is invalid", "details": {"causes": causes}}
+    found = errors.error_of(422, json.dumps(body), {}, "apply Service fleet/walker-udp")
+    assert isinstance(found, errors.ConflictError)
+    assert found.retriable

@@ -41,6 +41,26 @@ async def end(tasks: list[asyncio.Task[None]]) -> None:
     await asyncio.gather(*tasks, return_exceptions=True)
 
 
+def test_what_a_person_changed_goes_before_everything_else_that_is_due() -> None:
+    async def story(queue: Queue[str], _: Clock) -> None:
+        seen: list[str] = []
+
+        async def look(name: str) -> None:
+            seen.append(name)
+
+        for number in range(100):
+            queue.add(str(number))
+        queue.add("7", urgent=True)
+        queue.add("new", urgent=True)
+        tasks = working(queue, look, workers=1)
+        await asyncio.sleep(0.05)
+        assert seen[:2] == ["7", "new"]
+        assert sorted(seen) == sorted({*map(str, range(100)), "new"})
+        await end(tasks)
+
+    run(story)
+
+
 def test_many_events_become_one_pass() -> None:
     async def story(queue: Queue[str], _: Clock) -> None:
         seen: list[str] = []

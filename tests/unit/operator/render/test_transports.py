@@ -200,3 +200,19 @@ def test_static_peers_expose_nothing() -> None:
 def test_the_same_topics_cross_in_a_cluster_and_on_one_machine() -> None:
     spec = offload({"nodes.1.outputs.0.mirror": True}).spec
     assert set(carried.topics(spec)) == {one.topic for one in dds_options.carried(spec)}
+
+
+@pytest.mark.parametrize(
+    ("expose", "allocated"),
+    [
+        ({}, False),
+        ({"type": "NodePort"}, None),
+        ({"type": "LoadBalancer", "nodePorts": {"pulse": 30001, "data": 30002}}, None),
+    ],
+)
+def test_a_cluster_may_save_its_node_ports_where_load_balancers_need_none(
+    expose: dict[str, Any], allocated: bool | None
+) -> None:
+    resource = offload(transport={"type": "Zenoh", "expose": expose, "zenoh": {"fallback": False}})
+    service = rendered(resource, facts(load_balancer_node_ports=False))["Service/wheelchair-7-udp"]
+    assert service["spec"].get("allocateLoadBalancerNodePorts") == allocated

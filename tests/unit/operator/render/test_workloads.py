@@ -71,14 +71,16 @@ def test_the_agent_has_no_limit_of_the_cpu() -> None:
         assert "cpu" not in one["resources"]["limits"]
 
 
-def test_only_the_reporter_gets_a_token_and_only_for_one_lease() -> None:
+def test_only_the_reporter_gets_a_token_and_only_for_one_lease_and_one_config_map() -> None:
     manifests = rendered()
     agent, reporter = (container(manifests, AGENT, index) for index in (0, 1))
     assert "token" not in [one["name"] for one in agent["volumeMounts"]]
     assert "token" in [one["name"] for one in reporter["volumeMounts"]]
-    [rule] = manifests["Role/wheelchair-7-agent"]["rules"]
-    assert rule["resourceNames"] == ["wheelchair-7-robot"]
-    assert rule["verbs"] == ["get", "patch"]
+    rules = manifests["Role/wheelchair-7-agent"]["rules"]
+    assert [(rule["resources"], rule["resourceNames"], rule["verbs"]) for rule in rules] == [
+        (["leases"], ["wheelchair-7-robot"], ["get", "patch"]),
+        (["configmaps"], ["wheelchair-7-settings"], ["get", "watch"]),
+    ]
 
 
 def test_the_robots_lease_says_nothing_that_the_reporter_says() -> None:

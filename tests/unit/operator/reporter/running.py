@@ -18,7 +18,9 @@ from urllib.request import Request, urlopen
 class Running:
     """The process, its files and its address."""
 
-    def __init__(self, folder: Path, kubeconfig: Path, namespace: str = "ward", robot: str = "wheelchair-7") -> None:
+    def __init__(
+        self, folder: Path, kubeconfig: Path, namespace: str = "ward", robot: str = "wheelchair-7", **more: str
+    ) -> None:
         self.state_file = folder / "state.json"
         self.handover_file = folder / "handover"
         environment = {
@@ -29,6 +31,7 @@ class Running:
             "HANDOVER_FILE": str(self.handover_file),
             "PORT": "0",
             "KUBECONFIG": str(kubeconfig),
+            **more,
         }
         self.log = (folder / "log").open("w+")
         self.process = subprocess.Popen(

@@ -1,0 +1,362 @@
+"""The steps of one pass over a valid RobotOffload, in the order in which they are made."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import structlog
+
+from robot_offload import transport
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.controller import observe
+from robot_offload.controller.apply import Applied, carry_out
+from robot_offload.controller.clock import Clock
+from robot_offload.controller.failures import Step
+from robot_offload.controller.memory import Certified, Memory
+from robot_offload.controller.store import Store
+from robot_offload.controller.subject import Subject
+from robot_offload.decide import agent, builds, certificates, issuer, presence, rollouts, status, workloads
+from robot_offload.decide.ownership import Key, key_of
+from robot_offload.decide.plan import Plan, plan
+from robot_offload.decide.verdicts import Verdict, yes
+from robot_offload.errors import RobotOffloadError
+from robot_offload.kube.kinds import LEASE
+from robot_offload.kube.port import KubeApi, Manifest
+from robot_offload.objects.facts import Endpoint, Facts, Images
+from robot_offload.objects.names import ROBOT, child_name
+from robot_offload.objects.parent import Parent
+from robot_offload.render.children import children
+from robot_offload.transport import discovery
+
+RENDER_S: Final = 20.0
+"""Seconds after which a rendering is given up. 64 nodes with the largest parameter files take less than two."""
+_log = structlog.get_logger("robot_offload.controller")
+
+
+async def render(parent: Parent) -> tuple[Manifest, ...]:
+    """Renders the children in a thread: leadership and probes never wait for what a user wrote.
+
+    Raises:
+        RenderTimeoutError: it took longer than `RENDER_S`.
+    """
+    try:
+        async with asyncio.timeout(RENDER_S):
+            return await asyncio.to_thread(children, parent)
+    except TimeoutError as error:
+        raise RenderTimeoutError(
+            f"the objects were not worked out within {RENDER_S:g} s; make the parameter files smaller, or give the "
+            "operator more CPU"
+        ) from error
+
+
+class RenderTimeoutError(RobotOffloadError):
+    """Rendering one RobotOffload takes too long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What whoever runs the operator has decided for the whole cluster.
+
+    Attributes:
+        max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
+        load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
+    """
+
+    max_rolling: int = rollouts.AT_ONCE
+    load_balancer_node_ports: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Tools:
+    """What every pass works with.
+
+    Attributes:
+        api: reads and writes.
+        store: what the watches have brought.
+        images: of our own programs.
+        clock: both clocks.
+        policy: what holds for the whole cluster.
+        budget: how many robots may have their pods replaced at once.
+    """
+
+    api: KubeApi
+    store: Store
+    images: Images
+    clock: Clock
+    policy: Policy
+    budget: rollouts.Budget[tuple[str, str]]
+
+
+class Findings:
+    """What a pass finds out for the status and for the queue, however far it comes.
+
+    Attributes:
+        step: which step is under way.
+        verdicts: by type of condition.
+        applied: what became of all writes so far.
+        offload: the RobotOffload, once it is known as valid.
+        status: what is known beside the conditions; None: the cluster could not be read to the end.
+        watchless: whether something that no watch brings was read: the same versions may mean something else then.
+        again_s: seconds after which time alone may change something; None: never.
+        broken: whether a step was broken off.
+    """
+
+    def __init__(self) -> None:
+        self.step = Step.READ
+        self.verdicts: dict[str, Verdict] = {}
+        self.applied = Applied()
+        self.offload: RobotOffload | None = None
+        self.status: status.Found | None = None
+        self.watchless = False
+        self.again_s: float | None = None
+        self.broken = False
+
+
+class Pass:
+    """One pass over a valid RobotOffload."""
+
+    def __init__(
+        self,
+        tools: Tools,
+        subject: Subject,
+        offload: RobotOffload,
+        memory: Memory,
+        found: Findings,
+    ) -> None:
+        self._api = tools.api
+        self._store = tools.store
+        self._images = tools.images
+        self._clock = tools.clock
+        self._policy = tools.policy
+        self._budget = tools.budget
+        self._observer = observe.Observer(tools.api, tools.store, subject.namespace, offload)
+        self._subject = subject
+        self._offload = offload
+        self._memory = memory
+        self._found = found
+        self._snapshot = observe.Snapshot()
+
+    async def run(self) -> None:
+        """Observes, decides and applies; what is found out goes to the findings as soon as it is known."""
+        found, spec = self._found, self._offload.spec
+        found.offload = self._offload
+
+        found.step = Step.OBSERVE
+        expose = spec.transport.expose
+        by_nodes = expose.type == "NodePort" and not expose.host
+        found.watchless = by_nodes or spec.transport.certificates.issuer_ref is not None
+        self._snapshot = await self._observer.cluster(self._memory.configs)
+        lease = self._snapshot.ours(LEASE, child_name(self._subject.name, ROBOT), self._subject.uid)
+        robot = self._robot(lease)
+        wanted = presence.wanted(spec, robot, self._clock.wall())
+        parent = Parent(self._offload, self._facts(robot, wanted))
+
+        found.step = Step.SECRETS  # the first wave
+        secrets = await self._secrets(parent)
+        found.verdicts["CertificatesReady"] = secrets.verdict
+
+        found.step = Step.BUILDS
+        built = await self._builds(parent)
+        found.verdicts["ImageBuilt"] = built.verdict
+
+        found.step = Step.DISCOVERY  # the second wave
+        servers = await self._discovery(parent)
+
+        found.step = Step.RENDER
+        facts = replace(
+            parent.facts, certificate_hash=secrets.hash, built=built.references, discovery_hosts=servers.hosts
+        )
+        manifests = (*secrets.issuer, *built.manifests, *await render(Parent(self._offload, facts)))
+        rest = [manifest for manifest in manifests if key_of(manifest) not in servers.keys]
+
+        found.step = Step.APPLY  # the third wave: everything else, and what is not wanted any more goes
+        prunable = self._prunable(secrets.kept | built.kept | servers.keys) if servers.known else frozenset()
+        await self._apply(rest, prunable)
+        found.verdicts["ResourcesApplied"] = found.applied.verdict
+
+        found.step = Step.JUDGE
+        await self._judge(robot, wanted, built, lease)
+        times = (robot.recheck_s, wanted.recheck_s, secrets.recheck_s, built.recheck_s, found.applied.recheck_s)
+        found.again_s = min((after_s for after_s in times if after_s is not None), default=None)
+
+    def _robot(self, lease: Manifest | None) -> presence.Presence:
+        """Returns the robot's presence; its Lease counts only when it is ours."""
+        now_s = self._clock.steady_s()
+        self._memory.lease = presence.meaning(lease) if lease is not None else None
+        self._memory.sighting = presence.look(self._memory.sighting, lease, now_s)
+        before = self._subject.status.get("robot") or {}
+        return presence.presence(lease, self._memory.sighting, before, now_s, self._clock.wall())
+
+    def _facts(self, robot: presence.Presence, wanted: presence.Wanted) -> Facts:
+        return Facts(
+            namespace=self._subject.namespace,
+            uid=self._subject.uid,
+            generation=self._subject.generation,
+            images=self._images,
+            nodes_wanted=wanted.nodes,
+            robot_connected=robot.connected,
+            endpoints=self._endpoints(),
+            user_config_hashes=self._snapshot.config_hashes,
+            user_configs=self._snapshot.config_texts,
+            load_balancer_node_ports=self._policy.load_balancer_node_ports,
+        )
+
+    def _endpoints(self) -> tuple[Endpoint, ...]:
+        services = self._snapshot.services(self._subject.uid)
+        return transport.observed_endpoints(self._offload, services, self._snapshot.nodes)
+
+    async def _secrets(self, parent: Parent) -> _Secrets:
+        """Brings the Secrets with certificates up to date before anything reads them."""
+        if not transport.needs_certificates(parent.spec):
+            return _Secrets(yes("NotNeeded", "This transport uses no certificates"))
+        keys = certificates.secret_keys(parent.name)
+        revoke = self._subject.annotation(certificates.REVOKE)
+        based_on = self._secrets_based_on(keys.values(), revoke)
+        known, now_s = self._memory.secrets, self._clock.steady_s()
+        if known is not None and based_on is not None and known.based_on == based_on and now_s < known.renewal_s:
+            return _Secrets(known.verdict, frozenset(keys.values()), known.hash, known.renewal_s - now_s)
+        await self._observer.confirm(self._snapshot, keys.values())
+        live = {role: self._snapshot.ours(*key, self._subject.uid) for role, key in keys.items()}
+        if parent.spec.transport.certificates.issuer_ref is not None:
+            # The authorities are not ours then, and the leaves are cert-manager's.
+            leaves = frozenset({keys["cloud"], keys["robot"]})
+            content = certificates.content_hash(live["cloud"])
+            return _Secrets(issuer.verdict(live), leaves, content, issuer=issuer.certificates(parent))
+        issued = certificates.issue(parent, live, revoke, self._clock.wall())
+        for role, why in issued.made:
+            _log.info("Made certificate", **self._subject.words, role=role, reason=why.reason)
+        applied = await self._apply(issued.secrets)
+        content = certificates.content_hash(self._snapshot.ours(*keys["cloud"], self._subject.uid))
+        if not applied.complete:
+            return _Secrets(applied.verdict, frozenset(keys.values()), content)
+        based_on = self._secrets_based_on(keys.values(), revoke)
+        self._memory.secrets = Certified(based_on, issued.verdict, content, now_s + issued.recheck_s)
+        return _Secrets(issued.verdict, frozenset(keys.values()), content, issued.recheck_s)
+
+    def _secrets_based_on(self, keys: Iterable[Key], revoke: str) -> object:
+        """Returns all that the certificates follow from; None: the store does not know."""
+        entries = [self._store.entry(kind, self._subject.namespace, name) for kind, name in keys]
+        known = [(entry.uid, entry.version) for entry in entries if entry is not None]
+        return (self._subject.generation, revoke, *known) if self._store.fed and len(known) == len(entries) else None
+
+    async def _builds(self, parent: Parent) -> builds.Builds:
+        """Decides about the images that are built here; what there is of them is only read when there are any."""
+        if not parent.spec.built_nodes:
+            return builds.Builds()
+        pods = await self._observer.build_pods()
+        secrets = builds.secrets_of(self._offload)
+        types = await self._observer.secret_types(secrets)
+        before = builds.Before(self._snapshot.live, pods, secrets - types.keys(), self._clock.wall(), types)
+        return builds.decide(parent, before, self._subject.annotation(builds.REBUILD))
+
+    async def _discovery(self, parent: Parent) -> _Servers:
+        """Applies the Services of the discovery servers before anything needs their addresses."""
+        if not transport.discovery_servers(parent.spec):
+            return _Servers()
+        names = set(discovery.names(self._offload))
+        services = transport.of(parent.spec).services(parent)
+        wanted = [service for service in services if service["metadata"]["name"] in names]
+        keys = frozenset(map(key_of, wanted))
+        await self._apply(wanted)
+        ours = [self._snapshot.ours(*key, self._subject.uid) for key in keys]
+        hosts = discovery.hosts(self._offload, [service for service in ours if service is not None])
+        # Without them what is there goes on as it is: it must not be pruned because it cannot be rendered now.
+        return _Servers(keys, hosts, known=bool(hosts))
+
+    def _prunable(self, kept: frozenset[Key]) -> frozenset[Key]:
+        """Returns which children may go when they are not wanted: all that this pass has not dealt with otherwise."""
+        return frozenset(self._snapshot.live) - kept
+
+    async def _apply(self, wanted: Iterable[Manifest], prunable: Iterable[Key] = ()) -> Applied:
+        """Applies children in their order, then prunes."""
+        manifests, live, uid = list(wanted), self._snapshot.live, self._subject.uid
+        history, now_s, may_go = self._memory.history, self._clock.steady_s(), frozenset(prunable)
+        steps = plan(manifests, live, uid, prunable=may_go, history=history, now_s=now_s)
+        if steps.touched:
+            await self._observer.confirm(self._snapshot, steps.touched)
+            steps = plan(manifests, live, uid, prunable=may_go, history=history, now_s=now_s)
+            steps = self._in_turn(steps)
+        applied = await carry_out(self._api, self._store, steps, live, history, self._clock)
+        self._found.applied.add(applied)
+        if applied.writes:
+            _log.info("Applied", **self._subject.words, writes=applied.writes)
+        for error in applied.errors:
+            _log.warning("Refused", **self._subject.words, reason=error.reason, error=str(error))
+        return applied
+
+    def _in_turn(self, steps: Plan) -> Plan:
+        """Leaves out what would replace too many pods at once. What a person has just changed waits for nobody."""
+        live = self._snapshot.live
+        steps = rollouts.in_turn(steps, live)
+        changed = self._subject.generation != self._subject.status.get("observedGeneration")
+        if changed or not any(rollouts.rolls(step, live) for step in steps.applies):
+            return steps
+        cloud_acts = self._subject.status.get("placement") == "Cloud"
+        name = (self._subject.namespace, self._subject.name)
+        may = self._budget.may_roll(name, self._clock.steady_s(), cloud_acts=cloud_acts)
+        return steps if may else rollouts.held_back(steps, live)
+
+    async def _judge(
+        self, robot: presence.Presence, wanted: presence.Wanted, built: builds.Builds, lease: Manifest | None
+    ) -> None:
+        """Works out from what is live now the rest of the status and the conditions that follow."""
+        uid, generation = self._subject.uid, self._subject.generation
+        pods: tuple[Manifest, ...] = ()
+        if all(workloads.workload(child).holds for child in self._snapshot.workloads(uid)):
+            if not any(one.reason == rollouts.WAITING for one in self._found.applied.obstacles):
+                self._budget.done((self._subject.namespace, self._subject.name))
+        else:
+            pods = await self._observer.pods()
+        state, problem = agent.state_of(lease)
+        self._found.status = status.Found(
+            robot=robot,
+            robot_generation=state.settings.robot_generation if state is not None else None,
+            placement=agent.placement(state, problem, connected=robot.connected),
+            endpoints=self._endpoints(),
+            wanted=wanted,
+            live=self._snapshot.children(uid),
+            pods=pods,
+            commits={node: image.commit for node, image in built.images.items()},
+        )
+        self._found.verdicts |= {
+            **workloads.conditions(self._offload, self._found.status.live, pods, wanted.nodes, wanted.verdict),
+            "Connected": robot.verdict,
+            "ConfigCurrent": agent.config_current(state, generation, connected=robot.connected),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class _Secrets:
+    """What the first wave has led to.
+
+    Attributes:
+        verdict: for the condition CertificatesReady.
+        kept: Secrets that the third wave leaves alone.
+        hash: of the cloud's certificate; empty: there is none.
+        recheck_s: seconds until one of them is to be renewed; None: never.
+        issuer: objects that ask the user's own issuer for certificates.
+    """
+
+    verdict: Verdict
+    kept: frozenset[Key] = frozenset()
+    hash: str = ""
+    recheck_s: float | None = None
+    issuer: tuple[Manifest, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Servers:
+    """What the second wave has led to.
+
+    Attributes:
+        keys: the Services of the discovery servers.
+        hosts: their addresses; empty: not known, or not needed.
+        known: whether all addresses that are needed are known.
+    """
+
+    keys: frozenset[Key] = frozenset()
+    hosts: tuple[str, ...] = ()
+    known: bool = True

@@ -1,0 +1,160 @@
+"""The children of all RobotOffloads as the watches bring them, so that a pass over what has not changed asks nobody.
+
+Objects are kept packed: a parsed Deployment takes some 30 KiB, a packed one less than one. Secrets are kept without
+their content. What is here may be old by the time that an event needs to arrive; so whatever a pass would write is read
+once more from the API server before it is written.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robot_offload.decide.ownership import Key
+from robot_offload.kube.kinds import CHILD_KINDS, POD, ROBOT_OFFLOAD, SECRET, Kind
+from robot_offload.kube.port import Manifest
+from robot_offload.objects import labels
+
+_KEPT_OF_PODS: Final = ("phase", "conditions", "initContainerStatuses", "containerStatuses")
+_LEVEL: Final = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An object in the store.
+
+    Attributes:
+        uid: its identity.
+        version: its resourceVersion.
+        generation: of its specification; 0: its kind has none.
+        instance: the RobotOffload whose label it carries; empty: none.
+        packed: its content.
+    """
+
+    uid: str
+    version: str
+    generation: int
+    instance: str
+    packed: bytes
+
+    def manifest(self) -> Manifest:
+        """Returns the object; the caller may keep and change it."""
+        manifest: Manifest = json.loads(zlib.decompress(self.packed))
+        return manifest
+
+
+class Store:
+    """All objects of the kinds that a pass reads, by kind, namespace and name."""
+
+    def __init__(self) -> None:
+        self.fed = False
+        """Whether watches keep the store up to date; until then everything is read from the API server."""
+        self.config_versions: dict[tuple[str, str], str] = {}
+        """ConfigMaps that are not ours: their resourceVersions by namespace and name."""
+        self._entries: dict[tuple[Kind, str, str], Entry] = {}
+        self._instances: dict[tuple[str, str], set[Key]] = {}
+
+    def __len__(self) -> int:
+        """Returns how many objects there are."""
+        return len(self._entries)
+
+    def put(self, kind: Kind, manifest: Manifest) -> bool:
+        """Takes in an object; returns whether that is news: not an older version, nor the same."""
+        metadata = manifest["metadata"]
+        place = (kind, str(metadata.get("namespace") or ""), str(metadata["name"]))
+        before = self._entries.get(place)
+        if before is not None and not older(before.version, str(metadata["resourceVersion"])):
+            return False
+        self._forget(place)
+        instance = str((metadata.get("labels") or {}).get(labels.INSTANCE) or "")
+        generation = int(metadata.get("generation") or 0)
+        entry = Entry(
+            str(metadata["uid"]), str(metadata["resourceVersion"]), generation, instance, _pack(kind, manifest)
+        )
+        self._entries[place] = entry
+        if instance and kind != ROBOT_OFFLOAD:
+            self._instances.setdefault((place[1], instance), set()).add((kind, place[2]))
+        return True
+
+    def drop(self, kind: Kind, namespace: str, name: str, uid: str = "") -> bool:
+        """Drops an object, if it is the one with this uid (empty: whichever); returns whether it was there."""
+        place = (kind, namespace, name)
+        before = self._entries.get(place)
+        if before is None or (uid and before.uid != uid):
+            return False
+        self._forget(place)
+        return True
+
+    def prune(
+        self, kind: Kind, namespace: str | None, there: frozenset[tuple[str, str]], version: str
+    ) -> list[tuple[str, str]]:
+        """Drops objects of a kind that a list of this version does not have; returns namespace and instance of each."""
+        gone = [
+            (place, entry)
+            for place, entry in self._entries.items()
+            if place[0] == kind
+            and namespace in (None, place[1])
+            and place[1:] not in there
+            and older(entry.version, version)
+        ]
+        for place, _ in gone:
+            self._forget(place)
+        return [(place[1], place[2] if kind == ROBOT_OFFLOAD else entry.instance) for place, entry in gone]
+
+    def entry(self, kind: Kind, namespace: str, name: str) -> Entry | None:
+        """Returns an object as it is kept."""
+        return self._entries.get((kind, namespace, name))
+
+    def get(self, kind: Kind, namespace: str, name: str) -> Manifest | None:
+        """Returns an object."""
+        entry = self.entry(kind, namespace, name)
+        return None if entry is None else entry.manifest()
+
+    def children(self, namespace: str, instance: str, kinds: Iterable[Kind] = CHILD_KINDS) -> dict[Key, Manifest]:
+        """Returns the objects that carry the label of a RobotOffload."""
+        wanted = frozenset(kinds)
+        keys = sorted(self._instances.get((namespace, instance), ()), key=lambda key: (key[0].kind, key[1]))
+        return {key: self._entries[key[0], namespace, key[1]].manifest() for key in keys if key[0] in wanted}
+
+    def versions(self, namespace: str, instance: str, without: Iterable[Kind] = ()) -> frozenset[tuple[Key, str, str]]:
+        """Returns key, uid and version of these objects, except of some kinds: the same again means no news."""
+        left_out = frozenset(without)
+        keys = self._instances.get((namespace, instance), ())
+        entries = ((key, self._entries[key[0], namespace, key[1]]) for key in keys if key[0] not in left_out)
+        return frozenset((key, entry.uid, entry.version) for key, entry in entries)
+
+    def _forget(self, place: tuple[Kind, str, str]) -> None:
+        entry = self._entries.pop(place, None)
+        if entry is None or not entry.instance:
+            return
+        owner = (place[1], entry.instance)
+        keys = self._instances.get(owner)
+        if keys is not None:
+            keys.discard((place[0], place[2]))
+            if not keys:
+                del self._instances[owner]
+
+
+def older(seen: str, version: str) -> bool:
+    """Returns whether what was seen is older than a version. Versions are numbers wherever Kubernetes runs."""
+    try:
+        return int(seen) < int(version)
+    except ValueError:
+        return seen != version
+
+
+def _pack(kind: Kind, manifest: Manifest) -> bytes:
+    metadata = {name: value for name, value in manifest["metadata"].items() if name != "managedFields"}
+    content: dict[str, Any] = {**manifest, "apiVersion": kind.api_version, "kind": kind.kind, "metadata": metadata}
+    if kind == POD:
+        status = manifest.get("status") or {}
+        content = {
+            **{name: content[name] for name in ("apiVersion", "kind", "metadata")},
+            "status": {name: status[name] for name in _KEPT_OF_PODS if name in status},
+        }
+    if kind == SECRET:
+        content.pop("data", None)
+    return zlib.compress(json.dumps(content, separators=(",", ":")).encode(), _LEVEL)

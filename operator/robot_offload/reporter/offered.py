@@ -1,0 +1,109 @@
+"""The run-time settings that the agent offers to its robot: the reporter watches them and writes the agent's file.
+
+A kubelet brings a changed ConfigMap into a pod's volume within its sync period (a minute by default) and its cache's.
+People pin robots for safety, so this way is the fast one: a watch on the one ConfigMap. The volume is what holds while
+the API server cannot be reached, as when the pod starts without it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+import structlog
+
+from robot_offload.errors import RobotOffloadError
+from robot_offload.kube.errors import ConflictError, SilentError
+from robot_offload.kube.kinds import CONFIG_MAP
+from robot_offload.kube.port import KubeApi, Manifest, Selection
+
+IDLE_S: Final = 90.0
+"""A watch that is silent for this long is opened again; the API server sends a bookmark each minute."""
+FIRST_PAUSE_S: Final = 0.5
+LONGEST_PAUSE_S: Final = 10.0
+_GENERATION: Final = re.compile(r"^\s*generation: (\d+)\s*$", re.MULTILINE)
+log = structlog.get_logger("robot_offload.reporter")
+
+
+class OfferedSettings:
+    """Keeps the agent's settings file as the ConfigMap says.
+
+    Args:
+        api: reads the ConfigMap.
+        namespace: of the ConfigMap.
+        name: of the ConfigMap.
+        mounted: the ConfigMap as the kubelet brings it; its name is the entry's key.
+        file: what the agent watches.
+    """
+
+    def __init__(self, api: KubeApi, namespace: str, name: str, mounted: Path, file: Path) -> None:
+        self._api = api
+        self._namespace = namespace
+        self._name = name
+        self._mounted = mounted
+        self._file = file
+
+    async def keep(self) -> None:
+        """Follows the ConfigMap until cancelled."""
+        self._fall_back()
+        version, failures = "", 0
+        selection = Selection(fields=f"metadata.name={self._name}")
+        while True:
+            try:
+                if not version:
+                    version = self._take(await self._api.get(CONFIG_MAP, self._namespace, self._name))
+                changes = self._api.watch(CONFIG_MAP, self._namespace, selection, version or "0", idle_s=IDLE_S)
+                async for change in changes:
+                    version, failures = change.version, 0
+                    if change.type not in ("BOOKMARK", "DELETED"):
+                        self._take(change.manifest)
+            except (ConflictError, SilentError):
+                version = ""
+            except (RobotOffloadError, TimeoutError, OSError) as error:
+                failures += 1
+                if failures == 2:  # once an outage, not at each attempt
+                    log.warning("the settings cannot be watched; the volume holds", error=str(error))
+                version = ""
+                self._fall_back()
+                await asyncio.sleep(min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2.0 ** min(failures, 8)))
+
+    def _take(self, config_map: Manifest | None) -> str:
+        """Writes what the API server has; returns its version."""
+        found = config_map or {"metadata": {"resourceVersion": ""}}
+        text = (found.get("data") or {}).get(self._mounted.name)
+        if isinstance(text, str):
+            self._write(text)
+        return str(found["metadata"]["resourceVersion"])
+
+    def _fall_back(self) -> None:
+        """Takes what the kubelet has brought, when it is newer than what is there."""
+        with suppress(OSError, UnicodeDecodeError):
+            text = self._mounted.read_text(encoding="utf-8")
+            if _generation(text) > _generation(_read(self._file)):
+                self._write(text)
+
+    def _write(self, text: str) -> None:
+        if text == _read(self._file):
+            return
+        # Replaced in one step: the agent never reads half a file.
+        passing = self._file.with_name(f".{self._file.name}.new")
+        passing.write_text(text, encoding="utf-8")
+        passing.chmod(0o644)
+        passing.replace(self._file)
+        log.info("settings", generation=_generation(text))
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _generation(text: str) -> int:
+    """Returns the generation that a settings file is of; -1: it says none."""
+    found = _GENERATION.search(text)
+    return int(found[1]) if found else -1

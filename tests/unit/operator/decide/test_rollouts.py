@@ -1,0 +1,94 @@
+"""An upgrade replaces pods a few robots at a time, and discovery servers one after the other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robot_offload.decide.drift import stamped
+from robot_offload.decide.ownership import Key, key_of
+from robot_offload.decide.plan import Plan, plan
+from robot_offload.decide.rollouts import GIVE_UP_S, LOOK_AGAIN_S, Budget, held_back, in_turn
+
+UID = "u-1"
+
+
+def workload(kind: str, name: str, image: str = "server:1") -> dict[str, Any]:
+    return {
+        "apiVersion": "apps/v1",
+        "kind": kind,
+        "metadata": {
+            "name": name,
+            "namespace": "fleet",
+            "ownerReferences": [{"kind": "RobotOffload", "name": "walker", "uid": UID, "controller": True}],
+        },
+        "spec": {"replicas": 1, "template": {"spec": {"containers": [{"name": "c", "image": image}]}}},
+    }
+
+
+def live(manifest: dict[str, Any], ready: bool = True) -> dict[str, Any]:
+    there = stamped(manifest, UID)
+    there["metadata"] = {**there["metadata"], "uid": f"uid-{manifest['metadata']['name']}", "generation": 1}
+    return {**there, "status": {"observedGeneration": 1, "readyReplicas": int(ready), "updatedReplicas": int(ready)}}
+
+
+def servers(image: str) -> list[dict[str, Any]]:
+    return [workload("StatefulSet", f"walker-discovery-{server}", image) for server in range(2)]
+
+
+def step(there: list[dict[str, Any]], wanted: list[dict[str, Any]]) -> tuple[Plan, list[str]]:
+    known: dict[Key, dict[str, Any]] = {key_of(child): child for child in there}
+    steps = in_turn(plan(wanted, known, UID), known)
+    return steps, [apply.manifest["metadata"]["name"] for apply in steps.applies]
+
+
+def test_the_second_discovery_server_waits_until_the_first_one_is_back() -> None:
+    old, new = [live(one) for one in servers("server:1")], servers("server:2")
+    steps, applied = step(old, new)
+    assert applied == ["walker-discovery-0"]
+    assert [(one.reason, one.recheck_s) for one in steps.obstacles] == [("WaitingForTurn", LOOK_AGAIN_S)]
+    assert step([live(new[0], ready=False), old[1]], new)[1] == []
+    assert step([live(new[0]), old[1]], new)[1] == ["walker-discovery-1"]
+    assert step([live(one) for one in new], new)[1] == []
+
+
+def test_a_server_that_does_not_start_is_mended_and_its_fellow_stays() -> None:
+    there = [
+        live(workload("StatefulSet", "walker-discovery-0", "missing:1"), ready=False),
+        live(servers("server:1")[1]),
+    ]
+    assert step(there, servers("server:2"))[1] == ["walker-discovery-0"]
+
+
+def test_servers_are_made_all_at_once() -> None:
+    assert len(step([], servers("server:1"))[1]) == 2
+
+
+def test_what_replaces_no_pod_is_not_held_back() -> None:
+    there = [live(workload("Deployment", "walker-talker")), live(workload("Deployment", "walker-agent"))]
+    wanted = [workload("Deployment", "walker-talker", "talker:2"), workload("Deployment", "walker-agent")]
+    wanted[1]["spec"]["replicas"] = 0
+    known = {key_of(child): child for child in there}
+    steps = held_back(plan(wanted, known, UID), known)
+    assert [apply.manifest["metadata"]["name"] for apply in steps.applies] == ["walker-agent"]
+    assert [one.reason for one in steps.obstacles] == ["WaitingForTurn"]
+
+
+def test_no_more_robots_than_the_budget_are_replaced_at_once() -> None:
+    budget: Budget[str] = Budget(2)
+    assert [budget.may_roll(name, 0.0, cloud_acts=False) for name in "abc"] == [True, True, False]
+    assert budget.may_roll("a", 1.0, cloud_acts=False), "a turn that was taken is kept"
+    budget.done("a")
+    assert budget.may_roll("c", 2.0, cloud_acts=False)
+    assert not budget.may_roll("d", 2.0, cloud_acts=False)
+    assert budget.may_roll("d", GIVE_UP_S + 2.0, cloud_acts=False), "who does not become ready makes room"
+
+
+def test_robots_whose_cloud_acts_wait_for_those_that_lose_nothing() -> None:
+    budget: Budget[str] = Budget(1)
+    assert budget.may_roll("idle-1", 0.0, cloud_acts=False)
+    assert not budget.may_roll("idle-2", 0.0, cloud_acts=False)
+    budget.done("idle-1")
+    assert not budget.may_roll("acting", 1.0, cloud_acts=True)
+    assert budget.may_roll("idle-2", 2.0, cloud_acts=False)
+    budget.done("idle-2")
+    assert budget.may_roll("acting", 3.0, cloud_acts=True)
