@@ -205,12 +205,13 @@ def test_watches_that_are_cut_or_fall_silent_hide_nothing(
     place.applied()
     proxy.silent = True
     place.change({"robot": {"domainID": 9}})
-    place.applied()  # found by the list
-    eventually(lambda: operator.ask("health", "/healthz")[0] == 503, "the liveness to fail while blind")
-    assert "watch behind the list" in operator.ask("health", "/healthz")[1]
+    place.applied()
+    # A watch that is silent for longer than bookmarks take is listed anew, so children are found as well.
+    place.delete(DEPLOYMENT, "walker-talker")
+    place.there(DEPLOYMENT, "walker-talker")
+    assert operator.ask("health", "/livez")[0] == 200
     proxy.silent = False
     proxy.cut_watches()
-    eventually(lambda: operator.ask("health", "/healthz")[0] == 200, "the watch to be back")
     place.delete(DEPLOYMENT, "walker-talker")
     place.there(DEPLOYMENT, "walker-talker")
 
