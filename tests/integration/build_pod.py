@@ -47,10 +47,12 @@ class BuildPod:
 
     Attributes:
         folder: stands for the root folders of its containers.
+        environment: variables beside those of the containers.
     """
 
     def __init__(self, folder: Path, spec: dict[str, Any], files: dict[str, str]) -> None:
         self.folder = folder
+        self.environment: dict[str, str] = {}
         self._containers = {each["name"]: each for each in [*spec["initContainers"], *spec["containers"]]}
         self._moved = {
             name: folder / name.strip("/").replace("/", "-")
@@ -92,7 +94,7 @@ class BuildPod:
         environment = {one["name"]: one["value"] for one in container["env"]}
         return subprocess.run(
             ["unshare", "--mount", "--propagation", "private", "/bin/sh", "-c", entry],
-            env={"PATH": os.environ["PATH"], "SCRIPT": script, **environment},
+            env={"PATH": os.environ["PATH"], "SCRIPT": script, **self.environment, **environment},
             cwd="/",
             capture_output=True,
             text=True,

@@ -39,6 +39,9 @@ COPY src/message /message
 RUN ["/bin/sh", "-c", "read line < /message && echo built $line > /result && test $line != broken"]
 """
 
+SOURCE_URL = "https://git.example/robots/planner.git"
+"""What the resource names; git is told to read a folder instead."""
+
 pytestmark = [pytest.mark.images, pytest.mark.skipif(why_not() is not None, reason=f"this machine {why_not()}")]
 
 
@@ -57,6 +60,11 @@ def folder() -> Iterator[Path]:
     shutil.rmtree(found)
 
 
+def git_instead(url: str, other: str) -> dict[str, str]:
+    """Returns the environment in which git reads `other` where `url` is named."""
+    return {"GIT_CONFIG_COUNT": "1", "GIT_CONFIG_KEY_0": f"url.{other}.insteadOf", "GIT_CONFIG_VALUE_0": url}
+
+
 def pod(
     folder: Path, registry: PretendedRegistry, message: str = "hello", rights: dict[str, Any] | None = None
 ) -> BuildPod:
@@ -68,9 +76,7 @@ def pod(
     git(source, "add", ".")
     git(source, "commit", "--quiet", "--message", "first")
     subprocess.run(["chown", "-R", "65534", source], check=True)
-    offload = built(
-        {"git": {"url": f"file://{source}"}}, {"repository": f"{registry.address}/robots", "insecure": True}
-    )
+    offload = built({"git": {"url": SOURCE_URL}}, {"repository": f"{registry.address}/robots", "insecure": True})
     [plan] = build_plans(offload, "")
     spec = build_job(Parent(offload, facts()), plan)["spec"]["template"]["spec"]
     spec["initContainers"][1]["securityContext"] |= rights or {}
@@ -79,6 +85,7 @@ def pod(
         spec,
         {**build_files(Parent(offload, facts()), plan)["data"], scripts.DOCKERFILE: DOCKERFILE},
     )
+    made.environment = git_instead(SOURCE_URL, f"file://{source}")
     fetched = made.run("fetch")
     assert fetched.returncode == 0, fetched.stderr
     _shell_into(folder / "scratch" / "context" / "root")

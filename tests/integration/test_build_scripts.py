@@ -145,7 +145,7 @@ def test_a_repository_that_does_not_exist_is_told(fetch: Fetch, tmp_path: Path) 
 
 def test_an_image_without_git_is_told_with_the_next_step(fetch: Fetch) -> None:
     done = fetch("https://git.example/a", path="/nonexistent")
-    assert "name one that has in build.base" in told(done)
+    assert "the chart's value images.git names one with git and ssh" in told(done)
 
 
 def test_what_looks_like_a_command_stays_a_name(source: Source, fetch: Fetch, tmp_path: Path) -> None:

@@ -35,6 +35,7 @@ attempt() {
 FETCH: Final = f"""set -eu
 {_TRY}
 fail() {{ echo "fatal: $1" >&2; exit 1; }}
+command -v git > /dev/null || fail "this image has no git; the chart's value images.git names one with git and ssh"
 export HOME={SCRATCH}/fetch GIT_TERMINAL_PROMPT=0
 rm -rf {SCRATCH}/context "$HOME"
 mkdir -p {SCRATCH}/context/src "$HOME"

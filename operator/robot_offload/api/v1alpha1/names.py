@@ -166,6 +166,8 @@ def _check_ip(text: str) -> str:
 
 def _check_range(text: str) -> str:
     try:
+        if "/" not in text:  # the library takes one address for a range of one
+            raise ValueError
         ipaddress.ip_network(text)
     except ValueError:
         raise ValueError(
