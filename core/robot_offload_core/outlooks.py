@@ -4,6 +4,8 @@ Each rule is one of "rent or buy". Its signal says whether the link looks bad at
 of a second exposed while it is in the cloud under a bad signal, by the price of a second wasted while it is on the
 robot under a good one, and melts at the same rate otherwise. It moves when regret reaches `out` or `back` prices of a
 switch. Some run from the first sign of trouble, others bear it for a second; some return at once, others wait long.
+Some have a memory: on the robot their signal stays bad while too many of the last beats were truly bad, however good
+the newest one is.
 
 No rule is best on every link, so all of them are charged with what they would have cost here. The charge is the true
 one: whether the link was good enough at a moment is known one limit later, because a message sent then has come back
@@ -21,7 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_offload_core.change import replace
-from robot_offload_core.prior import PRIOR
+from robot_offload_core.prior import MEMORIES, PRIOR
 from robot_offload_core.settings import Settings
 
 EXPOSED_PER_S = 10.0
@@ -63,25 +65,28 @@ class Expert:
     Attributes:
         share: of the limit, over which a latency is bad for it.
         out, back: regret that moves it, in price.
+        memory: which of `MEMORIES` keeps it on the robot, counted from 1; 0 for none.
         learnt: how dear it was on other links, as the logarithm of a multiple of the best.
     """
 
     share: float
     out: float
     back: float
+    memory: int
     learnt: float
 
 
 EXPERTS: tuple[Expert, ...] = tuple(
-    Expert(share, out * SWITCH, back * SWITCH, learnt) for share, out, back, learnt in PRIOR
+    Expert(share, out * SWITCH, back * SWITCH, memory, learnt) for share, out, back, memory, learnt in PRIOR
 )
 SHARES: tuple[float, ...] = tuple(sorted({expert.share for expert in EXPERTS}))
 SIGNAL: tuple[int, ...] = tuple(SHARES.index(expert.share) for expert in EXPERTS)
 EVERYBODY = (1 << len(EXPERTS)) - 1
 NOBODY = 0
 FIRST = min(range(len(EXPERTS)), key=lambda index: EXPERTS[index].learnt)
-LONGEST_WAIT_S = max(expert.back for expert in EXPERTS) / WASTED_PER_S
-"""On a link that stays good every rule is in the cloud after this."""
+LONGEST_MEMORY_S = max(window_s for window_s, _ in MEMORIES)
+LONGEST_WAIT_S = max(expert.back for expert in EXPERTS) / WASTED_PER_S + LONGEST_MEMORY_S
+"""On a link that stays good every rule is in the cloud after this, and after the limit in which truth becomes known."""
 ZEROS = (0.0,) * len(EXPERTS)
 
 
@@ -129,6 +134,8 @@ class Outlook:
         clouds: rules that are in the cloud. regrets: of each rule.
         charges: what each rule has cost, melting.
         pending: (tick, rules in the cloud then) of the ticks whose truth is not known yet, oldest first.
+        recent: the ticks whose truth is known, as far back as the longest memory: a bit each, 1 for a bad one, the
+            newest last.
         leader: index of the rule that is followed.
         ticks: since the last review.
         spells: see Spells. figures: see Figures.
@@ -139,6 +146,7 @@ class Outlook:
     regrets: tuple[float, ...] = ZEROS
     charges: tuple[float, ...] = ZEROS
     pending: tuple[tuple[float, int], ...] = ()
+    recent: int = 0
     leader: int = FIRST
     ticks: int = 0
     spells: Spells = NO_SPELLS
@@ -208,6 +216,9 @@ def _overdue(outlook: Outlook, now_s: float, settings: Settings) -> Outlook:
 
 def _charge(outlook: Outlook, at_s: float, clouds: int, good: bool, period_s: float) -> Outlook:
     spells = outlook.spells
+    if outlook.recent or not good:
+        known = (1 << round(LONGEST_MEMORY_S / period_s)) - 1
+        outlook = replace(outlook, recent=(outlook.recent << 1 | (not good)) & known)
     if spells.good is not good:
         outlook = replace(outlook, spells=_turned(spells, good, at_s))
     wrong = EVERYBODY & ~clouds if good else clouds
@@ -232,7 +243,7 @@ def _tick(outlook: Outlook, seen: Seen, settings: Settings, at_s: float) -> Outl
     lost = seen.silent_s > settings.loss_timeout_s
     bad = _signals(seen, settings)
     if lost or outlook.clouds != EVERYBODY or any(bad) or any(outlook.regrets):
-        outlook = _live(outlook, bad, lost, period_s)
+        outlook = _live(outlook, bad, _remembered(outlook, period_s), lost, period_s)
     ticks = outlook.ticks + 1
     outlook = replace(outlook, ticked_s=at_s, pending=(*outlook.pending, (at_s, outlook.clouds)), ticks=ticks)
     return _review(outlook, period_s) if ticks >= REVIEW_TICKS else outlook
@@ -245,8 +256,17 @@ def _signals(seen: Seen, settings: Settings) -> list[bool]:
     return [seen.bad or silent or seen.latency_s > share * limit_s for share in SHARES]
 
 
-def _live(outlook: Outlook, bad: list[bool], lost: bool, period_s: float) -> Outlook:
-    """One tick of every rule. The hard limit holds for all of them."""
+def _remembered(outlook: Outlook, period_s: float) -> list[bool]:
+    """Returns whether each memory holds a rule on the robot; the first one is of those that have none."""
+    held = [False]
+    for window_s, share in MEMORIES:
+        beats = round(window_s / period_s)
+        held.append(bin(outlook.recent & ((1 << beats) - 1)).count("1") > share * beats)
+    return held
+
+
+def _live(outlook: Outlook, bad: list[bool], remembered: list[bool], lost: bool, period_s: float) -> Outlook:
+    """Lets every rule live for one tick. The hard limit holds for all of them."""
     out_step, back_step = EXPOSED_PER_S * period_s, WASTED_PER_S * period_s
     regrets, clouds, moved = list(outlook.regrets), outlook.clouds, NOBODY
     if lost:
@@ -262,7 +282,7 @@ def _live(outlook: Outlook, bad: list[bool], lost: bool, period_s: float) -> Out
                 regrets[index], moved = 0.0, moved | bit
             else:
                 regrets[index] += out_step
-        elif bad[SIGNAL[index]] or lost:
+        elif bad[SIGNAL[index]] or lost or remembered[expert.memory]:
             regrets[index] = max(0.0, regrets[index] - back_step)
         elif regrets[index] + back_step >= expert.back - ROUNDING:
             regrets[index], moved = 0.0, moved | bit

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from robot_offload_core.outlooks import SILENT_BEATS
-from robot_offload_core.prior import PRIOR
+from robot_offload_core.prior import MEMORIES, PRIOR
 from robot_offload_core.settings import Settings
 from robot_offload_lab.links.made_up import FAMILIES, made
 from robot_offload_lab.replay.costs import Weights
@@ -40,15 +40,15 @@ def links(seeds: int, duration_s: float, *, held_out: bool) -> Iterator[StudiedL
 def costs(subject: StudiedLink) -> list[float]:
     """Returns what each rule of the prior costs on a link."""
     silence_s = SILENT_BEATS * subject.settings.beat_period_s
-    found: dict[tuple[float, float, float], float] = {}
-    for share, rows in itertools.groupby(PRIOR, key=lambda row: row[0]):
-        pairs = [(out, back) for _, out, back, _ in rows]
+    found: dict[tuple[float, float, float, int], float] = {}
+    for (share, memory), rows in itertools.groupby(PRIOR, key=lambda row: (row[0], row[3])):
+        pairs = [(out, back) for _, out, back, _, _ in rows]
         rules = grid(
             subject.beats, subject.limit_us, subject.weights, subject.forbidden,
-            silences_s=(silence_s,), pairs=pairs, share=share,
+            silences_s=(silence_s,), pairs=pairs, share=share, memory=MEMORIES[memory - 1] if memory else None,
         )  # fmt: skip
-        found |= {(share, rule.out, rule.back): rule.cost for rule in rules}
-    return [found[share, out, back] for share, out, back, _ in PRIOR]
+        found |= {(share, rule.out, rule.back, memory): rule.cost for rule in rules}
+    return [found[share, out, back, memory] for share, out, back, memory, _ in PRIOR]
 
 
 def learnt(cases: Sequence[StudiedLink] | Iterator[StudiedLink]) -> list[float]:
@@ -70,8 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--duration", type=float, default=DURATION_S)
     options = parser.parse_args(arguments)
     figures = learnt(links(options.seeds, options.duration, held_out=False))
-    for (share, out, back, _), figure in zip(PRIOR, figures, strict=True):
-        sys.stdout.write(f"    ({share:g}, {out:g}, {back:g}, {figure:.3f}),\n")
+    for (share, out, back, memory, _), figure in zip(PRIOR, figures, strict=True):
+        sys.stdout.write(f"    ({share:g}, {out:g}, {back:g}, {memory}, {figure:.3f}),\n")
     return 0
 
 

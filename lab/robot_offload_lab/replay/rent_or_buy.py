@@ -64,22 +64,44 @@ def best_fixed(beats: Heartbeats, limit_us: int, weights: Weights, forbidden: ND
 def grid(
     beats: Heartbeats, limit_us: int, weights: Weights, forbidden: NDArray[np.bool_], *,
     silences_s: Sequence[float] = SILENCES_S, pairs: Sequence[tuple[float, float]] = PAIRS, share: float = 1.0,
+    memory: tuple[float, float] | None = None,
 ) -> list[RentOrBuy]:  # fmt: skip
-    """Returns every rule of the grid with its cost; `share` of the bound over which a latency is bad."""
+    """Returns every rule of the grid with its cost.
+
+    Args:
+        beats: of the recording.
+        limit_us: the bound, the longest loop latency that is good enough.
+        weights: the prices.
+        forbidden: periods in which a hard limit keeps everybody on the robot.
+        silences_s: the values of S that span the grid.
+        pairs: its values of (out, back).
+        share: of the bound, over which a latency is bad.
+        memory: (window in seconds, share): nobody returns while more than this share of the window's beats were truly
+            bad, as known one bound later.
+    """
     seen, truth = newest(beats), beats.good(limit_us)
     found = []
+    held = np.zeros(len(truth), dtype=bool) if memory is None else _held(truth, beats.period_us, limit_us, *memory)
     for silence_s in silences_s:
         bad = (seen.latency_us > share * limit_us) | (seen.silent_us > round(silence_s * 1e6))
         rules = _Rules(pairs, weights, beats.period_us / 1e6, truth)
-        code = bad.astype(np.int8) + 2 * forbidden.astype(np.int8)
+        code = bad.astype(np.int8) + 2 * forbidden.astype(np.int8) + 4 * held.astype(np.int8)
         bounds = [0, *(np.flatnonzero(np.diff(code)) + 1).tolist(), len(code)]
         for start, end in itertools.pairwise(bounds):
-            rules.live(start, end, bad=bool(code[start] & 1), forbidden=bool(code[start] & 2))
+            now = int(code[start])
+            rules.live(start, end, bad=bool(now & 1), forbidden=bool(now & 2), held=bool(now & 4))
         found += [
             RentOrBuy(silence_s, out, back, cost)
             for (out, back), cost in zip(pairs, rules.costs().tolist(), strict=True)
         ]
     return found
+
+
+def _held(truth: NDArray[np.bool_], period_us: int, limit_us: int, window_s: float, share: float) -> NDArray[np.bool_]:
+    """Returns the periods in which a memory keeps everybody who is on the robot there."""
+    window, late = round(window_s * 1e6 / period_us), -(-limit_us // period_us)
+    bad = np.concatenate([np.zeros(window + late, dtype=np.int64), np.cumsum(~truth)])
+    return np.asarray(bad[window : window + len(truth)] - bad[: len(truth)] > share * window)
 
 
 class _Rules:
@@ -104,19 +126,19 @@ class _Rules:
         periods = prices.exposed_per_s * self._exposed + prices.wasted_per_s * self._wasted
         return np.asarray(periods * self._period_s + prices.switch * self._switches)
 
-    def live(self, start: int, end: int, *, bad: bool, forbidden: bool) -> None:
-        """Takes the periods from `start` to `end`, in which signal and limit stay as they are."""
+    def live(self, start: int, end: int, *, bad: bool, forbidden: bool, held: bool) -> None:
+        """Lets the rules live from period `start` to `end`, in which signal, limit and memory stay as they are."""
         leave_per, return_per = self._per_period()
         if forbidden:
             self._switches += self._cloud
             self._regret[self._cloud] = 0.0
             self._cloud[:] = False
             self._account(start, end, np.full(len(self._cloud), end))
-            step = -return_per if bad else return_per
+            step = -return_per if bad or held else return_per
             self._regret = np.maximum(0.0, self._regret + (end - start) * step)
             return
-        moving = self._cloud if bad else ~self._cloud
-        per, other_per = (leave_per, return_per) if bad else (return_per, leave_per)
+        moving = self._cloud if bad else ~self._cloud & (not held)
+        per = leave_per if bad else return_per
         missing = (self._leave if bad else self._return) - self._regret
         periods = np.maximum(1.0, np.ceil(missing / per - ROUNDING))
         moves = moving & (periods <= end - start)
@@ -124,7 +146,7 @@ class _Rules:
         self._account(start, end, at)
         self._switches += moves
         grown = self._regret + (end - start) * per
-        melted = np.maximum(0.0, self._regret - (end - start) * other_per)
+        melted = np.maximum(0.0, self._regret - (end - start) * np.where(self._cloud, leave_per, return_per))
         self._regret = np.where(moves, 0.0, np.where(moving, grown, melted))
         self._cloud ^= moves
 

@@ -44,7 +44,7 @@ class Link:
 
 def test_the_rule_that_was_best_on_other_links_leads_at_first() -> None:
     assert Outlook().leader == FIRST
-    assert EXPERTS[FIRST].learnt == min(row[3] for row in PRIOR)
+    assert EXPERTS[FIRST].learnt == min(row[4] for row in PRIOR)
 
 
 def test_before_anything_was_heard_nothing_happens() -> None:
@@ -116,7 +116,41 @@ def test_a_link_that_is_never_good_for_long_teaches_to_wait() -> None:
             link.live(GOOD, 0.6)
             link.live(GONE, 0.4)
         link.live(GOOD, 30.0)
-    assert EXPERTS[link.outlook.leader].back >= 0.5
+    leader = EXPERTS[link.outlook.leader]
+    assert leader.back >= 0.5 or leader.memory  # both wait: for long, or until few of the last beats were bad
+
+
+def with_memory() -> int:
+    """Returns the index of a rule that returns at once, but for its memory."""
+    return min((i for i, e in enumerate(EXPERTS) if e.memory), key=lambda i: EXPERTS[i].back)
+
+
+def test_a_rule_with_a_memory_stays_away_while_good_and_bad_alternate_and_returns_when_the_bad_ones_are_past() -> None:
+    link = Link()
+    link.live(GOOD, 10.0)
+    index = with_memory()
+    for _ in range(6):
+        link.live(GONE, 0.3)
+        link.live(GOOD, 0.3)
+        assert not link.outlook.clouds >> index & 1
+    link.live(GOOD, outlooks.LONGEST_MEMORY_S + 0.3)
+    assert link.outlook.clouds >> index & 1
+
+
+def test_one_lost_beat_in_a_second_keeps_no_memory_away() -> None:
+    link = Link()
+    link.live(GOOD, 10.0)
+    link.live(GONE, 4 * BEAT_S)
+    link.live(GOOD, 0.5)
+    assert link.outlook.clouds >> with_memory() & 1
+
+
+def test_nothing_older_than_the_longest_memory_is_kept() -> None:
+    link = Link()
+    for _ in range(20):
+        link.live(GOOD, 0.2)
+        link.live(GONE, 0.2)
+    assert link.outlook.recent.bit_length() <= round(outlooks.LONGEST_MEMORY_S / BEAT_S)
 
 
 def test_a_charge_is_true_and_known_one_limit_later() -> None:
