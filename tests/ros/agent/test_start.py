@@ -57,7 +57,7 @@ def test_a_second_publisher_of_the_public_topic_ends_the_start_and_is_named(buil
     agent = world.start_agent("robot")
     assert agent.wait(EXIT_S) == 4
     log = world.processes.log("robot-agent")
-    assert "/command has another publisher: ear" in log
+    assert "/command has another publisher: /ear;" in log
     assert "/offload/robot/command" in log
 
 
