@@ -12,7 +12,7 @@ from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import Decided, Phase, SetGate
 from robot_offload_core.process.data import InputPlan
-from robot_offload_core.process.messages import ENVELOPE, Carried, Speak
+from robot_offload_core.process.messages import ENVELOPE, Carried, CollectorStatus, Speak
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message
@@ -461,8 +461,11 @@ def restarted_control() -> None:
     for site in (Site.ROBOT, Site.CLOUD, Site.ROBOT, Site.CLOUD):
         stage.by_hand(site)
         stage.run(1.0)
+    report = stage.machine.situation.gate
+    assert report is not None
     stage.robot.control.kill(0.03)
     stage.run(0.035)
+    stage.robot.control.take(CollectorStatus(report))  # what the collector said before it heard of the new control
     stage.always(lambda: stage.site is Site.ROBOT, 0.3, "a new control takes an old charge for its own")
 
 

@@ -13,6 +13,8 @@ from robot_offload_lab.simulate.stage import CONTROLLER, Stage
 
 ARM = NodeSpec("arm", core=True)
 STRANGER = "ee" * 16
+NEWEST = 10**17
+"""A sequence beyond those that the robot of a story has sent."""
 
 
 def silent_cloud_control() -> None:
@@ -163,12 +165,14 @@ def old_inputs() -> None:
     token = Token(stage.machine.incarnation, 0, stage.cloud.control.process.incarnation)
     now_us = round(stage.cloud.host.now_s() * 1e6)
     for robot, age_us in ((token.robot, 400_000), (STRANGER, 1_000)):
-        header = envelope.encode(Envelope(Token(robot, 0, token.cloud), 99_999, now_us - age_us))
+        header = envelope.encode(Envelope(Token(robot, 0, token.cloud), NEWEST, now_us - age_us))
         data.arrived("in/scan", header, (b"scan", stage.now))
     stage.expect(len(heard) == before, "an old or foreign input reached the replicas")
-    header = envelope.encode(Envelope(token, 99_999, now_us - 1_000))
+    header = envelope.encode(Envelope(token, NEWEST, now_us - 1_000))
     data.arrived("in/scan", header, (b"scan", stage.now))
     stage.expect(len(heard) == before + 1, "a fresh one does")
+    data.arrived("in/scan", header, (b"scan", stage.now))
+    stage.expect(len(heard) == before + 1, "the same input reached the replicas twice")
 
 
 def many_inputs() -> None:
