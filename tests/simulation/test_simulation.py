@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+from unittest import mock
+
 import pytest
 
 from robot_offload_lab.simulate import campaign
 from robot_offload_lab.simulate.campaign import Total
+from robot_offload_lab.simulate.coverage import Pair
 from robot_offload_lab.simulate.main import replay_command
+from robot_offload_lab.simulate.stage import Stage
+from robot_offload_lab.simulate.stories import STORIES
 
 HOURS = 2.0
 """About five minutes of processor time; what it takes to meet the rarest pairs comes on top."""
@@ -18,15 +24,35 @@ MOST = 240
 pytestmark = [pytest.mark.simulation, pytest.mark.timeout(1800)]
 
 
+def pairs_of_stories() -> set[Pair]:
+    """Returns the pairs that the stories meet: what chance meets once in many hours is there by intent."""
+    stages: list[Stage] = []
+    make = Stage.__init__
+
+    def noted(self: Stage, *arguments: Any, **options: Any) -> None:
+        make(self, *arguments, **options)
+        stages.append(self)
+
+    with mock.patch.object(Stage, "__init__", noted):
+        for story in STORIES.values():
+            story()
+    return {pair for stage in stages for pair in stage.system.coverage.pairs}
+
+
 @pytest.fixture(scope="module")
-def total() -> Total:
+def met_in_stories() -> set[Pair]:
+    return pairs_of_stories()
+
+
+@pytest.fixture(scope="module")
+def total(met_in_stories: set[Pair]) -> Total:
     result = Total()
     planned = campaign.chunks_for(HOURS)
     indices = range(planned)
     while indices:
         for index, outcome in campaign.run(SEED, indices, workers=2):
             result.add(index, outcome)
-        more = bool(result.missing) and indices.stop < planned + MOST
+        more = bool(set(result.missing) - met_in_stories) and indices.stop < planned + MOST
         indices = range(indices.stop, indices.stop + MORE) if more else range(0)
     return result
 
@@ -40,8 +66,9 @@ def test_a_simulated_hour_holds_at_least_a_thousand_faults(total: Total) -> None
     assert total.faults / (total.simulated_s / 3600) >= 1000
 
 
-def test_every_pair_of_state_and_event_that_can_occur_was_met(total: Total) -> None:
-    assert total.missing == []
+def test_every_pair_of_state_and_event_that_can_occur_was_met(total: Total, met_in_stories: set[Pair]) -> None:
+    assert set(total.missing) - met_in_stories == set()
+    assert len(total.missing) <= 10  # storms are to meet all but the rarest
 
 
 def test_both_kinds_of_changeover_happen_often(total: Total) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from robot_offload_core import placement, policies
 from robot_offload_core.beats import Beat, CloudReport, Permission
-from robot_offload_core.collectors import Gate
+from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.envelope import Envelope, decode
 from robot_offload_core.guardians import INHIBIT_PERIOD_S, State
 from robot_offload_core.settings import Mode
@@ -97,6 +97,7 @@ class Observer:
         self.entered_s = 0.0
         self.left_s: tuple[float, Token | None] = (-1.0, None)
         self.flip_s: float | None = None
+        self.left_stay: tuple[int, int] | None = None
         self.effect_rank: tuple[int, int] = (-1, 0)
         self.effect_site: Site | None = None
         self.held_until_s = 0.0
@@ -210,18 +211,23 @@ class Observer:
         if age_s > self.settings.max_command_age_s * (1 + DRIFT):
             self._violated("1d", f"a cloud message passed {age_s * 1e3:.1f} ms after it had left the cloud")
 
-    def flipped(self) -> None:
-        """The collector has changed over between two messages: a commanded changeover."""
+    def flipped(self, left: Charge | None) -> None:
+        """Notes that the collector has changed over between two messages, away from `left`: a commanded changeover."""
         self.flip_s = self.world.now
+        self.left_stay = None if left is None else (self.order[left.token.robot], left.token.epoch)
 
     def _entered(self, lane: Lane, index: int, now: float) -> None:
         """Invariant 4, at the first message of a new stay.
 
         With nothing wrong for 1 s, a commanded changeover leaves no gap longer than the slower period plus jitter, on
-        any rated output. Jitter: three times the wire's typical one, the timers' and the hand-overs'.
+        any rated output. Jitter: three times the wire's typical one, the timers' and the hand-overs'. A side that has
+        passed nothing in its stay, such as a robot that took over and was unable to act, left a gap of its own: that is
+        invariant 3's.
         """
         commanded = self.flip_s is not None and now - self.flip_s <= self.settings.slower_period_s + self.reaction_s
         if not commanded or self.quiet_s() < 1.0 or self.run.scenario.outputs[index].deadline_s == 0:
+            return
+        if self.left_stay is None or lane.rank[:2] != self.left_stay:
             return
         jitter_s = 3 * self.run.scenario.jitter_s + 2 * HANDOVER_S
         gap_s = now - lane.passed_s

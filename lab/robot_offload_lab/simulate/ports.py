@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.collectors import Gate
+from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.placement import Decided, Robot
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.coverage import Coverage
@@ -79,8 +79,8 @@ class Witness(Protocol):
     def passed(self, index: int, payload: Payload) -> None:
         """A message reached the robot's consumer of an output."""
 
-    def flipped(self) -> None:
-        """The collector has changed over between two messages."""
+    def flipped(self, left: Charge | None) -> None:
+        """The collector has changed over between two messages, away from `left`."""
 
     def heard_in_cloud(self, index: int, payload: Payload) -> None:
         """A message reached the consumer of an output in the cloud."""

@@ -310,7 +310,7 @@ class WatchedCollector(CollectorProcess):
             self.around.entered("collector " + collector_state(state))
         if state.charge != before.charge and (charge := state.charge) is not None:
             if charge == before.next:
-                self.around.witness.flipped()
+                self.around.witness.flipped(before.charge)
             self.around.world.note("collector passes", charge.site.value, charge.token.epoch)
         return super()._keep(state)
 
@@ -362,7 +362,7 @@ class Collector(Shell):
         self.process.handle(message)
         following = message.gate.next if isinstance(message, placement.SetGate) else None
         if following is not None and before != following == self.process.state.charge:
-            self.around.witness.flipped()  # nothing had to be heard: it changed over on being armed
+            self.around.witness.flipped(before)  # nothing had to be heard: it changed over on being armed
 
     def robot_message(self, index: int, message: Message) -> None:
         """Takes what the robot's replica has published."""

@@ -1,0 +1,82 @@
+"""Stories of words between processes that come late: gates and reports that waited in a queue."""
+
+from __future__ import annotations
+
+from robot_offload_core.collectors import Charge, Gate, GateReport
+from robot_offload_core.placement import Phase, SetGate
+from robot_offload_core.process.messages import CollectorStatus
+from robot_offload_core.token import Site, Token
+from robot_offload_lab.simulate.stage import Stage
+
+
+def _gate_of_now(stage: Stage) -> SetGate:
+    """Returns the gate that control has set, as it may wait in a queue."""
+    state = stage.robot.collector.state
+    assert state.charge is not None
+    return SetGate(Gate(state.started_us, state.charge, None, stage.robot.host.now_s()))
+
+
+def old_gate_after_a_fallback() -> None:
+    """A gate of an epoch that was left changes nothing after a fallback from the robot."""
+    stage = Stage()
+    stage.in_cloud()
+    old = _gate_of_now(stage)
+    stage.by_hand(Site.ROBOT)
+    stage.until(lambda: stage.phase is Phase.ROBOT, 2.0, "the robot is in charge")
+    collector = stage.robot.collector
+    stage.stall(stage.robot.control, 2.0)
+    stage.until(lambda: collector.state.fell_back, 1.0, "control's silence is noticed")
+    before = collector.state.charge
+    collector.take(old)
+    stage.expect(collector.state.charge == before and collector.state.fell_back, "an old gate ends the fallback")
+
+
+def old_gate_after_a_restart() -> None:
+    """A gate of an epoch that was left changes nothing for a collector that has just taken up what it had reached."""
+    stage = Stage()
+    stage.in_cloud()
+    old = _gate_of_now(stage)
+    stage.by_hand(Site.ROBOT)
+    stage.until(lambda: stage.phase is Phase.ROBOT, 2.0, "the robot is in charge")
+    collector = stage.robot.collector
+    before = collector.state.charge
+    collector.kill(0.005)
+    stage.until(lambda: collector.state.resumed_s is not None and collector.state.gate_s is None, 0.1, "it is back")
+    collector.take(old)
+    stage.expect(collector.state.charge == before, "a restarted collector goes back to an older epoch")
+
+
+def new_control_while_the_cloud_is_next() -> None:
+    """A control that restarts while the changeover is offered: nobody is next any more, and the robot goes on."""
+    stage = Stage()
+    stage.start()
+    stage.robot_acts()
+    stage.hush("cloud")
+    stage.until(lambda: stage.robot.collector.state.next is not None, 8.0, "the changeover is offered")
+    stage.robot.control.kill(0.01)
+    stage.always(lambda: stage.robot.collector.state.charge is not None, 0.02, "somebody is in charge")
+    stage.until(lambda: stage.robot.collector.state.next is None, 0.3, "the new control has named nobody as next")
+    charge = stage.robot.collector.state.charge
+    stage.expect(charge is not None and charge.site is Site.ROBOT, "the cloud got in charge of a new control")
+
+
+def changed_over_just_before_it_was_called_off() -> None:
+    """The collector's report of a changeover counts although control has called the preparation off meanwhile."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.hush("robot")
+    stage.by_hand(Site.ROBOT)
+    stage.until(lambda: stage.phase is Phase.TO_ROBOT, 0.5, "the robot gets ready")
+    candidate = stage.machine.candidate
+    stage.until(lambda: stage.phase is Phase.CLOUD, 3.0, "the preparation is called off")
+    charge = Charge(Site.ROBOT, Token(stage.machine.incarnation, candidate, ""))
+    stage.robot.control.take(CollectorStatus(GateReport(charge, False, True, False)))
+    stage.expect(stage.site is Site.ROBOT and stage.machine.epoch == candidate, "the robot is in charge and not told")
+
+
+STORIES = (
+    old_gate_after_a_fallback,
+    old_gate_after_a_restart,
+    new_control_while_the_cloud_is_next,
+    changed_over_just_before_it_was_called_off,
+)
