@@ -154,10 +154,11 @@ class Observer:
         reason = decided.verdict.reason.value
         self.alarms[reason] = self.alarms.get(reason, 0) + 1
         handed_s = self.good_s if self.world.now - self.good_s > HANDOVER_S else self.good_before_s
-        told_s = self.pulse_s if self.world.now - self.pulse_s > HANDOVER_S else self.pulse_before_s
-        proof_s = {"HeartbeatLost": handed_s, "PulseSilent": told_s}.get(reason)
-        # What the pulse has sent travels with the beat that arrives next.
-        late_s = HANDOVER_S if reason == "HeartbeatLost" else HANDOVER_S + self.settings.beat_period_s
+        # What the pulse has sent travels with the beat that arrives next: control may not know the newest one yet.
+        travel_s = HANDOVER_S + self.settings.beat_period_s
+        known_s = self.pulse_s if self.world.now - self.pulse_s > travel_s else self.pulse_before_s
+        proof_s = {"HeartbeatLost": handed_s, "PulseSilent": known_s}.get(reason)
+        late_s = HANDOVER_S if reason == "HeartbeatLost" else travel_s
         if proof_s is not None and self.world.now - proof_s < self.settings.loss_timeout_s - late_s:
             ago_ms = (self.world.now - proof_s) * 1e3
             self._violated("3c", f"{reason} was decided although there was a beat {ago_ms:.1f} ms ago")
