@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import select
 import threading
+from abc import ABC, abstractmethod
 from typing import Any
 
 from robot_offload_agent.link.choice import LinkHandle, open_link
@@ -53,7 +54,7 @@ def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
     )
 
 
-class DataShell:
+class DataShell(ABC):
     """Base of both sides. Three threads: ROS (main), bus, and those of the link.
 
     Attributes:
@@ -141,13 +142,13 @@ class DataShell:
 
     # -- what each side does in its own way ---------------------------------------------------------------------------
 
+    @abstractmethod
     def resolve(self) -> bool:
         """Creates subscriptions and publishers whose types are known; returns whether nothing is left to do."""
-        raise NotImplementedError
 
+    @abstractmethod
     def types(self) -> dict[str, str]:
         """Returns the interface types that this side has found in the graph."""
-        raise NotImplementedError
 
 
 def start(configuration: Configuration, shell: type[DataShell]) -> None:

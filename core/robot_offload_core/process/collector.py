@@ -149,12 +149,14 @@ class CollectorProcess:
         self._count("robot", index, passage)
         if changed:
             self.report()
+        mirrored = [(other, passed) for other, passed in published if self.plan.mirrored[other]]
+        if not mirrored:
+            return
         charge = self.state.charge
         token = charge.token if charge is not None else Token("", 0, "")
         header = envelope.encode(Envelope(token, self.sequence, 0))
-        for other, passed in published:
-            if self.plan.mirrored[other]:
-                self.ports.carry("data", PASSED, other, header, passed)
+        for other, passed in mirrored:
+            self.ports.carry("data", PASSED, other, header, passed)
 
     def offer_cloud(self, message: Carried) -> None:
         """Takes a message of the cloud's replica, which the data process carried here."""

@@ -774,7 +774,7 @@ MUTANTS: dict[str, Mutant] = {
     "X12": Mutant(
         "consumers in the cloud do not hear the robot",
         "consumers_in_the_cloud",
-        (Edit("process.collector", "            if self.plan.mirrored[other]:", "            if False:"),),
+        (Edit("process.collector", "        if not mirrored:", "        if True:"),),
     ),
     "X13": Mutant(
         "the collector takes no changed limits",
