@@ -174,6 +174,15 @@ class Place:
                 others[child["spec"]["clusterIP"]] = f"ADDRESS OF {service}"
         return {key: _plain(child, others) for key, child in children.items()}
 
+    def written(self, name: str = "walker") -> dict[tuple[str, str], Manifest]:
+        """All of the children but what the cluster's own controllers write at any time: status, and the version with it."""
+        changing = ("resourceVersion", "managedFields")
+        return {
+            key: {field: value for field, value in child.items() if field not in ("status", "metadata")}
+            | {field: value for field, value in child["metadata"].items() if field not in changing}
+            for key, child in self.children(name).items()
+        }
+
     def events(self, name: str = "walker") -> list[Manifest]:
         items = self._send("GET", f"/api/v1/namespaces/{self.namespace}/events")["items"]
         return [item for item in items if item["involvedObject"].get("name") == name]
