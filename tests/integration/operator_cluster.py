@@ -175,7 +175,7 @@ class Place:
         return {key: _plain(child, others) for key, child in children.items()}
 
     def written(self, name: str = "walker") -> dict[tuple[str, str], Manifest]:
-        """All of the children but what the cluster's own controllers write at any time: status, and the version with it."""
+        """Returns the children without what the cluster itself writes at any time: status, and the version with it."""
         changing = ("resourceVersion", "managedFields")
         return {
             key: {field: value for field, value in child.items() if field not in ("status", "metadata")}
