@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
+from robot_offload_core.declared import MEBIBYTE, Frame, Priority, SettingsError, While
 from robot_offload_core.token import Site
 
 DRIFT_SHARE = 0.2
@@ -23,10 +24,8 @@ PAUSE_MOST_S = 0.150
 ROBOT_LIVE_LEAST_S = 1.0
 LOOKS_S = 0.060
 """Shortest deadline of an output that can be judged: the collector looks every 20 ms, a look may be late."""
-
-
-class SettingsError(ValueError):
-    """A value that cannot work; the message names the setting and says what to change."""
+LARGEST_MESSAGE = 16 * MEBIBYTE
+"""Bytes. What the agent's processes hand over in one piece at most."""
 
 
 class Mode(str, Enum):
@@ -56,6 +55,11 @@ class Settings:
         prefer: the side to be on when both can act.
         pin: from the resource; None = policy decides.
         mode: see Mode.
+        prepare_deadline_s: in which a side that gets ready without a loss must have nodes, goals and state; 0: the
+            activation deadline (see `preparing_s`).
+        cancel_deadline_s: in which the old side's goals end after a change, before its nodes are deactivated.
+        settle_for_s: how long a side that was called off for its goals or state stays Active.
+        max_message_size: bytes of the largest message that is carried.
     """
 
     beat_period_s: float = 0.020
@@ -75,6 +79,10 @@ class Settings:
     prefer: Site = Site.CLOUD
     pin: Site | None = None
     mode: Mode = field(default=Mode.AUTO)
+    prepare_deadline_s: float = 0.0
+    cancel_deadline_s: float = 2.0
+    settle_for_s: float = 10.0
+    max_message_size: int = 8 * MEBIBYTE
 
     @property
     def allowed_loop_s(self) -> float:
@@ -115,6 +123,11 @@ class Settings:
     def robot_live_s(self) -> float:
         """Silence after which a robot is no longer live, so that another incarnation of it may be served."""
         return max(ROBOT_LIVE_LEAST_S, self.loss_timeout_s + 2 * self.beat_period_s)
+
+    @property
+    def preparing_s(self) -> float:
+        """How long a side may get ready when nothing was lost: nodes, goals, requests and state."""
+        return self.prepare_deadline_s or self.activation_deadline_s
 
     def check(self) -> None:
         """Raises SettingsError naming the first setting that cannot work."""
@@ -157,6 +170,20 @@ def _lease(s: Settings) -> str:
     return f"must be at least {least_s:.3f} (loss timeout + allowed loop latency + two beats)"
 
 
+def _prepare_deadline(s: Settings) -> str:
+    holds = not s.prepare_deadline_s or s.prepare_deadline_s >= s.activation_deadline_s
+    return "" if holds else "must be at least the activation deadline, nodes become Active within it"
+
+
+def _settle_for(s: Settings) -> str:
+    return "" if s.settle_for_s >= 0 else "must be at least 0"
+
+
+def _max_message_size(s: Settings) -> str:
+    holds = 0 < s.max_message_size <= LARGEST_MESSAGE
+    return "" if holds else f"must be from 1 to {LARGEST_MESSAGE} bytes"
+
+
 def _max_command_age(s: Settings) -> str:
     least_s = s.allowed_loop_s + s.beat_period_s
     return "" if s.max_command_age_s > least_s else f"must exceed {least_s:.3f} (allowed loop latency + one beat)"
@@ -165,23 +192,65 @@ def _max_command_age(s: Settings) -> str:
 RULES: tuple[Rule, ...] = (
     *map(_positive, (
         "beat_period_s", "loss_timeout_s", "lease_s", "max_command_age_s", "robot_period_s", "cloud_period_s",
-        "activation_deadline_s",
+        "activation_deadline_s", "cancel_deadline_s",
     )),
     Rule("loss_timeout_s", _loss_timeout),
     Rule("tolerance_s", _tolerance),
     Rule("lease_s", _lease),
     Rule("max_command_age_s", _max_command_age),
+    Rule("prepare_deadline_s", _prepare_deadline),
+    Rule("settle_for_s", _settle_for),
+    Rule("max_message_size", _max_message_size),
 )  # fmt: skip
 """In order; the first broken one is named."""
 
 
 @dataclass(frozen=True)
 class OutputSpec:
-    """A collected output. `deadline_s` 0 means not rated: its silence is never judged. `period_s` 0: unknown."""
+    """An output that reaches the robot's public topic.
+
+    Attributes:
+        name: identifier of the output.
+        deadline_s: silence that means a fault; 0: not rated, its silence is never judged.
+        period_s: distance of two messages; 0: unknown.
+        while_: when the output is rated; None: always, if `deadline_s` says so.
+        shared: other publishers on the public topic are no fault.
+        frames: the transforms of the group on /tf; they imply `shared`.
+        of_cloud: of a node with placement Cloud: no replica on the robot, passes by presence and age.
+        max_age_s: oldest message that passes; 0: `Settings.max_command_age_s`.
+        nodes: resource names of the nodes that publish it.
+        hot: sides on which all of these nodes stay Active in standby.
+        waits: one of these nodes has used names: its first message comes after the changeover.
+    """
 
     name: str
     deadline_s: float = 0.150
     period_s: float = 0.0
+    while_: While | None = None
+    shared: bool = False
+    frames: tuple[Frame, ...] = ()
+    of_cloud: bool = False
+    max_age_s: float = 0.0
+    nodes: tuple[str, ...] = ()
+    hot: tuple[Site, ...] = ()
+    waits: bool = False
+
+    def check(self) -> None:
+        """Raises SettingsError naming the first value that cannot work."""
+        if problem := self.problem():
+            raise SettingsError(f"deadline_s: {problem}")
+        if self.while_ is not None:
+            self.while_.check()
+            if not self.deadline_s:
+                raise SettingsError("while: needs a rate, an output without one is never judged")
+        for frame in self.frames:
+            frame.check()
+        if len({frame.child for frame in self.frames}) != len(self.frames):
+            raise SettingsError("frames.child: must be named once, a frame has one parent")
+        if self.frames and not self.shared:
+            raise SettingsError("shared: must be true, /tf has other publishers")
+        if not self.max_age_s >= 0:
+            raise SettingsError("max_age_s: must be at least 0")
 
     def problem(self) -> str:
         """Returns why its deadline is none; "" when all is well."""
@@ -198,10 +267,31 @@ class OutputSpec:
 
 @dataclass(frozen=True)
 class InputSpec:
-    """A topic to the cloud. `max_age_s` 0 means no limit."""
+    """A topic to the cloud.
+
+    Attributes:
+        name: the topic.
+        max_age_s: oldest message that counts as fresh; 0: no limit.
+        max_rate_hz: messages above this rate are left out; 0: no limit.
+        min_rate_hz: the agent thins the topic to this rate when the link carries no more; 0: never thinned.
+        priority: what goes first when the link does not carry all.
+        latest: a newer message replaces an older one that has not been sent yet.
+    """
 
     name: str
     max_age_s: float = 0.0
+    max_rate_hz: float = 0.0
+    min_rate_hz: float = 0.0
+    priority: Priority = Priority.NORMAL
+    latest: bool = False
+
+    def check(self) -> None:
+        """Raises SettingsError naming the first value that cannot work."""
+        for name in ("max_age_s", "max_rate_hz", "min_rate_hz"):
+            if not getattr(self, name) >= 0:
+                raise SettingsError(f"{name}: must be at least 0")
+        if self.max_rate_hz and self.min_rate_hz > self.max_rate_hz:
+            raise SettingsError(f"min_rate_hz: must not exceed max_rate_hz, {self.max_rate_hz:g} Hz")
 
     def too_tight(self, settings: Settings) -> str:
         """Returns why its limit is broken on a good link too; "" when it is kept there."""
@@ -221,6 +311,8 @@ class NodeSpec:
         core: without it the robot must not move.
         lifecycle: is a managed node; others are only started and watched.
         hot: stays Active while the other side acts (its outputs are held back by the collector or the egress).
+        names: private names of its outputs, services and actions on this side; a node without a lifecycle is alive
+            only while its process and all of these are seen.
     """
 
     name: str
@@ -228,3 +320,9 @@ class NodeSpec:
     core: bool = False
     lifecycle: bool = True
     hot: bool = False
+    names: tuple[str, ...] = ()
+
+    def check(self) -> None:
+        """Raises SettingsError naming the first value that cannot work."""
+        if self.duplicated and not self.lifecycle and not self.hot:
+            raise SettingsError("hot: must be true, a node without a lifecycle is active on both sides")

@@ -18,7 +18,8 @@ from typing import Any
 import yaml
 
 from robot_offload_agent.errors import ConfigurationError
-from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings, SettingsError
+from robot_offload_core.declared import SettingsError
+from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 
 Value = str | bool | int | float | list[str]

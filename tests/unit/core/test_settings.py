@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_core.settings import LOOKS_S, STALL_LEAST_S, InputSpec, OutputSpec, Settings, SettingsError
+from robot_offload_core.declared import SettingsError
+from robot_offload_core.settings import LOOKS_S, STALL_LEAST_S, InputSpec, OutputSpec, Settings
 from tests.unit.core.builders import many
 
 

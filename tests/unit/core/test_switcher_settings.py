@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_core import switcher
+from robot_offload_core.declared import SettingsError
 from robot_offload_core.events import Tick
 from robot_offload_core.placement import CloudLeaving, Phase, Robot, SetPin, SetSettings, SwitchByHand, Wish
-from robot_offload_core.settings import Mode, Settings, SettingsError
+from robot_offload_core.settings import Mode, Settings
 from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site
 from tests.unit.core.builders import CLOUD, NOW_S, SCAN, SETTINGS, STRANGER, few, good_link, many, robot_in, situation
