@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from robot_offload_core import beats, collectors, lease, placement
+from robot_offload_core.token import Site, Token
 
 ENVELOPE = b"e"
 """A `Carried` message of the cloud's replica on its way to the collector."""
@@ -188,3 +189,56 @@ class Carried:
     index: int
     header: bytes
     payload: Any
+
+
+@dataclass(frozen=True)
+class RelayOrders:
+    """robot control -> robot relay, at changes and five times a lease: what the relay cannot see by itself.
+
+    Attributes:
+        robot, cloud: incarnations of the two control processes; cloud "" while none is heard.
+        epoch: newest that control has named to the cloud.
+        candidate: the side that gets ready and its token; None when no change is prepared.
+        able: sides whose CORE nodes are Active.
+        active: nodes of this side that are Active, by resource name.
+        effects: the side whose calls at used names are admitted; None: nobody's, they wait.
+        said_s: when control said so, on this host's steady clock.
+    """
+
+    robot: str
+    cloud: str
+    epoch: int
+    candidate: tuple[Site, Token] | None
+    able: tuple[Site, ...]
+    active: tuple[str, ...]
+    effects: Site | None
+    said_s: float
+
+
+@dataclass(frozen=True)
+class RelayStatus:
+    """relay -> control and collector of its side, at changes and every 100 ms.
+
+    Attributes:
+        candidate: token of the preparation that `pending` is about; None for none (and always in the cloud).
+        pending: what the candidate still lacks, (reason, message); empty: as far as goals and requests go it is ready.
+        hold: why a commanded change must wait for a goal, "" for no reason (`onSwitch: Hold`).
+        busy: this side's nodes still have goals or requests to end: they are not to be deactivated yet.
+        executing: actions that this side executes, by public name.
+        problems, counters: for diagnostics, once a second; else empty.
+    """
+
+    candidate: Token | None
+    pending: tuple[tuple[str, str], ...]
+    hold: str
+    busy: bool
+    executing: tuple[str, ...]
+    problems: tuple[tuple[str, str], ...] = ()
+    counters: tuple[tuple[str, int], ...] = ()
+
+
+@dataclass(frozen=True)
+class Letters:
+    """relay <-> data: a message of one side's relay to the other's; opaque to data, may be lost, large or late."""
+
+    data: bytes
