@@ -87,6 +87,7 @@ class Collector:
         flipped_s: when the last changeover took place.
         acts_s: since when the side that passes now has passed, under whatever epochs.
         turned_s: the last turn of this process. judged_from_s: silence is not reported before, see `turn`.
+        stay: grows by one with each change of the side that passes, over restarts of this process.
         paused_s: end of the last pause of this process. first_pause_s: of the first pause of the present row, with less
             than HEALTHY_S between them.
     """
@@ -106,6 +107,7 @@ class Collector:
     judged_from_s: float = 0.0
     paused_s: float | None = None
     first_pause_s: float = 0.0
+    stay: int = 0
 
 
 class Ruling(Explained):
@@ -252,7 +254,20 @@ def tick(collector: Collector, now_s: float) -> Collector:
     return after
 
 
-def resume(collector: Collector, charge: Charge, started_us: int, fell_back: bool, now_s: float) -> Collector:
+def site(collector: Collector) -> Site:
+    """Returns the side that passes: the robot also before control has spoken and after falling back."""
+    charge = collector.charge
+    return Site.ROBOT if charge is None or collector.fell_back else charge.site
+
+
+def count_stay(before: Collector, after: Collector) -> Collector:
+    """Returns `after` with a stay of its own when another side passes than in `before`."""
+    return after if site(before) is site(after) else replace(after, stay=before.stay + 1)
+
+
+def resume(
+    collector: Collector, charge: Charge, started_us: int, fell_back: bool, now_s: float, stay: int = 0
+) -> Collector:
     """Takes up what a collector that died had reached, so that nothing already left behind passes again.
 
     For the cloud it passes nothing before control has spoken, and nothing sent before `now_s`: the predecessor may have
@@ -260,7 +275,7 @@ def resume(collector: Collector, charge: Charge, started_us: int, fell_back: boo
     """
     outputs = tuple(replace(o, robot_s=now_s, cloud_s=now_s) for o in collector.outputs)
     collector = replace(collector, outputs=outputs)
-    return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s)
+    return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s, stay=stay)
 
 
 def offer_robot(collector: Collector, index: int, sequence: int, now_s: float) -> tuple[Collector, Passage]:

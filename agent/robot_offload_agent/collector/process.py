@@ -63,18 +63,18 @@ class Memory:
             return
         token = state.charge.token
         words = [state.charge.site.value, token.robot, str(token.epoch), token.cloud or "-"]
-        line = " ".join([*words, str(state.started_us), str(int(state.fell_back)), "."]).encode()
+        line = " ".join([*words, str(state.started_us), str(int(state.fell_back)), str(state.stay), "."]).encode()
         self.map[:] = line.ljust(MEMORY_BYTES, b"\0")
 
-    def load(self) -> tuple[Charge, int, bool] | None:
-        """(charge, started_us, fell_back), None when nothing whole is there."""
+    def load(self) -> tuple[Charge, int, bool, int] | None:
+        """(charge, started_us, fell_back, stay), None when nothing whole is there."""
         words = self.map[:].rstrip(b"\0").decode("ascii", "replace").split(" ")
-        if len(words) != 7 or words[-1] != ".":
+        if len(words) != 8 or words[-1] != ".":
             return None
-        site, robot, epoch, cloud, started_us, fell_back, _ = words
+        site, robot, epoch, cloud, started_us, fell_back, stay, _ = words
         try:
             token = Token(robot, int(epoch), "" if cloud == "-" else cloud)
-            return Charge(Site(site), token), int(started_us), bool(int(fell_back))
+            return Charge(Site(site), token), int(started_us), bool(int(fell_back)), int(stay)
         except ValueError:
             return None
 

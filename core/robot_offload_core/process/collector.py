@@ -85,14 +85,15 @@ class CollectorProcess:
     """
 
     def __init__(
-        self, plan: CollectorPlan, ports: CollectorPorts, remembered: tuple[Charge, int, bool] | None = None
+        self, plan: CollectorPlan, ports: CollectorPorts, remembered: tuple[Charge, int, bool, int] | None = None
     ) -> None:
         now_s = ports.now_s()
         self.plan = plan
         self.ports = ports
         self.state = collectors.start(plan.outputs, plan.max_age_s, plan.lease_s)
         if remembered is not None:
-            self.state = collectors.resume(self.state, *remembered, now_s)
+            charge, started_us, fell_back, stay = remembered
+            self.state = collectors.resume(self.state, charge, started_us, fell_back, now_s, stay)
         self.pauses = Pauses(now_s)
         self.sequence = round(now_s * 1e6)
         self.held: dict[int, Any] = {}
@@ -199,7 +200,8 @@ class CollectorProcess:
 
     def _keep(self, state: Collector) -> bool:
         """Takes over the next state; returns whether who passes has changed, which is remembered."""
-        before, self.state = self.state, state
+        before, self.state = self.state, collectors.count_stay(self.state, state)
+        state = self.state
         changed = (before.charge, before.fell_back) != (state.charge, state.fell_back)
         if changed:
             self.ports.save(state)

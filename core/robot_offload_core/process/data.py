@@ -16,12 +16,14 @@ from robot_offload_core import envelope
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import Reopen
 from robot_offload_core.process import probe
-from robot_offload_core.process.messages import Heard, Limits, Notes
+from robot_offload_core.process.messages import Heard, Letters, Limits, Notes
 from robot_offload_core.process.pauses import Pauses
 from robot_offload_core.process.probe import Probe, ProbeError
 
 STATUS_PERIOD_S = 0.040
 DETAIL_PERIOD_S = 1.0
+RELAY = "relay"
+"""Channel of what the two relays write to each other."""
 
 
 class DataPorts(Protocol):
@@ -128,6 +130,9 @@ class DataProcess(ABC):
             self.notes = message.text
         elif isinstance(message, Limits):
             self.limit(message)
+        elif isinstance(message, Letters):
+            sent = self.ports.cross(RELAY, b"-", message.data)
+            self.counters[f"relay.{'sent' if sent else 'unsent'}"] += 1
         else:
             self.order(message)
 
@@ -171,6 +176,9 @@ class DataProcess(ABC):
         """Takes a message of the other side."""
         if channel == "probe":
             self._probe_arrived(payload)
+            return
+        if channel == RELAY:
+            self.ports.send("relay", Letters(bytes(payload)))
             return
         kind, _, name = channel.partition("/")
         try:

@@ -325,7 +325,7 @@ class Collector(Shell):
             scenario.outputs, tuple(o.mirrored for o in scenario.data_plan.outputs),
             scenario.settings.max_command_age_s, scenario.settings.lease_s,
         )  # fmt: skip
-        self.kept: tuple[Charge, int, bool] | None = None
+        self.kept: tuple[Charge, int, bool, int] | None = None
         self.process = WatchedCollector(self.plan, self)
 
     @property
@@ -395,7 +395,7 @@ class Collector(Shell):
     def save(self, state: collectors.Collector) -> None:
         """Keeps who passes."""
         if state.charge is not None:
-            self.kept = (state.charge, state.started_us, state.fell_back)
+            self.kept = (state.charge, state.started_us, state.fell_back, state.stay)
 
     def fell_silent(self) -> None:
         """Keeps a note for the story."""

@@ -15,23 +15,23 @@ from robot_offload_core.token import Site, Token
 INCARNATIONS = st.text("0123456789abcdef", min_size=32, max_size=32)
 
 
-def state(charge: Charge | None, started_us: int = 0, fell_back: bool = False) -> collectors.Collector:
+def state(charge: Charge | None, started_us: int = 0, fell_back: bool = False, stay: int = 0) -> collectors.Collector:
     empty = collectors.start((), 0.15, 0.25)
-    return collectors.resume(empty, charge, started_us, fell_back, 0.0) if charge else empty
+    return collectors.resume(empty, charge, started_us, fell_back, 0.0, stay) if charge else empty
 
 
 @given(
     site=st.sampled_from(Site), robot=INCARNATIONS, epoch=st.integers(1, 2**63), cloud=INCARNATIONS | st.just(""),
-    started_us=st.integers(0, 2**63), fell_back=st.booleans(),
+    started_us=st.integers(0, 2**63), fell_back=st.booleans(), stay=st.integers(0, 2**63),
 )  # fmt: skip
 def test_the_next_collector_finds_what_the_dead_one_had_reached(
     tmp_path_factory: pytest.TempPathFactory, site: Site, robot: str, epoch: int, cloud: str, started_us: int,
-    fell_back: bool,
+    fell_back: bool, stay: int,
 ) -> None:  # fmt: skip
     folder = tmp_path_factory.mktemp("run")
     charge = Charge(site, Token(robot, epoch, cloud))
-    Memory(folder).save(state(charge, started_us, fell_back))
-    assert Memory(folder).load() == (charge, started_us, fell_back)
+    Memory(folder).save(state(charge, started_us, fell_back, stay))
+    assert Memory(folder).load() == (charge, started_us, fell_back, stay)
 
 
 def test_a_new_memory_and_one_without_a_charge_hold_nothing(tmp_path: Path) -> None:
@@ -57,12 +57,13 @@ def test_on_a_full_disk_the_collector_starts_and_remembers_until_it_ends(tmp_pat
         charge = Charge(Site.ROBOT, Token("ab" * 16, 1, ""))
         memory = Memory(tmp_path)
         memory.save(state(charge))
-        assert memory.load() == (charge, 0, False)
+        assert memory.load() == (charge, 0, False, 0)
     finally:
         subprocess.run(["umount", str(tmp_path)], check=True)
 
 
 def test_words_that_are_no_memory_hold_nothing(tmp_path: Path) -> None:
-    for text in (b"moon a 1 b 2 0 .", b"robot a x b 2 0 .", b"robot a 1 b y 0 .", b"robot a 1 b 2 0"):
+    sites = (b"moon a 1 b 2 0 3 .", b"robot a x b 2 0 3 .")
+    for text in (*sites, b"robot a 1 b y 0 3 .", b"robot a 1 b 2 0 y .", b"robot a 1 b 2 0 3"):
         (tmp_path / "collector.memory").write_bytes(text)
         assert Memory(tmp_path).load() is None

@@ -118,3 +118,17 @@ def test_types_are_compared_by_name_and_by_hash_where_both_have_one() -> None:
     assert same_type(f"{TWIST} RIHS01_aa", f"{TWIST} RIHS01_aa")
     assert not same_type(f"{TWIST} RIHS01_aa", f"{TWIST} RIHS01_bb")
     assert not same_type(TWIST, STAMPED)
+
+
+def test_each_change_of_the_side_that_passes_is_a_stay_of_its_own_also_after_a_restart() -> None:
+    """Contract of the handover, section 1: a stay is counted in the collector's memory, epochs are not."""
+    ports, collector = acting_cloud()
+    first = collector.state.stay
+    collector.handle(SetGate(Gate(1, Charge(Site.CLOUD, Token("1" * 32, 5, "2" * 32)))))
+    assert collector.state.stay == first  # another epoch of the same side
+    robot = Charge(Site.ROBOT, Token("1" * 32, 6, "2" * 32))
+    collector.handle(SetGate(Gate(1, robot)))
+    assert collector.state.stay == first + 1
+    successor = CollectorProcess(collector.plan, ports, (robot, 1, False, collector.state.stay))
+    successor.handle(SetGate(Gate(2, Charge(Site.CLOUD, Token("3" * 32, 1, "2" * 32)))))
+    assert successor.state.stay == first + 2
