@@ -238,7 +238,13 @@ MUTANTS: dict[str, Mutant] = {
     "C14": Mutant(
         "fallback forgotten at restart",
         "fallback_outlives_the_collector",
-        (Edit("collectors", "fell_back=fell_back, resumed_s=now_s)", "fell_back=False, resumed_s=now_s)"),),
+        (
+            Edit(
+                "collectors",
+                "fell_back=fell_back, resumed_s=now_s, stay=stay",
+                "fell_back=False, resumed_s=now_s, stay=stay",
+            ),
+        ),
     ),
     "C15": Mutant(
         "resumed collector waits for control for ever",
