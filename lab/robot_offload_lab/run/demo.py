@@ -255,7 +255,7 @@ class Demo:
     def go(self, duration_s: float | None) -> str:
         """Starts, watches and ends; returns what went wrong on the way, empty when nothing did."""
         with ExitStack() as stack:
-            if self._system.wired and not self._system.joined_by_topics:
+            if self._system.wired and not self._system.joined_by_dds_wire:
                 self._wire = stack.enter_context(EmulatedWire(wire_config(self._system), self._system.temporary))
             self._start(programs(self._system))
             self._await_up()
@@ -302,7 +302,7 @@ class Demo:
         """Starts the link's schedule; from here on the recording counts."""
         start_s = self._wire.start_schedule() if self._wire else steady_s()
         self._watch.start_s = start_s
-        if self._system.joined_by_topics:
+        if self._system.joined_by_dds_wire:
             self._programs.command(DDS_WIRE, {"start": start_s})
         self._programs.command(RECORDER, {"start": dataclasses.asdict(run_info(self._system, start_s))})
 

@@ -122,8 +122,18 @@ class System:
 
     @property
     def joined_by_topics(self) -> bool:
-        """Whether the link between the agents is made of ROS topics, so that a wire for DDS is needed."""
+        """Whether the link between the agents is made of ROS topics."""
         return self.wired and self.spec.transport.agent_link == "ros"
+
+    @property
+    def routed(self) -> bool:
+        """Whether real DDS Routers join the sides, so that their tunnel goes through the emulated link."""
+        return self.joined_by_topics and self.spec.transport.type == "DDSRouter" and bool(routed.binary())
+
+    @property
+    def joined_by_dds_wire(self) -> bool:
+        """Whether the emulated link for DDS carries the topics."""
+        return self.joined_by_topics and not self.routed
 
     @property
     def logs(self) -> Path:
@@ -231,11 +241,9 @@ def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]
 
 def joined(system: System, certificates: CertificatePaths) -> Iterator[Program]:
     """Yields what joins the two domains: DDS Routers where they are meant and there, else the emulated DDS link."""
-    if not system.joined_by_topics:
-        return
-    if system.spec.transport.type == "DDSRouter" and routed.binary():
+    if system.routed:
         yield from routed.programs(system, certificates)
-    else:
+    elif system.joined_by_dds_wire:
         yield dds_wire(system)
 
 
@@ -317,11 +325,11 @@ def _domain(system: System, side: Side) -> int:
 
 
 def wire_config(system: System) -> WireConfig:
-    """Returns the emulated link: every port of the sessions in both protocols, because the fallback is TLS over TCP."""
+    """Returns the emulated link: every port in both protocols; TLS over TCP carries the fallback and the tunnel."""
     forwards = []
     for session, dialled, served in zip(("pulse", "data"), system.dialled, system.served, strict=True):
         forwards.append(Forward(session, "udp", f"{HOST}:{dialled}", f"{HOST}:{served}"))
-        if system.spec.transport.zenoh.fallback:
+        if system.routed or system.spec.transport.zenoh.fallback:
             forwards.append(Forward(f"{session}-fallback", "tcp", f"{HOST}:{dialled}", f"{HOST}:{served}"))
     return WireConfig(
         forwards=tuple(forwards),

@@ -140,10 +140,10 @@ class Ear:
 
         return self.node.create_timer(1.0 / rate_hz, tell)
 
-    def say(self, topic: str, frame_id: str) -> None:
+    def say(self, topic: str, frame_id: str, patience_s: float = CALL_S) -> None:
         """Publishes one Header, as soon as somebody hears it."""
         publisher = self.node.create_publisher(Header, topic, 10)
-        assert wait_until(publisher.get_subscription_count, CALL_S), f"nobody hears {topic}"
+        assert wait_until(publisher.get_subscription_count, patience_s), f"nobody hears {topic}"
         publisher.publish(Header(frame_id=frame_id))
 
     def latch(self, topic: str, text: str) -> Any:

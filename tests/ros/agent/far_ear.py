@@ -85,9 +85,9 @@ class FarEar:
     def set_parameter(self, node: str, name: str, value: str | float | bool) -> Answer:
         return self._ask("set_parameter", node, name, value)
 
-    def say(self, topic: str, frame_id: str) -> Answer:
+    def say(self, topic: str, frame_id: str, patience_s: float = CALL_S) -> Answer:
         """Publishes one Header, as soon as somebody hears it."""
-        return self._ask("say", topic, frame_id)
+        return self._ask("say", topic, frame_id, patience_s)
 
     def _ask(self, *words: Any) -> Answer:
         assert self.process.stdin is not None
@@ -96,9 +96,10 @@ class FarEar:
         return self.answers.get(timeout=2 * CALL_S)
 
     def close(self) -> None:
-        """The process has been killed with the others."""
+        """Ends the process, unless it was killed with the others."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
+        self.process.kill()
         self.process.stdin.close()
         self.thread.join(5.0)
         self.process.stdout.close()

@@ -1,11 +1,11 @@
-"""Hears one topic and writes a line for each message: `python -m tests.ros.agent.reader DOMAIN TOPIC DURABILITY`."""
+"""Hears one topic of texts and writes a line for each message: `python -m tests.ros.agent.reader DOMAIN TOPIC DURABILITY`."""
 
 import sys
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import Header
+from std_msgs.msg import String
 
 
 def say(text: str) -> None:
@@ -17,7 +17,7 @@ def main(domain: int, topic: str, durability: str) -> None:
     rclpy.init(domain_id=domain)
     node = rclpy.create_node("reader")
     qos = QoSProfile(depth=10, durability=DurabilityPolicy[durability])
-    node.create_subscription(Header, topic, lambda message: say(message.frame_id), qos)
+    node.create_subscription(String, topic, lambda message: say(message.data), qos)
     try:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):

@@ -5,6 +5,7 @@ Without one the rendered files are checked against a model of the router's reade
 
 import sys
 from collections.abc import Callable
+from contextlib import closing
 
 import pytest
 
@@ -64,10 +65,11 @@ def test_probes_and_strangers_at_the_door_do_not_disturb(routed_world: World) ->
 def test_whoever_publishes_in_the_cloud_is_not_heard_on_the_robot(routed_world: World) -> None:
     world = routed_world
     space = world.namespace("cloud")
-    thief = FarEar(world.processes, world.domain["cloud"], space, "/unused", ENVIRONMENT["cloud"])
-    assert not thief.say("/command", "cloud 1 1").success, (
-        "somebody in the cloud listens to what is meant for the robot"
-    )
+    with closing(FarEar(world.processes, world.domain["cloud"], space, "/unused", ENVIRONMENT["cloud"])) as thief:
+        assert thief.say("/odom", "cloud 1 1").success, "the thief is in the cloud's domain"
+        assert not thief.say("/command", "cloud 1 1", 3.0).success, (
+            "somebody in the cloud listens to what is meant for the robot"
+        )
     assert {one.site for one in world.arrivals} <= {"robot", "cloud"}
 
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 from robot_offload.api.files import load
 from robot_offload.api.v1alpha1.parsing import parse_object
@@ -102,6 +103,28 @@ def test_the_robot_dials_the_wire_and_the_wire_dials_the_cloud(tmp_path: Path) -
     programs(one)
     assert f"quic/{HOST}:{one.dialled[0]}" in (tmp_path / "robot.yaml").read_text()
     assert f"quic/{HOST}:{one.served[0]}" in (tmp_path / "cloud.yaml").read_text()
+
+
+def test_the_tunnel_of_two_routers_goes_through_the_wire(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DDSROUTER_BIN", "/opt/ddsrouter")
+    one = system(tmp_path, transport="DDSRouter")
+    joining = {f"{side}-{part}" for side in ("robot", "cloud") for part in ("router", "tunnel")}
+    assert names(one) & {*joining, "dds-wire"} == joining
+    assert one.wired
+    assert not one.joined_by_dds_wire  # so the demo starts the wire through which the tunnel goes
+    [dialled] = yaml.safe_load((tmp_path / "robot-tunnel.yaml").read_text())["connect"]
+    served = yaml.safe_load((tmp_path / "cloud-tunnel.yaml").read_text())["listen"]
+    ways = {(forward.protocol, forward.listen, forward.target) for forward in wire_config(one).forwards}
+    assert ("tcp", dialled, served) in ways
+
+
+def test_without_a_router_the_emulated_link_for_topics_stands_in_for_two(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DDSROUTER_BIN", raising=False)
+    one = system(tmp_path, transport="DDSRouter")
+    assert one.joined_by_dds_wire
+    assert "dds-wire" in names(one)
 
 
 def test_only_declared_topics_cross_a_link_of_topics(tmp_path: Path) -> None:
