@@ -1,4 +1,4 @@
-"""Hears one topic of texts and writes a line for each message: `python -m tests.ros.agent.reader DOMAIN TOPIC DURABILITY`."""
+"""Writes a line for each text on a topic: `python -m tests.ros.agent.reader DOMAIN TOPIC DURABILITY`."""
 
 import sys
 
