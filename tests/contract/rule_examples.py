@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from robot_offload.api.v1alpha1.rules import not_yet
 from tests.unit.specs import changed, sample
 
 
@@ -60,7 +61,94 @@ BUILD = {
 _BUILT = {key: value for key, value in _SPEC["nodes"][2].items() if key != "image"} | {"build": BUILD}
 _REGISTRY = {"registry": {"repository": "registry.example/robots"}}
 
+_ACTION, _STATE, _WHILE = f"{_CONTROLLER}.actions", f"{_CONTROLLER}.state", f"{_OUTPUT}.while"
+PLAN = {"name": "/make_plan", "type": "nav_msgs/srv/GetPlan"}
+"""A service, as it is declared by the node that offers it or calls it."""
+FOLLOW = {"name": "/follow_path", "type": "nav2_msgs/action/FollowPath"}
+RESENT = FOLLOW | {"onSwitch": "Resend"}
+"""An action of a duplicated node."""
+TF = {"topic": "/tf", "frames": [{"parent": "map", "child": "odom"}]}
+_HOT = {key: value for key, value in _SPEC["nodes"][1].items() if key != "standby"}
+_PLANNER = _SPEC["nodes"][2]
+
+_SERVED: tuple[Example, ...] = (
+    *_of("spec.nodes[]", "Required", (_ACTION, [FOLLOW]), (_ACTION, [RESENT, {**FOLLOW, "name": "/spin"}])),
+    *_of(
+        "spec.nodes[].actions[]",
+        "Contradiction",
+        (_ACTION, [RESENT | {"holdFor": "5s"}]),
+        ("spec.nodes.2.actions", [FOLLOW | {"holdFor": "5s"}]),
+    ),
+    *_of("spec.nodes[].actions[]", "TwiceNotAllowed", (_ACTION, [FOLLOW | {"onSwitch": "Abort", "mirror": True}])),
+    *_of(
+        "spec.nodes[]",
+        "NoMirror",
+        (_CONTROLLER, {**_HOT, "actions": [RESENT | {"mirror": True}]}),
+        (_CONTROLLER, {**_HOT, "standby": {"robot": "Hot"}, "actions": [RESENT | {"mirror": True}],
+                       "uses": {"services": [PLAN]}}),
+        ("spec.nodes.2.actions", [RESENT | {"mirror": True}]),
+    ),
+    *_of(
+        "spec.nodes[]",
+        "ServedByItself",
+        ("spec.nodes.0.services", [PLAN]),
+        ("spec.nodes.0.actions", [FOLLOW]),
+        ("spec.nodes.0.uses", {"actions": [FOLLOW]}),
+    ),
+    *_of("spec.nodes[]", "OneReplica", *(("spec.nodes.2.services", [PLAN | {"mode": it}]) for it in ("Both", "Race"))),
+    *_of("spec.nodes[]", "NoReplica", ("spec.nodes.2.state", [{"snapshot": True}]),
+         ("spec.nodes.0.state", [{"parameters": {}}])),
+    *_of(
+        "spec.nodes[].state[]",
+        "OneKind",
+        (_STATE, [{}]),
+        (_STATE, [{"snapshot": False}]),
+        (_STATE, [{"snapshot": True, "parameters": {}}]),
+        (_STATE, [{"topic": "/a", "restore": "/b", "snapshot": True}]),
+    ),
+    *_of(
+        "spec.nodes[].state[]",
+        "Required",
+        (_STATE, [{"topic": "/amcl_pose"}]),
+        (_STATE, [{"restore": "/initialpose"}]),
+        (_STATE, [{"topic": "/a", "restore": "/a"}]),
+    ),
+    *_of(
+        "spec.nodes[].state[]",
+        "Contradiction",
+        (_STATE, [{"parameters": {}, "maxAge": "1s"}]),
+        (_STATE, [{"topic": "/a", "restore": "/b", "maxSize": "1Mi"}]),
+    ),
+    *_of(
+        "spec.nodes[].outputs[].while",
+        "OneKind",
+        (_WHILE, {}),
+        (_WHILE, {"actions": []}),
+        (_WHILE, {"actions": ["/spin"], "topic": "/scan", "within": "1s"}),
+    ),
+    *_of("spec.nodes[].outputs[].while", "Required", (_WHILE, {"topic": "/scan"}),
+         (_WHILE, {"actions": ["/spin"], "within": "1s"})),
+    *_of("spec.nodes[].outputs[]", "NoRate", (_OUTPUT, {"topic": "/a", "while": {"topic": "/scan", "within": "1s"}})),
+    *_of("spec.nodes[].outputs[]", "NoTransforms", (_OUTPUT, TF | {"topic": "/cmd_vel"})),
+    *_of("spec.nodes[].outputs[].frames[]", "Contradiction",
+         (_OUTPUT, TF | {"frames": [{"parent": "map", "child": "map"}]})),
+    *_of("spec.nodes[]", "NotOfCloud", (f"{_OUTPUT}.maxAge", "1s"),
+         ("spec.nodes.0.outputs", [{"topic": "/a", "maxAge": "1s"}])),
+    *_of(
+        "spec.nodes[]",
+        "AlwaysHot",
+        (f"{_CONTROLLER}.lifecycle", False),
+        (_CONTROLLER, {**_HOT, "lifecycle": False, "standby": {"robot": "Hot"}}),
+    ),
+    *_of("spec.nodes[]", "NothingDeclared", (_CONTROLLER, {**_HOT, "lifecycle": False, "outputs": []})),
+    *_of("spec.topics.toCloud[]", "OutOfRange", ("spec.topics.toCloud.0.minRate", 21)),
+    *_of(_SWITCHING, "TooShort", ("spec.switching.prepareDeadline", "249ms")),
+)  # fmt: skip
+"""About services, actions and state."""
+
 BROKEN: tuple[Example, ...] = (
+    *_SERVED,
+    *(Example((word.path, not_yet.REASON), *word.example) for word in not_yet.NOT_YET.values()),
     *_of(
         _TRANSPORT,
         "WrongBlock",
@@ -146,7 +234,6 @@ BROKEN: tuple[Example, ...] = (
         "Contradiction",
         ("spec.topics.toCloud.2.qos.durability", "Volatile"),
     ),
-    *_of("spec.nodes[]", "NotManaged", (f"{_CONTROLLER}.lifecycle", False)),
     *_of("spec.nodes[]", "NoImage", (f"{_CONTROLLER}.image", ...), ("spec.nodes.2.image", None)),
     *_of("spec.nodes[]", "TwoImages", (f"{_CONTROLLER}.build", BUILD)),
     *_of(
@@ -211,7 +298,43 @@ BROKEN: tuple[Example, ...] = (
 )
 """Each is refused for the reason that it names."""
 
+_KEPT_WORDS: tuple[tuple[str, str, Any], ...] = (
+    ("services", f"{_CONTROLLER}.services", [PLAN, {**PLAN, "name": "/clear", "mode": "Both", "timeout": "10ms"}]),
+    ("services", "spec.nodes.2.services", [PLAN | {"mode": "Idempotent"}]),
+    ("actions", _ACTION, [RESENT, {**FOLLOW, "name": "/spin", "onSwitch": "Hold", "holdFor": "1s"}]),
+    ("actions", _ACTION, [RESENT | {"accept": "Holder"}]),
+    ("actions", "spec.nodes.2.actions", [FOLLOW]),
+    ("actions", _CONTROLLER, {**_HOT, "standby": {"robot": "Hot"}, "actions": [RESENT | {"mirror": True}]}),
+    ("uses", f"{_CONTROLLER}.uses", {"services": [PLAN], "actions": [FOLLOW | {"cancelAfter": "0s"}]}),
+    ("uses", "spec.nodes.2.uses", {"actions": [FOLLOW]}),
+    ("state", _STATE, [{"topic": "/amcl_pose", "restore": "/initialpose"}, {"parameters": {}},
+                       {"snapshot": True, "maxAge": "1s", "maxSize": "16Mi"}]),
+    ("state", _STATE, [{"parameters": {"nodes": ["a", "/b/c"], "except": ["use_gpu"]}}]),
+    ("while", _WHILE, {"topic": "/scan", "within": "200ms"}),
+    ("shared", f"{_OUTPUT}.shared", True),
+    ("frames", _OUTPUT, TF),
+    ("maxAge", "spec.nodes.2.outputs", [{"topic": "/objects", "maxAge": "500ms"}]),
+    ("plain", _CONTROLLER, {**_HOT, "lifecycle": False}),
+    ("plain", _CONTROLLER, {**_HOT, "lifecycle": False, "standby": {"robot": "Hot", "cloud": "Hot"}}),
+    ("minRate", "spec.topics.toCloud.0.minRate", 20),
+    ("priority", "spec.topics.toCloud.0.priority", "Low"),
+    ("latest", "spec.topics.toCloud.0.latest", True),
+    ("prepareDeadline", "spec.switching.prepareDeadline", "250ms"),
+    ("cancelDeadline", "spec.switching.cancelDeadline", "10ms"),
+    ("settleFor", "spec.switching.settleFor", "0s"),
+    ("maxMessageSize", "spec.switching.maxMessageSize", "16Mi"),
+    ("silent", "spec.switching.silent", ["local_costmap/**", "/a/b", "c/*", "**"]),
+)  # fmt: skip
+WORDS: tuple[tuple[str, Any], ...] = tuple((path, value) for _, path, value in _KEPT_WORDS)
+"""What is right once its word is built."""
+
 KEPT: tuple[tuple[str, Any], ...] = (
+    *((path, value) for word, path, value in _KEPT_WORDS if not_yet.built(word)),
+    (f"{_CONTROLLER}.uses", {}),
+    (f"{_CONTROLLER}.services", []),
+    (f"{_CONTROLLER}.state", []),
+    ("spec.switching.cancelDeadline", "2000ms"),
+    ("spec.switching.maxMessageSize", "8192Ki"),
     (_TRANSPORT, ...),
     (_TRANSPORT, {}),
     (_TRANSPORT, {"type": "DDSRouter"}),

@@ -6,7 +6,7 @@ import copy
 import json
 import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -20,13 +20,14 @@ from robot_offload.api.strict_yaml import freeze, parse, thaw
 from robot_offload.api.v1alpha1.model import Model, yaml_name
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
-from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, RULES
+from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, RULES, Check, not_yet
 from robot_offload.api.v1alpha1.status import RobotOffloadStatus
 from robot_offload.errors import SpecError
 from scripts.generate.files import CHART_CRD_FILE, CRD_FILE, generated_files
 from scripts.generate.main import OutOfDateError, main, run
 from scripts.generate.rooms import ARCHITECTURE_FILE
 from tests.contract.rule_examples import BROKEN, BUILD, KEPT, Example, example_values
+from tests.contract.rule_examples import WORDS as WORDS_TO_COME
 from tests.contract.structural import KNOWN_KEYS, defaulted, problems
 from tests.unit.specs import MINIMAL, changed, sample
 
@@ -207,13 +208,13 @@ def test_a_status_that_the_operator_writes_fits_the_schema() -> None:
 # -- rules between fields ---------------------------------------------------------------------------------------------
 
 
-def refused(values: object) -> dict[str, str]:
-    """Path -> reason of what the models and checks of a cluster find."""
+def refused(values: object, rules: Sequence[Check] = CLUSTER_CHECKS) -> list[tuple[str, str]]:
+    """(path, reason) of what the models and checks of a cluster find."""
     try:
-        parse_object(values, "f.yaml", rules=CLUSTER_CHECKS)
+        parse_object(values, "f.yaml", rules=rules)
     except SpecError as error:
-        return {finding.path: finding.reason for finding in error.findings}
-    return {}
+        return [(finding.path, finding.reason) for finding in error.findings]
+    return []
 
 
 @pytest.mark.parametrize("example", BROKEN, ids=lambda example: example.name)
@@ -221,13 +222,19 @@ def test_what_breaks_a_rule_of_the_crd_is_refused_by_a_check_for_the_same_reason
     found = refused(example_values(example.path, example.value))
     path, reason = example.rule
     shape = path.replace("[]", "")
-    assert reason in found.values()
-    assert any(re.sub(r"\[\d+\]", "", where).startswith(shape) for where, why in found.items() if why == reason)
+    assert any(re.sub(r"\[\d+\]", "", where).startswith(shape) for where, why in found if why == reason)
 
 
 @pytest.mark.parametrize(("path", "value"), KEPT, ids=lambda it: str(it)[:60])
 def test_what_keeps_the_rules_is_taken(path: str, value: Any) -> None:
     assert not refused(example_values(path, value))
+
+
+@pytest.mark.parametrize(("path", "value"), WORDS_TO_COME, ids=lambda it: str(it)[:60])
+def test_what_keeps_the_rules_of_a_word_is_refused_only_while_the_word_is_not_built(path: str, value: Any) -> None:
+    values = example_values(path, value)
+    assert {reason for _, reason in refused(values)} <= {not_yet.REASON}
+    assert not list(problems(values["spec"], SPEC))
 
 
 def test_every_rule_of_the_crd_stands_in_it_and_has_an_example() -> None:
@@ -332,7 +339,7 @@ def test_a_build_block_that_says_everything_is_taken() -> None:
 @given(st.sampled_from(BUILD_PLACES), ANYTHING | st.sampled_from(BUILD_WORDS))
 def test_build_blocks_are_refused_by_the_crd_and_by_the_models_alike(path: str, value: Any) -> None:
     values = put(with_build(), path, copy.deepcopy(value))
-    by_models = set(refused(values).values()) & STRUCTURAL
+    by_models = {reason for _, reason in refused(values)} & STRUCTURAL
     if list(problems(defaulted(values, SCHEMA)["spec"], SPEC)):
         assert by_models
     # The ending .lock is a CEL rule of the field, judged on the real server.
@@ -346,7 +353,9 @@ def test_a_field_that_the_crd_refuses_is_refused_by_the_models(path: str, value:
     values = changed(path, copy.deepcopy(value))
     if list(problems(defaulted(values, SCHEMA), {**SCHEMA, "properties": {**SCHEMA["properties"], "metadata": {
         "type": "object", "x-kubernetes-preserve-unknown-fields": True}}})):  # fmt: skip
-        assert set(refused(values).values()) & (STRUCTURAL | {"DuplicateNode", "DuplicateTopic", "DuplicateOutput"})
+        assert {reason for _, reason in refused(values)} & (
+            STRUCTURAL | {"DuplicateNode", "DuplicateTopic", "DuplicateOutput"}
+        )
 
 
 @settings(max_examples=500, deadline=None)

@@ -13,6 +13,7 @@ from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.model import Model
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.api.v1alpha1.rules import not_yet
 from robot_offload.decide import issuer
 from robot_offload.decide.builds import Before, decide
 from robot_offload.objects.parent import Parent
@@ -224,6 +225,17 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
 BY_TIME = {"scale.idleTimeout"}
 
 
+# Refused until it is built, so nothing that is rendered shows it: the words' own tests judge it.
+_REFUSED = tuple(
+    f"{word.path}.{word.field}".removeprefix("spec.") for key, word in not_yet.NOT_YET.items() if key != "plain"
+)
+
+
+def refused(field: str) -> bool:
+    """Whether the field, or the block around it, is a word that is not built yet."""
+    return any(field == word or field.startswith((f"{word}.", f"{word}[]")) for word in _REFUSED)
+
+
 def outcome(besides: dict[str, Any], path: str, value: Any) -> str:
     """All that the cluster and the robot get, as text in which numbers keep their types."""
     offload = parse_object(resource({**copy.deepcopy(besides), path: value}), "test.yaml")
@@ -247,10 +259,10 @@ def test_the_list_here_is_the_list_of_the_fields() -> None:
         for path, _, kind, _ in FIELDS
         if path.startswith("spec.") and not (isinstance(kind, type) and issubclass(kind, Model))
     }
-    assert leaves == set(CHANGES) | BY_TIME
+    assert {leaf for leaf in leaves if not refused(leaf)} == {it for it in CHANGES if not refused(it)} | BY_TIME
 
 
-@pytest.mark.parametrize("field", list(CHANGES))
+@pytest.mark.parametrize("field", [field for field in CHANGES if not refused(field)])
 def test_a_changed_field_changes_what_comes_out(field: str) -> None:
     besides, path, first, second = CHANGES[field]
     assert outcome(besides, path, first) != outcome(besides, path, second)

@@ -5,7 +5,8 @@ Pure: nothing here reads a file, a clock or the environment. Text and objects be
 """
 
 from robot_offload.api.v1alpha1.build import BuildFields, GitRepository, NodeBuild, Registry, SecretReference
-from robot_offload.api.v1alpha1.nodes import EnvironmentVariable, Node, Output, ParametersFrom, Run, Standby
+from robot_offload.api.v1alpha1.nodes import EnvironmentVariable, Node, ParametersFrom, Run, Standby
+from robot_offload.api.v1alpha1.outputs import Frame, Output, While
 from robot_offload.api.v1alpha1.resources import Resources
 from robot_offload.api.v1alpha1.robotoffload import (
     API_VERSION,
@@ -17,6 +18,7 @@ from robot_offload.api.v1alpha1.robotoffload import (
     Scale,
     Toleration,
 )
+from robot_offload.api.v1alpha1.served import Action, Service, State, StateParameters, UsedAction, UsedService, Uses
 from robot_offload.api.v1alpha1.switching import HoldDown, Latency, Switching
 from robot_offload.api.v1alpha1.topics import QualityOfService, Topics, TopicToCloud
 from robot_offload.api.v1alpha1.transport import (
@@ -36,6 +38,7 @@ __all__ = [
     "API_VERSION",
     "FAST_DDS",
     "KIND",
+    "Action",
     "BuildFields",
     "Certificates",
     "CloudSide",
@@ -43,6 +46,7 @@ __all__ = [
     "DiscoveryServerTransport",
     "EnvironmentVariable",
     "Expose",
+    "Frame",
     "GitRepository",
     "HoldDown",
     "IssuerReference",
@@ -60,7 +64,10 @@ __all__ = [
     "Run",
     "Scale",
     "SecretReference",
+    "Service",
     "Standby",
+    "State",
+    "StateParameters",
     "StaticPeersTransport",
     "Switching",
     "Toleration",
@@ -68,5 +75,9 @@ __all__ = [
     "Topics",
     "Transport",
     "TransportType",
+    "UsedAction",
+    "UsedService",
+    "Uses",
+    "While",
     "ZenohTransport",
 ]

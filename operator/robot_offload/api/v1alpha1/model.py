@@ -21,11 +21,12 @@ def map_list(key: str) -> dict[str, Any]:
 def yaml_name(field: str) -> str:
     """The name of a field in YAML: `loss_timeout_ms` -> `lossTimeout`, `domain_id` -> `domainID`.
 
-    Python names carry their unit, YAML values do (`90ms`), so the suffix is left out.
+    Python names carry their unit, YAML values do (`90ms`), so the suffix is left out. A word that Python keeps for
+    itself carries an underscore there: `while_` -> `while`.
     """
     for unit in _UNITS:
         field = field.removesuffix(unit)
-    first, *rest = field.split("_")
+    first, *rest = field.rstrip("_").split("_")
     return first + "".join(_ACRONYMS.get(word, word.capitalize()) for word in rest)
 
 

@@ -21,6 +21,8 @@ SIDES: Final[tuple[Side, Side]] = ("robot", "cloud")
 
 # rmw allows 247 characters (255 less the 8 of DDS prefixes); private copies of an output put 14 before it.
 MAX_TOPIC_LENGTH: Final = 247 - len("/offload/robot")
+MAX_ACTION_LENGTH: Final = MAX_TOPIC_LENGTH - len("/_action/cancel_goal")
+"""An action has hidden services and topics; this is the longest of their names."""
 MAX_NAME_LENGTH: Final = 63
 """Of a resource and of a node: both become part of Kubernetes labels."""
 
@@ -31,6 +33,11 @@ _NODE = rf"^{_WORD}$"
 RESOURCE_PATTERN = r"^[a-z0-9]([-a-z0-9]*[a-z0-9])?$"
 _PACKAGE = r"^[a-z](_?[a-z0-9])*$"
 _MESSAGE_TYPE = r"^[a-z](_?[a-z0-9])*/msg/[A-Z][A-Za-z0-9]*$"
+_SERVICE_TYPE = r"^[a-z](_?[a-z0-9])*/srv/[A-Z][A-Za-z0-9]*$"
+_ACTION_TYPE = r"^[a-z](_?[a-z0-9])*/action/[A-Z][A-Za-z0-9]*$"
+_FRAME = r"^[A-Za-z0-9_][A-Za-z0-9_./-]*$"
+_NODE_PATH = rf"^/?{_WORD}(/{_WORD})*$"
+_TOPIC_GLOB = rf"^(/?{_WORD}(/{_WORD})*(/\*\*?)?|\*\*)$"
 _EXECUTABLE = r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$"
 PORT_PATTERN: Final = r"(6553[0-5]|655[0-2][0-9]|65[0-4][0-9]{2}|6[0-4][0-9]{3}|[1-5][0-9]{4}|[1-9][0-9]{0,3})"
 _PATH_PART: Final = r"[a-z0-9]+((\.|_|__|-+)[a-z0-9]+)*"
@@ -133,6 +140,12 @@ def _check_message_type(text: str) -> str:
     return text
 
 
+def _check_action(text: str) -> str:
+    if len(text) > MAX_ACTION_LENGTH:
+        raise ValueError(f"is {len(text)} characters long; at most {MAX_ACTION_LENGTH} fit for an action")
+    return _check_topic(text)
+
+
 def _matching(pattern: str, what: str, max_length: int = 255) -> Callable[[str], str]:
     def check(text: str) -> str:
         if len(text) > max_length or not re.fullmatch(pattern, text):
@@ -220,20 +233,18 @@ _NOT_OURS = (
 )
 _NOT_RENAMED = ("!self.contains('__')", _RENAMED)
 _NO_DOUBLE_UNDERSCORE = ("!self.contains('__')", "holds two underscores in a row; ROS 2 keeps them for itself")
-_TOPIC_SCHEMA = _schema(
-    _TOPIC,
-    MAX_TOPIC_LENGTH,
+_PUBLIC = (
+    _NO_DOUBLE_UNDERSCORE,
     (
-        _NO_DOUBLE_UNDERSCORE,
-        (
-            f"!self.startsWith('{OWN_TOPIC_PREFIX}') && !(self in {_cel_list(OWN_TOPICS)})",
-            "belongs to the agents; use another name",
-        ),
+        f"!self.startsWith('{OWN_TOPIC_PREFIX}') && !(self in {_cel_list(OWN_TOPICS)})",
+        "belongs to the agents; use another name",
     ),
 )
+_TOPIC_SCHEMA = _schema(_TOPIC, MAX_TOPIC_LENGTH, _PUBLIC)
 
 TopicName = Annotated[str, AfterValidator(_check_topic), _TOPIC_SCHEMA]
 ServiceName = Annotated[str, AfterValidator(_check_topic), _TOPIC_SCHEMA]
+ActionName = Annotated[str, AfterValidator(_check_action), _schema(_TOPIC, MAX_ACTION_LENGTH, _PUBLIC)]
 Namespace = Annotated[
     str,
     AfterValidator(_check_namespace),
@@ -263,6 +274,35 @@ NodeName = Annotated[
 ]
 ResourceName = Annotated[str, AfterValidator(_check_resource), _schema(RESOURCE_PATTERN, MAX_NAME_LENGTH)]
 MessageType = Annotated[str, AfterValidator(_check_message_type), _schema(_MESSAGE_TYPE)]
+ServiceType = Annotated[
+    str,
+    AfterValidator(_matching(_SERVICE_TYPE, "a service type; write package/srv/Type, e.g. nav_msgs/srv/GetPlan")),
+    _schema(_SERVICE_TYPE),
+]
+ActionType = Annotated[
+    str,
+    AfterValidator(
+        _matching(_ACTION_TYPE, "an action type; write package/action/Type, e.g. nav2_msgs/action/FollowPath")
+    ),
+    _schema(_ACTION_TYPE),
+]
+FrameName = Annotated[
+    str,
+    AfterValidator(_matching(_FRAME, "a frame; write its name without a slash first, e.g. base_link")),
+    _schema(_FRAME),
+]
+NodePath = Annotated[
+    str,
+    AfterValidator(_matching(_NODE_PATH, "a node; write name or namespace/name, e.g. local_costmap/local_costmap")),
+    _schema(_NODE_PATH),
+]
+"""A node by its name, relative to the robot's namespace or absolute; child nodes too."""
+TopicGlob = Annotated[
+    str,
+    AfterValidator(_matching(_TOPIC_GLOB, "a name or a group of names; write /name, name/* or name/**")),
+    _schema(_TOPIC_GLOB),
+]
+"""A topic, or all topics below a name: `/*` one level, `/**` every level."""
 PackageName = Annotated[
     str,
     AfterValidator(_matching(_PACKAGE, "a ROS package; use lower-case letters, digits and underscores")),

@@ -1,4 +1,4 @@
-"""Nodes: which run where, how they are started, and which of their outputs are collected."""
+"""Nodes: which run where, how they are started, and what of theirs goes to whom."""
 
 from __future__ import annotations
 
@@ -16,22 +16,15 @@ from robot_offload.api.v1alpha1.names import (
     ImageName,
     LabelKey,
     LabelValue,
-    MessageType,
     NodeName,
     ObjectName,
     PackageName,
     RemappedName,
-    TopicName,
     VariableName,
 )
-from robot_offload.api.v1alpha1.quantities import Duration, RateHz, Within
+from robot_offload.api.v1alpha1.outputs import Output
 from robot_offload.api.v1alpha1.resources import Resources
-from robot_offload.api.v1alpha1.topics import QualityOfService
-
-DEADLINE_PERIODS: Final = 3
-"""Periods of silence of a rated output that count as silent: two lost messages in a row are not a failure."""
-DEADLINE_FLOOR_MS: Final = 100
-"""Shorter deadlines would judge the scheduler of a busy computer, not the node."""
+from robot_offload.api.v1alpha1.served import Action, Service, State, Uses
 
 _SCALARS = (bool, int, float, str)
 _PARAMETER = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
@@ -206,42 +199,6 @@ class Run(Model):
         return {**value, **{field: _with_doubles(them, doubles) for field, them in mappings.items()}}
 
 
-class Output(Model):
-    """A topic that a node publishes. Of a duplicated node it is collected: one side's messages pass."""
-
-    topic: TopicName = Field(description="The full name under which consumers know it, e.g. /cmd_vel.")
-    type: MessageType | None = Field(
-        default=None,
-        description="Its message type, e.g. geometry_msgs/msg/Twist. Default: read from the running system.",
-    )
-    rate_hz: RateHz | None = Field(
-        default=None,
-        description="Messages per second of the slower side while it acts; the output's silence is judged "
-        "only with a rate. From 0.05 to 1000. Default: not judged.",
-    )
-    deadline_ms: Annotated[Duration, Within("1ms", "1m")] | None = Field(
-        default=None,
-        description="Silence of a rated output after which its side counts as failed, from 1ms to 1m. "
-        "Default: three periods of the rate, but at least 100ms.",
-    )
-    qos: QualityOfService | None = Field(
-        default=None, description="Quality of service, where it shall differ from the publisher's."
-    )
-    mirror: bool = Field(
-        default=True,
-        description="Whether the collected messages also reach consumers in the cloud. Default true.",
-    )
-
-    @property
-    def judged_after_ms(self) -> float:
-        """The silence that counts as failure in milliseconds; 0 when the output has no rate."""
-        if self.rate_hz is None:
-            return 0.0
-        if self.deadline_ms is not None:
-            return float(self.deadline_ms)
-        return max(float(DEADLINE_FLOOR_MS), DEADLINE_PERIODS * 1000.0 / self.rate_hz)
-
-
 class Standby(Model):
     """What a duplicated node does on the side that does not act."""
 
@@ -345,6 +302,25 @@ class Node(Model):
         max_length=16,
         description="The topics it publishes that somebody else consumes, at most 16. Default: none.",
         json_schema_extra=map_list("topic"),
+    )
+    services: tuple[Service, ...] = Field(
+        default=(),
+        max_length=16,
+        description="The services it offers to nodes on the robot that are not Duplicated, at most 16. Default: none.",
+        json_schema_extra=map_list("name"),
+    )
+    actions: tuple[Action, ...] = Field(
+        default=(),
+        max_length=16,
+        description="The actions it offers to nodes on the robot that are not Duplicated, at most 16. Default: none.",
+        json_schema_extra=map_list("name"),
+    )
+    uses: Uses = Field(default_factory=Uses, description="The services and actions that it calls.")
+    state: tuple[State, ...] = Field(
+        default=(),
+        max_length=8,
+        description="What its replica on the side that does not act gets to know all the time, at most 8 entries. "
+        "Default: nothing.",
     )
 
     @property

@@ -1,4 +1,4 @@
-"""Durations as text with a unit in YAML (`20ms`, `90s`, `10m`) and as whole milliseconds in Python."""
+"""Durations and sizes as text with a unit in YAML (`20ms`, `10m`; `8Mi`), as milliseconds and bytes in Python."""
 
 from __future__ import annotations
 
@@ -156,3 +156,67 @@ def amount(quantity: str) -> Decimal:
     number = quantity.rstrip("mkKMGTPi")
     unit = quantity[len(number) :]
     return Decimal(number) * _FACTORS[unit.replace("Ki", "ki")]
+
+
+_SIZE: Final = r"^[1-9][0-9]{0,6}(Ki|Mi)$"
+
+
+def parse_size(text: object) -> int:
+    """Returns `text` (`64Ki`, `8Mi`) in bytes.
+
+    Raises:
+        ValueError: the message says how a size is written.
+    """
+    if not isinstance(text, str) or not re.fullmatch(_SIZE, text):
+        shown = repr(text)[:40] if isinstance(text, str | int | float) else "this"
+        raise ValueError(f"{shown} is not a size; write a whole number and Ki or Mi, such as 64Ki or 8Mi")
+    return int(text[:-2]) * (1024 if text.endswith("Ki") else 1024 * 1024)
+
+
+def format_size(size: int) -> str:
+    """Returns `size` in bytes with the largest unit that divides it: 8388608 -> `8Mi`."""
+    return f"{size // 1024**2}Mi" if size % 1024**2 == 0 else f"{size // 1024}Ki"
+
+
+class _SizeType:
+    """Tells pydantic how a size is read, written and described."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            parse_size,
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                format_size, return_schema=core_schema.str_schema()
+            ),
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"type": "string", "pattern": _SIZE, "minLength": 3, "maxLength": 9}
+
+
+@dataclass(frozen=True)
+class UpTo:
+    """The largest size that is allowed; given and shown as text.
+
+    Attributes:
+        maximum: `16Mi`.
+    """
+
+    maximum: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        rule = f"quantity(self).compareTo(quantity('{self.maximum}')) <= 0"
+        described = handler(schema)
+        described["x-kubernetes-validations"] = [{"rule": rule, "message": f"must be at most {self.maximum}"}]
+        return described
+
+    def _check(self, value: int) -> int:
+        if value > parse_size(self.maximum):
+            raise ValueError(f"{format_size(value)} is out of range; it must be at most {self.maximum}")
+        return value
+
+
+Size = Annotated[int, _SizeType()]
+"""Bytes in Python, text with a unit in YAML. Combine it with `UpTo`."""

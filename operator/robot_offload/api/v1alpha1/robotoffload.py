@@ -17,7 +17,8 @@ from robot_offload.api.v1alpha1.names import (
     RmwName,
     ServiceName,
 )
-from robot_offload.api.v1alpha1.nodes import Node, Output
+from robot_offload.api.v1alpha1.nodes import Node
+from robot_offload.api.v1alpha1.outputs import Output
 from robot_offload.api.v1alpha1.quantities import DomainID, Duration, Within
 from robot_offload.api.v1alpha1.switching import Switching
 from robot_offload.api.v1alpha1.topics import Topics

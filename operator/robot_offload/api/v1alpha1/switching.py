@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from robot_offload.api.v1alpha1.model import Model
-from robot_offload.api.v1alpha1.quantities import Duration, Within
+from robot_offload.api.v1alpha1.names import TopicGlob
+from robot_offload.api.v1alpha1.quantities import Duration, Size, UpTo, Within
 
 
 class Latency(Model):
@@ -102,6 +103,31 @@ class Switching(Model):
         default=250,
         description="In this time the nodes of a side must become active; else the changeover is rolled "
         "back. Default 250ms, from 10ms to 60s.",
+    )
+    prepare_deadline_ms: Annotated[Duration, Within("10ms", "5m")] | None = Field(
+        default=None,
+        description="In this time a side that gets ready without a loss must have its goals and state as well. At "
+        "least activationDeadline. Default 5s with actions, else activationDeadline; from 10ms to 5m.",
+    )
+    cancel_deadline_ms: Annotated[Duration, Within("10ms", "1m")] = Field(
+        default=2_000,
+        description="How long the goals of the side that acted before may take to end, before its nodes are "
+        "deactivated. Default 2s, from 10ms to 1m.",
+    )
+    settle_for_ms: Annotated[Duration, Within("0s", "10m")] = Field(
+        default=10_000,
+        description="How long a side that was not ready in time stays active, so that costmaps fill. Default 10s, "
+        "from 0s to 10m.",
+    )
+    max_message_size: Annotated[Size, UpTo("16Mi")] = Field(
+        default=8 * 1024 * 1024,
+        description="The largest message that is carried, e.g. 1Mi. Default 8Mi, at most 16Mi.",
+    )
+    silent: tuple[TopicGlob, ...] = Field(
+        default=(),
+        max_length=64,
+        description="Topics of duplicated nodes that nobody outside their side needs, so that the agents do not warn "
+        "of them, e.g. [local_costmap/**]. At most 64. Default: none.",
     )
     strict: bool = Field(
         default=False,

@@ -54,6 +54,20 @@ class TopicToCloud(Model):
         description="Whether the topic is published once and kept (transient local), such as a map; the "
         "cloud is not ready before it has the last value. Default false.",
     )
+    min_rate_hz: RateHz | None = Field(
+        default=None,
+        description="Messages per second down to which the agent may thin the topic when the link does not carry "
+        "more. From 0.05 to 1000. Default: it is never thinned.",
+    )
+    priority: Literal["High", "Normal", "Low"] = Field(
+        default="Normal",
+        description="Which topics go first when the link does not carry all: High, Normal or Low. Default Normal.",
+    )
+    latest: bool = Field(
+        default=False,
+        description="Whether a newer message replaces one that still waits to be sent, as for camera images. "
+        "Default false.",
+    )
     qos: QualityOfService | None = Field(
         default=None, description="Quality of service, where it shall differ from the publisher's."
     )

@@ -45,7 +45,11 @@ def test_all_problems_are_told_at_once() -> None:
         ("spec.topic", {}, "is not a known field; did you mean topics?"),
         ("spec.switching.loss_timeout", "90ms", "is not a known field; did you mean lossTimeout?"),
         ("spec.robot.domainId", 1, "is not a known field; did you mean domainID?"),
-        ("spec.nodes.1.outputs.0.zzz", 1, "is not a known field; known here: deadline, mirror, qos, rate, topic, type"),
+        (
+            "spec.nodes.1.outputs.0.zzz",
+            1,
+            "is not a known field; known here: deadline, frames, maxAge, mirror, qos, rate, shared",
+        ),
         ("spec.topics.toCloud.0.qos.depht", 1, "is not a known field; did you mean depth?"),
         ("spec.transport.type", "zenoh", "DiscoveryServer, StaticPeers; did you mean Zenoh?"),
         ("spec.nodes.1.standby.cloud", "Cool", "'Cool' is not one of Cold, Warm, Hot; did you mean Cold?"),

@@ -26,7 +26,6 @@ ERRORS = [
     ("spec.topics.toCloud.1.name", "/cmd_vel", "spec.topics.toCloud[1].name", "AlsoAnOutput", "crosses by itself"),
     ("spec.topics.toCloud.2.qos.durability", "Volatile", "spec.topics.toCloud[2].qos.durability", "Contradiction",
      "latched: false"),
-    ("spec.nodes.1.lifecycle", False, "spec.nodes[1].lifecycle", "NotManaged", "lifecycle: true"),
     ("spec.nodes.1.outputs.0.rate", ..., "spec.nodes[1].outputs[0].deadline", "NoRate", "add its rate"),
     ("spec.nodes.1.outputs.0.deadline", "50ms", "spec.nodes[1].outputs[0].deadline", "TooShort", "at least 101ms"),
     ("spec.nodes.1.run.package", "nav2", "spec.nodes[1].run", "TwoPrograms", "keep one"),
@@ -97,7 +96,12 @@ def test_several_broken_rules_are_told_together() -> None:
     values = changed("spec.switching.lossTimeout", "100ms")
     values["spec"]["nodes"][0]["name"] = "controller"
     values["spec"]["nodes"][1]["lifecycle"] = False
-    assert [finding.reason for finding in errors_of(values)] == ["DuplicateNode", "NotManaged", "MultipleOfPeriod"]
+    assert [finding.reason for finding in errors_of(values)] == [
+        "DuplicateNode",
+        "AlwaysHot",
+        "MultipleOfPeriod",
+        "NotYet",
+    ]
 
 
 def test_topics_whose_identifiers_would_collide_are_refused() -> None:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
-from robot_offload.api.v1alpha1.rules import cloud, connection, nodes, resources, switching
+from robot_offload.api.v1alpha1.rules import bandwidth, cloud, connection, nodes, not_yet, resources, served, switching
 from robot_offload.api.v1alpha1.rules.findings import Check
 from robot_offload.api.v1alpha1.rules.rule import Rule
 from robot_offload.findings import Finding
@@ -20,7 +20,9 @@ RULES: Final[tuple[Rule, ...]] = (
     *cloud.RULES,
     *resources.RULES,
     *nodes.RULES,
+    *served.RULES,
     *switching.RULES,
+    *not_yet.RULES,
 )
 """The rules of the CRD, which Python knows as well."""
 _FUNCTIONS: Final[tuple[Check, ...]] = (
@@ -37,6 +39,13 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     nodes.doubles_survive_kubernetes,
     nodes.parameters_keep_their_names,
     nodes.core_nodes_can_stop_the_robot,
+    served.names_have_one_meaning,
+    served.clients_find_their_servers,
+    served.conditions_name_actions_of_the_group,
+    served.poses_are_kept,
+    served.hot_nodes_cost_twice,
+    served.not_too_many_names,
+    bandwidth.large_topics_fit_the_link,
 )
 CHECKS: Final[tuple[Check, ...]] = (
     *_FUNCTIONS,

@@ -35,16 +35,6 @@ RULES: Final[tuple[Rule, ...]] = (
         "qos.durability",
     ),
     Rule(
-        "spec.nodes[]",
-        "NotManaged",
-        "self.placement != 'Duplicated' || self.lifecycle",
-        lambda node: node.duplicated and not node.lifecycle,
-        "a Duplicated node must be a managed (lifecycle) node: only those can be put to sleep; write lifecycle: true "
-        "or another placement",
-        "lifecycle",
-        lambda node: f"node {node.name!r}",
-    ),
-    Rule(
         "spec.nodes[].run",
         "TwoPrograms",
         "!has(self.command) || size(self.command) == 0 || (!has(self.package) && !has(self.executable))",

@@ -1,0 +1,145 @@
+"""Words of the resource that this version knows and does not do yet: each is refused, with what to do meanwhile.
+
+Who finishes a word, from the resource to the running nodes, removes its entry here; nothing else keeps it back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robot_offload.api.v1alpha1.rules.rule import Rule
+
+REASON: Final = "NotYet"
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A word that is refused.
+
+    Attributes:
+        path: the object in which it stands.
+        field: its name there.
+        unused: CEL that holds where the word is not used.
+        used: the opposite in Python, of the model at `path`.
+        meanwhile: what to do without it.
+        example: (place in the sample, value) that uses it.
+    """
+
+    path: str
+    field: str
+    unused: str
+    used: Callable[[Any], bool]
+    meanwhile: str
+    example: tuple[str, Any]
+
+    def rule(self) -> Rule:
+        """The refusal as a rule of the CRD."""
+        message = f"{self.field} is not built yet; {self.meanwhile}"
+        return Rule(self.path, REASON, self.unused, self.used, message, self.field)
+
+
+def _without(field: str) -> str:
+    return f"!has(self.{field})"
+
+
+def _empty(field: str) -> str:
+    return f"!has(self.{field}) || size(self.{field}) == 0"
+
+
+_NODE, _OUTPUT, _INPUT, _SWITCHING = "spec.nodes[]", "spec.nodes[].outputs[]", "spec.topics.toCloud[]", "spec.switching"
+_IN_NODE, _IN_OUTPUT, _IN_INPUT = "spec.nodes.1", "spec.nodes.1.outputs.0", "spec.topics.toCloud.1"
+_PLAN = {"name": "/make_plan", "type": "nav_msgs/srv/GetPlan"}
+_FOLLOW = {"name": "/follow_path", "type": "nav2_msgs/action/FollowPath"}
+
+NOT_YET: Final[dict[str, Word]] = {
+    "while": Word(
+        _OUTPUT, "while", _without("__while__"), lambda it: it.while_ is not None,
+        "leave rate out where an output is silent while there is nothing to do",
+        (f"{_IN_OUTPUT}.while", {"topic": "/scan", "within": "200ms"}),
+    ),
+    "shared": Word(
+        _OUTPUT, "shared", "!self.shared", lambda it: it.shared, "leave the topic out of the outputs",
+        (f"{_IN_OUTPUT}.shared", True),
+    ),
+    "frames": Word(
+        _OUTPUT, "frames", _empty("frames"), lambda it: bool(it.frames),
+        "let a node on the robot publish the transforms",
+        (f"{_IN_NODE}.outputs", [{"topic": "/tf", "frames": [{"parent": "map", "child": "odom"}]}]),
+    ),
+    "plain": Word(
+        _NODE, "lifecycle", "self.placement != 'Duplicated' || self.lifecycle",
+        lambda it: it.duplicated and not it.lifecycle,
+        "a Duplicated node must be a managed (lifecycle) node: only those can be put to sleep; write lifecycle: true "
+        "or another placement",
+        (f"{_IN_NODE}.lifecycle", False),
+    ),
+    "maxAge": Word(
+        _OUTPUT, "maxAge", _without("maxAge"), lambda it: it.max_age_ms is not None, "leave it out",
+        ("spec.nodes.2.outputs", [{"topic": "/objects", "maxAge": "500ms"}]),
+    ),
+    "services": Word(
+        _NODE, "services", _empty("services"), lambda it: bool(it.services),
+        "let clients call the node on their own side",
+        (f"{_IN_NODE}.services", [_PLAN]),
+    ),
+    "actions": Word(
+        _NODE, "actions", _empty("actions"), lambda it: bool(it.actions),
+        "let clients send goals to the node on their own side",
+        (f"{_IN_NODE}.actions", [_FOLLOW | {"onSwitch": "Resend"}]),
+    ),
+    "uses": Word(
+        _NODE, "uses",
+        "!has(self.uses) || ((!has(self.uses.services) || size(self.uses.services) == 0) && "
+        "(!has(self.uses.actions) || size(self.uses.actions) == 0))",
+        lambda it: bool(it.uses.services or it.uses.actions), "let the node call what its own side offers",
+        (f"{_IN_NODE}.uses", {"services": [_PLAN]}),
+    ),
+    "state": Word(
+        _NODE, "state", _empty("state"), lambda it: bool(it.state), "the replica starts with what its inputs say",
+        (f"{_IN_NODE}.state", [{"snapshot": True}]),
+    ),
+    "minRate": Word(
+        _INPUT, "minRate", _without("minRate"), lambda it: it.min_rate_hz is not None,
+        "set maxRate to what the link carries",
+        (f"{_IN_INPUT}.minRate", 5),
+    ),
+    "priority": Word(
+        _INPUT, "priority", "self.priority == 'Normal'", lambda it: it.priority != "Normal",
+        "set maxRate of large topics to what the link carries",
+        (f"{_IN_INPUT}.priority", "High"),
+    ),
+    "latest": Word(
+        _INPUT, "latest", "!self.latest", lambda it: it.latest, "set maxRate to what the link carries",
+        (f"{_IN_INPUT}.latest", True),
+    ),
+    "prepareDeadline": Word(
+        _SWITCHING, "prepareDeadline", _without("prepareDeadline"), lambda it: it.prepare_deadline_ms is not None,
+        "set activationDeadline", (f"{_SWITCHING}.prepareDeadline", "5s"),
+    ),
+    "cancelDeadline": Word(
+        _SWITCHING, "cancelDeadline", "duration(self.cancelDeadline) == duration('2s')",
+        lambda it: it.cancel_deadline_ms != 2_000, "leave it out", (f"{_SWITCHING}.cancelDeadline", "3s"),
+    ),
+    "settleFor": Word(
+        _SWITCHING, "settleFor", "duration(self.settleFor) == duration('10s')", lambda it: it.settle_for_ms != 10_000,
+        "leave it out", (f"{_SWITCHING}.settleFor", "3s"),
+    ),
+    "maxMessageSize": Word(
+        _SWITCHING, "maxMessageSize", "quantity(self.maxMessageSize).compareTo(quantity('8Mi')) == 0",
+        lambda it: it.max_message_size != 8 * 1024 * 1024, "leave it out", (f"{_SWITCHING}.maxMessageSize", "1Mi"),
+    ),
+    "silent": Word(
+        _SWITCHING, "silent", _empty("silent"), lambda it: bool(it.silent), "the agents warn of such topics once",
+        (f"{_SWITCHING}.silent", ["local_costmap/**"]),
+    ),
+}  # fmt: skip
+
+
+def built(word: str) -> bool:
+    """Whether a word, by its key in NOT_YET, does what its description says."""
+    return word not in NOT_YET
+
+
+RULES: Final[tuple[Rule, ...]] = tuple(word.rule() for word in NOT_YET.values())
