@@ -22,7 +22,7 @@ from rclpy.type_support import check_for_type_support
 from std_msgs.msg import Header, Int32, String, UInt8MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from robot_offload_agent.ros.raw import message_type
+from robot_offload_agent.ros.interfaces import message_type
 from robot_offload_agent.settings.parameters import Configuration
 
 OWN = (

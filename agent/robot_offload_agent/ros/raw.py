@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -22,34 +20,14 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from robot_offload_agent.errors import StartError
+from robot_offload_agent.ros.interfaces import message_type
 from robot_offload_agent.settings.parameters import Named
 from robot_offload_core.process.rivals import Endpoint
 
-INTERFACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/msg/[A-Za-z][A-Za-z0-9_]*")
-SETUP_VARIABLE = "ROBOT_OFFLOAD_SETUP"
 OnRaw = Callable[[bytes], None]
 _INFINITE_NS = 2**62
 NAMELESS = "_NODE_NAME_UNKNOWN_"
 """What rmw calls the node of an endpoint whose name has not been announced yet."""
-
-
-def message_type(name: str) -> Any:
-    """Returns the class of an interface type such as `sensor_msgs/msg/LaserScan`.
-
-    Raises:
-        StartError: it cannot be imported; names the package.
-    """
-    package, _, short = name.partition("/msg/")
-    if not INTERFACE.fullmatch(name):  # anybody in the graph can give a topic any type
-        raise StartError(f"{name!r:.100} is no interface type")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), short)
-    except (ImportError, AttributeError) as error:
-        raise StartError(
-            f"Interface type {name} cannot be imported here: no installed package {package} has it; run the agent "
-            f"inside the overlay that has it ({SETUP_VARIABLE} in the bundle's `environment`), or build it into the "
-            "agent's image"
-        ) from error
 
 
 def graph_type(node: Node, topic: str) -> str:
