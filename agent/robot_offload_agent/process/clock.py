@@ -18,3 +18,8 @@ def now_us() -> int:
 def wall_us() -> int:
     """System clock minus steady clock in microseconds, for the estimate of the offset that user nodes would see."""
     return time.clock_gettime_ns(time.CLOCK_REALTIME) // 1000 - now_us()
+
+
+def wall_ns() -> int:
+    """System clock in nanoseconds, for stamps that user nodes see."""
+    return time.clock_gettime_ns(time.CLOCK_REALTIME)

@@ -1,0 +1,143 @@
+"""Answers calls that a predecessor of this process took and that are still open at their clients.
+
+rmw_fastrtps drops an answer whose request id names a client that this process has heard no request of: the id holds the
+client's *reader* of answers. With the client's *writer* of requests in its place the answer is sent, and the client takes
+it. Reader and writer belong to one participant and are made one after the other, so their entity keys differ by one.
+The writer is sought in the graph, because nothing reaches the client before discovery has found it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rclpy.node import Node
+
+from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.ros import native
+from robot_offload_agent.ros.native import NativeError
+from robot_offload_agent.ros.raw_services import RawService
+
+log = logging.getLogger(__name__)
+
+GID_BYTES = 16
+PREFIX_BYTES = 12
+"""Of a participant, in each gid of it."""
+KEY = slice(12, 15)
+"""The entity's number in its participant."""
+PATIENCE_S = 15.0
+"""A client that discovery has not found by then has gone."""
+AGAIN_S = (0.0, 0.1, 0.3, 1.0)
+"""An answer may leave before the client's reader is matched, so it is sent again: clients leave out a second one."""
+
+
+@dataclass
+class _Waiting:
+    service: RawService
+    caller: bytes
+    response: bytes
+    end_s: float
+    due_s: float = 0.0
+    sent: int = 0
+
+
+class Inherited:
+    """Answers to callers that this process never heard.
+
+    Attributes:
+        waiting: what has not been sent as often as it is to be.
+        lost: answers whose clients were not found.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.waiting: list[_Waiting] = []
+        self.lost = 0
+
+    def answer(self, service: RawService, caller: bytes, response: bytes) -> None:
+        """Answers as soon as the client's writer is seen."""
+        self.waiting.append(_Waiting(service, caller, response, now_s() + PATIENCE_S))
+
+    def turn(self) -> float:
+        """Sends what can be sent; returns when to call again at the latest, on the steady clock."""
+        now = now_s()
+        for waiting in [w for w in self.waiting if w.due_s <= now]:
+            writer = find_writer(self.node, waiting.service.name, waiting.caller)
+            if writer is not None:
+                self._send(waiting, writer, now)
+            elif now > waiting.end_s:
+                self.lost += not waiting.sent
+                self.waiting.remove(waiting)
+            else:
+                waiting.due_s = now + AGAIN_S[1]
+        return min((w.due_s for w in self.waiting), default=float("inf"))
+
+    def _send(self, waiting: _Waiting, writer: bytes, now: float) -> None:
+        try:
+            waiting.service.answer(writer + waiting.caller[GID_BYTES:], waiting.response)
+        except NativeError as error:
+            log.warning("A call of %s that was open before the restart could not be answered: %s", waiting.service.name,
+                        error)  # fmt: skip
+        waiting.sent += 1
+        if waiting.sent == len(AGAIN_S):
+            self.waiting.remove(waiting)
+        else:
+            waiting.due_s = now + AGAIN_S[waiting.sent] - AGAIN_S[waiting.sent - 1]
+
+
+def find_writer(node: Node, service: str, caller: bytes) -> bytes | None:
+    """Returns the gid of the writer of requests of a caller's client; None while the graph does not show it."""
+    infos = node.get_publishers_info_by_topic(f"rq{service}Request", no_mangle=True)
+    for gid in (bytes(info.endpoint_gid)[:GID_BYTES] for info in infos):
+        if gid[:PREFIX_BYTES] == caller[:PREFIX_BYTES] and _key(gid) == _key(caller) + 1:
+            return gid
+    return None
+
+
+def _key(gid: bytes) -> int:
+    return int.from_bytes(gid[KEY], "big")
+
+
+class SelfTest:
+    """Whether an answer by the writer's gid arrives: a call to oneself, answered so. Ends by itself.
+
+    Attributes:
+        passed: None while it is not known.
+    """
+
+    PATIENCE_S = 5.0
+
+    def __init__(self, node: Node, service: RawService, call: Callable[[Callable[[bytes], None]], None]) -> None:
+        """`call` sends one request from this process to `service`, whose requests go to `take`."""
+        self.node, self.service, self.call = node, service, call
+        self.passed: bool | None = None
+        self.end_s = now_s() + self.PATIENCE_S
+        self.asked = False
+        self.caller: bytes | None = None
+
+    def take(self, caller: bytes, _request: bytes) -> None:
+        """Takes the call."""
+        self.caller = caller
+
+    def turn(self, ready: bool) -> bool:
+        """Does the next step; returns whether the test has ended."""
+        if self.passed is not None:
+            return True
+        if now_s() > self.end_s:
+            self.passed = False
+        elif not self.asked and ready:
+            self.asked = True
+            self.call(self._answered)
+        elif self.caller is not None:
+            writer = find_writer(self.node, self.service.name, self.caller)
+            if writer is not None:
+                native.send_response(
+                    self.service.entity.handle.pointer, self.service.response, writer + self.caller[GID_BYTES:],
+                    self.service.response.empty(),
+                )  # fmt: skip
+                self.caller = None
+        return self.passed is not None
+
+    def _answered(self, _response: bytes) -> None:
+        self.passed = True

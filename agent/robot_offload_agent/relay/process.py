@@ -1,0 +1,260 @@
+"""The shell of either relay: entities, bus and clock around the core's relay process.
+
+Two threads: ROS (main; all of the core's calls are made there) and bus. What the bus thread reads is handed over, and
+wakes the other one.
+"""
+
+from __future__ import annotations
+
+import logging
+import select
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from std_srvs.srv import Trigger
+
+from robot_offload_agent.process import realtime
+from robot_offload_agent.process.beacon import Beacon
+from robot_offload_agent.process.bus import Bus
+from robot_offload_agent.process.clock import now_s, wall_ns
+from robot_offload_agent.process.guard import Guard
+from robot_offload_agent.relay import cdr
+from robot_offload_agent.relay.entities import ActionClient, ActionServer, ServiceClient, ServiceServer
+from robot_offload_agent.relay.inherited import Inherited, SelfTest
+from robot_offload_agent.ros import context
+from robot_offload_agent.ros.native import NativeError
+from robot_offload_agent.ros.raw_services import Loop, RawClient, RawService
+from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.ledger.ports import CancelCode, Face, GoalEntry, GoalStatus
+from robot_offload_core.process.messages import Letters
+from robot_offload_core.process.relay import RelayPlan, RelayProcess
+
+log = logging.getLogger(__name__)
+
+LOOK_S = 1.0
+LOOK_SOON_S = 0.1
+"""How often the graph is looked at, and while a server that is called has not been seen."""
+BUS_S = 0.5
+"""The bus thread gives its sign of life at least this often."""
+
+
+def private_name(side: str, name: str) -> str:
+    """Returns the name by which a side's group serves or uses a public name."""
+    return f"/offload/{side}{name}"
+
+
+class RelayShell:
+    """Base of both sides.
+
+    Attributes:
+        process: the core's relay process, set by the subclass before `build`.
+    """
+
+    process: RelayProcess
+
+    def __init__(self, configuration: Configuration, bus: Bus) -> None:
+        self.configuration, self.bus = configuration, bus
+        self.side = configuration["side"]
+        self.beacon = Beacon(bus, "ros", "bus")
+        self.guard = Guard(context.is_up)
+        context.init(configuration)
+        self.node = context.make_node(configuration, f"offload_relay_{self.side}")
+        self.loop = Loop(self.node)
+        self.inherited = Inherited(self.node)
+        self.inbox: deque[object] = deque()
+        self.after: deque[Callable[[], None]] = deque()
+        self.failures: Counter[str] = Counter()
+        self.service_servers: dict[tuple[Face, str], ServiceServer] = {}
+        self.action_servers: dict[tuple[Face, str], ActionServer] = {}
+        self.service_clients: dict[tuple[Face, str], ServiceClient] = {}
+        self.action_clients: dict[tuple[Face, str], ActionClient] = {}
+        self.calls: dict[int, ServiceClient] = {}
+        self.look_due_s = 0.0
+
+    # -- building -----------------------------------------------------------------------------------------------------
+
+    def build(self, plan: RelayPlan) -> None:
+        """Makes the entities; raises StartError naming a type that is missing."""
+        public = self.side == "robot"
+        for service in plan.services:
+            if public:
+                self._serve_service(Face.PUBLIC, service.name, service.name, service.type)
+            if public <= (not service.of_cloud):
+                self._call_service(Face.GROUP, service.name, private_name(self.side, service.name), service.type)
+        for action in plan.actions:
+            if public:
+                self._serve_action(Face.PUBLIC, action.name, action.name, action.type)
+            if public <= (not action.of_cloud):
+                self._call_action(Face.GROUP, action.name, private_name(self.side, action.name), action.type)
+        for used in plan.used_services:
+            self._serve_service(Face.GROUP, used.name, private_name(self.side, used.name), used.type)
+            if public:
+                self._call_service(Face.PUBLIC, used.name, used.name, used.type)
+        for using in plan.used_actions:
+            self._serve_action(Face.GROUP, using.name, private_name(self.side, using.name), using.type)
+            if public:
+                self._call_action(Face.PUBLIC, using.name, using.name, using.type)
+
+    def _serve_service(self, face: Face, name: str, full: str, kind: str) -> None:
+        self.service_servers[face, name] = ServiceServer(
+            self.node, self.loop, self.inherited, self.process, face, name, full, kind
+        )
+
+    def _serve_action(self, face: Face, name: str, full: str, kind: str) -> None:
+        self.action_servers[face, name] = ActionServer(
+            self.node, self.loop, self.inherited, self.process, face, name, full, kind
+        )
+
+    def _call_service(self, face: Face, name: str, full: str, kind: str) -> None:
+        self.service_clients[face, name] = ServiceClient(self.node, self.loop, self.process, full, kind)
+
+    def _call_action(self, face: Face, name: str, full: str, kind: str) -> None:
+        self.action_clients[face, name] = ActionClient(
+            self.node, self.loop, self.process, self.after.append, face, name, full, kind
+        )
+
+    # -- running ------------------------------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Runs until it is ended."""
+        threading.Thread(target=self.serve_bus, name="bus", daemon=True).start()
+        self.loop.run(self.turn, self.guarded)
+
+    def serve_bus(self) -> None:
+        """Reads messages of the other processes."""
+        while True:
+            readable, _, _ = select.select([self.bus], [], [], BUS_S)
+            self.beacon.sign("bus")
+            found = False
+            while readable and (message := self.bus.receive()) is not None:
+                self.inbox.append(message)
+                found = True
+            if found:
+                self.loop.wake()
+
+    def guarded(self, act: Callable[[], None]) -> None:
+        """Calls what handles one message; what it raises is counted."""
+        with self.guard:
+            act()
+
+    def turn(self) -> float:
+        """Handles what was read and what is due; returns when to turn again."""
+        self.beacon.sign("ros")
+        while self.inbox:
+            self.guarded(partial(self.process.handle, self.inbox.popleft()))
+        while self.after:
+            self.guarded(self.after.popleft())
+        now = now_s()
+        if now >= self.look_due_s:
+            self.look_due_s = now + (LOOK_S if self.look() else LOOK_SOON_S)
+        inherited_due_s = self.inherited.turn()
+        self.process.turn()
+        return min(self.process.due_s, self.look_due_s, inherited_due_s)
+
+    def look(self) -> bool:
+        """Reports the servers in the graph; returns whether all are there."""
+        clients: dict[tuple[Face, str], ServiceClient | ActionClient] = {**self.service_clients, **self.action_clients}
+        seen = [(face, name, client.endpoints()) for (face, name), client in clients.items()]
+        self.process.servers_seen([server for server in seen if server[2]])
+        return all(endpoints for _, _, endpoints in seen)
+
+    # -- what the core's process needs: time, messages ---------------------------------------------------------------
+
+    def now_s(self) -> float:
+        """Returns the steady clock, seconds."""
+        return now_s()
+
+    def wall_ns(self) -> int:
+        """Returns the system clock, nanoseconds."""
+        return wall_ns()
+
+    def send(self, to: str, message: object) -> bool:
+        """Sends a message to another process of this agent."""
+        return self.bus.post(to, message) if isinstance(message, Letters) else self.bus.send(to, message)
+
+    def warn(self, message: str) -> None:
+        """Logs a warning."""
+        log.warning("%s", message)
+
+    # -- as a client ---------------------------------------------------------------------------------------------------
+
+    def offer(self, face: Face, action: str, payload: bytes) -> None:
+        """Calls `send_goal`."""
+        self.tried(action, partial(self.action_clients[face, action].offer, payload))
+
+    def cancel(self, face: Face, action: str, goal_id: bytes) -> None:
+        """Calls `cancel_goal`."""
+        self.tried(action, partial(self.action_clients[face, action].cancel, goal_id))
+
+    def ask_result(self, face: Face, action: str, goal_id: bytes) -> None:
+        """Calls `get_result`."""
+        self.tried(action, partial(self.action_clients[face, action].ask_result, goal_id))
+
+    def call(self, face: Face, service: str, key: int, payload: bytes) -> None:
+        """Calls a service."""
+        client = self.calls[key] = self.service_clients[face, service]
+        self.tried(service, partial(client.call, key, payload))
+
+    def forget_call(self, key: int) -> None:
+        """Drops a call."""
+        client = self.calls.pop(key, None)
+        if client is not None:
+            client.forget(key)
+
+    # -- as a server ---------------------------------------------------------------------------------------------------
+
+    def answer_goal(self, face: Face, action: str, caller: bytes, accepted: bool, stamp_ns: int) -> None:
+        """Answers a `send_goal`."""
+        server = self.action_servers[face, action].send
+        self.tried(action, partial(server.answer, caller, cdr.goal_response(accepted, stamp_ns)))
+
+    def answer_cancel(
+        self, face: Face, action: str, caller: bytes, code: CancelCode, goals: Sequence[GoalEntry]
+    ) -> None:
+        """Answers a `cancel_goal`."""
+        server = self.action_servers[face, action].cancel
+        self.tried(action, partial(server.answer, caller, cdr.cancel_response(code, goals)))
+
+    def answer_result(self, face: Face, action: str, caller: bytes, status: GoalStatus, payload: bytes) -> None:
+        """Answers a `get_result`."""
+        self.tried(action, partial(self.action_servers[face, action].answer_result, caller, status, payload))
+
+    def publish_feedback(self, face: Face, action: str, payload: bytes) -> None:
+        """Publishes a feedback message."""
+        self.action_servers[face, action].feedback.publish(payload)
+
+    def publish_status(self, face: Face, action: str, goals: Sequence[GoalEntry]) -> None:
+        """Publishes the status of an action's goals."""
+        self.action_servers[face, action].publish_status(goals)
+
+    def answer_call(self, face: Face, service: str, caller: bytes, payload: bytes) -> None:
+        """Answers a service call."""
+        self.tried(service, partial(self.service_servers[face, service].server.answer, caller, payload))
+
+    def fail_call(self, face: Face, service: str, caller: bytes, reason: str, message: str) -> None:
+        """Answers a call that failed where its response can say so; else the caller hears nothing."""
+        server = self.service_servers[face, service]
+        response = server.failure(message)
+        log.warning("A call of %s failed: %s reason=%s", service, message, reason)
+        if response is None:
+            server.server.drop(caller)
+        else:
+            self.tried(service, partial(server.server.answer, caller, response))
+
+    def tried(self, name: str, act: Callable[[], None]) -> None:
+        """Does what the middleware may refuse; a refusal is counted by name and logged once for each."""
+        try:
+            act()
+        except NativeError as error:
+            self.failures[name] += 1
+            if self.failures[name] == 1:
+                log.warning("%s: %s; further failures are only counted", name, error)
+
+
+def start(shell: RelayShell, plan: RelayPlan) -> None:
+    """Builds and runs a relay; real-time priority comes after the start."""
+    shell.build(plan)
+    realtime.request(shell.configuration["realtime"], realtime.START_PRIORITY)
+    shell.run()
