@@ -66,7 +66,7 @@ class Inherited:
             writer = find_writer(self.node, waiting.service.name, waiting.caller)
             if writer is not None:
                 self._send(waiting, writer, now)
-            elif now > waiting.end_s:
+            elif waiting.sent or now > waiting.end_s:  # the client has ended, or was never found
                 self.lost += not waiting.sent
                 self.waiting.remove(waiting)
             else:

@@ -77,25 +77,29 @@ class RelayShell:
 
     def build(self, plan: RelayPlan) -> None:
         """Makes the entities; raises StartError naming a type that is missing."""
-        public = self.side == "robot"
-        for service in plan.services:
+        public, side = self.side == "robot", self.side
+        for name, kind, of_cloud in [(s.name, s.type, s.of_cloud) for s in plan.services]:
             if public:
-                self._serve_service(Face.PUBLIC, service.name, service.name, service.type)
-            if public <= (not service.of_cloud):
-                self._call_service(Face.GROUP, service.name, private_name(self.side, service.name), service.type)
-        for action in plan.actions:
+                self._serve_service(Face.PUBLIC, name, name, kind)
+            if not (public and of_cloud):
+                self._call_service(Face.GROUP, name, private_name(side, name), kind)
+        for name, kind, of_cloud in [(a.name, a.type, a.of_cloud) for a in plan.actions]:
             if public:
-                self._serve_action(Face.PUBLIC, action.name, action.name, action.type)
-            if public <= (not action.of_cloud):
-                self._call_action(Face.GROUP, action.name, private_name(self.side, action.name), action.type)
-        for used in plan.used_services:
-            self._serve_service(Face.GROUP, used.name, private_name(self.side, used.name), used.type)
+                self._serve_action(Face.PUBLIC, name, name, kind)
+            if not (public and of_cloud):
+                self._call_action(Face.GROUP, name, private_name(side, name), kind)
+        self._build_used(plan)
+
+    def _build_used(self, plan: RelayPlan) -> None:
+        public, side = self.side == "robot", self.side
+        for service in plan.used_services:
+            self._serve_service(Face.GROUP, service.name, private_name(side, service.name), service.type)
             if public:
-                self._call_service(Face.PUBLIC, used.name, used.name, used.type)
-        for using in plan.used_actions:
-            self._serve_action(Face.GROUP, using.name, private_name(self.side, using.name), using.type)
+                self._call_service(Face.PUBLIC, service.name, service.name, service.type)
+        for action in plan.used_actions:
+            self._serve_action(Face.GROUP, action.name, private_name(side, action.name), action.type)
             if public:
-                self._call_action(Face.PUBLIC, using.name, using.name, using.type)
+                self._call_action(Face.PUBLIC, action.name, action.name, action.type)
 
     def _serve_service(self, face: Face, name: str, full: str, kind: str) -> None:
         self.service_servers[face, name] = ServiceServer(

@@ -170,30 +170,36 @@ def test_a_call_that_a_dead_process_took_is_answered_by_its_successor(context: A
             process.stdout.close()
 
 
-def test_the_small_messages_of_an_action_are_written_as_rclpy_writes_them() -> None:
+def read(data: bytes, kind: Any) -> Any:
+    return deserialize_message(data, kind)
+
+
+def test_the_small_messages_of_an_action_are_read_and_written_as_rclpy_does_it() -> None:
     types = interfaces.action_types("test_msgs/action/Fibonacci")
     stamp_ns, stamp = 1_700_000_000_123_456_789, Time(sec=1_700_000_000, nanosec=123_456_789)
     goal = UUID(uuid=list(GOAL_ID))
     answer = types.send_goal.Response(accepted=True, stamp=stamp)
-    assert cdr.goal_response(True, stamp_ns) == serialize_message(answer)
+    assert read(cdr.goal_response(True, stamp_ns), types.send_goal.Response) == answer
     assert cdr.is_accepted(serialize_message(answer))
     assert not cdr.is_accepted(cdr.goal_response(False, stamp_ns))
-    assert cdr.result_request(GOAL_ID) == serialize_message(types.get_result.Request(goal_id=goal))
+    request = types.get_result.Request(goal_id=goal)
+    assert read(cdr.result_request(GOAL_ID), types.get_result.Request) == request
     info = GoalInfo(goal_id=goal, stamp=stamp)
     asked = serialize_message(CancelGoal.Request(goal_info=info))
     assert cdr.read_cancel_request(asked) == (GOAL_ID, stamp_ns)
-    assert cdr.cancel_request(GOAL_ID) == serialize_message(CancelGoal.Request(goal_info=GoalInfo(goal_id=goal)))
+    one = CancelGoal.Request(goal_info=GoalInfo(goal_id=goal))
+    assert read(cdr.cancel_request(GOAL_ID), CancelGoal.Request) == one
     entries = [GoalEntry(GOAL_ID, stamp_ns, Status.EXECUTING)] * 3
     cancelled = CancelGoal.Response(return_code=2, goals_canceling=[info] * 3)
-    assert cdr.cancel_response(CancelCode.UNKNOWN_GOAL, entries) == serialize_message(cancelled)
+    assert read(cdr.cancel_response(CancelCode.UNKNOWN_GOAL, entries), CancelGoal.Response) == cancelled
     assert cdr.cancel_code(serialize_message(cancelled)) is CancelCode.UNKNOWN_GOAL
     statuses = GoalStatusArray(status_list=[GoalStatus(goal_info=info, status=2)] * 3)
-    assert cdr.status_array(entries) == serialize_message(statuses)
-    assert cdr.status_array([]) == serialize_message(GoalStatusArray())
+    assert read(cdr.status_array(entries), GoalStatusArray) == statuses
+    assert read(cdr.status_array([]), GoalStatusArray) == GoalStatusArray()
     result = types.get_result.Response(status=4, result=Fibonacci.Result(sequence=[1, 1, 2]))
     assert cdr.result_status(serialize_message(result)) is Status.SUCCEEDED
-    result.status = 6
-    assert cdr.with_status(serialize_message(result), Status.ABORTED) == serialize_message(result)
+    changed = read(cdr.with_status(serialize_message(result), Status.ABORTED), types.get_result.Response)
+    assert (changed.status, list(changed.result.sequence)) == (6, [1, 1, 2])
 
 
 @pytest.mark.parametrize("name", ["absent_msgs/action/Fly", "test_msgs/action/Absent", "test_msgs/srv/Empty", "fly"])
