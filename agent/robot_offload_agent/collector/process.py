@@ -7,11 +7,8 @@ has reached is kept in a small memory file, so that a collector that is started 
 from __future__ import annotations
 
 import logging
-import mmap
-import os
 import select
 import threading
-from pathlib import Path
 from typing import Any
 
 from robot_offload_agent.errors import StartError
@@ -19,16 +16,16 @@ from robot_offload_agent.process import losses, realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.process.collector_memory import Memory
 from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.ros import context, raw
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings import store
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.collectors import Charge, Collector
+from robot_offload_core.collectors import Collector
 from robot_offload_core.process import rivals
 from robot_offload_core.process.collector import TURN_S, CollectorPlan, CollectorProcess
 from robot_offload_core.process.messages import Fatal
-from robot_offload_core.token import Site, Token
 
 log = logging.getLogger(__name__)
 
@@ -38,45 +35,6 @@ RESOLVE_PERIOD_S = 0.5
 """How often the graph is looked at: often until everything is subscribed, because no message passes before."""
 SECOND_PUBLISHER_CHECK_S = rivals.NAME_S
 """A second publisher found by then stops the start."""
-MEMORY_BYTES = 256
-
-
-class Memory:
-    """The charge reached so far, in a file of the runtime folder that survives the process."""
-
-    def __init__(self, folder: Path) -> None:
-        path = folder / "collector.memory"
-        fresh = not path.exists()
-        try:
-            with path.open("a+b") as file:
-                os.posix_fallocate(file.fileno(), 0, MEMORY_BYTES)  # else a page missing later would kill us
-                self.map = mmap.mmap(file.fileno(), MEMORY_BYTES)
-        except OSError as error:
-            log.warning("%s cannot be written: %s; a collector that is started again waits for control", path, error)
-            self.map, fresh = mmap.mmap(-1, MEMORY_BYTES), True
-        if fresh:
-            self.map[:] = bytes(MEMORY_BYTES)
-
-    def save(self, state: Collector) -> None:
-        """Writes who passes now."""
-        if state.charge is None:
-            return
-        token = state.charge.token
-        words = [state.charge.site.value, token.robot, str(token.epoch), token.cloud or "-"]
-        line = " ".join([*words, str(state.started_us), str(int(state.fell_back)), str(state.stay), "."]).encode()
-        self.map[:] = line.ljust(MEMORY_BYTES, b"\0")
-
-    def load(self) -> tuple[Charge, int, bool, int] | None:
-        """(charge, started_us, fell_back, stay), None when nothing whole is there."""
-        words = self.map[:].rstrip(b"\0").decode("ascii", "replace").split(" ")
-        if len(words) != 8 or words[-1] != ".":
-            return None
-        site, robot, epoch, cloud, started_us, fell_back, stay, _ = words
-        try:
-            token = Token(robot, int(epoch), "" if cloud == "-" else cloud)
-            return Charge(Site(site), token), int(started_us), bool(int(fell_back)), int(stay)
-        except ValueError:
-            return None
 
 
 class CollectorShell:

@@ -18,7 +18,7 @@ from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.process.data import DataPlan, DataProcess, InputPlan, OutputPlan
+from robot_offload_core.process.data import RELAY, DataPlan, DataProcess, InputPlan, OutputPlan
 
 log = logging.getLogger(__name__)
 
@@ -28,6 +28,7 @@ UNRESOLVED_S = 0.2
 RESOLVED_S = 1.0
 """How often the graph is looked at, while something is missing and otherwise."""
 PROBE = Channel("probe", reliable=False, urgent=True)
+LETTERS = Channel(RELAY)
 
 
 def channels(configuration: Configuration) -> list[Channel]:
@@ -40,6 +41,8 @@ def channels(configuration: Configuration) -> list[Channel]:
         found.append(Channel(f"out/{spec.name}", reliable=spec["reliability"] != "best_effort"))
         if spec["mirror"] and carried:
             found.append(Channel(f"mirror/{spec.name}", reliable=spec["reliability"] != "best_effort"))
+    if configuration.relay_plan() is not None:
+        found.append(LETTERS)
     return found
 
 

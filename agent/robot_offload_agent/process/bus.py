@@ -5,8 +5,8 @@ waits. The kernel charges what nobody has read yet to the socket that sent it, s
 receiver: one that is stopped holds up nothing but what is meant for itself.
 
 A datagram is one kind byte and a body: for `MESSAGE` JSON `[name, fields]` of a registered dataclass, for `ENVELOPE`
-and `PASSED` an output index, a header and the payload. A payload above `MAX_INLINE` travels beside its datagram, see
-`parcels.py`.
+and `PASSED` an output index, a header and the payload, for `LETTERS` the bytes of `Letters`. A payload above
+`MAX_INLINE` travels beside its datagram, see `parcels.py`.
 """
 
 from __future__ import annotations
@@ -38,22 +38,26 @@ from robot_offload_core.process.messages import (
     Egress,
     Fatal,
     Heard,
+    Letters,
     Limits,
     Lives,
     Notes,
     Orders,
     PulseStatus,
+    RelayOrders,
+    RelayStatus,
     Speak,
 )
 
 log = logging.getLogger(__name__)
 
 MESSAGE = b"m"
+LETTERS = b"l"
 MAX_INLINE = 64 << 10
 """Larger payloads travel in memory files."""
 MAX_DATAGRAM = 190_000
 """Largest datagram with the kernel's default socket buffers (212,992 bytes less its own accounting)."""
-_BESIDE = {ENVELOPE: b"E", PASSED: b"P"}
+_BESIDE = {ENVELOPE: b"E", PASSED: b"P", LETTERS: b"L"}
 _KINDS = {beside: kind for kind, beside in _BESIDE.items()}
 _RIGHTS_BYTES = socket.CMSG_SPACE(array.array("i").itemsize)
 
@@ -62,7 +66,7 @@ KINDS: dict[str, type] = {
     cls.__name__: cls
     for cls in (
         Speak, Arrived, Heard, PulseStatus, Orders, Egress, DataStatus, CollectorStatus, CloudTypes, Notes, Limits,
-        Fatal, Alive, Lives, placement.PulseSent, placement.SetGate, placement.Reopen,
+        RelayOrders, RelayStatus, Fatal, Alive, Lives, placement.PulseSent, placement.SetGate, placement.Reopen,
     )
 }  # fmt: skip
 
@@ -99,7 +103,9 @@ class Bus:
         return self.socket.fileno()
 
     def send(self, to: str, message: Any) -> bool:
-        """Sends a registered dataclass; returns False when the receiver is absent or full."""
+        """Sends Letters or a registered dataclass; returns False when the receiver is absent or full."""
+        if isinstance(message, Letters):
+            return self._carry(to, LETTERS, b"", message.data, "letters", reliable=True)
         body = json.dumps([type(message).__name__, plain(message)], separators=(",", ":"))
         return self._send(to, MESSAGE + body.encode())
 
@@ -120,7 +126,9 @@ class Bus:
         Returns:
             False when it could not be sent: the receiver is absent or full, or the payload is too large.
         """
-        where = index.to_bytes(2, "big") + header
+        return self._carry(to, kind, index.to_bytes(2, "big") + header, payload, label, reliable)
+
+    def _carry(self, to: str, kind: bytes, where: bytes, payload: bytes, label: str, reliable: bool) -> bool:
         if len(payload) <= MAX_INLINE:
             return self._send(to, b"".join((kind, where, payload)))
         if len(payload) > parcels.LARGEST_BYTES:
@@ -215,6 +223,11 @@ def _read(datagram: bytes, files: list[int]) -> Any | None:
     if kind == MESSAGE:
         name, body = json.loads(datagram[1:])
         return typed(KINDS[name], body)
+    if kind == LETTERS:
+        return Letters(datagram[1:])
+    if kind == _BESIDE[LETTERS]:
+        letters = _beside(kind, files)
+        return None if letters is None else Letters(letters)
     start = 3 + LAYOUT.size
     if len(datagram) < start:
         raise ValueError(f"{len(datagram)} bytes of kind {kind!r}")
@@ -222,7 +235,12 @@ def _read(datagram: bytes, files: list[int]) -> Any | None:
     if kind in _BESIDE:
         return Carried(kind, *where, datagram[start:])
     beside = _KINDS[kind]
+    payload = _beside(kind, files)
+    return None if payload is None else Carried(beside, *where, payload)
+
+
+def _beside(kind: bytes, files: list[int]) -> bytes | None:
+    """The payload in the file that came with a datagram; None when its sender has given it up."""
     if len(files) != 1:
         raise ValueError(f"{len(files)} files with kind {kind!r}")
-    payload = parcels.unpack(files.pop())
-    return None if payload is None else Carried(beside, *where, payload)
+    return parcels.unpack(files.pop())

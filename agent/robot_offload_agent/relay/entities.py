@@ -34,7 +34,12 @@ class Server:
     """One service served by hand: its open callers, and how each is answered."""
 
     def __init__(
-        self, node: Node, loop: Loop, inherited: Inherited, raw: tuple[object, str], take: Callable[[bytes, bytes], None]
+        self,
+        node: Node,
+        loop: Loop,
+        inherited: Inherited,
+        raw: tuple[object, str],
+        take: Callable[[bytes, bytes], None],
     ) -> None:
         """`raw` are the service's class and its full name."""
         self.inherited = inherited

@@ -1,9 +1,9 @@
 """Answers calls that a predecessor of this process took and that are still open at their clients.
 
-rmw_fastrtps drops an answer whose request id names a client that this process has heard no request of: the id holds the
-client's *reader* of answers. With the client's *writer* of requests in its place the answer is sent, and the client takes
-it. Reader and writer belong to one participant and are made one after the other, so their entity keys differ by one.
-The writer is sought in the graph, because nothing reaches the client before discovery has found it.
+rmw_fastrtps drops an answer whose request id names a client that this process has heard no request of: the id holds
+the client's *reader* of answers. With the client's *writer* of requests in its place the answer is sent, and the client
+takes it. Reader and writer belong to one participant and are made one after the other, so their entity keys differ by
+one. The writer is sought in the graph, because nothing reaches the client before discovery has found it.
 """
 
 from __future__ import annotations

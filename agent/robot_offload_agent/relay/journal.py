@@ -26,7 +26,7 @@ _RECORD = struct.Struct(">II")  # size of the record, checksum over nonce and re
 class Journal:
     """Appends records and reads them back, up to the first one that is not whole.
 
-    Records end at a size of 0. A record's checksum covers the half's nonce, so none of an earlier use of the half counts.
+    Records end at a size of 0. A checksum covers record and nonce of the half, so none of an earlier use counts.
 
     Attributes:
         kept: whether records survive this process; False on a disk without room.

@@ -13,8 +13,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from std_srvs.srv import Trigger
-
 from robot_offload_agent.process import realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
@@ -22,13 +20,12 @@ from robot_offload_agent.process.clock import now_s, wall_ns
 from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.relay import cdr
 from robot_offload_agent.relay.entities import ActionClient, ActionServer, ServiceClient, ServiceServer
-from robot_offload_agent.relay.inherited import Inherited, SelfTest
+from robot_offload_agent.relay.inherited import Inherited
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.native import NativeError
-from robot_offload_agent.ros.raw_services import Loop, RawClient, RawService
+from robot_offload_agent.ros.raw_services import Loop
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.ledger.ports import CancelCode, Face, GoalEntry, GoalStatus
-from robot_offload_core.process.messages import Letters
 from robot_offload_core.process.relay import RelayPlan, RelayProcess
 
 log = logging.getLogger(__name__)
@@ -176,7 +173,7 @@ class RelayShell:
 
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""
-        return self.bus.post(to, message) if isinstance(message, Letters) else self.bus.send(to, message)
+        return self.bus.send(to, message)
 
     def warn(self, message: str) -> None:
         """Logs a warning."""

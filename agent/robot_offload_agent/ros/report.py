@@ -18,7 +18,8 @@ from std_msgs.msg import Header, Int32, String
 from robot_offload_agent.ros import services
 from robot_offload_agent.settings.offer import RUN_TIME
 from robot_offload_agent.settings.override import WORDS, Override
-from robot_offload_agent.settings.parameters import GENERAL, Configuration, Parameter
+from robot_offload_agent.settings.parameter import Parameter
+from robot_offload_agent.settings.parameters import GENERAL, Configuration
 from robot_offload_core.beats import Beat
 from robot_offload_core.guardians import Node as GuardedNode
 from robot_offload_core.guardians import State

@@ -18,45 +18,18 @@ from typing import Any
 import yaml
 
 from robot_offload_agent.errors import ConfigurationError
+from robot_offload_agent.settings.parameter import CALLED, TOPIC, Parameter, Value
+from robot_offload_agent.settings.served import SERVED, relay_plan
 from robot_offload_core.declared import SettingsError
+from robot_offload_core.process.relay import RelayPlan
 from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
-
-Value = str | bool | int | float | list[str]
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One parameter.
-
-    Attributes:
-        default: its type is the parameter's type. None: it must be given; then `kind` tells the type.
-        text: meaning, with unit.
-        low, high: inclusive range of numbers.
-        choices: the only values of a text.
-        pattern: regular expression that a text matches as a whole.
-    """
-
-    default: Value | None
-    text: str
-    kind: type = str
-    low: float | None = None
-    high: float | None = None
-    choices: tuple[str, ...] = ()
-    pattern: str = ""
-
-    @property
-    def type(self) -> type:
-        """The Python type of its values."""
-        return self.kind if self.default is None else type(self.default)
-
 
 SITES = ("Robot", "Cloud")
 QOS_WORDS = {
     "reliability": ("auto", "reliable", "best_effort"),
     "durability": ("auto", "volatile", "transient_local"),
 }
-TOPIC = r"/[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*"
 INTERFACE = r"auto|[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*"
 SERVICE = rf"({TOPIC})?"
 
@@ -96,10 +69,23 @@ GENERAL: dict[str, Parameter] = {
     "flap_window_ms": Parameter(5000.0, "a stay in the cloud shorter than this is a flap, ms", low=0, high=3.6e6),
     "activation_deadline_ms": Parameter(250.0, "in which a side's nodes become Active, ms", low=10, high=60000),
     "max_clock_offset_ms": Parameter(20.0, "largest difference of the system clocks, ms", low=1, high=60000),
+    "prepare_deadline_ms": Parameter(
+        0.0,
+        "in which a side that is chosen gets ready, ms; 0: activation_deadline_ms",
+        low=0,
+        high=600000,
+    ),
+    "cancel_deadline_ms": Parameter(
+        2000.0, "in which the goals of the side left behind end before its nodes sleep, ms", low=10, high=60000
+    ),
     "inhibit_service": Parameter("", "std_srvs/SetBool service of the driver; empty: none", pattern=SERVICE),
     "nodes": Parameter(["none"], "managed nodes in bring-up order, by resource name"),
     "outputs": Parameter(["none"], "identifiers of the collected outputs"),
     "inputs": Parameter(["none"], "identifiers of the topics to the cloud"),
+    "services": Parameter(["none"], "identifiers of the services that duplicated nodes serve"),
+    "actions": Parameter(["none"], "identifiers of the actions that duplicated nodes serve"),
+    "used_services": Parameter(["none"], "identifiers of the services outside that duplicated nodes call"),
+    "used_actions": Parameter(["none"], "identifiers of the actions outside that duplicated nodes use"),
     "link.type": Parameter("zenoh", "how the two agents reach each other", choices=("zenoh", "ros")),
     "link.pulse_endpoints": Parameter(["none"], "endpoints of the pulse session"),
     "link.data_endpoints": Parameter(["none"], "endpoints of the data session"),
@@ -147,9 +133,9 @@ INPUT: dict[str, Parameter] = {
     "durability": Parameter("auto", "QoS", choices=QOS_WORDS["durability"]),
     "depth": Parameter(10, "QoS history depth", low=1, high=10000),
 }
-GROUPS = {"nodes": ("node", NODE), "outputs": ("output", OUTPUT), "inputs": ("input", INPUT)}
-NAMES = {"nodes": rf"{TOPIC}|{TOPIC[1:]}", "outputs": r"[A-Za-z0-9_]+", "inputs": r"[A-Za-z0-9_]+"}
-"""Form of the names in the three lists: node names may have a namespace, identifiers become parts of other names."""
+GROUPS = {"nodes": ("node", NODE), "outputs": ("output", OUTPUT), "inputs": ("input", INPUT), **SERVED}
+NAMES = {group: rf"{TOPIC}|{TOPIC[1:]}" if group == "nodes" else CALLED for group in GROUPS}
+"""Form of the names in these lists: node names may have a namespace, identifiers become parts of other names."""
 
 
 @dataclass(frozen=True)
@@ -171,6 +157,10 @@ class Configuration:
     nodes: tuple[Named, ...]
     outputs: tuple[Named, ...]
     inputs: tuple[Named, ...]
+    services: tuple[Named, ...] = ()
+    actions: tuple[Named, ...] = ()
+    used_services: tuple[Named, ...] = ()
+    used_actions: tuple[Named, ...] = ()
 
     def __getitem__(self, key: str) -> Any:
         return self.values[key]
@@ -214,6 +204,11 @@ class Configuration:
     def input_specs(self) -> tuple[InputSpec, ...]:
         """For the health core, which names them to people: by their topics."""
         return tuple(InputSpec(i["topic"], i["max_age_ms"] / 1e3) for i in self.inputs)
+
+    def relay_plan(self) -> RelayPlan | None:
+        """For the relay; None without a served or used name: then there is no relay. Raises ConfigurationError."""
+        declared = {group: [(n.name, n.values) for n in getattr(self, group)] for group in SERVED}
+        return relay_plan(declared, self.settings()) if any(declared.values()) else None
 
     def node_specs(self) -> tuple[NodeSpec, ...]:
         """For the guardian core of this side: CORE is a node that the robot cannot do without, on that side or both."""
@@ -303,6 +298,7 @@ def parse(given: Mapping[str, Any]) -> Configuration:
     if problems:
         raise ConfigurationError("\n".join(problems))
     configuration.settings()
+    configuration.relay_plan()
     return configuration
 
 

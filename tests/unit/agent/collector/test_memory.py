@@ -1,15 +1,17 @@
 """What a collector remembers over its own death: who passed, and nothing that is not whole."""
 
 import subprocess
+import zlib
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_agent.collector.process import MEMORY_BYTES, Memory
+from robot_offload_agent.process.collector_memory import MEMORY_BYTES, NOBODY, HolderView, Memory
 from robot_offload_core import collectors
 from robot_offload_core.collectors import Charge
+from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.token import Site, Token
 
 INCARNATIONS = st.text("0123456789abcdef", min_size=32, max_size=32)
@@ -63,7 +65,32 @@ def test_on_a_full_disk_the_collector_starts_and_remembers_until_it_ends(tmp_pat
 
 
 def test_words_that_are_no_memory_hold_nothing(tmp_path: Path) -> None:
-    sites = (b"moon a 1 b 2 0 3 .", b"robot a x b 2 0 3 .")
-    for text in (*sites, b"robot a 1 b y 0 3 .", b"robot a 1 b 2 0 y .", b"robot a 1 b 2 0 3"):
-        (tmp_path / "collector.memory").write_bytes(text)
+    sites = (b"moon a 1 b 2 0 3", b"robot a x b 2 0 3")
+    for text in (*sites, b"robot a 1 b y 0 3", b"robot a 1 b 2 0 y", b"robot a 1 b 2 0", b""):
+        (tmp_path / "collector.memory").write_bytes(b"%08x %s" % (zlib.crc32(text), text))
         assert Memory(tmp_path).load() is None
+
+
+def test_another_process_reads_who_holds(tmp_path: Path) -> None:
+    view = HolderView(tmp_path)
+    assert view.look() == NOBODY
+    memory = Memory(tmp_path)
+    assert view.look() == NOBODY
+    token = Token("ab" * 16, 7, "cd" * 16)
+    memory.save(state(Charge(Site.CLOUD, token), stay=3))
+    assert view.look() == Holding(Site.CLOUD, 3, token)
+    memory.save(state(Charge(Site.CLOUD, token), fell_back=True, stay=4))
+    assert view.look() == Holding(Site.ROBOT, 4, token)
+
+
+def test_while_the_memory_is_torn_what_was_read_last_holds(tmp_path: Path) -> None:
+    view, memory, charge = HolderView(tmp_path), Memory(tmp_path), Charge(Site.CLOUD, Token("ab" * 16, 7, ""))
+    memory.save(state(charge, stay=3))
+    known = view.look()
+    memory.save(state(Charge(Site.ROBOT, Token("ab" * 16, 8, "")), stay=4))
+    whole = memory.map[:]
+    for end in range(20, len(whole.rstrip(b"\0"))):
+        memory.map[:] = whole[:end].ljust(MEMORY_BYTES, b"7")
+        assert view.look() == known
+    memory.map[:] = whole
+    assert view.look().stay == 4

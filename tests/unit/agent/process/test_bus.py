@@ -17,7 +17,7 @@ from robot_offload_agent.process.codec import CodecError, plain, typed
 from robot_offload_agent.process.parcels import LARGEST_BYTES, TOTAL_BYTES, TOTAL_COUNT
 from robot_offload_core import beats, envelope
 from robot_offload_core.process import messages
-from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, Fatal, Speak
+from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, Fatal, Letters, Speak
 from robot_offload_core.token import Token
 
 HEADER = envelope.encode(envelope.Envelope(Token("ab" * 16, 3, "cd" * 16), 7, 8))
@@ -138,6 +138,13 @@ def test_payloads_of_any_size_up_to_the_largest_arrive_whole(pair: tuple[Bus, Bu
         assert two.receive() == Carried(PASSED, 5, HEADER, payload)
 
 
+@pytest.mark.parametrize("size", [0, 200, 60_000, 5_000_000])
+def test_letters_of_the_relays_arrive_whole(pair: tuple[Bus, Bus], size: int) -> None:
+    letters = Letters(random.Random(size).randbytes(size))
+    assert pair[0].send("two", letters)
+    assert pair[1].receive() == letters
+
+
 def test_a_larger_payload_is_refused_and_its_size_is_known(pair: tuple[Bus, Bus]) -> None:
     one, two = pair
     assert not one.carry("two", ENVELOPE, 0, HEADER, bytes(LARGEST_BYTES + 1), "camera")
@@ -195,4 +202,7 @@ def test_a_process_that_starts_again_takes_over_the_socket_of_its_predecessor(tm
 
 def test_every_message_of_the_core_can_be_sent() -> None:
     declared = {name for name, kind in vars(messages).items() if getattr(kind, "__module__", "") == messages.__name__}
-    assert {name for name in declared if is_dataclass(vars(messages)[name])} - {"Carried"} <= bus.KINDS.keys()
+    assert {name for name in declared if is_dataclass(vars(messages)[name])} - {
+        "Carried",
+        "Letters",
+    } <= bus.KINDS.keys()
