@@ -161,9 +161,10 @@ class GateReport:
     Attributes:
         charge: who passes now; None before the first gate.
         fell_back: see Collector.
-        robot_flows: every rated output has a message of the robot's replica within its deadline.
+        robot_flows: every rated output has a message of the robot's replica within its deadline, or is not judged yet.
         cloud_flows: the same for messages of the cloud with the current (or next) token.
-        robot_flowing: the rated outputs, by index, of which the robot's replica has spoken within the deadline.
+        robot_flowing: the rated outputs, by index, of which a message of the robot's replica was seen within the
+            deadline, without any grace.
     """
 
     charge: Charge | None
@@ -273,8 +274,6 @@ def resume(
     For the cloud it passes nothing before control has spoken, and nothing sent before `now_s`: the predecessor may have
     passed it. Silence counts from now: a restart of ours is nobody's silence.
     """
-    outputs = tuple(replace(o, robot_s=now_s, cloud_s=now_s) for o in collector.outputs)
-    collector = replace(collector, outputs=outputs)
     return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s, stay=stay)
 
 
@@ -330,13 +329,17 @@ def report(collector: Collector, now_s: float) -> GateReport:
     rated = [o for o in collector.outputs if o.spec.deadline_s > 0]
     acts = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
     charged_s = collector.acts_s if acts else None  # a slow output speaks one period after its nodes woke
+    resumed_s = collector.resumed_s
 
-    def robot_flows(output: OutputState) -> bool:
-        known = [t for t in (output.robot_s, charged_s) if t is not None]
+    def flows(output: OutputState, *since_s: float | None) -> bool:
+        known = [t for t in since_s if t is not None]
         return bool(known) and (now_s - max(known) <= output.spec.deadline_s or not judged)
 
+    def robot_flows(output: OutputState) -> bool:
+        return flows(output, output.robot_s, charged_s, resumed_s)
+
     def cloud_flows(output: OutputState) -> bool:
-        return output.cloud_s is not None and (now_s - output.cloud_s <= output.spec.deadline_s or not judged)
+        return flows(output, output.cloud_s, resumed_s)
 
     flowing = tuple(
         i for i, o in enumerate(collector.outputs)

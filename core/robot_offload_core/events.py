@@ -28,6 +28,8 @@ class Acting:
         acting: the side is in charge or gets ready to be.
         outputs_flow: its rated outputs flow.
         in_charge: False while it only gets ready and the other side acts: then nothing of it stops the driver.
+        outputs_heard: a message of each was seen in time: flowing counts by grace too (after a pause of the collector,
+            after a change of who is in charge), and grace lifts no inhibit.
         stop: why the driver is to be stopped at once whoever acts; "" for no reason.
     """
 
@@ -35,3 +37,4 @@ class Acting:
     outputs_flow: bool = True
     in_charge: bool = True
     stop: str = ""
+    outputs_heard: bool = True

@@ -115,7 +115,7 @@ class Guardian:
         acting_since_s: since when.
         in_charge: it is in charge; only then its duplicated CORE nodes matter to the driver.
         outputs_flow: the rated outputs of this side flow (judged by the collector).
-        flowing: see Flowing. stop: see Acting.
+        outputs_heard, stop: see Acting. flowing: see Flowing.
         grace_s: how long a CORE node may be on its way to Active before the driver is inhibited.
         has_driver: there is an inhibit service (the robot's side).
         inhibited: last confirmed by the driver; None before the first confirmation.
@@ -131,6 +131,7 @@ class Guardian:
     acting_since_s: float = 0.0
     in_charge: bool = False
     outputs_flow: bool = True
+    outputs_heard: bool = True
     flowing: tuple[str, ...] = ()
     stop: str = ""
     inhibited: bool | None = None
@@ -279,6 +280,13 @@ def _silent(guardian: Guardian) -> bool:
     return guardian.in_charge and not guardian.outputs_flow
 
 
+def _unheard(guardian: Guardian) -> str:
+    """Returns why a driver that is inhibited, perhaps by an earlier life of ours, stays so; "" for no reason."""
+    if guardian.inhibit_said is False or not guardian.in_charge or guardian.outputs_heard:
+        return ""
+    return "No message of the robot's rated outputs has been seen since"
+
+
 def wanted(guardian: Guardian, node: Node) -> State:
     """The state that a node is to be in."""
     active = not node.spec.duplicated or guardian.acting or node.spec.hot
@@ -297,7 +305,7 @@ def _act(guardian: Guardian, event: Acting, now_s: float) -> Guardian:
         guardian = replace(guardian, acting=event.acting, acting_since_s=now_s, nodes=nodes)
     if in_charge != guardian.in_charge:
         guardian = replace(guardian, in_charge=in_charge, fault_since_s=None)
-    return replace(guardian, outputs_flow=event.outputs_flow, stop=event.stop)
+    return replace(guardian, outputs_flow=event.outputs_flow, outputs_heard=event.outputs_heard, stop=event.stop)
 
 
 def _observe(node: Node, state: State, now_s: float, commands: list[Command]) -> Node:
@@ -427,7 +435,7 @@ def _core_rule(guardian: Guardian, now_s: float, commands: list[Command]) -> Gua
     """Inhibits the driver when a CORE node that should act does not, after the grace; releases it when healthy."""
     if not guardian.has_driver:
         return guardian
-    fault = core_fault(guardian)
+    fault = core_fault(guardian) or _unheard(guardian)
     if not fault:
         guardian = replace(guardian, fault_since_s=None)
     elif guardian.fault_since_s is None:

@@ -12,7 +12,7 @@ from robot_offload_core.health import Situation
 from robot_offload_core.links import Link
 from robot_offload_core.policies import Policy
 from robot_offload_core.reasons import Reason, Verdict
-from robot_offload_core.settings import InputSpec, Settings
+from robot_offload_core.settings import InputSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 
 
@@ -121,7 +121,7 @@ class Robot:
         both_silent: the last preparation for need ended because the cloud's outputs were as silent as the robot's.
         situation: everything heard besides the link, see Situation.
         nodes_ready: the robot's CORE nodes are Active.
-        slowest_output_s: the longest deadline of a rated output; 0 when none is rated.
+        outputs: from the configuration, as the collector numbers them.
         duplicated: the robot has duplicated nodes; without any there is nothing to change over.
         clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
         vetoes: of each source that has any.
@@ -151,7 +151,7 @@ class Robot:
     situation: Situation = Situation()
     nodes_ready: bool = False
     duplicated: bool = True
-    slowest_output_s: float = 0.0
+    outputs: tuple[OutputSpec, ...] = ()
     clear_s: float | None = None
     vetoes: tuple[Vetoed, ...] = ()
     pin: Wish | None = None
@@ -169,6 +169,11 @@ class Robot:
     def candidate(self) -> int:
         """Epoch of the side that gets ready; 0 for none."""
         return 0 if self.preparation is None else self.preparation.candidate
+
+    @property
+    def slowest_output_s(self) -> float:
+        """The longest deadline of a rated output; 0 when none is rated."""
+        return max((o.deadline_s for o in self.outputs), default=0.0)
 
 
 @dataclass(frozen=True)

@@ -357,6 +357,30 @@ def _outputs_flow(robot: Robot, now_s: float) -> bool:
     return gate is not None and gate.robot_flows
 
 
+def _outputs_heard(robot: Robot, now_s: float) -> bool:
+    """The collector passes the robot and has seen a message of each rated output in time (while the robot acts).
+
+    No grace counts, for pauses of whichever process or for a new charge, but for outputs that are slower than nodes
+    wake: they speak one period after their side took over, and nobody waits for them.
+    """
+    if site(robot) is Site.CLOUD:
+        return True
+    gate, settings = robot.situation.gate, robot.settings
+    reported_s = robot.situation.gate_s
+    charged_for_s = now_s - max(robot.charged_s, robot.started_us / 1e6)
+    due = {
+        i
+        for i, o in enumerate(robot.outputs)
+        if o.deadline_s > 0 and not settings.activation_deadline_s < o.deadline_s >= charged_for_s
+    }
+    if not due:
+        return True
+    if gate is None or reported_s is None or now_s - reported_s > settings.lease_s:
+        return False
+    passes = gate.charge is None or gate.charge.site is Site.ROBOT or gate.fell_back
+    return passes and due <= set(gate.robot_flowing)
+
+
 # -- changing ---------------------------------------------------------------------------------------------------------
 
 
@@ -453,6 +477,7 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
         outputs_flow=_outputs_flow(robot, now_s),
         in_charge=site(robot) is Site.ROBOT,
         stop=next((v.message for v in wishes.reported(robot) if v.stops), ""),
+        outputs_heard=_outputs_heard(robot, now_s),
     )
     levels = (permission, gate, acting)
     if levels != robot.levels or now_s - robot.levels_s >= settings.beat_period_s - 1e-6:

@@ -91,7 +91,7 @@ class RobotControlProcess(ControlProcess):
         self.robot = Robot(
             incarnation, started_us, meanwhile(plan.settings, plan.asked), plan.inputs,
             since_s=started_s, charged_s=started_s, pin=plan.pin, asked=plan.asked,
-            slowest_output_s=max((o.deadline_s for o in plan.outputs), default=0.0),
+            outputs=plan.outputs,
         )  # fmt: skip
         self.settings = plan.asked
         self.strict = plan.strict
@@ -214,7 +214,9 @@ class RobotControlProcess(ControlProcess):
                 self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud()))
             case Acting():
                 guardian = self.guardian
-                known = Acting(guardian.acting, guardian.outputs_flow, guardian.in_charge, guardian.stop)
+                known = Acting(
+                    guardian.acting, guardian.outputs_flow, guardian.in_charge, guardian.stop, guardian.outputs_heard
+                )
                 if known != replace(command, in_charge=command.acting and command.in_charge):
                     self.guard(command)
             case placement.Reopen():

@@ -202,13 +202,15 @@ def _robot_event(robot: placement.Robot, event: placement.Event, now_s: float) -
 
 
 def _person(event: placement.Event) -> tuple[str, str]:
-    """What people and the cloud's operator do."""
+    """What people, the cloud's operator and other publishers do."""
     if isinstance(event, placement.SwitchByHand):
         return "by hand: robot" if event.site is Site.ROBOT else "by hand: cloud", ""
     if isinstance(event, placement.SetSettings):
         return "settings", ""
     if isinstance(event, placement.CloudLeaving):
         return "leaving", ""
+    if isinstance(event, placement.Vetoed):
+        return "veto", ""
     if not isinstance(event, placement.SetPin):
         raise TypeError(f"the simulation does not bring about {type(event).__name__}")
     return "pin: none" if event.pin is None else f"pin: {event.pin.site.value}", ""

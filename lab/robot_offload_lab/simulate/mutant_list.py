@@ -29,7 +29,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "L5": Mutant(
         "lease carries over to a newer epoch",
-        "hold_down_after_a_loss",
+        "lease_of_an_ended_epoch",
         (
             Edit(
                 "lease",
@@ -688,6 +688,56 @@ MUTANTS: dict[str, Mutant] = {
                 "return False  # its reports",
             ),
         ),
+    ),
+    "S22": Mutant(
+        "grace after a pause lifts an inhibit",
+        "released_by_messages",
+        (Edit("switcher", "    return passes and due <= set(gate.robot_flowing)\n", "    return passes\n"),),
+    ),
+    "S23": Mutant(
+        "reports from before a hang lift an inhibit",
+        "no_release_by_old_reports",
+        (
+            Edit(
+                "switcher",
+                "    if gate is None or reported_s is None or now_s - reported_s > settings.lease_s:\n        return False\n    passes",
+                "    if gate is None:\n        return False\n    passes",
+            ),
+        ),
+    ),
+    "S24": Mutant(
+        "what the collector holds back lifts an inhibit",
+        "held_back_is_not_heard",
+        (
+            Edit(
+                "switcher",
+                "passes = gate.charge is None or gate.charge.site is Site.ROBOT or gate.fell_back",
+                "passes = True",
+            ),
+        ),
+    ),
+    "S25": Mutant(
+        "slow outputs hold the driver after nodes that woke late",
+        "slow_outputs_hold_nobody",
+        (Edit("switcher", " and not settings.activation_deadline_s < o.deadline_s >= charged_for_s\n", "\n"),),
+    ),
+    "C19": Mutant(
+        "a restarted collector counts as having heard the robot",
+        "released_by_messages",
+        (
+            Edit(
+                "collectors",
+                "    return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s, stay=stay)",
+                "    outputs = tuple(replace(o, robot_s=now_s) for o in collector.outputs)\n"
+                "    collector = replace(collector, outputs=outputs)\n"
+                "    return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s, stay=stay)",
+            ),
+        ),
+    ),
+    "G13": Mutant(
+        "the first word of a restarted control lifts an inhibit",
+        "restarted_control_releases_by_messages",
+        (Edit("guardians", "if guardian.inhibit_said is False or", "if guardian.inhibit_said is not True or"),),
     ),
     "H17": Mutant(
         "what was reported waits for the end of a stall",

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from robot_offload_lab.simulate import (
     story_fence,
     story_graphs,
+    story_inhibit,
     story_late,
     story_link,
     story_nodes,
@@ -16,6 +17,15 @@ from robot_offload_lab.simulate import (
 
 STORIES: dict[str, Callable[[], None]] = {
     story.__name__: story
-    for module in (story_link, story_fence, story_people, story_nodes, story_graphs, story_processes, story_late)
+    for module in (
+        story_link,
+        story_fence,
+        story_people,
+        story_nodes,
+        story_graphs,
+        story_inhibit,
+        story_processes,
+        story_late,
+    )
     for story in module.STORIES
 }

@@ -276,18 +276,37 @@ def called_off() -> None:
 
 
 def doubled_messages() -> None:
-    """Every message of the cloud arrives twice, across changeovers: none passes twice (1b)."""
+    """Every message of the cloud arrives twice or more, across changeovers: none passes twice (1b)."""
     stage = Stage(nodes=(CONTROLLER, ARM), outputs=(OutputSpec("cmd_vel", 0.15), OutputSpec("arm", 0.2)),
                   replicas={"controller": Replica(0, 0.05), "arm": Replica(1, 0.05)})  # fmt: skip
+    wire, heard = stage.link.data.down, []
+    data, arrived = wire.target
+
+    def listen(*message: object) -> None:
+        heard.append(message)
+        arrived(*message)
+
+    wire.target = data, listen
     stage.start()
-    stage.link.data.down.doubled = 1.0
+    wire.doubled = 1.0
     stage.until(lambda: stage.phase is Phase.CLOUD, 6.0, "the cloud is in charge")
+    for message in heard[-10:]:  # also those that waited for the changeover
+        arrived(*message)
     for _ in range(4):
         stage.run(0.4)
         stage.by_hand(Site.ROBOT)
         stage.run(0.5)
         stage.by_hand(Site.CLOUD)
     stage.run(0.5)
+
+
+def lease_of_an_ended_epoch() -> None:
+    """A newer epoch without a grant ends the lease: what the cloud has left of the older one permits nothing (2)."""
+    stage = Stage(drops=False)
+    stage.in_cloud()
+    stage.robot.collector.kill(0.4)
+    stage.lost(0.5, "without a collector the robot is in charge")
+    stage.run(1.0)
 
 
 def repeated_next() -> None:
@@ -494,6 +513,7 @@ STORIES = (
     effects_while_offered,
     called_off,
     doubled_messages,
+    lease_of_an_ended_epoch,
     repeated_next,
     impossible_echo,
     held_too_long,

@@ -209,6 +209,25 @@ def test_losing_charge_to_a_healthy_cloud_releases_the_driver() -> None:
     assert shift.driver is False
 
 
+def test_a_driver_inhibited_for_silence_is_released_for_messages_and_not_for_grace() -> None:
+    shift = on_duty()
+    shift.act(flow=False)
+    shift.run(0.1)
+    assert shift.driver is True
+    shift.happen(Acting(True, outputs_flow=True, outputs_heard=False))
+    shift.run(2.0)
+    assert shift.driver is True
+    shift.happen(Acting(True, outputs_flow=True, outputs_heard=True))
+    assert shift.driver is False
+
+
+def test_outputs_that_were_not_heard_yet_stop_no_driver_that_is_free() -> None:
+    shift = on_duty()
+    shift.happen(Acting(True, outputs_flow=True, outputs_heard=False))
+    shift.run(2.0)
+    assert shift.driver is False
+
+
 # -- the first word
 
 

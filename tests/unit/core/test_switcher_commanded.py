@@ -415,6 +415,6 @@ def test_a_robot_without_duplicated_nodes_never_prepares_a_changeover() -> None:
 
 
 def test_a_slow_output_has_its_deadline_to_show_in_a_preparation() -> None:
-    robot, _ = switcher.step(robot_in(slowest_output_s=40.0), ASKED_CLOUD, NOW_S)
+    robot, _ = switcher.step(robot_in(outputs=(OutputSpec("status", 40.0),)), ASKED_CLOUD, NOW_S)
     assert robot.preparation is not None
     assert robot.preparation.deadline_s >= NOW_S + 40.0 + SETTINGS.activation_deadline_s

@@ -8,10 +8,11 @@ from itertools import pairwise
 import pytest
 
 from robot_offload_core import switcher
+from robot_offload_core.collectors import GateReport
 from robot_offload_core.events import Acting, Tick
 from robot_offload_core.placement import GateReported, Permit, Phase, Robot, SetGate, SetPin, SwitchByHand, Wish
 from robot_offload_core.pulse import PERMISSION_BEATS
-from robot_offload_core.settings import STALL_BEATS
+from robot_offload_core.settings import STALL_BEATS, OutputSpec
 from robot_offload_core.token import Site
 from tests.unit.core.builders import (
     BEAT_S,
@@ -100,6 +101,42 @@ def flow(robot: Robot, now_s: float = NOW_S) -> bool:
     told = only(switcher.step(robot, Tick(), now_s)[1], Acting)
     assert isinstance(told, Acting)
     return told.outputs_flow
+
+
+def heard(robot: Robot, now_s: float = NOW_S) -> bool:
+    told = only(switcher.step(robot, Tick(), now_s)[1], Acting)
+    assert isinstance(told, Acting)
+    return told.outputs_heard
+
+
+OUTPUTS = (OutputSpec("cmd_vel", 0.15), OutputSpec("plan", 0.0), OutputSpec("status", 40.0))
+
+
+@pytest.mark.parametrize(
+    ("report", "expected"),
+    [
+        (gate_report(Site.ROBOT, 3, robot_flowing=(0, 2)), True),
+        (gate_report(Site.ROBOT, 3, robot_flowing=(2,)), False),
+        (gate_report(Site.CLOUD, 2, robot_flowing=(0, 2)), False),
+        (gate_report(Site.CLOUD, 2, robot_flowing=(0, 2), fell_back=True), True),
+        (gate_report(Site.ROBOT, 3, robot_flowing=(0,)), False),
+    ],
+    ids=["all", "one silent", "held back", "fell back", "the slow one too"],
+)
+def test_outputs_count_as_heard_when_the_collector_passes_a_message_of_each(report: GateReport, expected: bool) -> None:
+    robot = robot_in(outputs=OUTPUTS, charged_s=NOW_S - 60.0, situation=situation(gate=report))
+    assert heard(robot) is expected
+
+
+def test_outputs_that_are_slower_than_nodes_wake_have_a_deadline_for_their_first_message() -> None:
+    told = situation(gate=gate_report(Site.ROBOT, 3, robot_flowing=(0,)))
+    assert heard(robot_in(outputs=OUTPUTS, charged_s=NOW_S - 39.0, situation=told))
+    assert not heard(robot_in(outputs=OUTPUTS, charged_s=NOW_S - 41.0, situation=told))
+
+
+def test_an_old_report_of_the_collector_proves_no_message() -> None:
+    told = situation(gate=gate_report(Site.ROBOT, 3, robot_flowing=(0, 2)), gate_s=NOW_S - 1.0)
+    assert not heard(robot_in(outputs=OUTPUTS, charged_s=NOW_S - 60.0, situation=told))
 
 
 def test_silence_of_the_robots_output_is_told_to_the_core_rule() -> None:

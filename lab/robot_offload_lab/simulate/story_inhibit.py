@@ -1,0 +1,122 @@
+"""Stories of the inhibited driver: messages that were seen lift an inhibit, and no grace for whichever process does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from robot_offload_core.placement import Phase, Veto, Vetoed
+from robot_offload_core.reasons import Reason
+from robot_offload_core.settings import OutputSpec
+from robot_offload_core.token import Site
+from robot_offload_lab.simulate.scenario import Replica
+from robot_offload_lab.simulate.stage import Stage
+from robot_offload_lab.simulate.story_nodes import TWO
+
+Fall = Callable[[Stage], None]
+"""Lets a process of the robot stand still or die for a second."""
+
+
+def _hang(stage: Stage) -> None:
+    stage.stall(stage.robot.collector, 1.0)
+
+
+def _die(stage: Stage) -> None:
+    stage.robot.collector.kill(1.0)
+
+
+def _silent_behind(fall: Fall, *, in_cloud: bool = False, hot: bool = False) -> Stage:
+    """Returns a stage on which the driver is inhibited, and the arm fell silent before the collector is back."""
+    stage = Stage(**TWO, hot=hot)
+    if in_cloud:
+        stage.in_cloud()
+    else:
+        stage.start(cloud=False)
+        stage.robot_acts()
+        stage.run(1.5)
+    fall(stage)
+    stage.until_inhibited(0.9, "without a collector the driver is inhibited")
+    stage.hush("robot", "arm")
+    return stage
+
+
+def _released_by_messages(stage: Stage, for_s: float) -> None:
+    """The driver stays inhibited while the arm is silent, and is released when the arm publishes again."""
+    stage.always(lambda: stage.driver.inhibited, for_s, "an inhibit is lifted although an output is silent")
+    stage.robot.nodes["arm"].hung -= 1
+    stage.until(lambda: not stage.driver.inhibited, 1.0, "messages release the driver")
+
+
+def released_by_messages() -> None:
+    """A collector that hung or died comes back: the driver stays inhibited until messages of each output were seen."""
+    for fall in (_hang, _die):
+        _released_by_messages(_silent_behind(fall), 2.0)
+
+
+def released_by_messages_after_a_loss() -> None:
+    """The same when the cloud was in charge: the collector's late news of the robot's charge is no message."""
+    for fall in (_hang, _die):
+        stage = _silent_behind(fall, in_cloud=True)
+        stage.cut()
+        _released_by_messages(stage, 2.0)
+
+
+def held_back_is_not_heard() -> None:
+    """What a Hot robot publishes while the collector still passes the cloud moves nothing and releases nobody."""
+    stage = Stage(hot=True)
+    stage.in_cloud()
+    start_s = stage.now
+    stage.deaf("control", "collector", 0.2)
+    control = stage.robot.control
+    control.step(Vetoed("story", (Veto(Reason.TYPES_DIFFER, "the types differ", stops=True),)))
+    stage.until_inhibited(0.05, "a strict veto stops the driver")
+    stage.expect(stage.site is Site.ROBOT, "the robot is in charge")
+    control.step(Vetoed("story"))
+    passes = "released before a message of the robot passed"
+    stage.always(lambda: stage.driver.inhibited or stage.first_message(start_s, Site.ROBOT) is not None, 0.15, passes)
+    stage.until(lambda: not stage.driver.inhibited, 1.0, "messages release the driver")
+
+
+def no_release_by_old_reports() -> None:
+    """What the collector reported before it hung lifts no inhibit while control stalls and judges no silence."""
+    stage = _silent_behind(lambda s: s.stall(s.robot.collector, 5.0))
+    for _ in range(5):
+        stage.stall(stage.robot.control, 0.2)
+        stage.always(lambda: stage.driver.inhibited, 0.6, "a stall of control's own lifts an inhibit")
+
+
+def restarted_control_releases_by_messages() -> None:
+    """A control that restarts releases a driver, inhibited by its earlier life, for messages and not for its grace."""
+    stage = Stage(**TWO)
+    stage.start(cloud=False)
+    stage.robot_acts()
+    stage.run(1.5)
+    stage.hush("robot", "arm")
+    stage.until_inhibited(0.9, "a silent output stops the driver")
+    stage.robot.control.kill(0.1)
+    _released_by_messages(stage, 2.0)
+
+
+def slow_outputs_hold_nobody() -> None:
+    """After an inhibit for nodes that woke late the fast outputs release the driver, slow ones have their deadline."""
+    slow = TWO | {
+        "outputs": (OutputSpec("cmd_vel", 0.15), OutputSpec("arm", 12.0)),
+        "replicas": {"controller": Replica(0, 0.05), "arm": Replica(1, 5.0, on_activate=True)},
+    }
+    stage = Stage(**slow)
+    stage.start()
+    stage.until(lambda: stage.phase is Phase.CLOUD, 30.0, "the cloud is in charge")
+    stage.run(13.0)
+    stage.robot.nodes["controller"].slow_s = 0.6
+    stage.cut()
+    stage.until_inhibited(1.0, "nodes that wake too late stop the driver")
+    stage.until(lambda: not stage.driver.inhibited, 2.0, "a slow output holds the driver")
+
+
+STORIES = (
+    released_by_messages,
+    released_by_messages_after_a_loss,
+    held_back_is_not_heard,
+    no_release_by_old_reports,
+    restarted_control_releases_by_messages,
+    slow_outputs_hold_nobody,
+)
