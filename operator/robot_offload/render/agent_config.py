@@ -36,7 +36,8 @@ RUN_TIME_INPUT: Final = frozenset(("max_age_ms", "max_rate_hz"))
 """The same of each input."""
 SHARED: Final = RUN_TIME | {
     "domain_id", "namespace", "heartbeat_period_ms", "strict", "inhibit_service", "nodes", "node", "outputs", "output",
-    "inputs", "input",
+    "inputs", "input", "services", "service", "actions", "action", "used_services", "used_service", "used_actions",
+    "used_action", "prepare_deadline_ms", "cancel_deadline_ms",
 }  # fmt: skip
 """What follows from the resource alone, not from where an agent runs."""
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
