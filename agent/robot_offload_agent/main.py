@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from robot_offload_agent.certificates.wallet import with_own_certificate
 from robot_offload_agent.errors import AgentError, ConfigurationError
 from robot_offload_agent.settings.parameters import Configuration, load
 from robot_offload_core.token import Site
@@ -58,6 +59,8 @@ def main(arguments: list[str] | None = None) -> int:
             raise ConfigurationError(f"parameter side: the file is for the {configuration['side']}")
         if options.record is not None:
             configuration = recording(configuration, options.record)
+        if not options.check:
+            configuration = with_own_certificate(configuration)
         check_link(configuration)
         return 0 if options.check else supervise(configuration)
     except AgentError as error:

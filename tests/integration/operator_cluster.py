@@ -123,13 +123,14 @@ class Place:
     def replicas(self, deployment: str) -> int:
         return int(self.there(DEPLOYMENT, deployment)["spec"]["replicas"])
 
-    def renew(self, site: str, reason: str, name: str = "walker") -> None:
+    def renew(self, site: str, reason: str, name: str = "walker", certificate: Mapping[str, str] | None = None) -> None:
         """Write the robot's Lease as the reporter does."""
         generation = self.roff(name)["metadata"]["generation"]
         settings = {"robot_generation": generation, "accepted": True, "reason": "", "message": ""}
         state = {
             "version": 1, "agent_generation": generation, "connected": True, "site": site, "epoch": 3,
             "reason": reason, "message": "as a test says", "ready": True, "settings": settings,
+            "certificate": dict(certificate or {}),
         }  # fmt: skip
         spec = {"holderIdentity": name, "leaseDurationSeconds": 30, "renewTime": "2026-11-21T23:00:00.000000Z"}
         annotations = {"robotoffload.dev/state": json.dumps(state)}

@@ -77,9 +77,9 @@ def settings_of(generation: int) -> str:
     return f"/**:\n  ros__parameters:\n    generation: {generation}\n    pin: Robot\n"
 
 
-def offer(kubectl: Kubectl, generation: int) -> None:
+def offer(kubectl: Kubectl, generation: int, **further: str) -> None:
     metadata = {"name": SETTINGS}
-    data = {"settings.yaml": settings_of(generation)}
+    data = {"settings.yaml": settings_of(generation), **further}
     kubectl.apply({"apiVersion": "v1", "kind": "ConfigMap", "metadata": metadata, "data": data})
 
 
@@ -90,7 +90,9 @@ def test_changed_settings_reach_the_agents_file_by_a_watch_with_the_rendered_rol
     mounted.parent.mkdir()
     file.parent.mkdir()
     mounted.write_text(settings_of(1))  # what the kubelet brought when the pod started, and never brings again here
+    answer = tmp_path / "run" / "certificate.json"
     variables = {"SETTINGS_NAME": SETTINGS, "SETTINGS_MOUNTED": str(mounted), "SETTINGS_FILE": str(file)}
+    variables["ANSWER_FILE"] = str(answer)
     kubeconfig = control_plane.kubeconfig_of(namespace, "talker-agent")
     process = Running(tmp_path, kubeconfig, namespace, "talker", **variables)
     try:
@@ -98,10 +100,13 @@ def test_changed_settings_reach_the_agents_file_by_a_watch_with_the_rendered_rol
         for generation in (2, 3):
             offer(kubectl, generation)
             eventually(lambda generation=generation: file.read_text() == settings_of(generation))
+        assert not answer.exists()
+        offer(kubectl, 3, **{"certificate.json": "an answer"})
+        eventually(lambda: answer.exists() and answer.read_text() == "an answer")
         kubectl("delete", "configmap", SETTINGS)
         offer(kubectl, 4)
         eventually(lambda: file.read_text() == settings_of(4))
-        assert [path.name for path in file.parent.iterdir()] == ["settings.yaml"]
+        assert {path.name for path in file.parent.iterdir()} == {"settings.yaml", "certificate.json"}
     finally:
         assert process.stop() == 0
 

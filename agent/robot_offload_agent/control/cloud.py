@@ -33,7 +33,9 @@ class CloudControlShell(ControlShell):
         super().__init__(configuration, bus)
         settings = configuration.settings()
         self.process = CloudControlProcess(settings, configuration.node_specs(), self, self.incarnation)
-        self.liaison = liaison.Liaison(watched=bool(configuration["settings_file"]))
+        self.liaison = liaison.Liaison(
+            watched=bool(configuration["settings_file"]), signs=bool(configuration["certificate_file"])
+        )
         self.noted: tuple[object, ...] = ()
         self.files = ClusterFiles(configuration, lambda event: self.post(lambda now: self.deal(event, now)))
         self.files.start()

@@ -7,6 +7,7 @@ import logging
 from pathlib import Path
 from typing import Any
 
+from robot_offload_agent.certificates.keeper import CertificateKeeper
 from robot_offload_agent.control import culprits
 from robot_offload_agent.control.process import ControlShell, start
 from robot_offload_agent.control.recorder import Recorder
@@ -39,6 +40,7 @@ class RobotControlShell(ControlShell):
         self.published = ""
         self.override = Override(configuration)
         self.tuned = RobotSettings(configuration, self.post, self.adopt)
+        self.certificate = CertificateKeeper(configuration, self.post, self.send_notes)
         present = self.tuned.present
         plan = RobotPlan(
             configuration.settings(), present.settings(), present.input_specs(), configuration.node_specs(),
@@ -91,13 +93,16 @@ class RobotControlShell(ControlShell):
             return
         if self.process.announce_leaving(self.tuned.take(message.text), now + LEAVING_S):
             self.send_notes()
+        self.certificate.hear(self.tuned.heard.signs, self.tuned.heard.answer, now)
 
     def send_notes(self) -> None:
         """Sends our notes for the cloud."""
         robot = self.process.robot
         decided = robot.decided
         message = self.explained(decided.reason, decided.message)
-        text = self.tuned.notes(self.process.left[1], switcher.site(robot), decided.reason, message)
+        text = self.tuned.notes(
+            self.process.left[1], switcher.site(robot), decided.reason, message, self.certificate.credential
+        )
         self.bus.send("data", Notes(self.incarnation, text))
 
     def turned(self, now: float) -> None:
@@ -170,6 +175,7 @@ class RobotControlShell(ControlShell):
         tight = too_tight(self.tuned.present)
         self.report.note("limits", (Problem.LIMIT_TOO_TIGHT, tight) if tight else None)
         self.report.note("settings", self.tuned.problem)
+        self.report.note("certificate", self.certificate.problem)
         self.send_limits()
         self.send_notes()
         undeclared = self.managed.undeclared()

@@ -7,13 +7,15 @@ import threading
 from collections.abc import Callable
 
 from robot_offload_agent.settings import store
-from robot_offload_agent.settings.notes import NotesError, RobotNotes, decode_cloud, encode
+from robot_offload_agent.settings.notes import CloudNotes, Credential, NotesError, RobotNotes, decode_cloud, encode
 from robot_offload_agent.settings.offer import Answer, Judgement, Offer, input_limits, judge
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.process.messages import Limits
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
+
+UNKNOWN = Credential()
 
 
 class RobotSettings:
@@ -23,6 +25,7 @@ class RobotSettings:
         local: the robot's file, with the hard limits.
         present: what is in force.
         problem: (reason, message) for diagnostics; None when all is well.
+        heard: the newest notes of the cloud.
     """
 
     def __init__(
@@ -34,6 +37,7 @@ class RobotSettings:
         self.adopt = adopt
         self.keeping = False
         self.disk = threading.Lock()
+        self.heard = CloudNotes()
         self.present, offer, self.problem = store.load(local)
         self.judged = offer.digest if offer is not None else ""
         self.judgement = Judgement(self.present, Answer.ACCEPTED, f"The robot runs generation {self.generation}")
@@ -59,6 +63,7 @@ class RobotSettings:
         except NotesError as error:
             log.warning("Notes of the cloud that are none of ours: %s", error)
             return ""
+        self.heard = notes
         offer = notes.offer
         again = self.judgement.reason is Answer.NOT_KEPT and not self.keeping  # the disk may have been freed
         if offer is not None and (offer.digest != self.judged or again):
@@ -74,14 +79,15 @@ class RobotSettings:
                 threading.Thread(target=self._keep, args=(offer, judgement), name="keep", daemon=True).start()
         return notes.leaving
 
-    def notes(self, left: str, site: Site, reason: str, message: str) -> str:
+    def notes(self, left: str, site: Site, reason: str, message: str, credential: Credential = UNKNOWN) -> str:
         """What the cloud is told."""
         judgement = self.judgement
         digest = "" if judgement.reason is Answer.KEEPING else self.judged
         accepted = judgement.configuration is not None
         told = RobotNotes(
-            self.generation, digest, accepted, judgement.reason, judgement.message, left, site.value, reason, message
-        )
+            self.generation, digest, accepted, judgement.reason, judgement.message, left, site.value, reason, message,
+            credential,
+        )  # fmt: skip
         return encode(told)
 
     def _keep(self, offer: Offer, judgement: Judgement) -> None:

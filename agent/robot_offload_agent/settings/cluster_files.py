@@ -12,7 +12,8 @@ from typing import Any
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.files import NewestWriter, Watch, age_s
-from robot_offload_agent.settings.liaison import LEAVING_S, Event, HandoverAsked, SettingsRead
+from robot_offload_agent.settings.liaison import LEAVING_S, AnswerRead, Event, HandoverAsked, SettingsRead
+from robot_offload_agent.settings.notes import MAX_ANSWER
 from robot_offload_agent.settings.offer import read_offer
 from robot_offload_agent.settings.parameters import Configuration
 
@@ -29,13 +30,14 @@ def wall_text() -> str:
 
 
 class ClusterFiles:
-    """Watches two files and writes one; those without a name are off."""
+    """Watches three files and writes one; those without a name are off."""
 
     def __init__(self, configuration: Configuration, happened: Callable[[Event], None]) -> None:
         """`happened` is called on threads of this class."""
         self.happened = happened
         self.settings_file: str = configuration["settings_file"]
         self.handover_file: str = configuration["handover_file"]
+        self.certificate_file: str = configuration["certificate_file"]
         self.state_file: str = configuration["state_file"]
         self.writer = NewestWriter(Path(self.state_file)) if self.state_file else None
         self.written: dict[str, Any] = {}
@@ -47,6 +49,8 @@ class ClusterFiles:
             Watch(Path(self.settings_file), self._settings).start()
         if self.handover_file:
             Watch(Path(self.handover_file), self._handover).start()
+        if self.certificate_file:
+            Watch(Path(self.certificate_file), self._answer).start()
 
     def tell(self, state: dict[str, Any], now: float, figures: Callable[[], dict[str, Any]]) -> None:
         """Writes the state when it has changed, or when the last writing is a while ago.
@@ -69,6 +73,10 @@ class ClusterFiles:
         else:
             log.info("Settings to offer generation=%d", offer.generation)
             self.happened(SettingsRead(offer))
+
+    def _answer(self, text: str | None, _why: str) -> None:
+        # There is none before a robot has asked; only the robot can judge it.
+        self.happened(AnswerRead(text if text is not None and len(text) <= MAX_ANSWER else ""))
 
     def _handover(self, text: str | None, _why: str) -> None:
         # A file that an earlier agent of this pod has answered already must not move the robot again.

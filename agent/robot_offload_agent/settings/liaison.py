@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from robot_offload_agent.settings.notes import CloudNotes, RobotNotes
+from robot_offload_agent.settings.notes import CloudNotes, Credential, RobotNotes
 from robot_offload_agent.settings.offer import Answer, Offer
 from robot_offload_core.events import assert_never
 from robot_offload_core.links import Health
@@ -33,6 +33,8 @@ class Liaison:
         robot: the newest notes of the robot; None before the first of this connection.
         generation: that the robot ran when it was last heard; None never.
         connected: a robot is heard; since when it is (not).
+        signs: the operator signs certificates for robots, and writes its answers to a file.
+        answer: its newest answer; "" for none.
         leaving, leaving_until_s: the end of pods asked for last; "" for none.
         handed_over: the end of pods for which the robot acts, or for which there was no robot to act.
     """
@@ -44,6 +46,8 @@ class Liaison:
     generation: int | None = None
     connected: bool = False
     since: str = ""
+    signs: bool = False
+    answer: str = ""
     leaving: str = ""
     leaving_until_s: float = 0.0
     handed_over: str = ""
@@ -55,6 +59,13 @@ class SettingsRead:
 
     offer: Offer | None
     problem: str = ""
+
+
+@dataclass(frozen=True)
+class AnswerRead:
+    """The file with the answer to the robot's request for a certificate has new content."""
+
+    answer: str
 
 
 @dataclass(frozen=True)
@@ -79,7 +90,7 @@ class Seen:
     wall: str
 
 
-Event = SettingsRead | HandoverAsked | RobotSaid | Seen
+Event = SettingsRead | AnswerRead | HandoverAsked | RobotSaid | Seen
 
 
 def step(liaison: Liaison, event: Event, now_s: float) -> Liaison:
@@ -87,6 +98,8 @@ def step(liaison: Liaison, event: Event, now_s: float) -> Liaison:
     match event:
         case SettingsRead():
             liaison = replace(liaison, offer=event.offer, problem=event.problem)
+        case AnswerRead():
+            liaison = replace(liaison, answer=event.answer)
         case HandoverAsked():
             if event.name and event.name != liaison.leaving:
                 liaison = replace(liaison, leaving=event.name, leaving_until_s=now_s + LEAVING_S)
@@ -105,7 +118,8 @@ def notes(liaison: Liaison, now_s: float) -> CloudNotes:
     robot = liaison.robot
     answered = robot is not None and _answered(robot, liaison.offer) and robot.reason != Answer.NOT_KEPT
     leaving = liaison.leaving if now_s < liaison.leaving_until_s else ""
-    return CloudNotes(None if answered else liaison.offer, leaving)
+    asks = robot is not None and bool(robot.credential.request)
+    return CloudNotes(None if answered else liaison.offer, leaving, liaison.signs, liaison.answer if asks else "")
 
 
 def taken(liaison: Liaison) -> Offer | None:
@@ -135,6 +149,7 @@ def state(
         "message": message,
         "nodes": [{"name": name, "state": word} for name, word in nodes],
         "settings": _settings(liaison),
+        "certificate": vars(liaison.robot.credential if liaison.robot is not None else Credential()),
         "handover": liaison.handed_over,
         "ready": ready,
     }

@@ -47,6 +47,9 @@ GENERAL: dict[str, Parameter] = {
     "state_file": Parameter("", "file to which the cloud's agent tells its state (JSON); empty: none"),
     "settings_file": Parameter("", "parameter file watched in the cloud for settings to push; empty: none"),
     "handover_file": Parameter("", "file watched in the cloud: its text asks the robot to take over; empty: none"),
+    "certificate_file": Parameter(
+        "", "file watched in the cloud: the answer to the robot's request for a certificate; empty: none is signed"
+    ),
     "realtime": Parameter(False, "run under SCHED_FIFO (needs the privilege; a warning tells when it is missing)"),
     "mode": Parameter(
         "Auto", "Auto switches; Observe only says what it would do", choices=tuple(m.value for m in Mode)

@@ -28,6 +28,8 @@ MAX_NODES: Final = 64
 UNREADABLE: Final = "Unreadable"
 """Stands in place of a reason that is no single word."""
 _REASON: Final = re.compile(r"[A-Za-z]{1,64}")
+_SERIAL: Final = re.compile(r"[0-9a-f]{0,40}")
+_TIME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ")
 _INT64: Final = range(-(2**63), 2**63)
 _LIVE_FIELDS: Final = ("written", "round_trip_ms")
 """What changes all the time; it is in the metrics and never in the Lease."""
@@ -55,6 +57,25 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True)
+class RobotCertificate:
+    """The certificate with which the robot dials, as the robot says.
+
+    Attributes:
+        serial: its serial number, hexadecimal; empty: the robot has not said.
+        not_after: RFC 3339 time of its end.
+        request: what the robot asks to be signed for its next key, as it came; empty: nothing.
+        reason: why it cannot get another one, one CamelCase word; empty: it can, or need not yet.
+        message: the same as a sentence.
+    """
+
+    serial: str = ""
+    not_after: str = ""
+    request: str = ""
+    reason: str = ""
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class AgentState:
     """What the cloud agent says about its robot and itself.
 
@@ -70,6 +91,7 @@ class AgentState:
         round_trip_p99_ms: the round trip that one of a hundred exceeds; None: not known.
         nodes: name and lifecycle state of each node in the cloud.
         settings: what became of the run-time settings on the robot.
+        certificate: with which the robot dials.
         ready: whether the agent listens for its robot; no robot need be there.
         handover: the id of the last handover that the agent has finished.
         written: RFC 3339 time at which the agent wrote this.
@@ -86,6 +108,7 @@ class AgentState:
     round_trip_p99_ms: float | None = None
     nodes: tuple[tuple[str, str], ...] = ()
     settings: Settings = Settings()
+    certificate: RobotCertificate = RobotCertificate()
     ready: bool = False
     handover: str = ""
     written: str = ""
@@ -123,6 +146,7 @@ def parse_state(text: str) -> AgentState:
             reason=_reason(settings),
             message=_sentence(settings),
         ),
+        certificate=_certificate(_part(values, "certificate")),
         ready=_of(values, "ready", bool, False),
         handover=_of(values, "handover", str, ""),
         written=_of(values, "written", str, ""),
@@ -177,6 +201,14 @@ def _reason(values: Mapping[str, Any]) -> str:
 def _sentence(values: Mapping[str, Any]) -> str:
     message: str = _of(values, "message", str, "")
     return message if len(message) <= MAX_SENTENCE else f"{message[: MAX_SENTENCE - 3]}..."
+
+
+def _certificate(values: Mapping[str, Any]) -> RobotCertificate:
+    serial: str = _of(values, "serial", str, "")
+    not_after: str = _of(values, "not_after", str, "")
+    if not _SERIAL.fullmatch(serial) or (not_after and not _TIME.fullmatch(not_after)):
+        raise StateError("certificate of the agent's state names no serial number and time")
+    return RobotCertificate(serial, not_after, _of(values, "request", str, ""), _reason(values), _sentence(values))
 
 
 def _shown(value: object) -> str:

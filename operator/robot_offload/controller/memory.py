@@ -9,6 +9,7 @@ from typing import Any, Final
 from robot_offload.controller.observe import CachedConfig
 from robot_offload.decide.plan import History
 from robot_offload.decide.presence import Sighting
+from robot_offload.decide.renewal import Answer
 from robot_offload.decide.verdicts import Verdict
 
 EVENTS_AT_ONCE: Final = 25
@@ -44,16 +45,20 @@ class Certified:
     """What the Secrets with certificates were last found to be, so that keys are not read in every pass.
 
     Attributes:
-        based_on: generation, revocation and the versions of the Secrets.
+        based_on: generation, revocation, the robot's request and the versions of the Secrets.
         verdict: for the condition CertificatesReady.
         hash: of the cloud's certificate.
         renewal_s: when the first of them is to be renewed, on the steady clock.
+        answer: to the robot's request; None: it has none.
+        ends: serial numbers and ends of the leaves, as the status names them.
     """
 
     based_on: object
     verdict: Verdict
     hash: str
     renewal_s: float
+    answer: Answer | None
+    ends: Mapping[str, Any]
 
 
 @dataclass(slots=True)
@@ -94,6 +99,7 @@ def summary(status: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "placement": status.get("placement"),
         "robot": {"connected": bool((status.get("robot") or {}).get("connected"))},
+        "certificates": {role: one["notAfter"] for role, one in (status.get("certificates") or {}).items() if one},
         "conditions": tuple(
             {"type": condition["type"], "status": condition["status"]} for condition in status.get("conditions") or ()
         ),

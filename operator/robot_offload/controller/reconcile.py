@@ -23,9 +23,10 @@ from robot_offload.controller.clock import Clock
 from robot_offload.controller.failures import verdict_of
 from robot_offload.controller.memory import Memory, summary
 from robot_offload.controller.publish import publish
-from robot_offload.controller.steps import Findings, Pass, Policy, Tools
+from robot_offload.controller.steps import Findings, Pass
 from robot_offload.controller.store import Store
 from robot_offload.controller.subject import Subject
+from robot_offload.controller.tools import Policy, Tools
 from robot_offload.decide import conditions, presence, rollouts, status
 from robot_offload.decide.ownership import being_deleted
 from robot_offload.errors import InputError, SpecError

@@ -10,22 +10,23 @@ from typing import Final
 import structlog
 
 from robot_offload import transport
+from robot_offload.api.agent_state import AgentState
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.controller import observe
 from robot_offload.controller.apply import Applied, carry_out
-from robot_offload.controller.clock import Clock
+from robot_offload.controller.certify import Certifying, Secrets, judge
 from robot_offload.controller.failures import Step
-from robot_offload.controller.memory import Certified, Memory
-from robot_offload.controller.store import Store
+from robot_offload.controller.memory import Memory
 from robot_offload.controller.subject import Subject
-from robot_offload.decide import agent, builds, certificates, issuer, presence, rollouts, status, workloads
+from robot_offload.controller.tools import Tools
+from robot_offload.decide import agent, builds, presence, presented, rollouts, status, workloads
 from robot_offload.decide.ownership import Key, key_of
 from robot_offload.decide.plan import Plan, plan
-from robot_offload.decide.verdicts import Verdict, yes
+from robot_offload.decide.verdicts import Verdict
 from robot_offload.errors import RobotOffloadError
 from robot_offload.kube.kinds import LEASE
-from robot_offload.kube.port import KubeApi, Manifest
-from robot_offload.objects.facts import Endpoint, Facts, Images
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.facts import Endpoint, Facts
 from robot_offload.objects.names import ROBOT, child_name
 from robot_offload.objects.parent import Parent
 from robot_offload.render.children import children
@@ -54,40 +55,6 @@ async def render(parent: Parent) -> tuple[Manifest, ...]:
 
 class RenderTimeoutError(RobotOffloadError):
     """Rendering one RobotOffload takes too long."""
-
-
-@dataclass(frozen=True, slots=True)
-class Policy:
-    """What whoever runs the operator has decided for the whole cluster.
-
-    Attributes:
-        max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
-        load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
-    """
-
-    max_rolling: int = rollouts.AT_ONCE
-    load_balancer_node_ports: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class Tools:
-    """What every pass works with.
-
-    Attributes:
-        api: reads and writes.
-        store: what the watches have brought.
-        images: of our own programs.
-        clock: both clocks.
-        policy: what holds for the whole cluster.
-        budget: how many robots may have their pods replaced at once.
-    """
-
-    api: KubeApi
-    store: Store
-    images: Images
-    clock: Clock
-    policy: Policy
-    budget: rollouts.Budget[tuple[str, str]]
 
 
 class Findings:
@@ -126,6 +93,7 @@ class Pass:
         memory: Memory,
         found: Findings,
     ) -> None:
+        self._tools = tools
         self._api = tools.api
         self._store = tools.store
         self._images = tools.images
@@ -155,7 +123,9 @@ class Pass:
         parent = Parent(self._offload, self._facts(robot, wanted))
 
         found.step = Step.SECRETS  # the first wave
-        secrets = await self._secrets(parent)
+        state, problem = agent.state_of(lease)
+        certifying = Certifying(self._tools, self._subject, self._memory, self._observer, self._snapshot, self._apply)
+        secrets = await certifying.run(parent, state)
         found.verdicts["CertificatesReady"] = secrets.verdict
 
         found.step = Step.BUILDS
@@ -167,7 +137,11 @@ class Pass:
 
         found.step = Step.RENDER
         facts = replace(
-            parent.facts, certificate_hash=secrets.hash, built=built.references, discovery_hosts=servers.hosts
+            parent.facts,
+            certificate_hash=secrets.hash,
+            certificate_answer=secrets.answer.text() if secrets.answer is not None else "",
+            built=built.references,
+            discovery_hosts=servers.hosts,
         )
         manifests = (*secrets.issuer, *built.manifests, *await render(Parent(self._offload, facts)))
         rest = [manifest for manifest in manifests if key_of(manifest) not in servers.keys]
@@ -178,8 +152,9 @@ class Pass:
         found.verdicts["ResourcesApplied"] = found.applied.verdict
 
         found.step = Step.JUDGE
-        await self._judge(robot, wanted, built, lease)
-        times = (robot.recheck_s, wanted.recheck_s, secrets.recheck_s, built.recheck_s, found.applied.recheck_s)
+        await self._judge(robot, wanted, built, state, problem)
+        shown = self._judge_certificates(secrets, state)
+        times = (robot.recheck_s, wanted.recheck_s, secrets.recheck_s, shown, built.recheck_s, found.applied.recheck_s)
         found.again_s = min((after_s for after_s in times if after_s is not None), default=None)
 
     def _robot(self, lease: Manifest | None) -> presence.Presence:
@@ -208,39 +183,14 @@ class Pass:
         services = self._snapshot.services(self._subject.uid)
         return transport.observed_endpoints(self._offload, services, self._snapshot.nodes)
 
-    async def _secrets(self, parent: Parent) -> _Secrets:
-        """Brings the Secrets with certificates up to date before anything reads them."""
-        if not transport.needs_certificates(parent.spec):
-            return _Secrets(yes("NotNeeded", "This transport uses no certificates"))
-        keys = certificates.secret_keys(parent.name)
-        revoke = self._subject.annotation(certificates.REVOKE)
-        based_on = self._secrets_based_on(keys.values(), revoke)
-        known, now_s = self._memory.secrets, self._clock.steady_s()
-        if known is not None and based_on is not None and known.based_on == based_on and now_s < known.renewal_s:
-            return _Secrets(known.verdict, frozenset(keys.values()), known.hash, known.renewal_s - now_s)
-        await self._observer.confirm(self._snapshot, keys.values())
-        live = {role: self._snapshot.ours(*key, self._subject.uid) for role, key in keys.items()}
-        if parent.spec.transport.certificates.issuer_ref is not None:
-            # The authorities are not ours then, and the leaves are cert-manager's.
-            leaves = frozenset({keys["cloud"], keys["robot"]})
-            content = certificates.content_hash(live["cloud"])
-            return _Secrets(issuer.verdict(live), leaves, content, issuer=issuer.certificates(parent))
-        issued = certificates.issue(parent, live, revoke, self._clock.wall())
-        for role, why in issued.made:
-            _log.info("Made certificate", **self._subject.words, role=role, reason=why.reason)
-        applied = await self._apply(issued.secrets)
-        content = certificates.content_hash(self._snapshot.ours(*keys["cloud"], self._subject.uid))
-        if not applied.complete:
-            return _Secrets(applied.verdict, frozenset(keys.values()), content)
-        based_on = self._secrets_based_on(keys.values(), revoke)
-        self._memory.secrets = Certified(based_on, issued.verdict, content, now_s + issued.recheck_s)
-        return _Secrets(issued.verdict, frozenset(keys.values()), content, issued.recheck_s)
-
-    def _secrets_based_on(self, keys: Iterable[Key], revoke: str) -> object:
-        """Returns all that the certificates follow from; None: the store does not know."""
-        entries = [self._store.entry(kind, self._subject.namespace, name) for kind, name in keys]
-        known = [(entry.uid, entry.version) for entry in entries if entry is not None]
-        return (self._subject.generation, revoke, *known) if self._store.fed and len(known) == len(entries) else None
+    def _judge_certificates(self, secrets: Secrets, state: AgentState | None) -> float | None:
+        """Adds what is known of the certificates; returns the seconds after which that changes by itself."""
+        assert self._found.status is not None
+        before = (self._subject.status.get("certificates") or {}).get("robot") or {}
+        judged = judge(self._offload, secrets, presented.presented(state, before), self._clock.wall())
+        self._found.verdicts["CertificateCurrent"] = judged.verdict
+        self._found.status = replace(self._found.status, certificates=judged.shown)
+        return judged.recheck_s
 
     async def _builds(self, parent: Parent) -> builds.Builds:
         """Decides about the images that are built here; what there is of them is only read when there are any."""
@@ -300,7 +250,12 @@ class Pass:
         return steps if may else rollouts.held_back(steps, live)
 
     async def _judge(
-        self, robot: presence.Presence, wanted: presence.Wanted, built: builds.Builds, lease: Manifest | None
+        self,
+        robot: presence.Presence,
+        wanted: presence.Wanted,
+        built: builds.Builds,
+        state: AgentState | None,
+        problem: str,
     ) -> None:
         """Works out from what is live now the rest of the status and the conditions that follow."""
         uid, generation = self._subject.uid, self._subject.generation
@@ -310,7 +265,6 @@ class Pass:
                 self._budget.done((self._subject.namespace, self._subject.name))
         else:
             pods = await self._observer.pods()
-        state, problem = agent.state_of(lease)
         self._found.status = status.Found(
             robot=robot,
             robot_generation=state.settings.robot_generation if state is not None else None,
@@ -326,25 +280,6 @@ class Pass:
             "Connected": robot.verdict,
             "ConfigCurrent": agent.config_current(state, generation, connected=robot.connected),
         }
-
-
-@dataclass(frozen=True, slots=True)
-class _Secrets:
-    """What the first wave has led to.
-
-    Attributes:
-        verdict: for the condition CertificatesReady.
-        kept: Secrets that the third wave leaves alone.
-        hash: of the cloud's certificate; empty: there is none.
-        recheck_s: seconds until one of them is to be renewed; None: never.
-        issuer: objects that ask the user's own issuer for certificates.
-    """
-
-    verdict: Verdict
-    kept: frozenset[Key] = frozenset()
-    hash: str = ""
-    recheck_s: float | None = None
-    issuer: tuple[Manifest, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

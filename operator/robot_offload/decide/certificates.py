@@ -3,9 +3,10 @@
 Each Secret is decided from what is in it now, so a crash between two of them is nothing special: the next pass finds
 the half that is done. The order is authorities first, then what they sign. Only keys are random here.
 
-An authority lives ten years, because robots carry the server's in their bundle. Leaves live `certificates.duration` and
-are made anew `renewBefore` their end; a robot's old leaf stays good until it ends, so that there is time to write its
-bundle again. Revoking makes a new client authority at once: what it did not sign is refused from then on.
+An authority lives ten years, because robots carry the server's in their bundle. Leaves live `certificates.duration`
+and are made anew `renewBefore` their end. The robot's leaf is what its bundle holds: a robot that has connected with
+it makes a key of its own and gets a certificate for that (`renewal`); then the leaf counts as used, and the next bundle
+has another one. Revoking makes a new client authority at once: what it did not sign is refused from then on.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import base64
 import datetime
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
@@ -23,6 +25,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.x509.oid import NameOID
 
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.decide import renewal
 from robot_offload.decide.ownership import Key
 from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.kinds import SECRET
@@ -35,6 +38,10 @@ REVOKE: Final = "robotoffload.dev/revoke"
 """Annotation on the RobotOffload: any new text in it asks for a new client authority."""
 REVOKED: Final = "robotoffload.dev/revoked"
 """Annotation on the client authority's Secret: the text that it answers."""
+SPENT: Final = "robotoffload.dev/used-certificates"
+"""Annotation on the robot's Secret: serial numbers that were used to get another certificate, with their ends."""
+RENEWED: Final = "renewed.crt"
+"""Entry of the robot's Secret: the certificate that was signed last for the robot's own key."""
 AUTHORITY_DAYS: Final = 3650
 
 Role: TypeAlias = Literal["server-ca", "client-ca", "cloud", "robot"]
@@ -51,12 +58,27 @@ class Issued:
         made: which were made anew, and why: (role, verdict).
         verdict: for the condition CertificatesReady.
         recheck_s: seconds until the first of them is to be renewed.
+        answer: to the robot's request for a certificate; None: it has none.
     """
 
     secrets: tuple[Manifest, ...]
     made: tuple[tuple[Role, Verdict], ...]
     verdict: Verdict
     recheck_s: float
+    answer: renewal.Answer | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Own:
+    """What was signed for keys that the robot has made itself.
+
+    Attributes:
+        newest: the last certificate; None: none yet.
+        spent: serial numbers of certificates that were used to get another one, and when each ends.
+    """
+
+    newest: x509.Certificate | None = None
+    spent: Mapping[int, datetime.datetime] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +108,13 @@ def content_hash(secret: Manifest | None) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16] if data else ""
 
 
-def issue(parent: Parent, live: Mapping[Role, Manifest | None], revoke: str, now: datetime.datetime) -> Issued:
+def issue(
+    parent: Parent,
+    live: Mapping[Role, Manifest | None],
+    revoke: str,
+    now: datetime.datetime,
+    request: str = "",
+) -> Issued:
     """Decides about every certificate and makes those that are needed.
 
     Args:
@@ -94,6 +122,7 @@ def issue(parent: Parent, live: Mapping[Role, Manifest | None], revoke: str, now
         live: the Secrets that are ours, as they are.
         revoke: the text of the annotation `REVOKE`; empty: none.
         now: our wall clock, with its time zone.
+        request: what the robot asks for, as it came; empty: nothing.
     """
     settings = parent.spec.transport.certificates
     life = _Life(
@@ -117,28 +146,78 @@ def issue(parent: Parent, live: Mapping[Role, Manifest | None], revoke: str, now
         client = _pair(pki.build_authority(f"{name} client authority", now=now, days=AUTHORITY_DAYS))
     hosts = host_names(parent.offload, parent.namespace)
     cloud, robot = have["cloud"], have["robot"]
+    own, answer = _own(live.get("robot"), client), None
+    if request:
+        bundled = robot.certificate.serial_number if robot is not None else 0
+        signer = renewal.Signer(client.pem, name, life.days, bundled, own.newest, own.spent)
+        answer = renewal.answer(request, signer, now)
+        own = _own_after(own, answer, request, signer, now)
     if decide("cloud", _unusable_leaf(cloud, server, life) or _other_hosts(cloud, hosts)) or cloud is None:
         cloud = _pair(pki.issue_cloud(server.pem, host_names=hosts, now=now, days=life.days))
-    if decide("robot", _unusable_leaf(robot, client, life) or _other_robot(robot, name)) or robot is None:
+    why = _unusable_leaf(robot, client, life) or _other_robot(robot, name) or _used(robot, own)
+    if decide("robot", why) or robot is None:
         robot = _pair(pki.issue_robot(client.pem, robot=name, now=now, days=life.days))
     answered = {REVOKED: revoke or client.annotations.get(REVOKED, "")}
     secrets = (
         _secret(parent, "server-ca", server, b"", {}),
         _secret(parent, "client-ca", client, b"", answered if answered[REVOKED] else {}),
         _secret(parent, "cloud", cloud, client.pem.certificate, {}),
-        _secret(parent, "robot", robot, server.pem.certificate, {}),
+        _robot_secret(parent, robot, server, own),
     )
     renewals = [life.renewal(pair.certificate) for pair in (server, client, cloud, robot)]
     recheck_s = max(60.0, (min(renewals) - now).total_seconds())
-    return Issued(secrets, tuple(made), _issued(cloud, robot), recheck_s)
+    return Issued(secrets, tuple(made), _issued(cloud, robot), recheck_s, answer)
 
 
 def _issued(cloud: _Pair, robot: _Pair) -> Verdict:
     return yes(
         "Issued",
-        f"The cloud's certificate ends on {_date(cloud)}, the robot's on {_date(robot)}; write the robot's files again "
-        "(`kubectl offload bundle`) before its own ends",
+        f"The cloud's certificate ends on {_date(cloud)}, that for the robot's bundle on {_date(robot)}; "
+        "CertificateCurrent is about the one that the robot uses",
     )
+
+
+def ends(secret: Manifest | None) -> tuple[str, datetime.datetime] | None:
+    """Returns the serial number (hexadecimal) and the end of the certificate in a Secret; None: there is none."""
+    pair = _read(secret)
+    if pair is None:
+        return None
+    return f"{pair.certificate.serial_number:x}", pair.certificate.not_valid_after_utc
+
+
+def shown(serial: str, not_after: datetime.datetime) -> dict[str, str]:
+    """Returns a certificate as the status names it."""
+    return {"serial": serial, "notAfter": not_after.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")}
+
+
+def _own(secret: Manifest | None, client: _Pair) -> _Own:
+    """Returns what was signed for the robot's own keys by the present authority."""
+    data = (secret or {}).get("data") or {}
+    noted = ((secret or {}).get("metadata", {}).get("annotations") or {}).get(SPENT) or "{}"
+    try:
+        spent = {int(serial, 16): datetime.datetime.fromisoformat(end) for serial, end in json.loads(noted).items()}
+    except (ValueError, TypeError, AttributeError):
+        spent = {}
+    try:
+        newest = x509.load_pem_x509_certificate(base64.b64decode(data[RENEWED]))
+        newest.verify_directly_issued_by(client.certificate)
+    except (KeyError, ValueError, TypeError, InvalidSignature):
+        return _Own(None, spent)
+    return _Own(newest, spent)
+
+
+def _own_after(own: _Own, answer: renewal.Answer, request: str, signer: renewal.Signer, now: datetime.datetime) -> _Own:
+    """Returns the same after an answer."""
+    if not answer.certificate:
+        return own
+    newest = x509.load_pem_x509_certificate(answer.certificate.encode())
+    return _Own(newest, renewal.spent_after(renewal.read_request(request), signer, now))
+
+
+def _used(pair: _Pair | None, own: _Own) -> Verdict | None:
+    if pair is not None and pair.certificate.serial_number in own.spent:
+        return no("Used", "the robot has got a certificate for a key of its own with it")
+    return None
 
 
 def host_names(offload: RobotOffload, namespace: str) -> tuple[str, ...]:
@@ -229,8 +308,22 @@ def _pair(pem: pki.KeyPair) -> _Pair:
     return _Pair(pem, x509.load_pem_x509_certificate(pem.certificate))
 
 
-def _secret(parent: Parent, role: Role, pair: _Pair, trusted: bytes, annotations: Mapping[str, str]) -> Manifest:
-    data = {"tls.crt": pair.pem.certificate, "tls.key": pair.pem.private_key}
+def _robot_secret(parent: Parent, robot: _Pair, server: _Pair, own: _Own) -> Manifest:
+    spent = {f"{serial:x}": end.isoformat() for serial, end in sorted(own.spent.items())}
+    further = {RENEWED: own.newest.public_bytes(pki.PEM)} if own.newest is not None else {}
+    noted = {SPENT: json.dumps(spent)} if spent else {}
+    return _secret(parent, "robot", robot, server.pem.certificate, noted, further)
+
+
+def _secret(
+    parent: Parent,
+    role: Role,
+    pair: _Pair,
+    trusted: bytes,
+    annotations: Mapping[str, str],
+    further: Mapping[str, bytes] | None = None,
+) -> Manifest:
+    data = {"tls.crt": pair.pem.certificate, "tls.key": pair.pem.private_key, **(further or {})}
     if trusted:
         data["ca.crt"] = trusted
     body: Manifest = {

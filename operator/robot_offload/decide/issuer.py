@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from robot_offload.decide.certificates import Role, host_names, secret_name
 from robot_offload.decide.ownership import APPLIED
+from robot_offload.decide.renewal import Answer, digest
 from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.kinds import CERTIFICATE
 from robot_offload.kube.port import Manifest
@@ -30,6 +31,16 @@ def certificates(parent: Parent) -> tuple[Manifest, ...]:
     }
     robot = {"usages": ["digital signature", "client auth"], "commonName": name}
     return (_certificate(parent, "cloud", cloud), _certificate(parent, "robot", robot))
+
+
+def answer(request: str) -> Answer:
+    """Returns the answer to a robot that asks for a certificate: the issuer's authority is not ours to sign with."""
+    return Answer(
+        digest(request),
+        "OwnIssuer",
+        "The robot's certificate comes from your own issuer, which signs for keys made in the cluster; write the "
+        "bundle again before it ends",
+    )
 
 
 def verdict(secrets: Mapping[Role, Manifest | None]) -> Verdict:

@@ -33,6 +33,7 @@ class Found:
         wanted: which pods of nodes are wanted.
         live: the children as they are now.
         commits: what the images of nodes were built from, by node.
+        certificates: serial numbers and ends, as the status names them.
         pods: their pods, as far as they were looked at.
     """
 
@@ -44,6 +45,7 @@ class Found:
     live: Mapping[Key, Manifest]
     pods: tuple[Manifest, ...] = ()
     commits: Mapping[str, str] = field(default_factory=dict)
+    certificates: Mapping[str, Any] = field(default_factory=dict)
 
 
 def build(
@@ -98,6 +100,7 @@ def _found(offload: RobotOffload, found: Found) -> dict[str, Any]:
             {"purpose": point.purpose, "protocol": point.protocol, "host": point.host, "port": point.port}
             for point in found.endpoints
         ],
+        "certificates": dict(found.certificates),
         "nodes": nodes,
         "nodesReady": f"{sum(node['ready'] for node in running)}/{len(nodes)}",
         "replicas": int(bool(running)),

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 
 _TOLD: Final = (
     *("SpecValid", "ResourcesApplied", "ImageBuilt", "Connected", "ConfigCurrent", "CertificatesReady"),
-    "Ready",
+    *("CertificateCurrent", "Ready"),
 )
 """DiscoveryReady and WorkloadsAvailable are told by Ready: pods come and go for many reasons."""
 _MAX_MESSAGE: Final = 1024

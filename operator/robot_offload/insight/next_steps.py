@@ -147,12 +147,37 @@ CERTIFICATES: Final[dict[str, Advice]] = {
         "kubectl describe certificate -n {namespace} -l app.kubernetes.io/instance={name}",
     ),
     "Expiring": Advice("A certificate ends soon and is made anew.", BUNDLE),
+    "Expired": Advice("The robot's certificate has ended; it cannot connect.", BUNDLE),
+    "AlreadyRenewed": Advice(
+        "The robot's certificate was renewed with another key: a copy is in use, or the robot has lost its state.",
+        "kubectl offload revoke {name} -n {namespace} when in doubt; then " + BUNDLE,
+    ),
+    "NoProof": Advice(
+        "Somebody asks for a robot's certificate who does not have the robot's key.",
+        "See who may write Leases in {namespace}: kubectl auth can-i patch leases -n {namespace} --as USER",
+    ),
+    "RequestUnreadable": Advice(
+        "The robot's request for a certificate cannot be read.", "Install the same release of the agent on both sides."
+    ),
+    "Used": Advice("The robot has made a key of its own with the bundle's; the next bundle holds another one.", ""),
+    "TooEarly": Advice(
+        "The robot asks for a certificate in the first half of the life of the one that it has.",
+        "Check the robot's clock.",
+    ),
+    "TooMany": Advice(
+        "The robot's certificate was renewed too often of late.", "kubectl offload revoke {name} -n {namespace}"
+    ),
+    "OwnIssuer": Advice("Your own issuer signs for keys made in the cluster, not for the robot's.", BUNDLE),
+    "RenewalFailed": Advice(
+        "The robot cannot make or keep a key of its own.",
+        "The message says why: mostly the program openssl is missing on the robot, or its disk is full.",
+    ),
     "Revoked": Advice("The robot was revoked; a new client authority was made.", BUNDLE),
     "OtherAuthority": Advice("A certificate was signed by another authority and is made anew.", BUNDLE),
     "OtherHosts": Advice("The declared host has changed; the cloud's certificate is made anew.", BUNDLE),
     "OtherRobot": Advice("The certificate names another robot and is made anew.", BUNDLE),
 }
-"""Reasons of CertificatesReady, and of the events that tell a new certificate."""
+"""Reasons of CertificatesReady and CertificateCurrent, and of the events that tell a new certificate."""
 
 CLUSTER: Final[dict[str, Advice]] = {
     "AddressPending": Advice(

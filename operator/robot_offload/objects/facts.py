@@ -75,6 +75,7 @@ class Facts:
         discovery_hosts: addresses of the discovery servers in the cluster, by their ids; empty: not known yet, and what
             needs them is not rendered.
         certificate_hash: of what is in the Secret of the cloud's certificate; a renewed one rolls what reads it.
+        certificate_answer: to the robot's request for a certificate, as the robot reads it; empty: it has none.
         user_config_hashes: of the ConfigMaps of `parametersFrom`, by `name/key`; empty text: it is missing.
         user_configs: what is in them, by `name/key`; replicas get a copy in which they find their own names.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
@@ -90,6 +91,7 @@ class Facts:
     endpoints: tuple[Endpoint, ...] = ()
     discovery_hosts: tuple[str, ...] = ()
     certificate_hash: str = ""
+    certificate_answer: str = ""
     user_config_hashes: Mapping[str, str] = field(default_factory=dict)
     user_configs: Mapping[str, str] = field(default_factory=dict)
     load_balancer_node_ports: bool = True

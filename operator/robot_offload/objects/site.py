@@ -30,6 +30,8 @@ class AgentSite:
         realtime: whether the pulse process asks for real-time priority.
         generation: of the resource's specification that this configuration was made from; 0 = none.
         state_file: where the agent writes what it does; empty = nowhere.
+        certificate_file: the answer to the robot's request for a certificate, which the cloud's agent watches; empty =
+            none.
         settings_file: the run-time settings that the cloud's agent watches; empty = none.
         handover_file: by which the cloud's agent is asked to hand over; empty = none.
     """
@@ -51,5 +53,6 @@ class AgentSite:
     generation: int = 0
     state_file: str = ""
     settings_file: str = ""
+    certificate_file: str = ""
     handover_file: str = ""
     observers: tuple[str, ...] = ()

@@ -19,8 +19,8 @@ import structlog
 
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.reconcile import Controller, Name
-from robot_offload.controller.steps import Policy
 from robot_offload.controller.store import Store
+from robot_offload.controller.tools import Policy
 from robot_offload.errors import RobotOffloadError
 from robot_offload.kube.configuration import connect
 from robot_offload.kube.errors import KubeError, NotFoundError, NotLeaderError

@@ -30,6 +30,9 @@ STATE_FILE: Final = f"{RUNTIME_DIR}/state.json"
 HANDOVER_FILE: Final = f"{RUNTIME_DIR}/handover"
 SETTINGS_FILE: Final = f"{RUNTIME_DIR}/{SETTINGS_KEY}"
 """Written by the reporter, which watches the ConfigMap: a kubelet may take more than a minute to bring a change."""
+ANSWER_KEY: Final = "certificate.json"
+ANSWER_FILE: Final = f"{RUNTIME_DIR}/{ANSWER_KEY}"
+"""Written by the reporter from the same ConfigMap: the answer to the robot's request for a certificate."""
 LEASE_DURATION_S: Final = 30
 """Three times the reporter's period: one lost write is no lost robot."""
 _TOKEN_DIR: Final = "/var/run/secrets/kubernetes.io/serviceaccount"  # noqa: S105 - a folder, no secret
@@ -38,13 +41,15 @@ _TOKEN_LIFE_S: Final = 3607
 
 def agent_objects(parent: Parent) -> tuple[Manifest, ...]:
     """Everything of the cloud agent but its Deployment, in the order in which it is applied."""
-    settings = parameter_file(runtime_parameters(parent.offload, parent.facts.generation))
+    settings = {SETTINGS_KEY: parameter_file(runtime_parameters(parent.offload, parent.facts.generation))}
+    if parent.facts.certificate_answer:
+        settings[ANSWER_KEY] = parent.facts.certificate_answer
     return (
         *_rights(parent),
         _lease(parent),
         _service(parent),
         parent.config_map(_part(parent), {CONFIG_KEY: parameter_file(agent_parameters(parent.offload, site(parent)))}),
-        parent.config_map(Part(child_name(parent.name, names.SETTINGS), "settings"), {SETTINGS_KEY: settings}),
+        parent.config_map(Part(child_name(parent.name, names.SETTINGS), "settings"), settings),
     )
 
 
@@ -90,6 +95,7 @@ def site(parent: Parent) -> AgentSite:
         generation=parent.facts.generation,
         state_file=STATE_FILE,
         settings_file=SETTINGS_FILE,
+        certificate_file=ANSWER_FILE if transport.of(parent.spec).traits.agent_needs_certificates else "",
         handover_file=HANDOVER_FILE,
     )
 
@@ -161,6 +167,7 @@ def _reporter(parent: Parent) -> Manifest:
             "SETTINGS_NAME": child_name(parent.name, names.SETTINGS),
             "SETTINGS_MOUNTED": f"{SETTINGS_DIR}/{SETTINGS_KEY}",
             "SETTINGS_FILE": SETTINGS_FILE,
+            "ANSWER_FILE": ANSWER_FILE,
             "HOME": pod.TMP,
             handover.URL_VARIABLE: handover.url("127.0.0.1"),
         },

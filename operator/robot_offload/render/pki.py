@@ -24,6 +24,8 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from robot_offload.errors import InputError
 
+PEM = serialization.Encoding.PEM
+DER = serialization.Encoding.DER
 BACKDATE = datetime.timedelta(hours=1)
 """How much earlier than its making a certificate is valid."""
 
@@ -162,6 +164,23 @@ def issue_robot(authority: KeyPair, *, robot: str, now: datetime.datetime, days:
     return _leaf(authority, subject, ExtendedKeyUsageOID.CLIENT_AUTH, None, now=now, days=days)
 
 
+def certify_robot(
+    authority: KeyPair, public_key: ec.EllipticCurvePublicKey, *, robot: str, now: datetime.datetime, days: int
+) -> bytes:
+    """Builds a certificate for a key that the robot has made itself; returns it as PEM.
+
+    Args:
+        authority: the client authority.
+        public_key: the robot's, whose possession has been proved.
+        robot: the robot's name.
+        now: the present, with its time zone.
+        days: how long it is valid, never longer than the authority.
+    """
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, robot)])
+    certificate = _sign(authority, public_key, subject, ExtendedKeyUsageOID.CLIENT_AUTH, None, now=now, days=days)
+    return certificate.public_bytes(PEM)
+
+
 def _leaf(
     authority: KeyPair,
     subject: x509.Name,
@@ -171,12 +190,25 @@ def _leaf(
     now: datetime.datetime,
     days: int,
 ) -> KeyPair:
+    key = ec.generate_private_key(ec.SECP256R1())
+    return _pair(_sign(authority, key.public_key(), subject, purpose, names, now=now, days=days), key)
+
+
+def _sign(
+    authority: KeyPair,
+    public_key: ec.EllipticCurvePublicKey,
+    subject: x509.Name,
+    purpose: x509.ObjectIdentifier,
+    names: x509.SubjectAlternativeName | None,
+    *,
+    now: datetime.datetime,
+    days: int,
+) -> x509.Certificate:
     issuer = x509.load_pem_x509_certificate(authority.certificate)
     issuer_key = serialization.load_pem_private_key(authority.private_key, password=None)
     assert isinstance(issuer_key, ec.EllipticCurvePrivateKey)
-    key = ec.generate_private_key(ec.SECP256R1())
     builder = (
-        _builder(subject, key.public_key(), now=now, days=days, latest=issuer.not_valid_after_utc)
+        _builder(subject, public_key, now=now, days=days, latest=issuer.not_valid_after_utc)
         .issuer_name(issuer.subject)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(signs_certificates=False), critical=True)
@@ -185,7 +217,7 @@ def _leaf(
     )
     if names is not None:
         builder = builder.add_extension(names, critical=False)
-    return _pair(builder.sign(issuer_key, hashes.SHA256()), key)
+    return builder.sign(issuer_key, hashes.SHA256())
 
 
 def _builder(
@@ -238,8 +270,6 @@ def _general_name(name: str) -> x509.GeneralName:
 
 def _pair(certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> KeyPair:
     return KeyPair(
-        certificate=certificate.public_bytes(serialization.Encoding.PEM),
-        private_key=key.private_bytes(
-            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-        ),
+        certificate=certificate.public_bytes(PEM),
+        private_key=key.private_bytes(PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()),
     )

@@ -56,7 +56,7 @@ async def _run(settings: ReporterSettings) -> None:
     api = connect(retry=RetryPolicy(attempts=1, request_timeout_s=WRITE_WITHIN_S))
     wanted, offered = settings.offered, None
     if wanted is not None:
-        offered = OfferedSettings(api, settings.namespace, wanted.name, wanted.mounted, wanted.file)
+        offered = OfferedSettings(api, settings.namespace, wanted)
     try:
         await Reporter(settings, ClusterLease(settings.namespace, settings.lease), offered).run(stop)
     finally:

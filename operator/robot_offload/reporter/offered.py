@@ -1,4 +1,6 @@
-"""The run-time settings that the agent offers to its robot: the reporter watches them and writes the agent's file.
+"""The settings that the agent offers to its robot, and the answer to the robot's request for a certificate.
+
+The reporter watches their ConfigMap and writes the agent's files.
 
 A kubelet brings a changed ConfigMap into a pod's volume within its sync period (a minute by default) and its cache's.
 People pin robots for safety, so this way is the fast one: a watch on the one ConfigMap. The volume is what holds while
@@ -19,6 +21,7 @@ from robot_offload.errors import RobotOffloadError
 from robot_offload.kube.errors import ConflictError, SilentError
 from robot_offload.kube.kinds import CONFIG_MAP
 from robot_offload.kube.port import KubeApi, Manifest, Selection
+from robot_offload.reporter.settings import Offered
 
 IDLE_S: Final = 90.0
 """A watch that is silent for this long is opened again; the API server sends a bookmark each minute."""
@@ -34,17 +37,16 @@ class OfferedSettings:
     Args:
         api: reads the ConfigMap.
         namespace: of the ConfigMap.
-        name: of the ConfigMap.
-        mounted: the ConfigMap as the kubelet brings it; its name is the entry's key.
-        file: what the agent watches.
+        offered: where the settings come from and go to.
     """
 
-    def __init__(self, api: KubeApi, namespace: str, name: str, mounted: Path, file: Path) -> None:
+    def __init__(self, api: KubeApi, namespace: str, offered: Offered) -> None:
         self._api = api
         self._namespace = namespace
-        self._name = name
-        self._mounted = mounted
-        self._file = file
+        self._name = offered.name
+        self._mounted = offered.mounted
+        self._file = offered.file
+        self._answer = offered.answer
 
     async def keep(self) -> None:
         """Follows the ConfigMap until cancelled."""
@@ -76,6 +78,9 @@ class OfferedSettings:
         text = (found.get("data") or {}).get(self._mounted.name)
         if isinstance(text, str):
             self._write(text)
+        answer = (found.get("data") or {}).get(self._answer.name)
+        if isinstance(answer, str) and answer != _read(self._answer):
+            _replace(self._answer, answer)
         return str(found["metadata"]["resourceVersion"])
 
     def _fall_back(self) -> None:
@@ -88,12 +93,16 @@ class OfferedSettings:
     def _write(self, text: str) -> None:
         if text == _read(self._file):
             return
-        # Replaced in one step: the agent never reads half a file.
-        passing = self._file.with_name(f".{self._file.name}.new")
-        passing.write_text(text, encoding="utf-8")
-        passing.chmod(0o644)
-        passing.replace(self._file)
+        _replace(self._file, text)
         log.info("settings", generation=_generation(text))
+
+
+def _replace(file: Path, text: str) -> None:
+    """Writes a file in one step: the agent never reads half of it."""
+    passing = file.with_name(f".{file.name}.new")
+    passing.write_text(text, encoding="utf-8")
+    passing.chmod(0o644)
+    passing.replace(file)
 
 
 def _read(file: Path) -> str:

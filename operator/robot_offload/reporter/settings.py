@@ -17,11 +17,13 @@ class Offered:
         name: of the ConfigMap.
         mounted: the ConfigMap's entry as the kubelet brings it.
         file: what the agent watches.
+        answer: file for the answer to the robot's request for a certificate; its name is the entry's key.
     """
 
     name: str
     mounted: Path
     file: Path
+    answer: Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ class ReporterSettings:
 
 
 def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
-    """Reads NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_FILE and, if given, PORT, SETTINGS_*.
+    """Reads NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_FILE and, if given, PORT, SETTINGS_*, ANSWER_FILE.
 
     Raises:
         InputError: one is missing or no usable value.
@@ -72,6 +74,8 @@ def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
 
 
 def _offered(environment: Mapping[str, str]) -> Offered | None:
-    values = [environment.get(name) for name in ("SETTINGS_NAME", "SETTINGS_MOUNTED", "SETTINGS_FILE")]
-    name, mounted, file = (value or "" for value in values)
-    return Offered(name, Path(mounted), Path(file)) if name and mounted and file else None
+    values = [environment.get(name) for name in ("SETTINGS_NAME", "SETTINGS_MOUNTED", "SETTINGS_FILE", "ANSWER_FILE")]
+    if not all(values):
+        return None
+    name, *files = (value or "" for value in values)
+    return Offered(name, *map(Path, files))

@@ -81,7 +81,7 @@ class Plan:
         link: `zenoh`, `ros`, or `router` for topics over two DDS Routers.
         both, robot, cloud: parameters that differ from COMMON.
         fed: the robot's sensors publish from the start.
-        files: the cloud's agent has the three files by which the operator meets it, see `offer` and `state`.
+        files: the cloud's agent has the files by which the operator meets it, see `offer`, `answer` and `state`.
         environment: of the agents, by side.
     """
 
@@ -215,7 +215,8 @@ class World:
             "runtime_dir": str(self.folder / side), "state_dir": str(self.folder / "state"),
         }  # fmt: skip
         if self.plan.files and side == "cloud":
-            base |= {f"{name}_file": str(self.folder / f"{name}.file") for name in ("settings", "state", "handover")}
+            names = ("settings", "state", "handover", "certificate")
+            base |= {f"{name}_file": str(self.folder / f"{name}.file") for name in names}
         return {**COMMON, **base, **self._link(side), **self.plan.both, **own}
 
     def _link(self, side: str) -> dict[str, Any]:
@@ -324,6 +325,10 @@ class World:
         name = secrets.token_hex(8)
         self._replace("handover", name)
         return name
+
+    def answer(self, text: str) -> None:
+        """Gives the operator's answer to the robot's request for a certificate."""
+        self._replace("certificate", text)
 
     def new_pod(self) -> None:
         """Starts the cloud's agent in a new pod, which has no handover file."""

@@ -1,11 +1,15 @@
 """What the operator and the agents tell each other: the state file, settings that change at run time, handing over."""
 
+import datetime
 import itertools
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from cryptography import x509
 
+from robot_offload.decide import renewal
+from robot_offload.render.pki import CertificateSet, build_certificates
 from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.conftest import ROS_LINK_DOMAIN
 from tests.ros.agent.harness import Plan, World
@@ -190,6 +194,46 @@ def test_with_no_robot_connected_handing_over_is_answered_at_once(build: Callabl
     name = world.hand_over()
     world.until(lambda: world.state["handover"] == name, "it is answered")
     assert world.state["connected"] is False
+
+
+def write_bundle(world: World, made: CertificateSet) -> None:
+    """Writes certificates in place of those that both sides were to start with."""
+    assert world.certificates is not None
+    for paths, own, trusted in (
+        (world.certificates.robot, made.robot, made.server_ca),
+        (world.certificates.cloud, made.cloud, made.client_ca),
+    ):
+        paths.certificate.write_bytes(own.certificate)
+        paths.private_key.write_bytes(own.private_key)
+        paths.ca.write_bytes(trusted.certificate)
+
+
+def test_a_robot_that_drives_gets_a_certificate_for_its_own_key_and_dials_with_it(build: Callable[..., World]) -> None:
+    world, now = build(files=True), datetime.datetime.now(datetime.timezone.utc)
+    made = build_certificates(robot="walker-1", host_names=["127.0.0.1"], now=now)
+    write_bundle(world, made)
+    world.start()
+    since = len(world.arrivals)
+    world.until(lambda: world.state["certificate"]["request"], "the robot asks")
+    bundled = int(world.state["certificate"]["serial"], 16)
+    signer = renewal.Signer(made.client_ca, "walker-1", 30, bundled, None, {})
+    signed = renewal.answer(world.state["certificate"]["request"], signer, now)
+    assert signed.reason == renewal.ISSUED, signed.message
+    world.answer(signed.text())
+    serial = f"{x509.load_pem_x509_certificate(signed.certificate.encode()).serial_number:x}"
+    world.until(lambda: world.state["certificate"]["serial"] == serial, "the robot has taken it")
+    world.until(lambda: not world.state["certificate"]["request"], "it asks no more")
+    world.passes("cloud", 10)
+    assert holes(world.arrivals[since:]) == 0
+    # An older bundle whose authority the cloud does not know: the robot gets in with its own key alone.
+    world.kill_agent("robot")
+    earlier = build_certificates(robot="walker-1", host_names=["127.0.0.1"], now=now - datetime.timedelta(days=1))
+    assert world.certificates is not None
+    world.certificates.robot.certificate.write_bytes(earlier.robot.certificate)
+    world.certificates.robot.private_key.write_bytes(earlier.robot.private_key)
+    world.start_agent("robot")
+    world.goes_to("cloud")
+    world.until(lambda: world.state["certificate"]["serial"] == serial, "it says which one it dials with")
 
 
 def test_over_dds_too_settings_reach_the_robot_and_the_cloud_hands_over(build: Callable[..., World]) -> None:

@@ -17,7 +17,7 @@ CLOUD_TYPES: Final = (
     "CertificatesReady",
 )
 """What `Ready` sums up, in the order in which it becomes true: whether the cloud can serve the robot."""
-ROBOT_TYPES: Final = ("Connected", "ConfigCurrent")
+ROBOT_TYPES: Final = ("Connected", "ConfigCurrent", "CertificateCurrent")
 """The robot's part. A robot that is switched off is no reason for the cloud not to be ready."""
 CONDITION_TYPES: Final = (*CLOUD_TYPES, *ROBOT_TYPES, "Ready")
 PROGRESS_TYPES: Final = ("Reconciling", "Stalled")
@@ -34,8 +34,8 @@ class Condition(Model):
 
     type: Annotated[str, Field(max_length=316)] = Field(
         description="SpecValid, ResourcesApplied, ImageBuilt, DiscoveryReady, WorkloadsAvailable, "
-        "CertificatesReady, or their sum Ready; Connected and ConfigCurrent, about the robot; Reconciling or Stalled "
-        "while it is not Ready."
+        "CertificatesReady, or their sum Ready; Connected, ConfigCurrent and CertificateCurrent, about the robot; "
+        "Reconciling or Stalled while it is not Ready."
     )
     status: Literal["True", "False", "Unknown"] = Field(description="True, False or Unknown.")
     reason: Annotated[str, Field(min_length=1, max_length=1024)] = Field(
@@ -58,6 +58,23 @@ class RobotStatus(Model):
     )
     last_seen: Timestamp | None = Field(
         default=None, description="When it was last connected; only while it is not connected."
+    )
+
+
+class CertificateStatus(Model):
+    """A certificate."""
+
+    serial: Word = Field(description="Its serial number, hexadecimal.")
+    not_after: Timestamp = Field(description="When it ends.")
+
+
+class CertificatesStatus(Model):
+    """The certificates of robot and cloud."""
+
+    cloud: CertificateStatus | None = Field(default=None, description="What the cloud's agent shows.")
+    bundle: CertificateStatus | None = Field(default=None, description="What a bundle written now holds.")
+    robot: CertificateStatus | None = Field(
+        default=None, description="What the robot dials with, as it said when it was last connected."
     )
 
 
@@ -98,8 +115,8 @@ class RobotOffloadStatus(Model):
         default=(),
         max_length=16,
         description="What is true about the object: SpecValid, ResourcesApplied, ImageBuilt, "
-        "DiscoveryReady, WorkloadsAvailable, CertificatesReady and their sum Ready; Connected and ConfigCurrent, about "
-        "the robot; Reconciling or Stalled while it is not Ready.",
+        "DiscoveryReady, WorkloadsAvailable, CertificatesReady and their sum Ready; Connected, ConfigCurrent and "
+        "CertificateCurrent, about the robot; Reconciling or Stalled while it is not Ready.",
         json_schema_extra=map_list("type"),
     )
     placement: Literal["Robot", "Cloud", "Unknown"] = Field(
@@ -108,6 +125,9 @@ class RobotOffloadStatus(Model):
     placement_reason: Word = Field(default="", description="Why that side acts, as one CamelCase word.")
     placement_message: Sentence = Field(default="", description="Why that side acts, in words.")
     robot: RobotStatus = Field(default_factory=RobotStatus, description="The robot as the cloud sees it.")
+    certificates: CertificatesStatus = Field(
+        default_factory=CertificatesStatus, description="The certificates of robot and cloud, as far as they are known."
+    )
     endpoints: tuple[EndpointStatus, ...] = Field(
         default=(),
         max_length=16,

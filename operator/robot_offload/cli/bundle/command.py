@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final
 
 import typer
 from cryptography import x509
+from cryptography.exceptions import InvalidSignature
 from rich.console import Console
 from rich.status import Status
 
@@ -183,6 +184,8 @@ async def _gather(api: KubeApi, where: str, name: str) -> Material:
             raise RobotOffloadError(f"{error}. The bundle holds the robot's key: you need get on secrets") from error
         secrets = secrets_of(robot)
         revoking = revocation_pending(manifest, authority)
+        if offload.spec.transport.certificates.issuer_ref is None and secrets is not None:
+            revoking = revoking or not signed_by(authority, secrets)
     deployments = await api.list(DEPLOYMENT, where, {INSTANCE: name})
     return Material(observe(manifest), offload, secrets, revoking, tuple(deployments))
 
@@ -200,6 +203,19 @@ def revocation_pending(manifest: Mapping[str, Any], authority: Manifest | None) 
     asked = (manifest["metadata"].get("annotations") or {}).get(REVOKE, "")
     answered = ((authority or {}).get("metadata", {}).get("annotations") or {}).get(REVOKED, "")
     return bool(asked) and asked != answered
+
+
+def signed_by(authority: Manifest | None, secrets: BundleSecrets) -> bool:
+    """Whether a robot's certificate comes from the present client authority.
+
+    While certificates are being replaced, the authority is new for a moment and the robot's certificate is not.
+    """
+    try:
+        issuer = x509.load_pem_x509_certificate(base64.b64decode((authority or {})["data"]["tls.crt"]))
+        x509.load_pem_x509_certificate(secrets.certificate).verify_directly_issued_by(issuer)
+    except (KeyError, ValueError, TypeError, InvalidSignature):
+        return False
+    return True
 
 
 def _progress() -> AbstractContextManager[Callable[[str], None]]:

@@ -10,14 +10,22 @@ from typing import Any
 import pytest
 
 from robot_offload.api.v1alpha1.parsing import parse_object
-from robot_offload.cli.bundle.command import Material, facts_of, revocation_pending, secrets_of, told, waiting_for
+from robot_offload.cli.bundle.command import (
+    Material,
+    facts_of,
+    revocation_pending,
+    secrets_of,
+    signed_by,
+    told,
+    waiting_for,
+)
 from robot_offload.cli.own_images import default_images, images_in_use
 from robot_offload.decide.certificates import REVOKE, REVOKED
 from robot_offload.errors import RobotOffloadError
 from robot_offload.insight.observed import observe
 from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import PRIVATE_KEY, BundleSecrets, bundle
-from robot_offload.render.pki import build_certificates
+from robot_offload.render.pki import CertificateSet, build_certificates
 from tests.unit.operator.cli.resources import NOW, manifest
 
 SET = build_certificates(robot="wheelchair-7", host_names=["cloud.example"], now=NOW, days=90)
@@ -98,3 +106,15 @@ def test_images_are_those_that_run_and_else_those_of_this_version() -> None:
     agent = {"spec": {"template": {"spec": {"containers": [{"name": "agent", "image": "mine:1"}]}}}}
     assert images_in_use([agent]) == dataclasses.replace(default_images(), agent="mine:1")
     assert images_in_use([]) == default_images()
+
+
+def test_a_certificate_of_the_authority_before_is_not_handed_out() -> None:
+    old, new = (build_certificates(robot="wheelchair-7", host_names=["cloud"], now=NOW) for _ in range(2))
+    secrets = BundleSecrets(b"", old.robot.certificate, b"")
+
+    def authority(made: CertificateSet) -> dict[str, Any]:
+        return {"data": {"tls.crt": base64.b64encode(made.client_ca.certificate).decode()}}
+
+    assert signed_by(authority(old), secrets)
+    assert not signed_by(authority(new), secrets)
+    assert not signed_by(None, secrets)

@@ -1,0 +1,160 @@
+"""The first wave of a pass: the Secrets with certificates, brought up to date before anything reads them."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Awaitable, Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import structlog
+
+from robot_offload import transport
+from robot_offload.api.agent_state import AgentState
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.controller.apply import Applied
+from robot_offload.controller.memory import Certified, Memory
+from robot_offload.controller.observe import Observer, Snapshot
+from robot_offload.controller.subject import Subject
+from robot_offload.controller.tools import Tools
+from robot_offload.decide import certificates, issuer, presented
+from robot_offload.decide.ownership import Key
+from robot_offload.decide.renewal import Answer
+from robot_offload.decide.verdicts import Verdict, yes
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.parent import Parent
+
+Apply: TypeAlias = Callable[[Iterable[Manifest]], Awaitable[Applied]]
+_log = structlog.get_logger("robot_offload.controller")
+
+
+@dataclass(frozen=True, slots=True)
+class Secrets:
+    """What the first wave has led to.
+
+    Attributes:
+        verdict: for the condition CertificatesReady.
+        kept: Secrets that the third wave leaves alone.
+        hash: of the cloud's certificate; empty: there is none.
+        recheck_s: seconds until one of them is to be renewed; None: never.
+        issuer: objects that ask the user's own issuer for certificates.
+        answer: to the robot's request for a certificate; None: it has none.
+        ends: serial numbers and ends of the leaves, as the status names them.
+    """
+
+    verdict: Verdict
+    kept: frozenset[Key] = frozenset()
+    hash: str = ""
+    recheck_s: float | None = None
+    issuer: tuple[Manifest, ...] = ()
+    answer: Answer | None = None
+    ends: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+
+class Certifying:
+    """The first wave of one pass.
+
+    Args:
+        tools: what every pass works with.
+        subject: whose pass it is.
+        memory: what is remembered of it.
+        observer: reads for this pass.
+        snapshot: what was read.
+        apply: writes.
+    """
+
+    def __init__(
+        self, tools: Tools, subject: Subject, memory: Memory, observer: Observer, snapshot: Snapshot, apply: Apply
+    ) -> None:
+        self._store = tools.store
+        self._clock = tools.clock
+        self._subject = subject
+        self._memory = memory
+        self._observer = observer
+        self._snapshot = snapshot
+        self._apply = apply
+
+    async def run(self, parent: Parent, state: AgentState | None) -> Secrets:
+        """Brings the Secrets up to date; `state` is that of the cloud's agent."""
+        if not transport.needs_certificates(parent.spec):
+            return Secrets(yes("NotNeeded", "This transport uses no certificates"))
+        keys = certificates.secret_keys(parent.name)
+        revoke = self._subject.annotation(certificates.REVOKE)
+        asked = state.certificate.request if state is not None else ""
+        based_on = self._based_on(keys.values(), revoke, asked)
+        known, now_s = self._memory.secrets, self._clock.steady_s()
+        if known is not None and based_on is not None and known.based_on == based_on and now_s < known.renewal_s:
+            left_s = known.renewal_s - now_s
+            return Secrets(
+                known.verdict, frozenset(keys.values()), known.hash, left_s, answer=known.answer, ends=known.ends
+            )
+        await self._observer.confirm(self._snapshot, keys.values())
+        live = {role: self._snapshot.ours(*key, self._subject.uid) for role, key in keys.items()}
+        if parent.spec.transport.certificates.issuer_ref is not None:
+            # The authorities are not ours then, and the leaves are cert-manager's.
+            leaves = frozenset({keys["cloud"], keys["robot"]})
+            content = certificates.content_hash(live["cloud"])
+            return Secrets(
+                issuer.verdict(live),
+                leaves,
+                content,
+                issuer=issuer.certificates(parent),
+                answer=issuer.answer(asked) if asked else None,
+                ends=_ends(live),
+            )
+        issued = certificates.issue(parent, live, revoke, self._clock.wall(), asked)
+        for role, why in issued.made:
+            _log.info("Made certificate", **self._subject.words, role=role, reason=why.reason)
+        applied = await self._apply(issued.secrets)
+        content = certificates.content_hash(self._snapshot.ours(*keys["cloud"], self._subject.uid))
+        if not applied.complete:
+            # What is not kept must not be handed out: the next pass would sign another one.
+            return Secrets(applied.verdict, frozenset(keys.values()), content)
+        ends = _ends(dict(zip(certificates.ROLES, issued.secrets, strict=True)))
+        based_on = self._based_on(keys.values(), revoke, asked)
+        self._memory.secrets = Certified(
+            based_on, issued.verdict, content, now_s + issued.recheck_s, issued.answer, ends
+        )
+        return Secrets(
+            issued.verdict, frozenset(keys.values()), content, issued.recheck_s, answer=issued.answer, ends=ends
+        )
+
+    def _based_on(self, keys: Iterable[Key], revoke: str, asked: str) -> object:
+        """Returns all that the certificates follow from; None: the store does not know."""
+        entries = [self._store.entry(kind, self._subject.namespace, name) for kind, name in keys]
+        known = [(entry.uid, entry.version) for entry in entries if entry is not None]
+        complete = self._store.fed and len(known) == len(entries)
+        return (self._subject.generation, revoke, asked, *known) if complete else None
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What is known of the certificates in the end.
+
+    Attributes:
+        verdict: for the condition CertificateCurrent.
+        shown: for the status.
+        recheck_s: seconds after which the verdict changes by itself; None: never.
+    """
+
+    verdict: Verdict
+    shown: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    recheck_s: float | None = None
+
+
+def judge(offload: RobotOffload, secrets: Secrets, robot: presented.Presented | None, now: datetime.datetime) -> Judged:
+    """Returns what is known of the certificates; `robot` is what the robot dials with."""
+    if not transport.needs_certificates(offload.spec):
+        return Judged(yes("NotNeeded", "This transport uses no certificates"))
+    margin = datetime.timedelta(milliseconds=offload.spec.transport.certificates.renew_before_ms)
+    shown = {} if robot is None else {"robot": certificates.shown(robot.serial, robot.not_after)}
+    return Judged(
+        presented.verdict(robot, secrets.answer, margin, now),
+        {**secrets.ends, **shown},
+        presented.recheck_s(robot, margin, now),
+    )
+
+
+def _ends(live: Mapping[certificates.Role, Manifest | None]) -> dict[str, dict[str, str]]:
+    found = {"cloud": certificates.ends(live.get("cloud")), "bundle": certificates.ends(live.get("robot"))}
+    return {name: certificates.shown(*leaf) for name, leaf in found.items() if leaf is not None}

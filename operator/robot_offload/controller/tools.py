@@ -1,0 +1,45 @@
+"""What every pass works with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_offload.controller.clock import Clock
+from robot_offload.controller.store import Store
+from robot_offload.decide import rollouts
+from robot_offload.kube.port import KubeApi
+from robot_offload.objects.facts import Images
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What whoever runs the operator has decided for the whole cluster.
+
+    Attributes:
+        max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
+        load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
+    """
+
+    max_rolling: int = rollouts.AT_ONCE
+    load_balancer_node_ports: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Tools:
+    """What every pass works with.
+
+    Attributes:
+        api: reads and writes.
+        store: what the watches have brought.
+        images: of our own programs.
+        clock: both clocks.
+        policy: what holds for the whole cluster.
+        budget: how many robots may have their pods replaced at once.
+    """
+
+    api: KubeApi
+    store: Store
+    images: Images
+    clock: Clock
+    policy: Policy
+    budget: rollouts.Budget[tuple[str, str]]
