@@ -6,16 +6,22 @@ All calls come from one thread. After each call, and when `due_s` has passed, th
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from robot_offload_core.change import replace
 from robot_offload_core.declared import ActionSpec, ServiceSpec, UsedAction, UsedService
 from robot_offload_core.ledger.ports import CancelCode, Face, GoalStatus
+from robot_offload_core.process.messages import RelayStatus
+from robot_offload_core.process.relay_post import Post
 
 JOURNAL_BYTES = 24 * 1024 * 1024
 """Size of the journal's memory file."""
 MAX_PAYLOAD = 1024 * 1024
 """Bytes of a request, a goal, a feedback message or a result; larger ones are refused and counted by name."""
+STATUS_S = 0.1
+"""Control gets a status at changes and this often."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +94,8 @@ class RelayProcess(ABC):
         """A server has published feedback."""
 
     @abstractmethod
-    def call_answered(self, key: int, payload: bytes) -> None:
-        """A server has answered a call."""
+    def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
+        """A server has answered a call. `success`: False when the response has a boolean `success` that is false."""
 
     # -- requests of clients ------------------------------------------------------------------------------------------
 
@@ -108,3 +114,10 @@ class RelayProcess(ABC):
     @abstractmethod
     def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
         """A client calls a service."""
+
+
+def status_problems(status: RelayStatus, post: Post, counters: Counter[str]) -> RelayStatus:
+    """Returns the status with what diagnostics show."""
+    problems = (post.problem,) if post.problem is not None else ()
+    counted = tuple(sorted((counters + post.counters).items()))
+    return replace(status, problems=problems, counters=counted)

@@ -1,0 +1,215 @@
+"""The journal of the robot's relay: what its successor needs, as records that are read strictly and in order.
+
+A record is whole or not there: length 4, CRC-32 4, body. A torn end is dropped, and so is everything behind it. What is
+written is never code and never pickled: a body is JSON with its bytes in hexadecimal, but for goals and results, whose
+payloads follow the JSON as they are.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from robot_offload_core.change import replace
+from robot_offload_core.ledger.goals import Attempt, Goal, Ledger, Phase, Why
+from robot_offload_core.ledger.ports import GoalStatus, Holding
+from robot_offload_core.token import Site, Token
+
+FRAME = struct.Struct(">II")
+BODY = struct.Struct(">I")
+MAX_RECORD = 4 * 1024 * 1024
+
+
+class JournalError(ValueError):
+    """A record that is none of ours."""
+
+
+@dataclass
+class Replayed:
+    """What a journal says.
+
+    Attributes:
+        goals: in the client's order. holding: the newest stay that was taken into account.
+        calls: open service calls, caller -> service. dropped: records that were none of ours.
+    """
+
+    goals: dict[bytes, Goal] = field(default_factory=dict)
+    holding: Holding | None = None
+    calls: dict[bytes, str] = field(default_factory=dict)
+    dropped: int = 0
+
+
+# -- frames -----------------------------------------------------------------------------------------------------------
+
+
+def frame(record: bytes) -> bytes:
+    """Returns a record as it lies in the file."""
+    return FRAME.pack(len(record), zlib.crc32(record)) + record
+
+
+def unframe(data: bytes) -> Iterator[bytes]:
+    """Returns the whole records at the beginning of a file's bytes; a torn one ends the row."""
+    at = 0
+    while at + FRAME.size <= len(data):
+        size, check = FRAME.unpack_from(data, at)
+        record = bytes(data[at + FRAME.size : at + FRAME.size + size])
+        if not 0 < size <= MAX_RECORD or len(record) < size or zlib.crc32(record) != check:
+            return
+        yield record
+        at += FRAME.size + size
+
+
+# -- records ----------------------------------------------------------------------------------------------------------
+
+
+def changes(before: Ledger, after: Ledger) -> list[bytes]:
+    """Returns the records of a step: what a successor must know of it."""
+    records = []
+    if after.holding != before.holding:
+        records.append(_record({"k": "stay", **_holding(after.holding)}))
+    if after.goals is before.goals:
+        return records
+    for goal_id, goal in after.goals.items():
+        was = before.goals.get(goal_id)
+        if was is None:
+            records.append(_record({"k": "goal", **_goal(goal)}, goal.payload))
+        elif was is not goal and _goal(was) != _goal(goal):
+            result = goal.result if was.ended_s is None else b""
+            records.append(_record({"k": "state", **_goal(goal)}, result))
+    records += [_record({"k": "drop", "id": gone.hex()}) for gone in before.goals if gone not in after.goals]
+    return records
+
+
+def whole(ledger: Ledger, calls: dict[bytes, str]) -> list[bytes]:
+    """Returns the fewest records that say the same as all so far."""
+    records = [_record({"k": "stay", **_holding(ledger.holding)})]
+    for goal in ledger.goals.values():
+        records.append(_record({"k": "goal", **_goal(goal)}, goal.payload))
+        if goal.ended_s is not None:
+            records.append(_record({"k": "state", **_goal(goal)}, goal.result))
+    return records + [call_opened(caller, service) for caller, service in calls.items()]
+
+
+def call_opened(caller: bytes, service: str) -> bytes:
+    """Returns the record of a service call that waits for its answer."""
+    return _record({"k": "call", "c": caller.hex(), "s": service})
+
+
+def call_closed(caller: bytes) -> bytes:
+    """Returns the record of its answer."""
+    return _record({"k": "done", "c": caller.hex()})
+
+
+def replay(records: Iterable[bytes]) -> Replayed:
+    """Reads records in order; one that is none of ours is left out."""
+    said = Replayed()
+    for record in records:
+        try:
+            _take(said, record)
+        except (JournalError, KeyError, ValueError, TypeError):
+            said.dropped += 1
+    return said
+
+
+def restored(ledger: Ledger, said: Replayed) -> Ledger:
+    """Returns a new ledger with the goals of its predecessor."""
+    goals = {goal_id: goal for goal_id, goal in said.goals.items() if goal.action in ledger.actions}
+    index = {a.id: goal.id for goal in goals.values() for a in goal.attempts}
+    counter = max(
+        (n for goal in goals.values() for n in (goal.order, *(a.rank for a in goal.attempts))), default=0
+    )  # fmt: skip
+    holding = said.holding or ledger.holding
+    return replace(ledger, goals=goals, index=index, counter=max(counter, ledger.counter), holding=holding)
+
+
+# -- bodies -----------------------------------------------------------------------------------------------------------
+
+
+def _record(words: dict[str, Any], payload: bytes = b"") -> bytes:
+    text = json.dumps(words, separators=(",", ":")).encode()
+    return BODY.pack(len(text)) + text + payload
+
+
+def _open(record: bytes) -> tuple[dict[str, Any], bytes]:
+    if len(record) < BODY.size:
+        raise JournalError("too short")
+    (size,) = BODY.unpack_from(record)
+    words = json.loads(record[BODY.size : BODY.size + size])
+    if not isinstance(words, dict):
+        raise JournalError("no table")
+    return words, record[BODY.size + size :]
+
+
+def _take(said: Replayed, record: bytes) -> None:
+    words, payload = _open(record)
+    kind = words["k"]
+    if kind == "stay":
+        said.holding = Holding(Site(words["at"]), int(words["stay"]), _token(words["token"]))
+    elif kind == "goal":
+        goal = _goal_of(words)
+        said.goals[goal.id] = replace(goal, payload=payload)
+    elif kind == "state":
+        known = said.goals[bytes.fromhex(words["id"])]
+        goal = _goal_of(words)
+        said.goals[goal.id] = replace(goal, payload=known.payload, result=payload or known.result)
+    elif kind == "drop":
+        said.goals.pop(bytes.fromhex(words["id"]), None)
+    elif kind == "call":
+        said.calls[bytes.fromhex(words["c"])] = str(words["s"])
+    elif kind == "done":
+        said.calls.pop(bytes.fromhex(words["c"]), None)
+    else:
+        raise JournalError(f"{kind!r} is no kind of record")
+
+
+def _holding(holding: Holding) -> dict[str, Any]:
+    return {"at": holding.site.value, "stay": holding.stay, "token": _token_words(holding.token)}
+
+
+def _token_words(token: Token) -> list[Any]:
+    return [token.robot, token.epoch, token.cloud]
+
+
+def _token(words: Any) -> Token:
+    robot, epoch, cloud = words
+    return Token(str(robot), int(epoch), str(cloud))
+
+
+def _goal(goal: Goal) -> dict[str, Any]:
+    return {
+        "id": goal.id.hex(), "a": goal.action, "o": goal.order, "t": goal.stamp_ns, "c": goal.caller.hex(),
+        "s": int(goal.status), "w": goal.why.value if goal.why else "", "e": goal.ended_s, "x": goal.cancel,
+        "r": [caller.hex() for caller in goal.waiting], "n": [goal.need_s, goal.able_s, goal.moved],
+        "l": [_attempt(attempt) for attempt in goal.attempts],
+    }  # fmt: skip
+
+
+def _goal_of(words: dict[str, Any]) -> Goal:
+    need_s, able_s, moved = words["n"]
+    return Goal(
+        bytes.fromhex(words["id"]), str(words["a"]), b"", int(words["o"]), int(words["t"]),
+        caller=bytes.fromhex(words["c"]), status=GoalStatus(words["s"]),
+        why=Why(words["w"]) if words["w"] else None, ended_s=None if words["e"] is None else float(words["e"]),
+        cancel=bool(words["x"]), waiting=tuple(bytes.fromhex(caller) for caller in words["r"]),
+        attempts=tuple(_attempt_of(attempt) for attempt in words["l"]),
+        need_s=float(need_s), able_s=None if able_s is None else float(able_s), moved=bool(moved),
+    )  # fmt: skip
+
+
+def _attempt(attempt: Attempt) -> list[Any]:
+    return [
+        attempt.id.hex(), attempt.site.value, _token_words(attempt.token), attempt.offered_s, attempt.phase.value,
+        attempt.rank, int(attempt.status), attempt.ended_s, attempt.cancel,
+    ]  # fmt: skip
+
+
+def _attempt_of(words: Any) -> Attempt:
+    attempt, site, token, offered_s, phase, rank, status, ended_s, cancel = words
+    return Attempt(
+        bytes.fromhex(attempt), Site(site), _token(token), float(offered_s), Phase(phase), int(rank),
+        GoalStatus(status), float(ended_s), bool(cancel),
+    )  # fmt: skip

@@ -1,0 +1,359 @@
+"""The robot's relay: the one server that clients know; its ledger and its desk decide which side executes."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable
+
+from robot_offload_core.ledger import copies, goals, journal, steps
+from robot_offload_core.ledger.executor import Executor, OfferAnswered, Outcome, RunEnded, RunGone
+from robot_offload_core.ledger.goals import Command, Event, Why
+from robot_offload_core.ledger.ports import CancelCode, Face, GoalStatus, RobotRelayPorts
+from robot_offload_core.ledger.wire_ids import goal_id_of, with_goal_id
+from robot_offload_core.ledger.words import (
+    CalledWord,
+    CallWord,
+    CancelWord,
+    EndedWord,
+    FeedbackWord,
+    Hello,
+    OfferedWord,
+    OfferWord,
+    ResumeWord,
+    Verdict,
+    Word,
+)
+from robot_offload_core.process.messages import Letters, RelayOrders, RelayStatus
+from robot_offload_core.process.relay import MAX_PAYLOAD, STATUS_S, RelayPlan, RelayProcess, status_problems
+from robot_offload_core.process.relay_post import Post
+from robot_offload_core.process.robot_requests import RobotRequests
+from robot_offload_core.token import Site
+
+LOOK_S = 0.02
+"""While anything is open the holder is looked at this often: the collector's memory wakes nobody."""
+GOALS_PENDING = "GoalsPending"
+DIVERGED = "Diverged"
+
+
+class RobotRelay(RelayProcess):
+    """See the module.
+
+    Attributes:
+        ledger: of goals. requests: of services.
+        own: attempts at the robot's replica. orders: of control.
+        dirty: the status may have changed and is to be looked at.
+        fed: newest feedback of each attempt that passed.
+    """
+
+    def __init__(
+        self, plan: RelayPlan, ports: RobotRelayPorts, incarnation: str, records: Iterable[bytes] = ()
+    ) -> None:
+        self.plan = plan
+        self.ports = ports
+        self.post = Post(incarnation, ports)
+        self.own = Executor(Face.GROUP, ports, self._outcome)
+        self.orders: RelayOrders | None = None
+        self.up: frozenset[tuple[Site, str]] = frozenset()
+        self.services: dict[str, str] = {}
+        self.fed: dict[bytes, int] = {}
+        self.counters: Counter[str] = Counter()
+        self.requests = RobotRequests(plan, ports, self.post, self.view, self._keep, self.counters)
+        self.status: RelayStatus | None = None
+        self.status_due_s = self.look_due_s = ports.now_s()
+        self.queue: deque[Event] = deque()
+        self.running = self.dirty = False
+        self._of = {s.name: s.node for s in plan.services} | {a.name: a.node for a in plan.actions}
+        holding = ports.holder()
+        self.ledger = steps.start(
+            incarnation, plan.actions, holding, plan.prepare_deadline_s, plan.cancel_deadline_s
+        )  # fmt: skip
+        self._succeed(list(records))
+
+    def _succeed(self, records: list[bytes]) -> None:
+        """Goes on where a predecessor ended: its goals, its waiting clients; its open calls fail."""
+        said = journal.replay(records)
+        self.counters["journal.dropped"] += said.dropped
+        self.ledger = journal.restored(self.ledger, said)
+        self.requests.fail_open(said.calls)
+        if records:
+            self.ports.compact(journal.whole(self.ledger, {}))
+            self.step(goals.Replaced())
+
+    # -- the machines -------------------------------------------------------------------------------------------------
+
+    def view(self) -> goals.View:
+        """Returns what holds now: the collector's memory is read, the rest is what was said last."""
+        orders = self.orders
+        candidate = orders.candidate if orders is not None else None
+        able = frozenset(orders.able) if orders is not None else frozenset()
+        return goals.View(self.ports.holder(), candidate, able, self.up, self.post.heard())
+
+    def step(self, event: Event) -> None:
+        """Steps the ledger; what its commands lead to at once follows behind."""
+        self.queue.append(event)
+        if self.running:
+            return
+        self.running = True
+        try:
+            while self.queue:
+                self._step(self.queue.popleft())
+        finally:
+            self.running = False
+
+    def _step(self, event: Event) -> None:
+        before = self.ledger
+        after, commands = steps.step(before, event, self.view(), self.ports.now_s())
+        kept = True
+        for record in journal.changes(before, after):
+            kept = self._keep(record) and kept
+        if not kept and isinstance(event, goals.GoalRequested):
+            self.counters[f"{event.action}.{Why.JOURNAL_FULL.value}"] += 1
+            self.ports.answer_goal(Face.PUBLIC, event.action, event.caller, False, 0)
+            return
+        self.dirty |= after.goals is not before.goals or after.holding != before.holding
+        self.ledger = after
+        for command in commands:
+            self._carry_out(command)
+
+    def _keep(self, record: bytes) -> bool:
+        """Appends to the journal, which is written anew in the fewest records when it is full."""
+        if self.ports.keep(record):
+            return True
+        self.counters["journal.compacted"] += 1
+        return self.ports.compact(journal.whole(self.ledger, self.requests.calls)) and self.ports.keep(record)
+
+    def _carry_out(self, command: Command) -> None:
+        ports = self.ports
+        match command:
+            case goals.AnswerGoal():
+                if command.why is not None:
+                    self.counters[f"{command.action}.{command.why.value}"] += 1
+                ports.answer_goal(Face.PUBLIC, command.action, command.caller, command.accepted, command.stamp_ns)
+            case goals.AnswerCancel():
+                ports.answer_cancel(Face.PUBLIC, command.action, command.caller, command.code, command.goals)
+            case goals.AnswerResult():
+                ports.answer_result(Face.PUBLIC, command.action, command.caller, command.status, command.payload)
+            case goals.PublishStatus():
+                ports.publish_status(Face.PUBLIC, command.action, command.goals)
+            case goals.GoalClosed():
+                self.counters[f"{command.action}.{command.status.name.lower()}"] += 1
+                if command.why is not None:
+                    self.counters[f"{command.action}.{command.why.value}"] += 1
+            case goals.Offer() | goals.Cancel() | goals.Resume():
+                self._to_side(command)
+
+    def _to_side(self, command: goals.Offer | goals.Cancel | goals.Resume) -> None:
+        face, action, attempt = Face.GROUP, command.action, command.attempt
+        local = command.site is Site.ROBOT
+        match command:
+            case goals.Offer() if local:
+                self.own.offer(action, attempt, command.payload, command.token)
+            case goals.Offer():
+                payload = with_goal_id(command.payload, attempt)
+                self.post.write(OfferWord(face, action, attempt, command.token, payload))
+            case goals.Cancel() if local:
+                self.own.cancel(attempt)
+            case goals.Cancel():
+                self.post.write(CancelWord(face, action, attempt))
+            case goals.Resume() if local:
+                self.own.resume(action, attempt, command.token)
+            case goals.Resume():
+                self.post.write(ResumeWord(face, action, attempt, command.token))
+
+    def _outcome(self, outcome: Outcome) -> None:
+        match outcome:
+            case OfferAnswered():
+                answer = goals.Answer.ACCEPTED if outcome.accepted else goals.Answer.REFUSED
+                self.step(goals.Answered(outcome.attempt, answer))
+            case RunEnded():
+                self.step(goals.Ended(outcome.attempt, outcome.status, outcome.result))
+            case RunGone():
+                self.step(goals.Gone(outcome.attempt))
+
+    # -- the shell ----------------------------------------------------------------------------------------------------
+
+    @property
+    def due_s(self) -> float:
+        """Returns when `turn` has something to do."""
+        if self.dirty:
+            return float("-inf")
+        return min(self.post.due_s(), self.status_due_s, self.look_due_s, self.own.due_s(), self.requests.due_s())
+
+    def turn(self) -> None:
+        """Does what is due."""
+        now_s = self.ports.now_s()
+        self.dirty = False
+        self.own.turn()
+        self._look(now_s)
+        self.post.turn(self._hello())
+        self._report(now_s)
+
+    def _look(self, now_s: float) -> None:
+        """Looks at the holder and at deadlines: often while anything is open."""
+        self.step(goals.Looked())
+        self.requests.settle()
+        live = any(goal.ended_s is None for goal in self.ledger.goals.values())
+        idle = self.requests.idle() and not live
+        self.look_due_s = now_s + (STATUS_S if idle else LOOK_S)
+        self.fed = {attempt: n for attempt, n in self.fed.items() if attempt in self.ledger.index}
+
+    def handle(self, message: object) -> None:
+        """Takes control's orders and the cloud relay's words."""
+        if isinstance(message, RelayOrders):
+            self.orders = self.requests.orders = message
+            self.post.agent = message.cloud
+            self._see()
+            self._look(self.ports.now_s())
+        elif isinstance(message, Letters):
+            word, met = self.post.take(message.data)
+            if met:
+                self.counters["relay.met"] += 1
+                self.requests.desk.lost(Site.CLOUD)
+                self.step(goals.Replaced(Site.CLOUD))
+            if word is not None:
+                self._take(word)
+
+    def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
+        """Takes the servers in the graph."""
+        seen = {name: endpoints for face, name, endpoints in servers if face is Face.GROUP}
+        before, self.services = self.services, seen
+        for name in self.requests.desk.services:
+            if name in before and seen.get(name) != before[name]:
+                self.requests.desk.lost_server(Site.ROBOT, name)
+        self._see()
+        self.own.servers_seen({name: endpoints for name, endpoints in seen.items() if name in self.ledger.actions})
+
+    def _see(self) -> None:
+        """Works out which servers are up: seen, and their nodes Active; the cloud's as its relay says."""
+        active = self.orders.active if self.orders is not None else ()
+        ours = {(Site.ROBOT, name) for name in self.services if not self._of.get(name) or self._of[name] in active}
+        theirs = {(Site.CLOUD, name) for name in self.post.hello.up} if self.post.hello is not None else set()
+        self.up = frozenset(ours | theirs)
+
+    # -- the cloud's words --------------------------------------------------------------------------------------------
+
+    def _take(self, word: Word) -> None:
+        match word:
+            case Hello():
+                self._see()
+                self._look(self.ports.now_s())
+            case OfferedWord():
+                answers = {Verdict.DONE: goals.Answer.ACCEPTED, Verdict.NOT_HOLDER: goals.Answer.NOT_HOLDER}
+                self.step(goals.Answered(word.attempt, answers.get(word.verdict, goals.Answer.REFUSED)))
+            case EndedWord():
+                self.step(goals.Ended(word.attempt, word.status, word.payload, word.under_lease))
+            case CalledWord():
+                self.requests.take(word)
+            case FeedbackWord():
+                self._feedback(word.action, word.payload, word.sequence)
+            case CallWord():
+                self.requests.used_in_cloud(word)
+            case _:
+                pass
+
+    def _feedback(self, action: str, payload: bytes, sequence: int) -> None:
+        """Passes feedback of the holder's copy, in order, under the client's id (rule 5)."""
+        attempt = goal_id_of(payload)
+        if attempt is None or sequence <= self.fed.get(attempt, 0):
+            return
+        goal = goals.passes_feedback(self.ledger, attempt, self.view())
+        if goal is None or goal.action != action:
+            self.counters[f"{action}.feedback_left_out"] += 1
+            return
+        self.fed[attempt] = sequence
+        self.ports.publish_feedback(Face.PUBLIC, action, with_goal_id(payload, goal.id))
+
+    # -- servers here -------------------------------------------------------------------------------------------------
+
+    def offer_answered(self, face: Face, name: str, goal_id: bytes, accepted: bool) -> None:
+        """Takes the answer to an offer."""
+        self.own.offer_answered(goal_id, accepted)
+
+    def cancel_answered(self, face: Face, name: str, goal_id: bytes, code: CancelCode) -> None:
+        """Takes the answer to a cancel."""
+        self.own.cancel_answered(goal_id, code)
+
+    def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
+        """Takes a result."""
+        if len(payload) > MAX_PAYLOAD:
+            self.counters[f"{name}.too_large"] += 1
+            payload = b""
+        self.own.result_arrived(goal_id, status, payload)
+
+    def feedback_arrived(self, face: Face, name: str, payload: bytes) -> None:
+        """Takes feedback of the robot's replica."""
+        attempt = goal_id_of(payload)
+        sequence = self.own.feedback_arrived(attempt) if attempt is not None else 0
+        if sequence:
+            self._feedback(name, payload, sequence)
+
+    def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
+        """Takes the answer of a served service, or of a used one (their keys are negative)."""
+        self.requests.answered(key, payload, success)
+
+    # -- clients ------------------------------------------------------------------------------------------------------
+
+    def goal_requested(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
+        """Takes a client's goal. Those of the group at used actions are refused, validation refuses used actions."""
+        goal_id = goal_id_of(payload)
+        if face is not Face.PUBLIC or goal_id is None or len(payload) > MAX_PAYLOAD:
+            self.counters[f"{name}.{Why.TOO_LARGE.value}"] += 1
+            self.ports.answer_goal(face, name, caller, False, 0)
+            return
+        self.step(goals.GoalRequested(name, caller, goal_id, payload, self.ports.wall_ns()))
+
+    def cancel_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes, stamp_ns: int) -> None:
+        """Takes a client's cancel."""
+        if face is Face.PUBLIC:
+            self.step(goals.CancelRequested(name, caller, goal_id, stamp_ns))
+        else:
+            self.ports.answer_cancel(face, name, caller, CancelCode.UNKNOWN_GOAL, ())
+
+    def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
+        """Takes a client's question for a result."""
+        if face is Face.PUBLIC:
+            self.step(goals.ResultRequested(name, caller, goal_id))
+        else:
+            self.ports.answer_result(face, name, caller, GoalStatus.UNKNOWN, b"")
+
+    def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
+        """Takes a call: of a client at a served service, or of the robot's group at a used one."""
+        if face is Face.GROUP:
+            self.requests.used_here(name, caller, payload)
+        else:
+            self.requests.called(name, caller, payload)
+
+    # -- levels -------------------------------------------------------------------------------------------------------
+
+    def _hello(self) -> Hello:
+        holding = self.ports.holder()
+        agent = self.orders.robot if self.orders is not None else ""
+        return Hello(agent, holding.site, holding.stay, (), goals.executing(self.ledger, Site.ROBOT))
+
+    def _pending(self, view: goals.View) -> tuple[tuple[str, str], ...]:
+        found = []
+        lacking, differing = copies.pending(self.ledger, view), self.requests.desk.diverged(view)
+        if lacking:
+            found.append((GOALS_PENDING, f"Goals not accepted yet by the side that gets ready: {', '.join(lacking)}"))
+        if differing:
+            found.append((DIVERGED, f"Calls not executed yet by the side that gets ready: {', '.join(differing)}"))
+        return tuple(found)
+
+    def _report(self, now_s: float) -> None:
+        view = self.view()
+        token = view.candidate[1] if view.candidate is not None else None
+        hold, _ = copies.held(self.ledger)
+        holds = view.holding.site is Site.ROBOT
+        waits = (
+            not holds
+            and self.requests.desk.busy(Site.ROBOT)
+            and now_s < self.ledger.changed_s + self.plan.cancel_deadline_s
+        )
+        busy = waits or goals.busy(self.ledger, Site.ROBOT, now_s)
+        executing = goals.executing(self.ledger, Site.ROBOT)
+        status = RelayStatus(token, self._pending(view), hold, busy, executing)
+        if status == self.status and now_s < self.status_due_s:
+            return
+        self.status, self.status_due_s = status, now_s + STATUS_S
+        for process in ("control", "collector"):
+            self.ports.send(process, status_problems(status, self.post, self.counters))
