@@ -18,6 +18,7 @@ from robot_offload.api.v1alpha1.quantities import format_duration
 from robot_offload.errors import SpecError
 from robot_offload.render.agent_config import AgentSite, agent_config, agent_parameters
 from robot_offload_agent.settings import parameters as agent
+from robot_offload_core.declared import Frame, ParameterState, SnapshotState, TopicState, While
 from tests.unit.specs import changed, sample
 
 EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*/robotoffload.yaml"))
@@ -188,3 +189,89 @@ def accepted(spec: dict[str, Any]) -> RobotOffload:
     except SpecError:
         assume(False)
         raise
+
+
+FOLLOW = {"name": "/follow_path", "type": "nav2_msgs/action/FollowPath"}
+CLEAR = {"name": "/costmap/clear", "type": "std_srvs/srv/Empty"}
+EVERY_WORD: dict[str, Any] = {
+    "name": "controller",
+    "placement": "Duplicated",
+    "core": True,
+    "standby": {"robot": "Hot", "cloud": "Warm"},
+    "outputs": [
+        {"topic": "/cmd_vel", "rate": 20, "while": {"actions": ["/follow_path"]}, "shared": True},
+        {"topic": "/tf", "frames": [{"parent": "map", "child": "odom"}]},
+        {"topic": "/boxes", "rate": 30, "while": {"topic": "/image", "within": "200ms"}},
+    ],
+    "services": [CLEAR | {"mode": "Both", "timeout": "1s"}],
+    "actions": [FOLLOW | {"onSwitch": "Hold", "holdFor": "3s", "resultTimeout": "1m", "accept": "Holder"}],
+    "uses": {
+        "services": [{"name": "/map", "type": "nav_msgs/srv/GetMap"}],
+        "actions": [{"name": "/dock", "type": "nav2_msgs/action/DockRobot", "cancelAfter": "0s"}],
+    },
+    "state": [
+        {"topic": "/amcl_pose", "restore": "/initialpose"},
+        {"parameters": {"nodes": ["controller", "local_costmap/local_costmap"], "except": ["use_gpu"]}},
+        {"snapshot": True, "maxAge": "1s", "maxSize": "2Mi"},
+    ],
+}
+"""A node that says everything about what moves with the execution."""
+
+
+def with_every_word() -> RobotOffload:
+    values = changed("spec.nodes.1", EVERY_WORD)
+    values["spec"]["switching"] |= {"silent": ["local_costmap/**"], "maxMessageSize": "1Mi", "settleFor": "3s"}
+    values["spec"]["topics"]["toCloud"][0] |= {"minRate": 2, "priority": "High", "latest": True}
+    return parse_object(values, "f.yaml", rules=())
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_the_agent_reads_what_moves_with_the_execution(side: Side) -> None:
+    configuration = read_by_agent(agent_config(with_every_word(), site(side)))
+    plan = configuration.relay_plan()
+    assert plan is not None
+    [service], [action] = plan.services, plan.actions
+    assert (service.mode.value, service.timeout_s, service.node, service.core) == ("Both", 1.0, "controller", True)
+    assert (action.on_switch.value, action.hold_for_s, action.result_timeout_s) == ("Hold", 3.0, 60.0)
+    assert (action.accept.value, [it.value for it in action.hot]) == ("Holder", ["robot"])
+    assert ([it.name for it in plan.used_services], plan.used_actions[0].cancel_after_s) == (["/map"], 0.0)
+    pose, parameters, snapshot = configuration.state_specs()
+    assert (pose, parameters) == (
+        TopicState("controller", "/amcl_pose", "/initialpose"),
+        ParameterState("controller", ("controller", "local_costmap/local_costmap"), ("use_gpu",)),
+    )
+    assert snapshot == SnapshotState("controller", 1.0, 2 << 20)
+    command, tf, boxes = configuration.output_specs()
+    assert (command.while_, boxes.while_) == (While(("/follow_path",)), While(topic="/image", within_s=0.2))
+    assert (command.shared, tf.shared, boxes.shared, tf.frames) == (True, True, False, (Frame("map", "odom"),))
+    assert command.waits
+    assert [it.value for it in command.hot] == ["robot"]
+    settings_ = configuration.settings()
+    assert (settings_.preparing_s, settings_.settle_for_s, settings_.max_message_size) == (5.0, 3.0, 1 << 20)
+    scan = configuration.input_specs()[0]
+    assert (scan.min_rate_hz, scan.max_rate_hz, scan.priority.value, scan.latest) == (2.0, 20.0, "High", True)
+    assert configuration["silent"] == ["local_costmap/**"]
+
+
+def test_without_actions_a_side_prepares_as_long_as_it_may_activate() -> None:
+    settings_ = read_by_agent(agent_config(parse_object(sample(), "sample"), site("robot"))).settings()
+    assert settings_.preparing_s == settings_.activation_deadline_s
+
+
+def test_a_node_without_a_lifecycle_is_hot_on_both_sides() -> None:
+    offload = parse_object(
+        changed("spec.nodes.1", {"name": "a", "placement": "Duplicated", "lifecycle": False}), "f.yaml", rules=()
+    )
+    for side in SIDES:
+        [node] = [it for it in read_by_agent(agent_config(offload, site(side))).node_specs() if it.name == "a"]
+        assert node.hot
+
+
+def test_what_the_group_offers_itself_is_no_used_name() -> None:
+    client = {"name": "tree", "placement": "Duplicated", "uses": {"actions": [FOLLOW], "services": [CLEAR]}}
+    values = changed("spec.nodes.1", EVERY_WORD)
+    values["spec"]["nodes"][2] = client
+    plan = read_by_agent(agent_config(parse_object(values, "f.yaml", rules=()), site("robot"))).relay_plan()
+    assert plan is not None
+    assert [it.name for it in plan.used_actions] == ["/dock"]
+    assert [it.name for it in plan.used_services] == ["/map"]

@@ -17,7 +17,6 @@ from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameters import (
     GENERAL,
     GROUPS,
-    INPUT,
     Configuration,
     check,
     flatten,
@@ -25,6 +24,7 @@ from robot_offload_agent.settings.parameters import (
     parse,
     read,
 )
+from robot_offload_agent.settings.topics import INPUT
 from robot_offload_core.reasons import Explained
 
 RUN_TIME = (
@@ -39,7 +39,7 @@ HARD_LIMITS = (
     "loss_timeout_ms", "lease_ms", "max_command_age_ms", "activation_deadline_ms", "max_clock_offset_ms",
 )  # fmt: skip
 """Never above the value in the robot's file."""
-MEMBER = re.compile(r"(node|output|input)\.(.+)\.([a-z_]+)")
+MEMBER = re.compile(rf"({'|'.join(prefix for prefix, _ in GROUPS.values())})\.(.+)\.([a-z_]+)")
 
 
 @dataclass(frozen=True)

@@ -20,17 +20,14 @@ import yaml
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameter import CALLED, TOPIC, Parameter, Value
 from robot_offload_agent.settings.served import SERVED, relay_plan
-from robot_offload_core.declared import SettingsError
+from robot_offload_agent.settings.states import KEPT, state_spec
+from robot_offload_agent.settings.topics import INPUT, OUTPUT, input_spec, output_problems, output_spec
+from robot_offload_core.declared import SettingsError, StateSpec
 from robot_offload_core.process.relay import RelayPlan
 from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 
 SITES = ("Robot", "Cloud")
-QOS_WORDS = {
-    "reliability": ("auto", "reliable", "best_effort"),
-    "durability": ("auto", "volatile", "transient_local"),
-}
-INTERFACE = r"auto|[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*"
 SERVICE = rf"({TOPIC})?"
 
 GENERAL: dict[str, Parameter] = {
@@ -81,6 +78,11 @@ GENERAL: dict[str, Parameter] = {
     "cancel_deadline_ms": Parameter(
         2000.0, "in which the goals of the side left behind end before its nodes sleep, ms", low=10, high=60000
     ),
+    "settle_for_ms": Parameter(
+        10000.0, "how long a side that was called off for goals or state stays Active, ms", low=0, high=600000
+    ),
+    "max_message_size": Parameter(8 << 20, "largest message that is carried, bytes", low=1024, high=16 << 20),
+    "silent": Parameter(["none"], "topics of duplicated nodes that are not missed outside their side"),
     "inhibit_service": Parameter("", "std_srvs/SetBool service of the driver; empty: none", pattern=SERVICE),
     "nodes": Parameter(["none"], "managed nodes in bring-up order, by resource name"),
     "outputs": Parameter(["none"], "identifiers of the collected outputs"),
@@ -89,6 +91,7 @@ GENERAL: dict[str, Parameter] = {
     "actions": Parameter(["none"], "identifiers of the actions that duplicated nodes serve"),
     "used_services": Parameter(["none"], "identifiers of the services outside that duplicated nodes call"),
     "used_actions": Parameter(["none"], "identifiers of the actions outside that duplicated nodes use"),
+    "states": Parameter(["none"], "identifiers of what the standby gets to know"),
     "link.type": Parameter("zenoh", "how the two agents reach each other", choices=("zenoh", "ros")),
     "link.pulse_endpoints": Parameter(["none"], "endpoints of the pulse session"),
     "link.data_endpoints": Parameter(["none"], "endpoints of the data session"),
@@ -113,30 +116,7 @@ NODE: dict[str, Parameter] = {
     "standby_robot": Parameter("Warm", "Warm: Inactive while the cloud acts; Hot: Active", choices=("Warm", "Hot")),
     "standby_cloud": Parameter("Warm", "the same for the cloud's replica", choices=("Warm", "Hot")),
 }
-OUTPUT: dict[str, Parameter] = {
-    "topic": Parameter(None, "public topic", pattern=TOPIC),
-    "type": Parameter("auto", "interface type; auto: from the graph", pattern=INTERFACE),
-    "rate_hz": Parameter(0.0, "expected rate, Hz; 0: not rated", low=0, high=10000),
-    "deadline_ms": Parameter(150.0, "silence of a rated output that means a fault, ms", low=0, high=60000),
-    "mirror": Parameter(True, "what passes also reaches consumers in the cloud"),
-    "robot_topic": Parameter(None, "private topic of the robot's replica", pattern=TOPIC),
-    "cloud_topic": Parameter(None, "private topic of the cloud's replica", pattern=TOPIC),
-    "node": Parameter("", "the node that publishes it"),
-    "reliability": Parameter("auto", "QoS", choices=QOS_WORDS["reliability"]),
-    "durability": Parameter("auto", "QoS", choices=QOS_WORDS["durability"]),
-    "depth": Parameter(10, "QoS history depth", low=1, high=10000),
-}
-INPUT: dict[str, Parameter] = {
-    "topic": Parameter(None, "topic of the robot", pattern=TOPIC),
-    "type": Parameter("auto", "interface type; auto: from the graph", pattern=INTERFACE),
-    "max_age_ms": Parameter(0.0, "oldest message that reaches the cloud's nodes, ms; 0: no limit", low=0, high=600000),
-    "max_rate_hz": Parameter(0.0, "messages above this rate are left out, Hz; 0: no limit", low=0, high=10000),
-    "latched": Parameter(False, "keep the last message and give it to every new session"),
-    "reliability": Parameter("auto", "QoS", choices=QOS_WORDS["reliability"]),
-    "durability": Parameter("auto", "QoS", choices=QOS_WORDS["durability"]),
-    "depth": Parameter(10, "QoS history depth", low=1, high=10000),
-}
-GROUPS = {"nodes": ("node", NODE), "outputs": ("output", OUTPUT), "inputs": ("input", INPUT), **SERVED}
+GROUPS = {"nodes": ("node", NODE), "outputs": ("output", OUTPUT), "inputs": ("input", INPUT), **SERVED, **KEPT}
 NAMES = {group: rf"{TOPIC}|{TOPIC[1:]}" if group == "nodes" else CALLED for group in GROUPS}
 """Form of the names in these lists: node names may have a namespace, identifiers become parts of other names."""
 
@@ -164,6 +144,7 @@ class Configuration:
     actions: tuple[Named, ...] = ()
     used_services: tuple[Named, ...] = ()
     used_actions: tuple[Named, ...] = ()
+    states: tuple[Named, ...] = ()
 
     def __getitem__(self, key: str) -> Any:
         return self.values[key]
@@ -189,7 +170,10 @@ class Configuration:
             if name.endswith("_ms") and "." not in name
         }
         pin = None if self["pin"] == "Auto" else Site(self["pin"].lower())
-        settings = Settings(**seconds, prefer=Site(self["prefer"].lower()), pin=pin, mode=Mode(self["mode"]))
+        settings = Settings(
+            **seconds, prefer=Site(self["prefer"].lower()), pin=pin, mode=Mode(self["mode"]),
+            max_message_size=self["max_message_size"],
+        )  # fmt: skip
         try:
             settings.check()
         except SettingsError as error:
@@ -199,14 +183,15 @@ class Configuration:
 
     def output_specs(self) -> tuple[OutputSpec, ...]:
         """For the collector core."""
-        return tuple(
-            OutputSpec(o.name, o["deadline_ms"] / 1e3, 1 / o["rate_hz"]) if o["rate_hz"] else OutputSpec(o.name, 0.0)
-            for o in self.outputs
-        )
+        return tuple(output_spec(o.name, o.values) for o in self.outputs)
 
     def input_specs(self) -> tuple[InputSpec, ...]:
         """For the health core, which names them to people: by their topics."""
-        return tuple(InputSpec(i["topic"], i["max_age_ms"] / 1e3) for i in self.inputs)
+        return tuple(input_spec(i.values) for i in self.inputs)
+
+    def state_specs(self) -> tuple[StateSpec, ...]:
+        """What the standby gets to know; raises ConfigurationError naming the parameter that cannot work."""
+        return tuple(state_spec(state.name, state.values) for state in self.states)
 
     def relay_plan(self) -> RelayPlan | None:
         """For the relay; None without a served or used name: then there is no relay. Raises ConfigurationError."""
@@ -302,6 +287,7 @@ def parse(given: Mapping[str, Any]) -> Configuration:
         raise ConfigurationError("\n".join(problems))
     configuration.settings()
     configuration.relay_plan()
+    configuration.state_specs()
     return configuration
 
 
@@ -319,9 +305,8 @@ def contradictions(configuration: Configuration) -> Iterator[str]:
     for output in configuration.outputs:
         if output["node"] and output["node"] not in nodes:
             yield f"parameter output.{output.name}.node: {output['node']} is not one of nodes"
-    for spec in configuration.output_specs():
-        if problem := spec.problem():
-            yield f"parameter output.{spec.name}.deadline_ms: {problem}"
+    for output in configuration.outputs:
+        yield from output_problems(output.name, output.values)
 
 
 def too_tight(configuration: Configuration) -> str:

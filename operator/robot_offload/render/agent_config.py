@@ -7,21 +7,23 @@ of service carry `auto` (read from the running system). Durations are floats in 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 import yaml
 
 from robot_offload import transport
-from robot_offload.api.v1alpha1 import Node, Output, QualityOfService, RobotOffload, Switching, TopicToCloud
+from robot_offload.api.v1alpha1 import Node, Output, QualityOfService, RobotOffload, Switching, TopicToCloud, While
 from robot_offload.api.v1alpha1.names import identifier
 from robot_offload.objects.site import AgentSite
+from robot_offload.render.agent_names import handed_over, hot_sides, listed
 from robot_offload.render.ros_names import nodes_on, private_topic
 
 __all__ = ["AgentSite", "agent_config", "agent_parameters", "parameter_file", "runtime_parameters", "start_parameters"]
 
 AUTO: Final = "auto"
-NONE: Final = ["none"]
+PREPARE_MS: Final = 5_000
+"""For goals to be accepted on the side that gets ready; costmaps fill meanwhile."""
 FALLBACK_AFTER_MS: Final = 5_000.0
 """Longer than a session needs to come back after the other agent restarted, so that a restart causes no fallback."""
 RUN_TIME: Final = frozenset(
@@ -37,7 +39,8 @@ RUN_TIME_INPUT: Final = frozenset(("max_age_ms", "max_rate_hz"))
 SHARED: Final = RUN_TIME | {
     "domain_id", "namespace", "heartbeat_period_ms", "strict", "inhibit_service", "nodes", "node", "outputs", "output",
     "inputs", "input", "services", "service", "actions", "action", "used_services", "used_service", "used_actions",
-    "used_action", "prepare_deadline_ms", "cancel_deadline_ms",
+    "used_action", "states", "state", "silent", "max_message_size", "prepare_deadline_ms", "cancel_deadline_ms",
+    "settle_for_ms",
 }  # fmt: skip
 """What follows from the resource alone, not from where an agent runs."""
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -78,15 +81,16 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         "state_dir": site.state_dir,
         "realtime": site.realtime,
         **_files(site),
-        **_switching(spec.switching),
+        **_switching(spec.switching, with_actions=any(node.actions for node in spec.nodes)),
         "inhibit_service": spec.driver.inhibit_service or "",
         "link": _link(offload, site),
-        "nodes": _listed(node.name for node in nodes),
+        "nodes": listed(node.name for node in nodes),
         "node": {node.name: _node(node) for node in nodes},
-        "outputs": _listed(identifier(output.topic) for _, output in outputs),
+        "outputs": listed(identifier(output.topic) for _, output in outputs),
         "output": {identifier(output.topic): _output(node, output) for node, output in outputs},
-        "inputs": _listed(identifier(topic.name) for topic in inputs),
+        "inputs": listed(identifier(topic.name) for topic in inputs),
         "input": {identifier(topic.name): _input(topic) for topic in inputs},
+        **handed_over(spec),
     }
 
 
@@ -120,12 +124,14 @@ def _files(site: AgentSite) -> dict[str, Any]:
         "state_file": site.state_file,
         "settings_file": site.settings_file,
         "handover_file": site.handover_file,
-        "certificate_file": site.certificate_file,
     }
 
 
-def _switching(switching: Switching) -> dict[str, Any]:
+def _switching(switching: Switching, *, with_actions: bool) -> dict[str, Any]:
     latency, hold_down = switching.latency, switching.hold_down
+    prepare_ms = switching.prepare_deadline_ms
+    if prepare_ms is None:  # 0: the activation deadline, which may change while the agents run
+        prepare_ms = max(PREPARE_MS, switching.activation_deadline_ms) if with_actions else 0
     return {
         "mode": switching.mode,
         "pin": switching.pin,
@@ -144,6 +150,11 @@ def _switching(switching: Switching) -> dict[str, Any]:
         "flap_window_ms": float(hold_down.flap_window_ms),
         "activation_deadline_ms": float(switching.activation_deadline_ms),
         "max_clock_offset_ms": float(switching.max_clock_offset_ms),
+        "prepare_deadline_ms": float(prepare_ms),
+        "cancel_deadline_ms": float(switching.cancel_deadline_ms),
+        "settle_for_ms": float(switching.settle_for_ms),
+        "max_message_size": switching.max_message_size,
+        "silent": listed(switching.silent),
     }
 
 
@@ -156,24 +167,20 @@ def _link(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         "certificate": site.certificate,
         "private_key": site.private_key,
         "peer_name": "cloud" if site.side == "robot" else offload.metadata.name,
-        "observers": _listed(site.observers),
+        "observers": listed(site.observers),
         "verify_name": site.verify_name,
     }
 
 
-def _listed(names: Iterable[str]) -> list[str]:
-    """Returns a list of its own each time: YAML writes a second mention of the same one as an alias, ROS reads none."""
-    return list(names) or list(NONE)
-
-
 def _node(node: Node) -> dict[str, Any]:
+    hot = hot_sides(node)
     return {
         "duplicated": node.duplicated,
         "core": node.core,
         "lifecycle": node.lifecycle,
-        "standby_robot": node.standby.robot,
+        "standby_robot": "Hot" if "robot" in hot else "Warm",
         # A Cold replica that has no pod yet is simply not there; once it runs it is kept as a Warm one.
-        "standby_cloud": "Hot" if node.standby.cloud == "Hot" else "Warm",
+        "standby_cloud": "Hot" if "cloud" in hot else "Warm",
     }
 
 
@@ -188,6 +195,22 @@ def _output(node: Node, output: Output) -> dict[str, Any]:
         "cloud_topic": private_topic("cloud", output.topic),
         "node": node.name,
         **_qos(output.qos),
+        **_condition(output.while_),
+        "shared": output.shared or bool(output.frames),
+        "frames": listed(f"{frame.parent} {frame.child}" for frame in output.frames),
+        "of_cloud": node.placement == "Cloud",
+        "max_age_ms": float(output.max_age_ms or 0),
+        "hot": listed(hot_sides(node)),
+        "waits": bool(node.called),
+    }
+
+
+def _condition(while_: While | None) -> dict[str, Any]:
+    condition = while_ or While()
+    return {
+        "while_actions": listed(condition.actions),
+        "while_topic": condition.topic or "",
+        "while_within_ms": float(condition.within_ms or 0),
     }
 
 
@@ -197,6 +220,9 @@ def _input(topic: TopicToCloud) -> dict[str, Any]:
         "type": topic.type or AUTO,
         "max_age_ms": float(topic.max_age_ms or 0),
         "max_rate_hz": float(topic.max_rate_hz or 0.0),
+        "min_rate_hz": float(topic.min_rate_hz or 0.0),
+        "priority": topic.priority,
+        "latest": topic.latest,
         "latched": topic.latched,
         **_qos(topic.qos),
     }

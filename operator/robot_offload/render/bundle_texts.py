@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffload
-from robot_offload.render.ros_names import command, nodes_on, remappings
+from robot_offload.render.ros_names import action_names, command, nodes_on, private_names, remappings
 
 SETUP_VARIABLE: Final = "ROBOT_OFFLOAD_SETUP"
 """In the file `environment`: the script that makes ROS 2 and the robot's own message types known."""
@@ -177,12 +177,13 @@ Look at it:
 def _nodes(offload: RobotOffload) -> str:
     spec = offload.spec
     lines = ["## Start your nodes", ""]
-    remapped = [node for node in nodes_on(spec, "robot") if node.duplicated and node.outputs]
+    remapped = [node for node in nodes_on(spec, "robot") if private_names(node) or action_names(node)]
     if not remapped:
         return "\n".join([*lines, "As you always did: nothing about them changes."])
     lines += [
         "The outputs of duplicated nodes go through the agent, which passes one side's messages. So these nodes",
-        "publish under another name on the robot. Nodes that are not listed here start as they always did.",
+        "publish under another name on the robot; services and actions likewise, an action by its five hidden names.",
+        "Nodes that are not listed here start as they always did.",
         "",
     ]
     for node in remapped:

@@ -9,14 +9,17 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffloadSpec, Run
 from robot_offload.api.v1alpha1.names import REMOTE_PREFIX, Side
 
+ACTION_PARTS: Final = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
+"""The hidden services and topics of an action: rclpy and rclcpp make the same five."""
+
 
 def private_topic(side: Side, topic: str) -> str:
-    """Where the replica of one side publishes a collected output: `/cmd_vel` -> `/offload/robot/cmd_vel`."""
+    """Where the replica of one side has what goes through the agent: `/cmd_vel` -> `/offload/robot/cmd_vel`."""
     return f"/offload/{side}{topic}"
 
 
@@ -69,20 +72,43 @@ def run_arguments(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, 
 
 
 def remappings(spec: RobotOffloadSpec, node: Node, side: Side) -> dict[str, str]:
-    """Name remappings of a node: the user's own, and collected outputs to their private topics.
+    """Name remappings of a node: the user's own, and whatever goes through the agent to its private name.
 
     ROS 2 applies one rule to a name, never a second one to its result; so a user's rule that leads to an output
-    leads to the private topic at once.
+    leads to the private topic at once. An action is renamed by its hidden names: before Kilted a rule for the action's
+    own name does nothing (rcl #1170).
     """
-    outputs = [output.topic for output in node.outputs] if node.duplicated else []
     own = dict(node.run.remap) if node.run else {}
-    rules = {
-        source: private_topic(side, full) if (full := _absolute(target, spec.robot.namespace)) in outputs else target
-        for source, target in own.items()
-    }
-    for topic in outputs:
-        rules.setdefault(topic, private_topic(side, topic))
+    plain, actions = private_names(node), action_names(node)
+    rules: dict[str, str] = {}
+    for source, target in own.items():
+        full = _absolute(target, spec.robot.namespace)
+        if full in actions:
+            rules |= _hidden_rules(source, private_topic(side, full))
+        else:
+            rules[source] = private_topic(side, full) if full in plain else target
+    for name in plain:
+        rules.setdefault(name, private_topic(side, name))
+    for name in actions:
+        rules = _hidden_rules(name, private_topic(side, name)) | rules
     return rules
+
+
+def private_names(node: Node) -> tuple[str, ...]:
+    """Returns the topics and services of a node that go through the agent."""
+    outputs = [output.topic for output in node.outputs] if node.duplicated else []
+    services = [*(it.name for it in node.services), *(it.name for it in node.uses.services)]
+    restored = [state.restore for state in node.state if state.restore is not None]
+    return tuple(dict.fromkeys((*outputs, *services, *restored)))
+
+
+def action_names(node: Node) -> tuple[str, ...]:
+    """Returns the actions of a node that go through the agent, offered and used."""
+    return tuple(dict.fromkeys([*(it.name for it in node.actions), *(it.name for it in node.uses.actions)]))
+
+
+def _hidden_rules(action: str, private: str) -> dict[str, str]:
+    return {f"{action}/_action/{part}": f"{private}/_action/{part}" for part in ACTION_PARTS}
 
 
 def _absolute(name: str, namespace: str) -> str:

@@ -24,7 +24,7 @@ from robot_offload.api.v1alpha1.names import (
 )
 from robot_offload.api.v1alpha1.outputs import Output
 from robot_offload.api.v1alpha1.resources import Resources
-from robot_offload.api.v1alpha1.served import Action, Service, State, Uses
+from robot_offload.api.v1alpha1.served import Action, Service, State, UsedAction, UsedService, Uses
 
 _SCALARS = (bool, int, float, str)
 _PARAMETER = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
@@ -322,6 +322,16 @@ class Node(Model):
         description="What its replica on the side that does not act gets to know all the time, at most 8 entries. "
         "Default: nothing.",
     )
+
+    @property
+    def offered(self) -> tuple[Service | Action, ...]:
+        """The services and actions that it offers."""
+        return (*self.services, *self.actions)
+
+    @property
+    def called(self) -> tuple[UsedService | UsedAction, ...]:
+        """The services and actions that it calls."""
+        return (*self.uses.services, *self.uses.actions)
 
     @property
     def duplicated(self) -> bool:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.main import main
-from robot_offload_agent.settings import parameters
+from robot_offload_agent.settings import parameters, topics
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 
@@ -46,7 +46,7 @@ def test_side_and_identity_are_enough() -> None:
 
 def test_what_is_not_given_has_the_default_of_the_table() -> None:
     configuration = parameters.parse(ONE_OF_EACH)
-    assert configuration.outputs[0]["deadline_ms"] == parameters.OUTPUT["deadline_ms"].default
+    assert configuration.outputs[0]["deadline_ms"] == topics.OUTPUT["deadline_ms"].default
     assert configuration.inputs[0]["latched"] is False
     assert configuration.nodes[0]["standby_robot"] == "Warm"
 

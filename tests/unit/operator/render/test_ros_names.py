@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.api.v1alpha1.names import identifier
+from robot_offload.api.v1alpha1.names import Side, identifier
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.render.ros_names import (
     command,
@@ -120,3 +120,42 @@ def test_a_parameter_keeps_its_value_and_type_as_text(value: object) -> None:
         read = float(text)  # YAML 1.1 wants a dot before an exponent; ROS 2 reads it with strtod.
     assert read == value
     assert type(read) is type(value)
+
+
+PARTS = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
+FOLLOW = {"name": "/follow_path", "type": "nav2_msgs/action/FollowPath", "onSwitch": "Resend"}
+PLAN = {"name": "/make_plan", "type": "nav_msgs/srv/GetPlan"}
+
+
+def rules_of(node: dict[str, object], side: Side = "robot", namespace: str = "/") -> dict[str, str]:
+    values = changed("spec.nodes", [{"name": "server", "placement": "Duplicated", **node}])
+    values["spec"]["robot"]["namespace"] = namespace
+    offload = parse_object(values, "f", rules=())
+    return remappings(offload.spec, offload.spec.nodes[0], side)
+
+
+def test_an_action_is_moved_by_its_five_hidden_names() -> None:
+    rules = rules_of({"actions": [FOLLOW]}, "cloud")
+    assert rules == {f"/follow_path/_action/{it}": f"/offload/cloud/follow_path/_action/{it}" for it in PARTS}
+
+
+def test_services_used_names_and_the_topic_that_restores_state_are_private() -> None:
+    used = {"services": [PLAN | {"name": "/map"}], "actions": [FOLLOW | {"name": "/dock"}]}
+    del used["actions"][0]["onSwitch"]
+    rules = rules_of({"services": [PLAN], "uses": used, "state": [{"topic": "/pose", "restore": "/initialpose"}]})
+    assert {rules.pop(f"/dock/_action/{it}") for it in PARTS} == {f"/offload/robot/dock/_action/{it}" for it in PARTS}
+    assert rules == {it: f"/offload/robot{it}" for it in ("/make_plan", "/map", "/initialpose")}
+
+
+def test_a_users_rule_that_leads_to_a_declared_name_leads_to_the_private_one_at_once() -> None:
+    run = {"command": ["a"], "remap": {"follow": "follow_path", "plan": "/seven/make_plan", "other": "/x"}}
+    names = {"actions": [FOLLOW | {"name": "/seven/follow_path"}], "services": [PLAN | {"name": "/seven/make_plan"}]}
+    rules = rules_of({"run": run, **names}, namespace="/seven")
+    assert rules["follow/_action/send_goal"] == "/offload/robot/seven/follow_path/_action/send_goal"
+    assert (rules["plan"], rules["other"], "follow" in rules) == ("/offload/robot/seven/make_plan", "/x", False)
+    assert rules["/seven/follow_path/_action/status"] == "/offload/robot/seven/follow_path/_action/status"
+
+
+def test_a_client_in_the_group_calls_the_server_of_its_own_side() -> None:
+    used = {name: it for name, it in FOLLOW.items() if name != "onSwitch"}
+    assert rules_of({"uses": {"actions": [used]}}) == rules_of({"actions": [FOLLOW]})

@@ -93,7 +93,7 @@ NOT_YET: Final[dict[str, Word]] = {
         _NODE, "uses",
         "!has(self.uses) || ((!has(self.uses.services) || size(self.uses.services) == 0) && "
         "(!has(self.uses.actions) || size(self.uses.actions) == 0))",
-        lambda it: bool(it.uses.services or it.uses.actions), "let the node call what its own side offers",
+        lambda it: bool(it.called), "let the node call what its own side offers",
         (f"{_IN_NODE}.uses", {"services": [_PLAN]}),
     ),
     "state": Word(

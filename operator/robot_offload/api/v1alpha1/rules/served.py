@@ -10,7 +10,6 @@ from robot_offload.api.v1alpha1.nodes import Node, flat_parameters
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
 from robot_offload.api.v1alpha1.rules.findings import repeated
 from robot_offload.api.v1alpha1.rules.rule import Rule
-from robot_offload.api.v1alpha1.served import Action, Service, UsedAction, UsedService
 from robot_offload.findings import Finding
 
 MOST_NAMES: Final = 256
@@ -28,24 +27,6 @@ _THREE: Final = (
     "goal's end, a loss aborts it (a short movement). Abort: the goal ends aborted and its client decides (docking, "
     "arms, lifts)"
 )
-
-
-def _serves(node: Node) -> bool:
-    return bool(node.services or node.actions)
-
-
-def _uses(node: Node) -> bool:
-    return bool(node.uses.services or node.uses.actions)
-
-
-def named(node: Node) -> tuple[Service | Action, ...]:
-    """Returns the services and actions that a node offers."""
-    return (*node.services, *node.actions)
-
-
-def called(node: Node) -> tuple[UsedService | UsedAction, ...]:
-    """Returns the services and actions that a node calls."""
-    return (*node.uses.services, *node.uses.actions)
 
 
 def _hot(node: Node) -> bool:
@@ -89,7 +70,7 @@ RULES: Final[tuple[Rule, ...]] = (
         "!has(self.actions) || self.actions.all(a, !a.mirror) || (self.placement == 'Duplicated' && "
         "(!self.lifecycle || (has(self.standby) && (self.standby.robot == 'Hot' || self.standby.cloud == 'Hot'))) && "
         f"!{_HAS_USES})",
-        lambda node: any(it.mirror for it in node.actions) and not (node.duplicated and _hot(node) and not _uses(node)),
+        lambda node: any(it.mirror for it in node.actions) and not (node.duplicated and _hot(node) and not node.called),
         "mirror needs a replica that is Hot and calls nobody: its calls would reach the robot twice; write standby Hot "
         "and no uses, or remove mirror",
         "actions",
@@ -98,7 +79,7 @@ RULES: Final[tuple[Rule, ...]] = (
         "spec.nodes[]",
         "ServedByItself",
         f"self.placement != 'Robot' || !({_HAS_SERVED} || {_HAS_USES})",
-        lambda node: node.placement == "Robot" and (_serves(node) or _uses(node)),
+        lambda node: node.placement == "Robot" and bool(node.offered or node.called),
         "a node with placement Robot serves and calls by itself, there is no other side to choose from; remove "
         "services, actions and uses",
     ),
@@ -207,7 +188,7 @@ RULES: Final[tuple[Rule, ...]] = (
         "NothingDeclared",
         f"self.placement != 'Duplicated' || self.lifecycle || (has(self.outputs) && size(self.outputs) > 0) || "
         f"{_HAS_SERVED}",
-        lambda node: node.duplicated and not node.lifecycle and not node.outputs and not _serves(node),
+        lambda node: node.duplicated and not node.lifecycle and not node.outputs and not node.offered,
         "a Duplicated node without a lifecycle is alive when its names are seen, so it needs some; list its outputs, "
         "services or actions",
         "outputs",
@@ -266,7 +247,7 @@ def _used(spec: RobotOffloadSpec) -> Iterator[tuple[str, str, Node]]:
 
 def clients_find_their_servers(spec: RobotOffloadSpec) -> Iterator[Finding]:
     """A node of the group calls its own side's server; nobody serves a client in the cloud outside the group."""
-    servers = {it.name: (node, it.type) for node in spec.nodes for it in named(node)}
+    servers = {it.name: (node, it.type) for node in spec.nodes for it in node.offered}
     for path, name, node in _used(spec):
         if name not in servers:
             continue
@@ -279,7 +260,7 @@ def clients_find_their_servers(spec: RobotOffloadSpec) -> Iterator[Finding]:
                 f"node {node.name!r} ({node.placement}) cannot call {name!r} of {server.name!r} ({server.placement}) "
                 f"{who}; give both nodes one placement",
             )
-        if all(it.type != offered for it in called(node) if it.name == name):
+        if all(it.type != offered for it in node.called if it.name == name):
             yield Finding(path, "OtherType", f"{name!r} is a {offered} of {server.name!r}; write that type")
 
 
