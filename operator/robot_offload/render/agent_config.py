@@ -124,6 +124,7 @@ def _files(site: AgentSite) -> dict[str, Any]:
         "state_file": site.state_file,
         "settings_file": site.settings_file,
         "handover_file": site.handover_file,
+        "certificate_file": site.certificate_file,
     }
 
 
