@@ -89,6 +89,8 @@ def supervise(configuration: Configuration) -> int:
     from robot_offload_agent.process.child import HUNG_S, Child  # noqa: PLC0415
     from robot_offload_agent.process.supervisor import Supervisor  # noqa: PLC0415
     from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
+    from robot_offload_agent.relay import cloud as relay_cloud  # noqa: PLC0415
+    from robot_offload_agent.relay import robot as relay_robot  # noqa: PLC0415
     from robot_offload_agent.ros.context import run_until_ended  # noqa: PLC0415
     from robot_offload_agent.ros.preload import preload  # noqa: PLC0415
 
@@ -103,6 +105,8 @@ def supervise(configuration: Configuration) -> int:
     }
     if robot:
         runs = {"collector": collector.run, **runs}
+    if configuration.relay_plan() is not None:
+        runs["relay"] = relay_robot.run if robot else relay_cloud.run
     preload(configuration)
     gc.collect()
     children = [

@@ -486,5 +486,13 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     return robot
 
 
+def prepared(robot: Robot) -> Charge | None:
+    """Returns the side that gets ready, and the token it does so under; None while none does."""
+    if robot.preparation is None:
+        return None
+    side = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT
+    return _charge(robot, side, robot.candidate)
+
+
 def _charge(robot: Robot, side: Site, epoch: int) -> Charge:
     return Charge(side, Token(robot.incarnation, epoch, robot.partner if side is Site.CLOUD else ""))

@@ -25,7 +25,7 @@ from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.collectors import Collector
 from robot_offload_core.process import rivals
 from robot_offload_core.process.collector import TURN_S, CollectorPlan, CollectorProcess
-from robot_offload_core.process.messages import Fatal
+from robot_offload_core.process.messages import Fatal, HolderChanged
 
 log = logging.getLogger(__name__)
 
@@ -51,6 +51,7 @@ class CollectorShell:
         self.guard = Guard(context.is_up)
         settings = store.in_force(configuration).settings()
         self.memory = Memory(configuration.runtime_dir)
+        self.has_relay = configuration.relay_plan() is not None
         plan = CollectorPlan(
             configuration.output_specs(), tuple(o["mirror"] for o in configuration.outputs),
             settings.max_command_age_s, settings.lease_s,
@@ -106,8 +107,10 @@ class CollectorShell:
         return output["topic"], output["robot_topic"]
 
     def save(self, state: Collector) -> None:
-        """Keeps who passes now in the memory file."""
+        """Keeps who passes now in the memory file, and wakes the relay, which reads it there."""
         self.memory.save(state)
+        if self.has_relay:
+            self.bus.send("relay", HolderChanged())
 
     def fell_silent(self) -> None:
         """Logs that control has been silent for too long."""

@@ -32,7 +32,8 @@ class CloudControlShell(ControlShell):
     def __init__(self, configuration: Configuration, bus: Bus) -> None:
         super().__init__(configuration, bus)
         settings = configuration.settings()
-        self.process = CloudControlProcess(settings, configuration.node_specs(), self, self.incarnation)
+        has_relay = configuration.relay_plan() is not None
+        self.process = CloudControlProcess(settings, configuration.node_specs(), self, self.incarnation, has_relay)
         self.liaison = liaison.Liaison(
             watched=bool(configuration["settings_file"]), signs=bool(configuration["certificate_file"])
         )
@@ -107,7 +108,7 @@ class CloudControlShell(ControlShell):
         self.report.note("degraded", process.degraded())
         self.send_notes(now)
         reason, message = lease.situation(process.cloud, now)
-        status = process.data_status
+        statuses = [status for status in (process.data_status, process.relay_status) if status is not None]
         self.report.publish_diagnostics(
             link=process.health(),
             pulse=self.pulse_status,
@@ -116,8 +117,8 @@ class CloudControlShell(ControlShell):
                 "message": message,
             },
             nodes=process.guardian.nodes,
-            counters=(dict(status.counters) if status else {}) | self.life_counters(),
-            problems=list(status.problems) if status else [],
+            counters=dict(pair for status in statuses for pair in status.counters) | self.life_counters(),
+            problems=[problem for status in statuses for problem in status.problems],
         )  # fmt: skip
 
 

@@ -46,6 +46,7 @@ class RobotControlShell(ControlShell):
             configuration.settings(), present.settings(), present.input_specs(), configuration.node_specs(),
             bool(configuration["inhibit_service"]), self.override.wish(self.since_s), configuration.output_specs(),
             tuple(o["node"] for o in configuration.outputs), configuration["strict"],
+            configuration.relay_plan() is not None,
         )  # fmt: skip
         self.process = RobotControlProcess(plan, self, self.incarnation, started_us)
         self.report.show_settings(present)
@@ -184,7 +185,7 @@ class RobotControlShell(ControlShell):
             self.report.note(f"undeclared {node}", ("UndeclaredPublisher", warning) if warning else None)
             if warning and self.configuration["strict"]:
                 self.fail_start(warning)
-        statuses = (process.data_status, process.collector_status)
+        statuses = (process.data_status, process.collector_status, process.relay_status)
         for status in statuses:
             self.counters.update(dict(status.counters) if status else {})
         robot = process.robot

@@ -38,6 +38,7 @@ from robot_offload_core.process.messages import (
     Egress,
     Fatal,
     Heard,
+    HolderChanged,
     Letters,
     Limits,
     Lives,
@@ -66,7 +67,8 @@ KINDS: dict[str, type] = {
     cls.__name__: cls
     for cls in (
         Speak, Arrived, Heard, PulseStatus, Orders, Egress, DataStatus, CollectorStatus, CloudTypes, Notes, Limits,
-        RelayOrders, RelayStatus, Fatal, Alive, Lives, placement.PulseSent, placement.SetGate, placement.Reopen,
+        HolderChanged, RelayOrders, RelayStatus, Fatal, Alive, Lives,
+        placement.PulseSent, placement.SetGate, placement.Reopen,
     )
 }  # fmt: skip
 

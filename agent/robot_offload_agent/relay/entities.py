@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any, Protocol
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 
 from robot_offload_agent.relay import cdr
 from robot_offload_agent.relay.inherited import Inherited
@@ -26,27 +26,35 @@ STATUS_QOS = QoSProfile(
 SEND, CANCEL, RESULT = "send_goal", "cancel_goal", "get_result"
 MOST_OPEN = 4096
 """Callers of one service that are waiting at once; of more the oldest counts as gone."""
-Later = Callable[[Callable[[], None]], None]
-"""Calls a function after the present call into the relay has returned."""
+
+
+class Owner(Protocol):
+    """The shell that entities belong to.
+
+    Attributes:
+        process: takes what arrives; exists when the loop runs.
+        node, loop: of the process.
+        inherited: answers the callers of a predecessor.
+    """
+
+    process: RelayProcess
+    node: Node
+    loop: Loop
+    inherited: Inherited
+
+    def later(self, act: Callable[[], None]) -> None:
+        """Calls a function after the present call into the relay has returned."""
 
 
 class Server:
     """One service served by hand: its open callers, and how each is answered."""
 
-    def __init__(
-        self,
-        node: Node,
-        loop: Loop,
-        inherited: Inherited,
-        raw: tuple[object, str],
-        take: Callable[[bytes, bytes], None],
-    ) -> None:
-        """`raw` are the service's class and its full name."""
-        self.inherited = inherited
+    def __init__(self, owner: Owner, kind: Any, full: str, take: Callable[[bytes, bytes], None]) -> None:
+        self.inherited = owner.inherited
         self.take = take
         self.open: dict[bytes, None] = {}
-        self.raw = RawService(node, raw[0], raw[1], self._requested)
-        loop.services.append(self.raw)
+        self.raw = RawService(owner.node, kind, full, self._requested)
+        owner.loop.services.append(self.raw)
 
     def _requested(self, caller: bytes, request: bytes) -> None:
         self.open[caller] = None
@@ -70,20 +78,20 @@ class Server:
 class ServiceServer:
     """A service that clients call."""
 
-    def __init__(
-        self, node: Node, loop: Loop, inherited: Inherited, process: RelayProcess, face: Face, name: str, full: str,
-        type_name: str,
-    ) -> None:  # fmt: skip
+    def __init__(self, owner: Owner, face: Face, name: str, full: str, type_name: str) -> None:
+        self.owner, self.face, self.name = owner, face, name
         self.kind = service_type(type_name)
-        self.server = Server(node, loop, inherited, (self.kind, full), partial(process.called, face, name))
+        self.server = Server(owner, self.kind, full, self._called)
+
+    def _called(self, caller: bytes, request: bytes) -> None:
+        self.owner.process.called(self.face, self.name, caller, request)
 
     def failure(self, message: str) -> bytes | None:
         """Returns a response that says what failed, None where the response cannot."""
-        kind = self.kind.Response
-        fields = kind.get_fields_and_field_types()
+        fields = _fields(self.kind)
         if fields.get("success") != "boolean":
             return None
-        response = kind()
+        response = self.kind.Response()
         if fields.get("message") == "string":
             response.message = message
         return bytes(serialize_message(response))
@@ -92,28 +100,26 @@ class ServiceServer:
 class ActionServer:
     """An action that clients use."""
 
-    def __init__(
-        self, node: Node, loop: Loop, inherited: Inherited, process: RelayProcess, face: Face, name: str, full: str,
-        type_name: str,
-    ) -> None:  # fmt: skip
-        types = action_types(type_name)
-        hidden = f"{full}/_action/"
-        self.process, self.face, self.name = process, face, name
-        make = partial(Server, node, loop, inherited)
-        self.send = make((types.send_goal, hidden + SEND), partial(process.goal_requested, face, name))
-        self.cancel = make((types.cancel_goal, hidden + CANCEL), self._cancel_requested)
-        self.result = make((types.get_result, hidden + RESULT), self._result_requested)
-        self.feedback = node.create_publisher(types.feedback, hidden + "feedback", FEEDBACK_QOS)
-        self.status = node.create_publisher(types.status, hidden + "status", STATUS_QOS)
+    def __init__(self, owner: Owner, face: Face, name: str, full: str, type_name: str) -> None:
+        types, hidden = action_types(type_name), f"{full}/_action/"
+        self.owner, self.face, self.name = owner, face, name
+        self.send = Server(owner, types.send_goal, hidden + SEND, self._goal_requested)
+        self.cancel = Server(owner, types.cancel_goal, hidden + CANCEL, self._cancel_requested)
+        self.result = Server(owner, types.get_result, hidden + RESULT, self._result_requested)
+        self.feedback = owner.node.create_publisher(types.feedback, hidden + "feedback", FEEDBACK_QOS)
+        self.status = owner.node.create_publisher(types.status, hidden + "status", STATUS_QOS)
         self.default_result = self.result.raw.response.empty()
 
+    def _goal_requested(self, caller: bytes, request: bytes) -> None:
+        self.owner.process.goal_requested(self.face, self.name, caller, request)
+
     def _cancel_requested(self, caller: bytes, request: bytes) -> None:
-        self.process.cancel_requested(self.face, self.name, caller, *cdr.read_cancel_request(request))
+        self.owner.process.cancel_requested(self.face, self.name, caller, *cdr.read_cancel_request(request))
 
     def _result_requested(self, caller: bytes, request: bytes) -> None:
         goal_id = goal_id_of(request)
         if goal_id is not None:
-            self.process.result_requested(self.face, self.name, caller, goal_id)
+            self.owner.process.result_requested(self.face, self.name, caller, goal_id)
 
     def answer_result(self, caller: bytes, status: GoalStatus, payload: bytes) -> None:
         """Answers a `get_result`; raises NativeError."""
@@ -127,23 +133,26 @@ class ActionServer:
 class ServiceClient:
     """A service that the relay calls."""
 
-    def __init__(self, node: Node, loop: Loop, process: RelayProcess, full: str, type_name: str) -> None:
-        self.process = process
-        self.raw = RawClient(node, service_type(type_name), full)
-        self.keys: dict[int, int] = {}
-        loop.clients.append(self.raw)
+    def __init__(self, owner: Owner, full: str, type_name: str) -> None:
+        self.owner = owner
+        self.kind = service_type(type_name)
+        self.says_success = _fields(self.kind).get("success") == "boolean"
+        self.raw = RawClient(owner.node, self.kind, full)
+        self.sequences: dict[int, int] = {}
+        owner.loop.clients.append(self.raw)
 
     def call(self, key: int, payload: bytes) -> None:
         """Calls; raises NativeError."""
-        self.keys[key] = self.raw.ask(payload, partial(self._answered, key))
+        self.sequences[key] = self.raw.ask(payload, partial(self._answered, key))
 
     def _answered(self, key: int, response: bytes) -> None:
-        self.keys.pop(key, None)
-        self.process.call_answered(key, response)
+        self.sequences.pop(key, None)
+        success = not self.says_success or deserialize_message(response, self.kind.Response).success
+        self.owner.process.call_answered(key, response, success)
 
     def forget(self, key: int) -> None:
         """Drops a call."""
-        sequence = self.keys.pop(key, None)
+        sequence = self.sequences.pop(key, None)
         if sequence is not None:
             self.raw.forget(sequence)
 
@@ -155,38 +164,36 @@ class ServiceClient:
 class ActionClient:
     """An action whose server the relay calls."""
 
-    def __init__(
-        self, node: Node, loop: Loop, process: RelayProcess, later: Later, face: Face, name: str, full: str,
-        type_name: str,
-    ) -> None:  # fmt: skip
-        types = action_types(type_name)
-        hidden = f"{full}/_action/"
-        self.process, self.later, self.face, self.name = process, later, face, name
-        self.send = RawClient(node, types.send_goal, hidden + SEND)
-        self.cancelling = RawClient(node, types.cancel_goal, hidden + CANCEL)
-        self.result = RawClient(node, types.get_result, hidden + RESULT)
-        loop.clients += [self.send, self.cancelling, self.result]
-        arrived = partial(process.feedback_arrived, face, name)
-        node.create_subscription(types.feedback, hidden + "feedback", arrived, FEEDBACK_QOS, raw=True)
+    def __init__(self, owner: Owner, face: Face, name: str, full: str, type_name: str) -> None:
+        types, hidden = action_types(type_name), f"{full}/_action/"
+        self.owner, self.face, self.name = owner, face, name
+        self.send = RawClient(owner.node, types.send_goal, hidden + SEND)
+        self.cancelling = RawClient(owner.node, types.cancel_goal, hidden + CANCEL)
+        self.result = RawClient(owner.node, types.get_result, hidden + RESULT)
+        owner.loop.clients += [self.send, self.cancelling, self.result]
+        owner.node.create_subscription(types.feedback, hidden + "feedback", self._feedback, FEEDBACK_QOS, raw=True)
+
+    def _feedback(self, payload: bytes) -> None:
+        self.owner.process.feedback_arrived(self.face, self.name, payload)
 
     def offer(self, payload: bytes) -> None:
-        """Sends a goal. One that is no goal of this type counts as refused."""
+        """Sends a goal. One that is no goal of this type counts as refused; raises NativeError for it."""
         goal_id = goal_id_of(payload) or b""
 
-        def answered(response: bytes) -> None:
-            self.process.offer_answered(self.face, self.name, goal_id, cdr.is_accepted(response))
+        def answered(accepted: bool) -> None:
+            self.owner.process.offer_answered(self.face, self.name, goal_id, accepted)
 
         try:
-            self.send.ask(payload, answered)
+            self.send.ask(payload, lambda response: answered(cdr.is_accepted(response)))
         except NativeError:
-            self.later(lambda: self.process.offer_answered(self.face, self.name, goal_id, False))
+            self.owner.later(partial(answered, False))
             raise
 
     def cancel(self, goal_id: bytes) -> None:
         """Cancels a goal; raises NativeError."""
 
         def answered(response: bytes) -> None:
-            self.process.cancel_answered(self.face, self.name, goal_id, cdr.cancel_code(response))
+            self.owner.process.cancel_answered(self.face, self.name, goal_id, cdr.cancel_code(response))
 
         self.cancelling.ask(cdr.cancel_request(goal_id), answered)
 
@@ -194,7 +201,8 @@ class ActionClient:
         """Asks for a result; raises NativeError."""
 
         def answered(response: bytes) -> None:
-            self.process.result_arrived(self.face, self.name, goal_id, cdr.result_status(response), response)
+            status = cdr.result_status(response)
+            self.owner.process.result_arrived(self.face, self.name, goal_id, status, response)
 
         self.result.ask(cdr.result_request(goal_id), answered)
 
@@ -207,8 +215,13 @@ def endpoints(clients: Sequence[RawClient]) -> str:
     """Returns a text that changes when one of these servers is started again; "" while one of them is missing."""
     if not all(client.is_ready() for client in clients):
         return ""
-    found: deque[str] = deque()
+    found: list[str] = []
     for client in clients:
         infos = client.node.get_subscriptions_info_by_topic(f"rq{client.name}Request", no_mangle=True)
         found.append(",".join(sorted(bytes(info.endpoint_gid).hex() for info in infos)))
     return " ".join(found) if any(found) else "seen"  # not every middleware shows the topics behind a service
+
+
+def _fields(kind: Any) -> dict[str, str]:
+    """The fields of a service's response and their types."""
+    return dict(kind.Response.get_fields_and_field_types())

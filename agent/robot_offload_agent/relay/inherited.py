@@ -9,15 +9,14 @@ one. The writer is sought in the graph, because nothing reaches the client befor
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from robot_offload_agent.process.clock import now_s
-from robot_offload_agent.ros import native
 from robot_offload_agent.ros.native import NativeError
-from robot_offload_agent.ros.raw_services import RawService
+from robot_offload_agent.ros.raw_services import Loop, RawClient, RawService
 
 log = logging.getLogger(__name__)
 
@@ -48,12 +47,14 @@ class Inherited:
     Attributes:
         waiting: what has not been sent as often as it is to be.
         lost: answers whose clients were not found.
+        possible: whether the middleware can do that at all; None while it is not known.
     """
 
     def __init__(self, node: Node) -> None:
         self.node = node
         self.waiting: list[_Waiting] = []
         self.lost = 0
+        self.possible: bool | None = True
 
     def answer(self, service: RawService, caller: bytes, response: bytes) -> None:
         """Answers as soon as the client's writer is seen."""
@@ -62,6 +63,11 @@ class Inherited:
     def turn(self) -> float:
         """Sends what can be sent; returns when to call again at the latest, on the steady clock."""
         now = now_s()
+        if self.possible is None:
+            return now + AGAIN_S[1] if self.waiting else float("inf")
+        if not self.possible:
+            self.lost += len(self.waiting)
+            self.waiting.clear()
         for waiting in [w for w in self.waiting if w.due_s <= now]:
             writer = find_writer(self.node, waiting.service.name, waiting.caller)
             if writer is not None:
@@ -100,44 +106,55 @@ def _key(gid: bytes) -> int:
 
 
 class SelfTest:
-    """Whether an answer by the writer's gid arrives: a call to oneself, answered so. Ends by itself.
+    """Whether an answer by the writer's gid arrives: a call to oneself that is answered so. Ends by itself.
 
     Attributes:
         passed: None while it is not known.
+        closed: the test has ended and is gone from the graph.
     """
 
     PATIENCE_S = 5.0
+    STEP_S = 0.02
 
-    def __init__(self, node: Node, service: RawService, call: Callable[[Callable[[bytes], None]], None]) -> None:
-        """`call` sends one request from this process to `service`, whose requests go to `take`."""
-        self.node, self.service, self.call = node, service, call
+    def __init__(self, node: Node, loop: Loop, name: str) -> None:
+        self.node, self.loop = node, loop
+        self.service = RawService(node, Trigger, name, self._take)
+        self.client = RawClient(node, Trigger, name)
+        loop.services.append(self.service)
+        loop.clients.append(self.client)
         self.passed: bool | None = None
+        self.closed = False
         self.end_s = now_s() + self.PATIENCE_S
         self.asked = False
         self.caller: bytes | None = None
 
-    def take(self, caller: bytes, _request: bytes) -> None:
-        """Takes the call."""
-        self.caller = caller
-
-    def turn(self, ready: bool) -> bool:
-        """Does the next step; returns whether the test has ended."""
-        if self.passed is not None:
-            return True
-        if now_s() > self.end_s:
-            self.passed = False
-        elif not self.asked and ready:
-            self.asked = True
-            self.call(self._answered)
+    def turn(self) -> float:
+        """Does the next step; returns when to call again, on the steady clock: never after the end."""
+        now = now_s()
+        if self.passed is not None or now > self.end_s:
+            self.passed = bool(self.passed)
+            self._close()
+            return float("inf")
+        if not self.asked:
+            if self.client.is_ready():
+                self.asked = True
+                self.client.ask(self.client.request.empty(), self._answered)
         elif self.caller is not None:
             writer = find_writer(self.node, self.service.name, self.caller)
             if writer is not None:
-                native.send_response(
-                    self.service.entity.handle.pointer, self.service.response, writer + self.caller[GID_BYTES:],
-                    self.service.response.empty(),
-                )  # fmt: skip
+                self.service.answer(writer + self.caller[GID_BYTES:], self.service.response.empty())
                 self.caller = None
-        return self.passed is not None
+        return now + self.STEP_S
+
+    def _take(self, caller: bytes, _request: bytes) -> None:
+        self.caller = caller
 
     def _answered(self, _response: bytes) -> None:
         self.passed = True
+
+    def _close(self) -> None:
+        self.closed = True
+        self.loop.services.remove(self.service)
+        self.loop.clients.remove(self.client)
+        self.node.destroy_service(self.service.entity)
+        self.node.destroy_client(self.client.entity)

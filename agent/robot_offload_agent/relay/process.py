@@ -11,6 +11,7 @@ import select
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 from robot_offload_agent.process import realtime
@@ -25,7 +26,9 @@ from robot_offload_agent.ros import context
 from robot_offload_agent.ros.native import NativeError
 from robot_offload_agent.ros.raw_services import Loop
 from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_agent.settings.served import private_name
 from robot_offload_core.ledger.ports import CancelCode, Face, GoalEntry, GoalStatus
+from robot_offload_core.process.messages import RelayStatus
 from robot_offload_core.process.relay import RelayPlan, RelayProcess
 
 log = logging.getLogger(__name__)
@@ -37,16 +40,12 @@ BUS_S = 0.5
 """The bus thread gives its sign of life at least this often."""
 
 
-def private_name(side: str, name: str) -> str:
-    """Returns the name by which a side's group serves or uses a public name."""
-    return f"/offload/{side}{name}"
-
-
 class RelayShell:
     """Base of both sides.
 
     Attributes:
-        process: the core's relay process, set by the subclass before `build`.
+        process: the core's relay process, set by the subclass after `build`: it may answer and call at once.
+        problems: of the shell, for diagnostics.
     """
 
     process: RelayProcess
@@ -63,6 +62,7 @@ class RelayShell:
         self.inbox: deque[object] = deque()
         self.after: deque[Callable[[], None]] = deque()
         self.failures: Counter[str] = Counter()
+        self.problems: dict[str, tuple[str, str]] = {}
         self.service_servers: dict[tuple[Face, str], ServiceServer] = {}
         self.action_servers: dict[tuple[Face, str], ActionServer] = {}
         self.service_clients: dict[tuple[Face, str], ServiceClient] = {}
@@ -99,22 +99,20 @@ class RelayShell:
                 self._call_action(Face.PUBLIC, action.name, action.name, action.type)
 
     def _serve_service(self, face: Face, name: str, full: str, kind: str) -> None:
-        self.service_servers[face, name] = ServiceServer(
-            self.node, self.loop, self.inherited, self.process, face, name, full, kind
-        )
+        self.service_servers[face, name] = ServiceServer(self, face, name, full, kind)
 
     def _serve_action(self, face: Face, name: str, full: str, kind: str) -> None:
-        self.action_servers[face, name] = ActionServer(
-            self.node, self.loop, self.inherited, self.process, face, name, full, kind
-        )
+        self.action_servers[face, name] = ActionServer(self, face, name, full, kind)
 
     def _call_service(self, face: Face, name: str, full: str, kind: str) -> None:
-        self.service_clients[face, name] = ServiceClient(self.node, self.loop, self.process, full, kind)
+        self.service_clients[face, name] = ServiceClient(self, full, kind)
 
     def _call_action(self, face: Face, name: str, full: str, kind: str) -> None:
-        self.action_clients[face, name] = ActionClient(
-            self.node, self.loop, self.process, self.after.append, face, name, full, kind
-        )
+        self.action_clients[face, name] = ActionClient(self, face, name, full, kind)
+
+    def later(self, act: Callable[[], None]) -> None:
+        """Calls a function after the present call into the relay has returned."""
+        self.after.append(act)
 
     # -- running ------------------------------------------------------------------------------------------------------
 
@@ -172,7 +170,13 @@ class RelayShell:
         return wall_ns()
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a message to another process of this agent."""
+        """Sends a message to another process of this agent; to what diagnostics show the shell adds its own."""
+        if isinstance(message, RelayStatus) and message.counters:
+            own = {f"{name}.failures": count for name, count in self.failures.items()}
+            own["garbage.relay"] = self.bus.garbage + self.guard.count
+            own["inherited.lost"] = self.inherited.lost
+            problems = (*message.problems, *self.problems.values())
+            message = replace(message, problems=problems, counters=(*message.counters, *sorted(own.items())))
         return self.bus.send(to, message)
 
     def warn(self, message: str) -> None:
@@ -254,8 +258,10 @@ class RelayShell:
                 log.warning("%s: %s; further failures are only counted", name, error)
 
 
-def start(shell: RelayShell, plan: RelayPlan) -> None:
-    """Builds and runs a relay; real-time priority comes after the start."""
-    shell.build(plan)
-    realtime.request(shell.configuration["realtime"], realtime.START_PRIORITY)
+def start(configuration: Configuration, make: Callable[[Configuration, Bus, RelayPlan], RelayShell]) -> None:
+    """Entry of the process; raises StartError for a type that is missing."""
+    plan = configuration.relay_plan()
+    assert plan is not None, "a relay without a name to serve or use"
+    shell = make(configuration, Bus(configuration.runtime_dir, "relay"), plan)
+    realtime.request(configuration["realtime"], realtime.DEFAULT_PRIORITY)
     shell.run()

@@ -16,6 +16,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_agent.settings.served import private_name
 from robot_offload_core import guardians
 from robot_offload_core.events import assert_never
 from robot_offload_core.guardians import State, Transition
@@ -190,6 +191,9 @@ class ManagedNodes:
         side = self.configuration.side
         private = f"{side.value}_topic"
         allowed = {o[private] for o in self.configuration.outputs} | set(OWN_TOPICS)
+        for action in self.configuration.actions:
+            hidden = f"{private_name(side.value, action['name'])}/_action/"
+            allowed |= {f"{hidden}feedback", f"{hidden}status"}
         found = {}
         for spec in self.configuration.node_specs():
             full = self.names.get(spec.name)

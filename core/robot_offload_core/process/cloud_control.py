@@ -10,7 +10,7 @@ from robot_offload_core.change import replace
 from robot_offload_core.events import Acting, Tick, assert_never
 from robot_offload_core.lease import Stand
 from robot_offload_core.process.control import ControlPorts, ControlProcess
-from robot_offload_core.process.messages import DataStatus, Egress, Speak
+from robot_offload_core.process.messages import DataStatus, Egress, RelayStatus, Speak
 from robot_offload_core.settings import NodeSpec, Settings
 from robot_offload_core.token import Site
 
@@ -31,16 +31,20 @@ class CloudControlProcess(ControlProcess):
     Attributes:
         cloud: state of the lease machine. link: health of the link to the robot served.
         complete: the latched inputs are the robot's. data_s: when the data process last reported.
-        data_status: its newest report with details.
+        data_status: its newest report with details. relay_status: newest report of the relay.
         request: the switch by hand that is offered to the robot; "" for none.
     """
 
     def __init__(
-        self, settings: Settings, nodes: tuple[NodeSpec, ...], ports: CloudControlPorts, incarnation: str
-    ) -> None:
+        self, settings: Settings, nodes: tuple[NodeSpec, ...], ports: CloudControlPorts, incarnation: str,
+        has_relay: bool = False,
+    ) -> None:  # fmt: skip
+        """`has_relay`: services or actions are declared."""
         super().__init__(ports, incarnation, guardians.start(nodes, settings.activation_deadline_s))
         self.ports: CloudControlPorts = ports
         self.settings = settings
+        self.has_relay = has_relay
+        self.relay_status: RelayStatus | None = None
         self.cloud = lease.Cloud(incarnation, settings)
         self.link = links.Link()
         self.data_s = ports.now_s()
@@ -67,7 +71,9 @@ class CloudControlProcess(ControlProcess):
             self.link = links.hear(self.link, beat, self.incarnation, arrived_s, wall_us)
 
     def handle(self, message: object) -> None:
-        """Takes the data process's report."""
+        """Takes the reports of data and relay."""
+        if isinstance(message, RelayStatus):
+            self.relay_status = message
         if not isinstance(message, DataStatus) or message.cloud_data is None:
             return
         self.data_s = self.ports.now_s()
@@ -107,7 +113,8 @@ class CloudControlProcess(ControlProcess):
             self.told, self.told_s = level, now_s
             self.ports.send("pulse", Speak(self.incarnation, report, now_s))
             words = (self.incarnation, self.cloud.robot, egress, self.node_states(), self.request)
-            self.ports.send("data", Egress(*words))
+            for process in ("data", "relay") if self.has_relay else ("data",):
+                self.ports.send(process, Egress(*words))
         for command in commands:
             match command:
                 case Acting():

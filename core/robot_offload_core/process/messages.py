@@ -238,6 +238,11 @@ class RelayStatus:
 
 
 @dataclass(frozen=True)
+class HolderChanged:
+    """collector -> relay: the collector's memory names another holder. A wake-up; who, stands in the memory."""
+
+
+@dataclass(frozen=True)
 class Letters:
     """relay <-> data: a message of one side's relay to the other's; opaque to data, may be lost, large or late."""
 

@@ -13,7 +13,7 @@ from robot_offload_core.events import Acting, Tick, assert_never
 from robot_offload_core.guardians import Flowing
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
 from robot_offload_core.process.control import ControlPorts, ControlProcess
-from robot_offload_core.process.messages import CollectorStatus, DataStatus, Orders, Speak
+from robot_offload_core.process.messages import CollectorStatus, DataStatus, Orders, RelayOrders, RelayStatus, Speak
 from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import InputSpec, NodeSpec, OutputSpec, Settings
 from robot_offload_core.settling import meanwhile
@@ -56,6 +56,7 @@ class RobotPlan:
         pin: of a person on the robot.
         outputs: the collected outputs. publishers: the node that publishes each of them; "" unknown.
         strict: a second or undeclared publisher stops the driver.
+        has_relay: services or actions are declared.
     """
 
     settings: Settings
@@ -67,6 +68,7 @@ class RobotPlan:
     outputs: tuple[OutputSpec, ...] = ()
     publishers: tuple[str, ...] = ()
     strict: bool = False
+    has_relay: bool = False
 
 
 class RobotControlProcess(ControlProcess):
@@ -75,7 +77,7 @@ class RobotControlProcess(ControlProcess):
     Attributes:
         robot: state of the placement machine.
         data_status, collector_status: newest reports with details. replicas: (node, state) in the cloud.
-        levels: what was sent last to each process, and when.
+        levels: what was sent last to each process, and when. relay_status: newest report of the relay.
         asked_in_cloud, cloud_answer: newest request from the cloud, and the answer, `0 or 1|message`.
         left: (cloud, its last announced end), as far as obeyed.
         effects: the side whose effects were admitted at the last look.
@@ -98,7 +100,9 @@ class RobotControlProcess(ControlProcess):
         self._published = tuple(zip(plan.outputs, plan.publishers))  # noqa: B905 - publishers may be unknown
         self.data_status: DataStatus | None = None
         self.collector_status: CollectorStatus | None = None
-        self.levels: dict[str, tuple[SetGate | Orders, float]] = {}
+        self.levels: dict[str, tuple[SetGate | Orders | RelayOrders, float]] = {}
+        self.has_relay = plan.has_relay
+        self.relay_status: RelayStatus | None = None
         self.replicas: dict[str, str] = {}
         self.complete_s = started_s
         self.effects: Site | None = None
@@ -123,6 +127,8 @@ class RobotControlProcess(ControlProcess):
                 self.veto("collector", message.problems)
             self.step(placement.GateReported(message.report))
             self._note_flowing(message.report.robot_flowing)
+        elif isinstance(message, RelayStatus):
+            self.relay_status = message
         elif isinstance(message, DataStatus) and message.report is not None:
             if message.counters or message.replicas:
                 self.data_status = message
@@ -212,6 +218,7 @@ class RobotControlProcess(ControlProcess):
             case placement.Permit():
                 self.ports.send("pulse", Speak(self.incarnation, command.permission, self.ports.now_s()))
                 self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud()))
+                self._order_relay()
             case Acting():
                 guardian = self.guardian
                 known = Acting(
@@ -232,10 +239,30 @@ class RobotControlProcess(ControlProcess):
             case _:
                 assert_never(command)
 
-    def _renew(self, process: str, message: SetGate | Orders) -> None:
+    def _order_relay(self) -> None:
+        """Sends what the relay cannot see by itself."""
+        if not self.has_relay:
+            return
+        robot, now_s = self.robot, self.ports.now_s()
+        report, prepared = robot.situation.report, switcher.prepared(robot)
+        cloud_able = report is not None and report.serves == self.incarnation and report.ready
+        sides = ((Site.ROBOT, robot.nodes_ready), (Site.CLOUD, cloud_able))
+        active = tuple(n.spec.name for n in self.guardian.nodes if n.state is guardians.State.ACTIVE)
+        orders = RelayOrders(
+            self.incarnation, robot.link.peer, robot.last_epoch,
+            None if prepared is None else (prepared.site, prepared.token), tuple(side for side, able in sides if able),
+            active, switcher.effects_site(robot, now_s), now_s,
+        )  # fmt: skip
+        self._renew("relay", orders)
+
+    def _renew(self, process: str, message: SetGate | Orders | RelayOrders) -> None:
         """Sends a level at once when it changed, else five times in a lease: the others live with an older one."""
         now_s = self.ports.now_s()
-        level = SetGate(replace(message.gate, said_s=None)) if isinstance(message, SetGate) else message
+        level: SetGate | Orders | RelayOrders = message
+        if isinstance(message, SetGate):
+            level = SetGate(replace(message.gate, said_s=None))
+        elif isinstance(message, RelayOrders):
+            level = replace(message, said_s=0.0)
         sent, sent_s = self.levels.get(process, (None, 0.0))
         if level != sent or now_s - sent_s >= self.settings.lease_s / LEVELS_PER_LEASE:
             self.levels[process] = level, now_s

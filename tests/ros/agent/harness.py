@@ -70,6 +70,20 @@ COMMON: dict[str, Any] = {
     "input.map.topic": "/map",
     "input.map.latched": True,
 }
+SERVED: dict[str, Any] = {
+    "actions": ["count"],
+    "action.count.name": "/count",
+    "action.count.type": "test_msgs/action/Fibonacci",
+    "action.count.on_switch": "Resend",
+    "action.count.node": "walker",
+    "action.count.core": True,
+    "services": ["ask"],
+    "service.ask.name": "/ask",
+    "service.ask.type": "std_srvs/srv/Trigger",
+    "service.ask.mode": "Idempotent",
+    "service.ask.node": "walker",
+    "service.ask.core": True,
+}
 
 
 @dataclass(frozen=True)
@@ -81,6 +95,7 @@ class Plan:
         link: `zenoh`, `ros`, or `router` for topics over two DDS Routers.
         both, robot, cloud: parameters that differ from COMMON.
         fed: the robot's sensors publish from the start.
+        serves: the replicas serve the action /count and the service /ask, and the agents relay them.
         files: the cloud's agent has the files by which the operator meets it, see `offer`, `answer` and `state`.
         environment: of the agents, by side.
     """
@@ -91,6 +106,7 @@ class Plan:
     robot: dict[str, Any] = field(default_factory=dict)
     cloud: dict[str, Any] = field(default_factory=dict)
     fed: bool = True
+    serves: bool = False
     files: bool = False
     environment: dict[str, dict[str, str]] = field(default_factory=dict)
 
@@ -217,7 +233,8 @@ class World:
         if self.plan.files and side == "cloud":
             names = ("settings", "state", "handover", "certificate")
             base |= {f"{name}_file": str(self.folder / f"{name}.file") for name in names}
-        return {**COMMON, **base, **self._link(side), **self.plan.both, **own}
+        served = SERVED if self.plan.serves else {}
+        return {**COMMON, **base, **self._link(side), **served, **self.plan.both, **own}
 
     def _link(self, side: str) -> dict[str, Any]:
         if self.wire is None or self.certificates is None:
@@ -286,6 +303,11 @@ class World:
         given = {"rate_hz": 20.0 if side == "robot" else 25.0, **parameters}
         topic = f"/{other}/command" if other else f"/offload/{side}/command"
         arguments = ["-r", f"walker:__node:={name}", "-r", f"/command:={topic}"]
+        if self.plan.serves and not other:
+            given["serves"] = True
+            hidden = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
+            for served in ("/ask", *(f"/count/_action/{part}" for part in hidden)):
+                arguments += ["-r", f"{served}:=/offload/{side}{served}"]
         for key, value in given.items():
             arguments += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]
         command = [sys.executable, str(NODES), "--ros-args", *arguments]

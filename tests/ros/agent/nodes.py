@@ -3,6 +3,7 @@
     python nodes.py --ros-args -r walker:__node:=remote_walker -r /command:=/offload/cloud/command -p rate_hz:=25.0
 
 An ordinary node that knows nothing of the agents: its timer runs in every state, publishing is what the state gates.
+With `serves` it also serves the action `/count` and the service `/ask`, as Nav2's servers do, see `counting.py`.
 Parameters that can be set while it runs: `activation_s` (how long on_activate takes) and `refuse` (on_activate fails).
 """
 
@@ -11,6 +12,7 @@ import os
 import time
 
 import rclpy
+from counting import Counting  # beside this file, which is run by its path
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_msgs.msg import Header
@@ -26,6 +28,8 @@ class Walker(LifecycleNode):  # type: ignore[misc]
         self.declare_parameter("refuse", False)
         self.declare_parameter("extra_topic", "")
         self.declare_parameter("padding", 0)
+        self.declare_parameter("serves", False)
+        self.counting = Counting(self) if self.get_parameter("serves").value else None
         self.sequence = 0
         self.producer = f"{self.get_name()}.{os.getpid()}" + "." * self.get_parameter("padding").value
         self.command = self.create_lifecycle_publisher(Header, "/command", 10)
@@ -37,7 +41,14 @@ class Walker(LifecycleNode):  # type: ignore[misc]
         time.sleep(self.get_parameter("activation_s").value)
         if self.get_parameter("refuse").value:
             return TransitionCallbackReturn.FAILURE
+        if self.counting is not None:
+            self.counting.activate()
         return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        if self.counting is not None:
+            self.counting.deactivate()
+        return super().on_deactivate(state)
 
     def tell(self) -> None:
         if not self.command.is_activated:

@@ -1,0 +1,25 @@
+"""The shell of the cloud's relay."""
+
+from __future__ import annotations
+
+import secrets
+
+from robot_offload_agent.process.bus import Bus
+from robot_offload_agent.relay.process import RelayShell, start
+from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.process.cloud_relay import CloudRelay
+from robot_offload_core.process.relay import RelayPlan
+
+
+class CloudRelayShell(RelayShell):
+    """See the module."""
+
+    def __init__(self, configuration: Configuration, bus: Bus, plan: RelayPlan) -> None:
+        super().__init__(configuration, bus)
+        self.build(plan)
+        self.process = CloudRelay(plan, self, secrets.token_hex(16))
+
+
+def run(configuration: Configuration) -> None:
+    """Entry of the process."""
+    start(configuration, CloudRelayShell)
