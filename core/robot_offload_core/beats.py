@@ -13,13 +13,17 @@ from dataclasses import dataclass
 from robot_offload_core.change import replace
 from robot_offload_core.token import Site, Token, is_incarnation
 
-VERSION = "2"
+VERSION = "3"
 MAX_LENGTH = 900
 """Longest text accepted: one datagram of the smallest path MTU we count on (1150 bytes less the transport's own)."""
 NONE = "-"
 MAX_AGE_MS = 99_999
 """Longest age in a report, ms: all that is older is too old alike. It keeps the text short."""
 MAX_INTEGER = 2**63
+MAX_BITS = 256
+"""Most outputs that have a bit in a report."""
+HEXADECIMAL = frozenset("0123456789abcdef")
+GRANT_CANDIDATE, GRANT_IN_CHARGE, GRANT_PRESENCE = 1, 2, 3
 UID_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-")
 MAX_UID = 63
 
@@ -58,8 +62,11 @@ class Permission:
         granted: the cloud named in `cloud` may act under (robot, epoch, cloud).
         cloud: incarnation of the cloud's control process that this is addressed to; "" before one was heard.
         lease_us: length of the grant.
-        in_charge: the cloud is in charge under this epoch; False while it only gets ready. On the wire the grant has
-            three values: 0 none, 1 to get ready, 2 in charge.
+        in_charge: the cloud is in charge under this epoch; False while it only gets ready.
+        presence: the nodes with placement Cloud may speak under the presence token, whoever is in charge.
+
+    On the wire the grant has four values: 0 none, 1 to get ready, 2 in charge, 3 presence alone. The first two grants
+    contain presence.
     """
 
     epoch: int
@@ -67,6 +74,7 @@ class Permission:
     cloud: str
     lease_us: int
     in_charge: bool = False
+    presence: bool = False
 
     def token(self, robot: str) -> Token:
         """The token that a grant names."""
@@ -85,6 +93,7 @@ class CloudReport:
         refused: incarnation of a second robot that it refuses; "" for none.
         data_age_us: since its data session last heard the robot; -1 never.
         input_ages_us: newest accepted age of each required input, in the order of the configuration; -1 never.
+        rated: a bit for each output, 1 << its place in the configuration: the `while` of that output is true there.
     """
 
     serves: str = ""
@@ -94,6 +103,7 @@ class CloudReport:
     refused: str = ""
     data_age_us: int = -1
     input_ages_us: tuple[int, ...] = ()
+    rated: int = 0
 
 
 @dataclass(frozen=True)
@@ -141,7 +151,7 @@ def encode(beat: Beat) -> str:
     if isinstance(body, Permission):
         words += [
             str(body.epoch),
-            str(int(body.granted) + int(body.granted and body.in_charge)),
+            str(_grant(body)),
             body.cloud or NONE,
             str(body.lease_us),
         ]
@@ -154,11 +164,19 @@ def encode(beat: Beat) -> str:
             body.refused or NONE,
             _age(body.data_age_us),
             ",".join(map(_age, body.input_ages_us)) or NONE,
+            f"{body.rated:x}",
         ]
     text = " ".join(words)
     if len(text) > MAX_LENGTH:
         raise BeatError("BadForm", f"{len(text)} characters are more than {MAX_LENGTH}; declare fewer rated inputs")
     return text
+
+
+def _grant(body: Permission) -> int:
+    """Returns the value of a grant on the wire."""
+    if body.granted:
+        return GRANT_IN_CHARGE if body.in_charge else GRANT_CANDIDATE
+    return GRANT_PRESENCE if body.presence else 0
 
 
 def encode_fitting(beat: Beat) -> str:
@@ -249,7 +267,11 @@ def _echo(words: _Words) -> Echo | None:
 
 def _permission(words: _Words) -> Permission:
     epoch, grant = words.integer(), words.integer()
-    return Permission(epoch, grant > 0, words.incarnation(), words.integer(), in_charge=grant > 1)
+    if grant > GRANT_PRESENCE:
+        raise BeatError("BadForm", f"{grant} is no grant")
+    granted = grant in (GRANT_CANDIDATE, GRANT_IN_CHARGE)
+    cloud, lease_us = words.incarnation(), words.integer()
+    return Permission(epoch, granted, cloud, lease_us, grant == GRANT_IN_CHARGE, presence=grant > 0)
 
 
 def _report(words: _Words) -> CloudReport:
@@ -259,4 +281,10 @@ def _report(words: _Words) -> CloudReport:
     input_ages_us = []
     while listed.rest:
         input_ages_us.append(_age_us(listed))
-    return CloudReport(serves, epoch, acting, ready, refused, data_age_us, tuple(input_ages_us))
+    return CloudReport(serves, epoch, acting, ready, refused, data_age_us, tuple(input_ages_us), _bits(words.word()))
+
+
+def _bits(text: str) -> int:
+    if not 0 < len(text) <= MAX_BITS // 4 or not HEXADECIMAL.issuperset(text):
+        raise BeatError("BadForm", f"{text[:20]!r} are no bits of outputs")
+    return int(text, 16)

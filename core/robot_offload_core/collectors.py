@@ -45,12 +45,14 @@ class Gate:
         next: the side that gets ready and may take over at its first messages; None otherwise.
         said_s: when control said so, on this host's steady clock; None: now. A gate may have waited in the inbox of a
             collector that was stopped.
+        presence: token of the outputs of nodes with placement Cloud (results.py); None: none of them passes.
     """
 
     started_us: int
     current: Charge
     next: Charge | None = None
     said_s: float | None = None
+    presence: Token | None = None
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,8 @@ class OutputState:
     """Per output: newest messages of each side, and the last sequence passed under the present token.
 
     `next_*` is about the newest message of the side that gets ready, which is held until the changeover: its sequence,
-    its arrival, and from when its age counts.
+    its arrival, and from when its age counts. `present` is the newest message that passed of a node with placement
+    Cloud: its token and sequence; `stale` that its newest message was too old to pass.
     """
 
     spec: OutputSpec
@@ -68,6 +71,8 @@ class OutputState:
     next_born_s: float = 0.0
     robot_s: float | None = None
     cloud_s: float | None = None
+    present: tuple[Token, int] | None = None
+    stale: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,7 @@ class Collector:
         fell_back: control went silent; only the robot passes until a new epoch is named.
         flipped_s: when the last changeover took place.
         acts_s: since when the side that passes now has passed, under whatever epochs.
+        presence: see Gate.
         turned_s: the last turn of this process. judged_from_s: silence is not reported before, see `turn`.
         stay: grows by one with each change of the side that passes, over restarts of this process.
         paused_s: end of the last pause of this process. first_pause_s: of the first pause of the present row, with less
@@ -103,6 +109,7 @@ class Collector:
     fell_back: bool = False
     flipped_s: float | None = None
     acts_s: float | None = None
+    presence: Token | None = None
     turned_s: float | None = None
     judged_from_s: float = 0.0
     paused_s: float | None = None
@@ -115,6 +122,7 @@ class Ruling(Explained):
 
     ROBOT_IN_CHARGE = "RobotInCharge", "The robot is in charge"
     CURRENT = "Current", "The cloud is in charge and the message carries its token"
+    PRESENT = "Present", "It is of a node with placement Cloud, which passes whoever is in charge"
     CHANGED_OVER = "ChangedOver", "With this message the new side took over"
     NOT_ALL_READY = (
         "NotAllReady",
@@ -133,7 +141,7 @@ class Ruling(Explained):
         return self in _PASSES
 
 
-_PASSES = frozenset({Ruling.ROBOT_IN_CHARGE, Ruling.CURRENT, Ruling.CHANGED_OVER})
+_PASSES = frozenset({Ruling.ROBOT_IN_CHARGE, Ruling.CURRENT, Ruling.PRESENT, Ruling.CHANGED_OVER})
 
 
 @dataclass(frozen=True)
@@ -165,6 +173,9 @@ class GateReport:
         cloud_flows: the same for messages of the cloud with the current (or next) token.
         robot_flowing: the rated outputs, by index, of which a message of the robot's replica was seen within the
             deadline, without any grace.
+        cloud_flowing: the outputs with a deadline, by index, of which the cloud has spoken within it, also those of
+            nodes with placement Cloud.
+        stale: the outputs of nodes with placement Cloud, by index, whose newest message was too old to pass.
     """
 
     charge: Charge | None
@@ -172,6 +183,8 @@ class GateReport:
     robot_flows: bool
     cloud_flows: bool
     robot_flowing: tuple[int, ...] = ()
+    cloud_flowing: tuple[int, ...] = ()
+    stale: tuple[int, ...] = ()
 
 
 def start(outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: float) -> Collector:
@@ -208,7 +221,7 @@ def _change_over_idle(collector: Collector, now_s: float) -> Collector:
 
     An idle robot must be able to change: where nobody need speak there is nothing to pass twice and nothing to lose.
     """
-    if collector.next is None or any(o.spec.deadline_s > 0 for o in collector.outputs):
+    if collector.next is None or any(o.spec.rated for o in collector.outputs):
         return collector
     return _enter(collector, collector.next, None, now_s)
 
@@ -218,7 +231,7 @@ def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
         return collector
     same_control = gate.started_us == collector.started_us
     said_s = now_s if gate.said_s is None else min(gate.said_s, now_s)
-    collector = replace(collector, started_us=gate.started_us, gate_s=said_s)
+    collector = replace(collector, started_us=gate.started_us, gate_s=said_s, presence=gate.presence)
     ours, theirs = collector.charge, gate.current
     if ours is None or not same_control:
         return _enter(collector, theirs, gate.next, now_s)
@@ -326,7 +339,7 @@ def report(collector: Collector, now_s: float) -> GateReport:
     """The state as control needs it."""
     starved = now_s - collector.first_pause_s > collector.gate_timeout_s
     judged = now_s >= collector.judged_from_s or starved  # pauses one after the other hide silence no longer than that
-    rated = [o for o in collector.outputs if o.spec.deadline_s > 0]
+    rated = [o for o in collector.outputs if o.spec.rated]
     acts = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
     charged_s = collector.acts_s if acts else None  # a slow output speaks one period after its nodes woke
     resumed_s = collector.resumed_s
@@ -343,11 +356,13 @@ def report(collector: Collector, now_s: float) -> GateReport:
 
     flowing = tuple(
         i for i, o in enumerate(collector.outputs)
-        if o.spec.deadline_s > 0 and o.robot_s is not None and now_s - o.robot_s <= o.spec.deadline_s
+        if o.spec.rated and o.robot_s is not None and now_s - o.robot_s <= o.spec.deadline_s
     )  # fmt: skip
+    heard = tuple(i for i, o in enumerate(collector.outputs) if o.spec.deadline_s > 0 and cloud_flows(o))
     return GateReport(
-        collector.charge, collector.fell_back, all(map(robot_flows, rated)), all(map(cloud_flows, rated)), flowing
-    )
+        collector.charge, collector.fell_back, all(map(robot_flows, rated)), all(map(cloud_flows, rated)), flowing,
+        heard, tuple(i for i, o in enumerate(collector.outputs) if o.stale),
+    )  # fmt: skip
 
 
 def _offer_next(
@@ -374,7 +389,7 @@ def _offer_next(
 
 def _flows(output: OutputState, now_s: float) -> bool:
     deadline_s = output.spec.deadline_s
-    return deadline_s == 0 or (output.next_ready_s is not None and now_s - output.next_ready_s <= deadline_s)
+    return not output.spec.rated or (output.next_ready_s is not None and now_s - output.next_ready_s <= deadline_s)
 
 
 def _enter(collector: Collector, charge: Charge, following: Charge | None, now_s: float) -> Collector:

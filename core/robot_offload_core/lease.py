@@ -15,7 +15,7 @@ from robot_offload_core.checks import require
 from robot_offload_core.events import Acting, Tick, assert_never
 from robot_offload_core.reasons import Explained
 from robot_offload_core.settings import Settings
-from robot_offload_core.token import Token
+from robot_offload_core.token import Token, presence
 
 
 class Stand(Explained):
@@ -44,9 +44,11 @@ class Cloud:
         granted: that epoch came with a grant.
         in_charge: the grant says that this side is in charge, not only that it is to get ready.
         lease_end_s: end of the lease of that epoch.
+        presence_end_s: until when the nodes with placement Cloud may speak to the robot served, whoever is in charge.
         ready: all duplicated CORE nodes here are Active.
         data_age_s: since the data session last heard the robot; None never.
         input_ages_s: newest accepted ages of required inputs; None never.
+        rated: see CloudData.
         refused: incarnation of a second robot; "" for none.
         refused_s: when it was last heard.
         stepped_s: time of the last step.
@@ -63,9 +65,11 @@ class Cloud:
     granted: bool = False
     in_charge: bool = False
     lease_end_s: float = 0.0
+    presence_end_s: float = 0.0
     ready: bool = False
     data_age_s: float | None = None
     input_ages_s: tuple[float | None, ...] = ()
+    rated: int = 0
     refused: str = ""
     refused_s: float = 0.0
     stepped_s: float | None = None
@@ -90,10 +94,17 @@ class CloudNodes:
 
 @dataclass(frozen=True)
 class CloudData:
-    """The data process's view: ages at `at_s`."""
+    """The data process's view.
+
+    Attributes:
+        age_s: since the robot was last heard on the data session; None never.
+        input_ages_s: newest accepted age of each required input; None never.
+        rated: bits of the outputs whose `while` is true here, see beats.CloudReport.
+    """
 
     age_s: float | None
     input_ages_s: tuple[float | None, ...]
+    rated: int = 0
 
 
 Event = RobotBeat | CloudNodes | CloudData | Tick
@@ -101,14 +112,21 @@ Event = RobotBeat | CloudNodes | CloudData | Tick
 
 @dataclass(frozen=True)
 class SetEgress:
-    """To the data process: what may leave, until when. None closes.
+    """To the data process: what may leave, until when.
 
-    `in_charge` is False while this side only gets ready: then consumers here do not hear it yet.
+    Attributes:
+        token: of the duplicated nodes' outputs; None closes.
+        lease_end_s: until when.
+        in_charge: False while this side only gets ready: then consumers here do not hear it yet.
+        presence: token of the outputs of nodes with placement Cloud; None closes.
+        presence_end_s: until when.
     """
 
     token: Token | None
     lease_end_s: float
     in_charge: bool = False
+    presence: Token | None = None
+    presence_end_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -142,7 +160,7 @@ def step(cloud: Cloud, event: Event, now_s: float) -> tuple[Cloud, list[Command]
         case CloudNodes():
             cloud = replace(cloud, ready=event.ready)
         case CloudData():
-            cloud = replace(cloud, data_age_s=event.age_s, input_ages_s=event.input_ages_s)
+            cloud = replace(cloud, data_age_s=event.age_s, input_ages_s=event.input_ages_s, rated=event.rated)
         case Tick():
             pass
         case _:
@@ -167,6 +185,8 @@ def check(before: Cloud, after: Cloud, event: Event, now_s: float) -> None:
         (after.granted or after.lease_end_s == 0.0, "a lease without a grant"),
         (not after.granted or after.robot != "", "a grant of nobody"),
         (after.lease_end_s <= now_s + after.settings.lease_s, "the lease is longer than a lease from now"),
+        (after.presence_end_s <= now_s + after.settings.lease_s, "presence is longer than a lease from now"),
+        (after.presence_end_s == 0.0 or after.robot != "", "presence for nobody"),
         (same or not holds_lease(before, now_s), "another robot is served while a lease is held"),
     )
 
@@ -196,7 +216,7 @@ def situation(cloud: Cloud, now_s: float) -> tuple[Stand, str]:
 
 def _notice_pause(cloud: Cloud, now_s: float) -> Cloud:
     if cloud.stepped_s is not None and now_s - cloud.stepped_s > cloud.settings.pause_s:
-        cloud = replace(cloud, lease_end_s=0.0, void_before_s=now_s)
+        cloud = replace(cloud, lease_end_s=0.0, presence_end_s=0.0, void_before_s=now_s)
     return replace(cloud, stepped_s=now_s)
 
 
@@ -205,8 +225,9 @@ def _hear(cloud: Cloud, beat: Beat, arrived_s: float, now_s: float) -> Cloud:
         if cloud.robot and (now_s - cloud.robot_s <= cloud.settings.robot_live_s or holds_lease(cloud, now_s)):
             return replace(cloud, refused=beat.incarnation, refused_s=now_s)
         cloud = replace(
-            cloud, robot=beat.incarnation, robot_sent_us=-1, epoch=0, granted=False, in_charge=False, lease_end_s=0.0
-        )
+            cloud, robot=beat.incarnation, robot_sent_us=-1, epoch=0, granted=False, in_charge=False, lease_end_s=0.0,
+            presence_end_s=0.0,
+        )  # fmt: skip
     if beat.sent_us <= cloud.robot_sent_us:
         return cloud
     cloud = replace(cloud, robot_s=max(cloud.robot_s, arrived_s), robot_sent_us=beat.sent_us)
@@ -217,20 +238,26 @@ def _hear(cloud: Cloud, beat: Beat, arrived_s: float, now_s: float) -> Cloud:
         return cloud
     if permission.epoch > cloud.epoch:
         cloud = replace(cloud, epoch=permission.epoch, granted=False, in_charge=False, lease_end_s=0.0)
-    if not permission.granted:
-        return cloud
-    cloud = replace(cloud, granted=True, in_charge=permission.in_charge)
+    if permission.granted:
+        cloud = replace(cloud, granted=True, in_charge=permission.in_charge)
+    return _renew(cloud, beat, permission, now_s)
+
+
+def _renew(cloud: Cloud, beat: Beat, permission: Permission, now_s: float) -> Cloud:
+    """Renews what a permission grants, anchored to our own beat that it echoes."""
     echo = beat.echo
     if echo is None or echo.incarnation != cloud.incarnation:
         return cloud
     if not cloud.void_before_s <= echo.sent_us / 1e6 <= now_s:  # from before a pause, or of a beat that is still unsent
         return cloud
     end_s = echo.sent_us / 1e6 + min(cloud.settings.lease_s, permission.lease_us / 1e6)
-    return replace(cloud, lease_end_s=max(cloud.lease_end_s, end_s))
+    if permission.granted or permission.presence:
+        cloud = replace(cloud, presence_end_s=max(cloud.presence_end_s, end_s))
+    return replace(cloud, lease_end_s=max(cloud.lease_end_s, end_s)) if permission.granted else cloud
 
 
 def _unserved(cloud: Cloud) -> Cloud:
-    return replace(cloud, epoch=0, granted=False, in_charge=False, lease_end_s=0.0)
+    return replace(cloud, epoch=0, granted=False, in_charge=False, lease_end_s=0.0, presence_end_s=0.0)
 
 
 def _forget(cloud: Cloud, now_s: float) -> Cloud:
@@ -251,8 +278,12 @@ def _levels(cloud: Cloud, now_s: float) -> list[Command]:
         refused=cloud.refused,
         data_age_us=_us(cloud.data_age_s),
         input_ages_us=tuple(map(_us, cloud.input_ages_s)),
+        rated=cloud.rated,
     )
     egress = SetEgress(token(cloud), cloud.lease_end_s, cloud.in_charge) if held else SetEgress(None, 0.0)
+    if now_s < cloud.presence_end_s:
+        present = presence(cloud.robot, cloud.incarnation)
+        egress = replace(egress, presence=present, presence_end_s=cloud.presence_end_s)
     return [egress, Acting(held), SetReport(report)]
 
 

@@ -64,7 +64,10 @@ class Limit:
     broken: Callable[[View], str]
 
 
-def cloud_fault(situation: Situation, link: Link, frame: Frame, now_s: float, *, acting: bool) -> Verdict | None:
+def cloud_fault(
+    situation: Situation, link: Link, frame: Frame, now_s: float, *, acting: bool,
+    without: frozenset[Reason] = frozenset(),
+) -> Verdict | None:  # fmt: skip
     """Returns the first broken hard limit, None when all hold.
 
     After a stall of our own process the cloud is never kept in charge for longer than a lease: it has stopped by then.
@@ -76,6 +79,7 @@ def cloud_fault(situation: Situation, link: Link, frame: Frame, now_s: float, *,
         frame: against what the situation is judged.
         now_s: on the robot's steady clock.
         acting: the cloud is in charge, not only wished for.
+        without: limits that are not judged.
     """
     stalled = now_s < frame.stall_until_s
     view = View(situation, link, frame, now_s)
@@ -84,7 +88,7 @@ def cloud_fault(situation: Situation, link: Link, frame: Frame, now_s: float, *,
         if fault is not None:
             return fault
     for limit in LIMITS:
-        if (limit.only_acting and not acting) or (stalled and limit.basis is Basis.SILENCE):
+        if limit.reason in without or (limit.only_acting and not acting) or (stalled and limit.basis is Basis.SILENCE):
             continue
         message = limit.broken(view)
         if message:

@@ -173,7 +173,7 @@ class Robot:
     @property
     def slowest_output_s(self) -> float:
         """The longest deadline of a rated output; 0 when none is rated."""
-        return max((o.deadline_s for o in self.outputs), default=0.0)
+        return max((o.deadline_s for o in self.outputs if o.rated), default=0.0)
 
 
 @dataclass(frozen=True)

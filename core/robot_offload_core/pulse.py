@@ -84,10 +84,10 @@ def compose(pulse: Pulse, now_s: float, wall_us: int) -> tuple[Pulse, Beat]:
     body = pulse.body
     if (
         isinstance(body, Permission)
-        and body.granted
+        and (body.granted or body.presence)
         and (silent_s is None or silent_s > PERMISSION_BEATS * pulse.beat_period_s)
     ):
-        body = replace(body, granted=False, in_charge=False)
+        body = replace(body, granted=False, in_charge=False, presence=False)
     age_us = -1 if silent_s is None else max(0, round(silent_s * 1e6))
     beat = Beat(
         uid=pulse.uid,

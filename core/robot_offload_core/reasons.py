@@ -179,6 +179,10 @@ class Reason(Explained):
         "OutputSilent", Kind.LIMIT, "A rated output of the cloud is silent for longer than its `deadline`",
         "Look at the replica that publishes the output, and at the downlink's throughput",
     )  # fmt: skip
+    RESULT_STALE = (
+        "ResultStale", Kind.STATE, "Results of a node with placement Cloud arrive older than their `maxAge`",
+        "Look at the link; or allow older results with `maxAge`",
+    )  # fmt: skip
     COLLECTOR_SILENT = (
         "CollectorSilent", Kind.LIMIT, "The collector on the robot does not report",
         "Look for its restarts in the agent's log; give the agent CPU time",

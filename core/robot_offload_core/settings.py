@@ -235,6 +235,11 @@ class OutputSpec:
     hot: tuple[Site, ...] = ()
     waits: bool = False
 
+    @property
+    def rated(self) -> bool:
+        """Returns whether the silence of a side's replica is judged."""
+        return self.deadline_s > 0 and not self.of_cloud
+
     def check(self) -> None:
         """Raises SettingsError naming the first value that cannot work."""
         if problem := self.problem():

@@ -44,7 +44,7 @@ from robot_offload_core.pulse import PERMISSION_BEATS
 from robot_offload_core.reasons import Kind, Reason, Verdict
 from robot_offload_core.settings import Mode, Settings
 from robot_offload_core.settling import meanwhile
-from robot_offload_core.token import Site, Token
+from robot_offload_core.token import Site, Token, presence
 
 PREPARE_EXTRA_S = 0.5
 """Added to the activation deadline for a commanded switch: outputs must flow; slow ones get their deadline instead."""
@@ -191,7 +191,7 @@ def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
     control_age_s = None if beat.control_age_us < 0 else beat.control_age_us / 1e6
     robot = replace(robot, situation=replace(robot.situation, report=beat.body, control_age_s=control_age_s))
     epoch = robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch
-    if is_good(beat, event.arrived_s, robot.link, replace(_frame(robot, now_s), epoch=epoch)):
+    if is_good(beat, event.arrived_s, robot.link, replace(frame(robot, now_s), epoch=epoch)):
         robot = replace(robot, situation=replace(robot.situation, good_s=event.arrived_s))
     return robot
 
@@ -225,7 +225,8 @@ def _by_hand(robot: Robot, asked: Site, now_s: float) -> tuple[Robot, bool, str]
 # -- deciding ---------------------------------------------------------------------------------------------------------
 
 
-def _frame(robot: Robot, now_s: float) -> Frame:
+def frame(robot: Robot, now_s: float) -> Frame:
+    """Returns what the situation is judged against."""
     return Frame(
         robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stalls.until_s,
         _starved(robot, now_s),
@@ -233,7 +234,7 @@ def _frame(robot: Robot, now_s: float) -> Frame:
 
 
 def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
-    fault = cloud_fault(robot.situation, robot.link, _frame(robot, now_s), now_s, acting=acting)
+    fault = cloud_fault(robot.situation, robot.link, frame(robot, now_s), now_s, acting=acting)
     limits = (v for v in wishes.reported(robot) if v.reason.kind is Kind.LIMIT)
     return fault or next((Verdict(Site.ROBOT, v.reason, v.message) for v in limits), None)
 
@@ -371,7 +372,7 @@ def _outputs_heard(robot: Robot, now_s: float) -> bool:
     due = {
         i
         for i, o in enumerate(robot.outputs)
-        if o.deadline_s > 0 and not settings.activation_deadline_s < o.deadline_s >= charged_for_s
+        if o.rated and not settings.activation_deadline_s < o.deadline_s >= charged_for_s
     }
     if not due:
         return True
@@ -467,11 +468,13 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     epoch = robot.candidate if preparing_cloud else robot.epoch
     in_charge = site(robot) is Site.CLOUD
     cloud = robot.partner if granted else robot.link.peer
-    permission = Permission(epoch, granted, cloud, round(settings.lease_s * 1e6), in_charge)
+    lease_us = round(settings.lease_s * 1e6)
+    permission = Permission(epoch, granted, cloud, lease_us, in_charge, presence=bool(cloud))
     following = None
     if robot.preparation is not None and robot.preparation.armed:
         following = _charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate)
-    gate = Gate(robot.started_us, _charge(robot, site(robot), robot.epoch), following)
+    present = presence(robot.incarnation, cloud) if cloud else None
+    gate = Gate(robot.started_us, _charge(robot, site(robot), robot.epoch), following, presence=present)
     acting = Acting(
         acting=robot.phase is not Phase.CLOUD,
         outputs_flow=_outputs_flow(robot, now_s),

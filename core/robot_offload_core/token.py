@@ -27,13 +27,18 @@ class Token:
 
     Attributes:
         robot: incarnation of the robot's control process (32 hexadecimal digits).
-        epoch: grows by one with every changeover tried by that incarnation; 0 means none.
+        epoch: grows by one with every changeover tried by that incarnation; 0 in the token of `presence`.
         cloud: incarnation of the cloud's control process.
     """
 
     robot: str
     epoch: int
     cloud: str
+
+
+def presence(robot: str, cloud: str) -> Token:
+    """Returns the token under which nodes with placement Cloud speak, whoever is in charge; no stay has epoch 0."""
+    return Token(robot, 0, cloud)
 
 
 def is_incarnation(text: str) -> bool:

@@ -124,7 +124,8 @@ class CollectorShell:
         for index, (subscription, output) in enumerate(
             zip(self.subscriptions, self.configuration.outputs, strict=True)
         ):
-            subscription.resolve()
+            if not output["of_cloud"]:
+                subscription.resolve()
             self.resolve_publisher(index, subscription)
             self.process.note(f"robot {output.name}", subscription.problem)
         self.check_publishers()

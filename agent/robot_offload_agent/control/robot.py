@@ -19,6 +19,7 @@ from robot_offload_agent.settings.liaison import LEAVING_S
 from robot_offload_agent.settings.override import Override
 from robot_offload_agent.settings.parameters import Configuration, too_tight
 from robot_offload_core import links, placement, switcher
+from robot_offload_core.availability import Available
 from robot_offload_core.problems import Problem
 from robot_offload_core.process.messages import Arrived, Notes
 from robot_offload_core.process.robot_control import RobotControlProcess, RobotPlan
@@ -161,6 +162,13 @@ class RobotControlShell(ControlShell):
         self.published = message
         self.report.publish_placement(json.dumps(body))
         self.send_notes()
+
+    def available(self, statements: tuple[Available, ...]) -> None:
+        """Publishes and logs which nodes with placement Cloud have results that reach the robot."""
+        for one in statements:
+            word = one.reason.value if one.reason else "Available"
+            log.info("Node %s in the cloud: %s reason=%s", one.node, one.message, word)
+        self.report.publish_available(statements)
 
     # -- reports ------------------------------------------------------------------------------------------------------
 

@@ -52,7 +52,7 @@ def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
         tuple(
             InputPlan(i.name, i["max_age_ms"], rates_hz.get(i.name, 0.0), i["latched"]) for i in configuration.inputs
         ),
-        tuple(OutputPlan(o.name, bool(o["rate_hz"]), o["mirror"]) for o in configuration.outputs),
+        tuple(OutputPlan(o.name, bool(o["rate_hz"]), o["mirror"], o["of_cloud"]) for o in configuration.outputs),
         carried=configuration["link.type"] == "zenoh",
     )
 

@@ -20,6 +20,7 @@ from robot_offload_agent.settings.offer import RUN_TIME
 from robot_offload_agent.settings.override import WORDS, Override
 from robot_offload_agent.settings.parameter import Parameter
 from robot_offload_agent.settings.parameters import GENERAL, Configuration
+from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat
 from robot_offload_core.guardians import Node as GuardedNode
 from robot_offload_core.guardians import State
@@ -63,9 +64,11 @@ class Report:
         self.network_status_value: int | None = None
         self.network_status = self.monitor.create_lifecycle_publisher(Int32, f"/{prefix}network_status", LATCHED)
         self.diagnostics = self.switcher.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.placement = None
+        self.placement = self.availability = None
         if self.side is Site.ROBOT:
             self.placement = self.switcher.create_publisher(String, "/offload/placement", LATCHED)
+            if any(output["of_cloud"] for output in configuration.outputs):
+                self.availability = self.switcher.create_publisher(DiagnosticArray, "/offload/available", LATCHED)
         # On DDS transports the beats themselves travel on these topics; otherwise what is heard is mirrored.
         heard = "/connectivity_test_remote" if self.side is Site.ROBOT else "/connectivity_test_local"
         self.mirror = None
@@ -172,6 +175,25 @@ class Report:
         if self.placement is not None:
             self.placement.publish(String(data=body))
 
+    def publish_available(self, statements: Iterable[Available]) -> None:
+        """Publishes the latched statements on the nodes with placement Cloud: a status for each, OK while available.
+
+        The name of a status is the node's; the value `reason` is a word, empty while the node is available.
+        """
+        if self.availability is None:
+            return
+        array = DiagnosticArray()
+        array.header.stamp = self.switcher.get_clock().now().to_msg()
+        for one in statements:
+            level = DiagnosticStatus.ERROR if one.reason else DiagnosticStatus.OK
+            values = [KeyValue(key="reason", value=one.reason.value if one.reason else "")]
+            array.status.append(
+                DiagnosticStatus(
+                    name=one.node, hardware_id=self._who(), level=level, message=one.message, values=values
+                )
+            )
+        self.availability.publish(array)
+
     def mirror_beat(self, text: str, beat: Beat) -> None:
         """Publishes what was heard, for people and other monitors."""
         if self.mirror is None or not self.mirror.get_subscription_count():
@@ -227,7 +249,10 @@ class Report:
 
     def _status(self, name: str, level: bytes, message: str, values: Mapping[str, str]) -> DiagnosticStatus:
         pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-        who = self.configuration["robot_name"] or self.configuration["uid"]
         return DiagnosticStatus(
-            name=f"robot_offload {self.side.value}: {name}", hardware_id=who, level=level, message=message, values=pairs
-        )
+            name=f"robot_offload {self.side.value}: {name}", hardware_id=self._who(), level=level, message=message,
+            values=pairs,
+        )  # fmt: skip
+
+    def _who(self) -> str:
+        return self.configuration["robot_name"] or str(self.configuration["uid"])

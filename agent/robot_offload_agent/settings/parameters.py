@@ -303,7 +303,8 @@ def contradictions(configuration: Configuration) -> Iterator[str]:
                 if taken != name:
                     yield f"parameter {name}: {member[key]} is {taken} already, messages would go round in circles"
     for output in configuration.outputs:
-        if output["node"] and output["node"] not in nodes:
+        elsewhere = output["of_cloud"] and configuration.side is Site.ROBOT
+        if output["node"] and output["node"] not in nodes and not elsewhere:
             yield f"parameter output.{output.name}.node: {output['node']} is not one of nodes"
     for output in configuration.outputs:
         yield from output_problems(output.name, output.values)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from typing import Any, Protocol
 
 from robot_offload_core import envelope, mirror
@@ -35,7 +34,7 @@ class CloudDataProcess(DataProcess):
 
     Attributes:
         egress: what may leave, from control.
-        sequence: newest of each output under its present token.
+        sequence: newest of each output under its present token. first_result: of results, larger in each life.
         newest: robot's incarnation and sequence of the newest message of each input: no older one is published.
         accepted: arrival of the newest message of each input, and the bound of its age then.
         mirror: gate in front of the consumers in the cloud.
@@ -46,7 +45,9 @@ class CloudDataProcess(DataProcess):
         super().__init__(plan, ports)
         self.ports: CloudDataPorts = ports
         self.egress = CLOSED
-        self.sequence: dict[tuple[int, Token], int] = defaultdict(int)
+        self.sequence: dict[tuple[int, Token], int] = {}
+        # The token of presence outlives this process: a successor's results must be newer.
+        self.first_result = round(ports.now_s() * 1e6)
         self.required = [i.name for i in plan.inputs if i.max_age_ms > 0]
         self.max_age_ms = {i.name: i.max_age_ms for i in plan.inputs}
         self.index = {output.name: index for index, output in enumerate(plan.outputs)}
@@ -59,32 +60,42 @@ class CloudDataProcess(DataProcess):
     # -- towards the robot --------------------------------------------------------------------------------------------
 
     def leave(self, index: int, payload: Any) -> None:
-        """Lets a message of a replica leave, only under a valid lease, read at this very moment."""
+        """Lets a message of a node here leave, only under a valid lease, read at this very moment."""
         output = self.plan.outputs[index]
         if self.pauses.waited(self.ports.now_s()) and output.rated:
             self.counters[f"{output.name}.waited"] += 1
             return
         egress, heard = self.egress.egress, self.heard
-        if egress.token is None or self.ports.now_s() >= egress.lease_end_s:
+        token, end_s = egress.token, egress.lease_end_s
+        if output.of_cloud:
+            token, end_s = egress.presence, egress.presence_end_s
+            if output.mirrored and self.plan.carried:  # there is no other side that its neighbours could hear instead
+                self.ports.publish_output(index, payload)
+        if token is None or self.ports.now_s() >= end_s:
             self.counters[f"{output.name}.held_back"] += 1
             return
-        echo_us = heard.sent_us if heard and heard.incarnation == egress.token.robot else 0
-        key = (index, egress.token)
-        if key not in self.sequence:
-            for old in [k for k in self.sequence if k[0] == index]:
-                del self.sequence[old]
-        self.sequence[key] += 1
-        header = envelope.encode(Envelope(egress.token, self.sequence[key], echo_us))
-        if self.ports.now_s() >= egress.lease_end_s:  # stopped between the first look and here
+        echo_us = heard.sent_us if heard and heard.incarnation == token.robot else 0
+        header = envelope.encode(Envelope(token, self._next_sequence(index, token), echo_us))
+        if self.ports.now_s() >= end_s:  # stopped between the first look and here
             self.counters[f"{output.name}.held_back"] += 1
             return
         sent = self.ports.cross(f"out/{output.name}", header, payload)
         self.counters[f"{output.name}.{'sent' if sent else 'unsent'}"] += 1
-        if output.mirrored and self.plan.carried:
+        if output.mirrored and self.plan.carried and not output.of_cloud:
             with self.ports.lock:
-                self.mirror, passes = mirror.own(self.mirror, egress.token, in_charge=egress.in_charge)
+                self.mirror, passes = mirror.own(self.mirror, token, in_charge=egress.in_charge)
                 if passes:
                     self.ports.publish_output(index, payload)
+
+    def _next_sequence(self, index: int, token: Token) -> int:
+        """Returns the sequence of the next message of an output under a token."""
+        key = (index, token)
+        if key not in self.sequence:
+            for old in [k for k in self.sequence if k[0] == index]:
+                del self.sequence[old]
+            self.sequence[key] = self.first_result if self.plan.outputs[index].of_cloud else 0
+        self.sequence[key] += 1
+        return self.sequence[key]
 
     # -- from the robot -----------------------------------------------------------------------------------------------
 

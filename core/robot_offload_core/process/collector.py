@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from robot_offload_core import collectors, envelope
+from robot_offload_core import collectors, envelope, results
 from robot_offload_core.collectors import Charge, Collector, Passage, Ruling
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import SetGate
@@ -174,7 +174,8 @@ class CollectorProcess:
         if refusal:  # the machine must not take for passed what reaches nobody
             self.counters[f"{self.plan.outputs[index].name}.cloud.{refusal}"] += 1
             return
-        state, passage = collectors.offer_cloud(self.state, index, header, self.ports.now_s())
+        offer = results.offer if self.plan.outputs[index].of_cloud else collectors.offer_cloud
+        state, passage = offer(self.state, index, header, self.ports.now_s())
         changed = self._keep(state)
         self._publish(index, message.payload, passage)
         self._count("cloud", index, passage)

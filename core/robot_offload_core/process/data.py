@@ -75,11 +75,19 @@ class InputPlan:
 
 @dataclass(frozen=True)
 class OutputPlan:
-    """An output as the data processes need it: its silence is judged (`rated`), it has consumers in the cloud."""
+    """An output as the data processes need it.
+
+    Attributes:
+        name: of the output.
+        rated: its silence is judged.
+        mirrored: it has consumers in the cloud.
+        of_cloud: of a node with placement Cloud: it leaves under the presence token, whoever is in charge.
+    """
 
     name: str
     rated: bool = True
     mirrored: bool = False
+    of_cloud: bool = False
 
 
 @dataclass(frozen=True)

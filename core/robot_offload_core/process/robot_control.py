@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from robot_offload_core import guardians, health, placement, switcher
+from robot_offload_core.availability import Available, available
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
 from robot_offload_core.events import Acting, Tick, assert_never
@@ -45,6 +46,9 @@ class RobotControlPorts(ControlPorts, Protocol):
     def effects_changed(self) -> None:
         """Publishes the placement again: another side's effects are admitted now."""
 
+    def available(self, statements: tuple[Available, ...]) -> None:
+        """Publishes which nodes with placement Cloud have results that reach the robot."""
+
 
 @dataclass(frozen=True)
 class RobotPlan:
@@ -82,6 +86,7 @@ class RobotControlProcess(ControlProcess):
         left: (cloud, its last announced end), as far as obeyed.
         effects: the side whose effects were admitted at the last look.
         refused_words: how many requests from the cloud were none.
+        stated: what was last published of the nodes with placement Cloud.
     """
 
     def __init__(self, plan: RobotPlan, ports: RobotControlPorts, incarnation: str, started_us: int) -> None:
@@ -110,6 +115,7 @@ class RobotControlProcess(ControlProcess):
         self.cloud_answer = ""
         self.left = ("", "")
         self.refused_words = 0
+        self.stated: tuple[Available, ...] | None = None
 
     # -- events in ----------------------------------------------------------------------------------------------------
 
@@ -152,7 +158,7 @@ class RobotControlProcess(ControlProcess):
 
     def _note_flowing(self, outputs: tuple[int, ...]) -> None:
         """Takes which rated outputs flow: their nodes live, however long they take to answer."""
-        rated = [(i, name) for i, (o, name) in enumerate(self._published) if o.deadline_s > 0 and name]
+        rated = [(i, name) for i, (o, name) in enumerate(self._published) if o.rated and name]
         silent = {name for i, name in rated if i not in outputs}
         names = tuple(dict.fromkeys(name for _, name in rated if name not in silent))
         if names != self.guardian.flowing:
@@ -191,6 +197,14 @@ class RobotControlProcess(ControlProcess):
         self.step(Tick())
         if switcher.effects_site(self.robot, self.ports.now_s()) is not self.effects:
             self.ports.effects_changed()
+        self._state()
+
+    def _state(self) -> None:
+        """Publishes what has changed for the nodes with placement Cloud."""
+        statements = available(self.robot, self.replicas, self.ports.now_s())
+        if self.stated is None or [(s.node, s.reason) for s in statements] != [(s.node, s.reason) for s in self.stated]:
+            self.stated = statements
+            self.ports.available(statements)
 
     def next_deadline_s(self) -> float:
         """Returns when the loss of the cloud is certain: it is noticed to the millisecond, not at the next turn."""

@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import replace
 from typing import Any
 
-from robot_offload_core import lease, pulse
+from robot_offload_core import envelope, lease, pulse
 from robot_offload_core.beats import Beat, CloudReport
 from robot_offload_core.guardians import Command, Guardian
 from robot_offload_core.lease import Stand
@@ -225,8 +225,7 @@ class CloudData(DataShell):
         """Sends over the data session; what leaves is shown."""
         session = self.around.link.data
         if isinstance(payload, Payload):
-            token = self.token
-            assert token is not None
+            token = envelope.decode(header).token
             self.around.witness.left_cloud(token)
             payload = payload._replace(header=header)
             self.count += 1

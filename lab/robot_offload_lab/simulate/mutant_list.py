@@ -73,7 +73,7 @@ MUTANTS: dict[str, Mutant] = {
     "L11": Mutant(
         "ungranted permission renews",
         "first_command_after_a_cut",
-        (Edit("lease", "    if not permission.granted:\n        return cloud\n", ""),),
+        (Edit("lease", "end_s)) if permission.granted else cloud", "end_s))"),),
     ),
     "L12": Mutant(
         "echo of another incarnation grants",
@@ -761,13 +761,74 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "process.cloud_data",
-                "if egress.token is None or self.ports.now_s() >= egress.lease_end_s:",
-                "if egress.token is None:",
+                "if token is None or self.ports.now_s() >= end_s:",
+                "if token is None:",
             ),
+            Edit("process.cloud_data", "if self.ports.now_s() >= end_s:  # stopped", "if False:  # stopped"),
+        ),
+    ),
+    "R1": Mutant(
+        "results of any age pass",
+        "results_of_a_slow_link",
+        (
             Edit(
-                "process.cloud_data", "if self.ports.now_s() >= egress.lease_end_s:  # stopped", "if False:  # stopped"
+                "results",
+                "if not 0 <= envelope.age_s(now_s) <= (state.spec.max_age_s or collector.max_age_s):",
+                "if False:",
             ),
         ),
+    ),
+    "R2": Mutant(
+        "results pass under any token",
+        "results_of_two_robots_lives",
+        (Edit("results", "if collector.presence is None or envelope.token != collector.presence:", "if False:"),),
+    ),
+    "R3": Mutant(
+        "results pass twice and in any order",
+        "results_that_come_twice",
+        (Edit("results", "envelope.sequence <= state.present[1]:", "False:"),),
+    ),
+    "R4": Mutant(
+        "results leave under the charge",
+        "results_whoever_is_in_charge",
+        (Edit("process.cloud_data", "token, end_s = egress.presence, egress.presence_end_s", "pass"),),
+    ),
+    "R5": Mutant(
+        "presence lasts from the arrival of a grant",
+        "results_after_old_grants",
+        (
+            Edit(
+                "lease",
+                "presence_end_s=max(cloud.presence_end_s, end_s)",
+                "presence_end_s=max(cloud.presence_end_s, now_s + cloud.settings.lease_s)",
+            ),
+        ),
+    ),
+    "R6": Mutant(
+        "a new egress counts results from one again",
+        "results_of_a_restarted_agent",
+        (Edit("process.cloud_data", "self.first_result if self.plan.outputs[index].of_cloud else 0", "0"),),
+    ),
+    "R7": Mutant(
+        "pulse vouches for presence",
+        "results_of_a_robot_that_stopped_vouching",
+        (Edit("pulse", "and (body.granted or body.presence)", "and body.granted"),),
+    ),
+    "R8": Mutant(
+        "results older than this collector pass",
+        "results_that_come_twice",
+        (
+            Edit(
+                "results",
+                "if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s:",
+                "if False:",
+            ),
+        ),
+    ),
+    "R9": Mutant(
+        "a changeover waits for results",
+        "results_alone",
+        (Edit("settings", "return self.deadline_s > 0 and not self.of_cloud", "return self.deadline_s > 0"),),
     ),
     "X2": Mutant(
         "what waited in a stopped egress leaves as new",
@@ -893,7 +954,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     "X22": Mutant(
         "the cloud's levels are sent at changes only",
-        "there_and_back",
+        "short_stall_of_control",
         (
             Edit(
                 "process.cloud_control",

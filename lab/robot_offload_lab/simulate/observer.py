@@ -12,12 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from robot_offload_core import placement, policies
+from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat, CloudReport, Permission
 from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.envelope import Envelope, decode
 from robot_offload_core.guardians import INHIBIT_PERIOD_S, State
 from robot_offload_core.settings import Mode
-from robot_offload_core.token import Site, Token
+from robot_offload_core.token import Site, Token, presence
 from robot_offload_lab.simulate.nodes import Message
 from robot_offload_lab.simulate.ports import Payload
 from robot_offload_lab.simulate.system import System
@@ -46,6 +47,12 @@ class ViolationError(Exception):
         self.invariant = invariant
         self.text = text
         self.at_s = at_s
+
+
+def _tokens(permission: Permission, robot: str) -> list[Token]:
+    """Returns the tokens that a permission of a robot's control grants."""
+    found = [permission.token(robot)] if permission.granted else []
+    return [*found, presence(robot, permission.cloud)] if permission.presence else found
 
 
 @dataclass
@@ -84,7 +91,7 @@ class Observer:
         self.settings = settings
         self.reaction_s = run.scenario.reaction_s
         self.lanes = [Lane(0.0, BEFORE_CONTROL, {}) for _ in run.scenario.outputs]
-        self.rated = [(i, o.deadline_s) for i, o in enumerate(run.scenario.outputs) if o.deadline_s > 0]
+        self.rated = [(i, o.deadline_s) for i, o in enumerate(run.scenario.outputs) if o.rated]
         self.rank: Rank = BEFORE_CONTROL
         self.order: dict[str, int] = {}
         self.named_s: dict[Token, float] = {}
@@ -126,6 +133,8 @@ class Observer:
         self.named_s[gate.current.token] = self.world.now
         if gate.next is not None:
             self.named_s[gate.next.token] = self.world.now
+        if gate.presence is not None:
+            self.named_s[gate.presence] = self.world.now
 
     def robot_decided(self, decided: placement.Decided) -> None:
         """Control has told a decision. Counts changeovers; invariant 3c: no false alarm.
@@ -173,6 +182,9 @@ class Observer:
         1c: a message of the cloud carries a token that control named to the collector at most a lease ago.
         1d: a message of the cloud left it at most `max_command_age_s` ago.
         """
+        if self.run.scenario.outputs[index].of_cloud:
+            self._passed_result(index, payload)
+            return
         now = self.world.now
         site, message, left_s = payload.site, payload.message, payload.left_s
         envelope = decode(payload.header) if payload.header else None
@@ -194,6 +206,26 @@ class Observer:
         lane.last[site] = message
         lane.passed_s, lane.rank, self.rank = now, rank, rank
         self.passed_messages[site] += 1
+
+    def _passed_result(self, index: int, payload: Payload) -> None:
+        """Invariant 1e: results of nodes with placement Cloud pass whoever is in charge, young and in order.
+
+        Under the token of presence of the robot's present control and of a cloud that it addressed at most a lease ago,
+        no older than their `maxAge`, and never one before another.
+        """
+        envelope, message, lane = decode(payload.header), payload.message, self.lanes[index]
+        spec = self.run.scenario.outputs[index]
+        limit_s = (spec.max_age_s or self.settings.max_command_age_s) * (1 + DRIFT)
+        age_s = self.world.now - payload.left_s
+        if age_s > limit_s:
+            self._violated("1e", f"a result passed {age_s * 1e3:.1f} ms after it had left the cloud")
+        named_s = self.named_s.get(envelope.token, -1e9)
+        if self.world.now - named_s > self.settings.lease_s * (1 + DRIFT) + HANDOVER_S:
+            self._violated("1e", "a result passed under a token that control does not name (any more)")
+        last = lane.last.get(Site.CLOUD)
+        if last is not None and (message.life, message.sequence) <= (last.life, last.sequence):
+            self._violated("1e", f"{message.producer} {message.sequence} passed after {last.sequence}")
+        lane.last[Site.CLOUD], lane.passed_s = message, self.world.now
 
     def _rank_of(self, envelope: Envelope | None) -> Rank:
         if envelope is not None:
@@ -246,33 +278,32 @@ class Observer:
 
     def permitted(self, permission: Permission, robot: str) -> None:
         """The robot's control process renews a permission."""
-        if permission.granted:
-            self.permitted_s[permission.token(robot)] = self.world.now
+        for token in _tokens(permission, robot):
+            self.permitted_s[token] = self.world.now
 
     def beat_sent(self, beat: Beat) -> None:
         """Nobody vouches: a grant leaves the robot at most two beats after control has renewed this permission."""
         self.pulse_before_s, self.pulse_s = self.pulse_s, self.world.now
-        if not isinstance(beat.body, Permission) or not beat.body.granted:
-            return
-        token = beat.body.token(beat.incarnation)
-        age_s = self.world.now - self.permitted_s.get(token, -1e9)
-        if age_s > 2 * self.settings.beat_period_s * (1 + DRIFT) + HANDOVER_S:
-            self._violated(
-                "vouching", f"a grant left the robot {age_s * 1e3:.1f} ms after control had last permitted it"
-            )
+        for token in _tokens(beat.body, beat.incarnation) if isinstance(beat.body, Permission) else ():
+            age_s = self.world.now - self.permitted_s.get(token, -1e9)
+            if age_s > 2 * self.settings.beat_period_s * (1 + DRIFT) + HANDOVER_S:
+                self._violated(
+                    "vouching", f"a grant left the robot {age_s * 1e3:.1f} ms after control had last permitted it"
+                )
 
     def grant_delivered(self, beat: Beat, sent_true_s: float) -> None:
         """The cloud's control process gets a robot's beat."""
         body = beat.body
-        if isinstance(body, Permission) and body.granted:
-            token = body.token(beat.incarnation)
+        for token in _tokens(body, beat.incarnation) if isinstance(body, Permission) else ():
             self.heard_grant_s[token] = max(self.heard_grant_s.get(token, -1e9), sent_true_s)
 
     def left_cloud(self, token: Token) -> None:
         """Invariant 2: nothing leaves later than a lease after the robot sent the last grant that the cloud got."""
         now = self.world.now
-        self.left_s = (now, token)
-        late_s = now - self.heard_grant_s.get(token, -1e9) - self.settings.lease_s * (1 + DRIFT)
+        if token.epoch:  # who is in charge does not matter to presence
+            self.left_s = (now, token)
+        lease_s = self.settings.lease_s * (1 + DRIFT) / min(1.0, self.run.cloud.host.rate)  # by the cloud's clock
+        late_s = now - self.heard_grant_s.get(token, -1e9) - lease_s
         if late_s > 1e-5:
             self._violated("2", f"a message left the cloud {late_s * 1e3:.1f} ms after the end of any lease")
 
@@ -432,6 +463,11 @@ class Observer:
 
     def input_heard(self, name: str, age_s: float) -> None:
         """A message of an input reached the cloud's replicas."""
+
+    def available(self, statements: tuple[Available, ...]) -> None:
+        """The robot's control states which nodes with placement Cloud have results that arrive."""
+        for statement in statements:
+            self.world.note(statement.node, statement.reason.value if statement.reason else "available")
 
     def answered(self, key: int, accepted: bool, message: str) -> None:
         """A switch by hand was answered."""

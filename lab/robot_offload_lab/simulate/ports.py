@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
+from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat, Permission
 from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.placement import Decided, Robot
@@ -87,6 +88,9 @@ class Witness(Protocol):
 
     def input_heard(self, name: str, age_s: float) -> None:
         """A message of an input reached the cloud's replicas, so long after it was sent (true time)."""
+
+    def available(self, statements: tuple[Available, ...]) -> None:
+        """The robot's control states which nodes with placement Cloud have results that arrive."""
 
     def answered(self, key: int, accepted: bool, message: str) -> None:
         """A switch by hand was answered."""

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 from robot_offload_core import collectors, envelope, placement, pulse, switcher
+from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat, Permission
 from robot_offload_core.collectors import Charge, Passage
 from robot_offload_core.guardians import Command, Guardian, Inhibit, InhibitAnswered
@@ -204,6 +205,10 @@ class RobotControl(Shell):
     def effects_changed(self) -> None:
         """Takes note of who is admitted."""
         self.process.take_effects()
+
+    def available(self, statements: tuple[Available, ...]) -> None:
+        """Shows what is stated of the nodes with placement Cloud."""
+        self.around.witness.available(statements)
 
 
 class RobotPulse(Shell):

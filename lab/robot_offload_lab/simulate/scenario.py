@@ -74,7 +74,9 @@ class Scenario:
     @cached_property
     def data_plan(self) -> DataPlan:
         """Returns what the data processes need."""
-        outputs = tuple(OutputPlan(o.name, o.deadline_s > 0, i in self.mirrored) for i, o in enumerate(self.outputs))
+        outputs = tuple(
+            OutputPlan(o.name, o.deadline_s > 0, i in self.mirrored, o.of_cloud) for i, o in enumerate(self.outputs)
+        )
         return DataPlan(self.inputs, outputs)
 
     @property

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Any
 
 from robot_offload_core import placement
+from robot_offload_core.availability import Available
 from robot_offload_core.guardians import State
 from robot_offload_core.placement import Phase, Robot, Wish
 from robot_offload_core.process.data import InputPlan
@@ -53,6 +54,7 @@ class Recorder(Observer):
         self.decisions: list[tuple[float, placement.Decided]] = []
         self.answers: list[tuple[int, bool, str]] = []
         self.left: list[float] = []
+        self.statements: list[tuple[float, Available]] = []
 
     def passed(self, index: int, payload: Payload) -> None:
         """Keeps a message, after its invariants were checked."""
@@ -72,7 +74,13 @@ class Recorder(Observer):
     def left_cloud(self, token: Any) -> None:
         """Keeps when something left the cloud."""
         super().left_cloud(token)
-        self.left.append(self.world.now)
+        if token.epoch:
+            self.left.append(self.world.now)
+
+    def available(self, statements: tuple[Available, ...]) -> None:
+        """Keeps what is stated of the nodes with placement Cloud."""
+        super().available(statements)
+        self.statements += [(self.world.now, statement) for statement in statements]
 
     def answered(self, key: int, accepted: bool, message: str) -> None:
         """Keeps an answer."""
@@ -83,6 +91,7 @@ def plain(**changes: Any) -> Scenario:
     """Returns a small scenario: wheels, a controller that drives them, a planner without an output."""
     settings = changes.pop("settings", Settings(hold_down_initial_s=1.0, flap_window_s=3.0, hold_down_max_s=4.0))
     hot = changes.pop("hot", False)
+    cloud_only: tuple[NodeSpec, ...] = changes.pop("cloud_only", ())
     nodes: tuple[NodeSpec, ...] = changes.pop("nodes", (CONTROLLER, PLANNER))
     outputs: tuple[OutputSpec, ...] = changes.pop("outputs", (OutputSpec("cmd_vel", 0.15),))
     replicas: dict[str, Replica] = changes.pop("replicas", {"controller": Replica(0, settings.robot_period_s)})
@@ -90,7 +99,7 @@ def plain(**changes: Any) -> Scenario:
         name: replace(r, period_s=min(r.period_s, settings.cloud_period_s)) if r.period_s < 1 else r
         for name, r in replicas.items()
     }
-    others = {spec.name: Replica() for spec in (WHEELS, *nodes)}
+    others = {spec.name: Replica() for spec in (WHEELS, *nodes, *cloud_only)}
     given: dict[str, Any] = {
         "settings": settings,
         "cloud_settings": settings,
@@ -99,7 +108,7 @@ def plain(**changes: Any) -> Scenario:
         "inputs": (InputPlan("scan", 300), InputPlan("map", latched=True)),
         "input_periods_s": (0.05, 60.0),
         "robot_nodes": (WHEELS, *(replace(n, hot=hot) for n in nodes)),
-        "cloud_nodes": nodes,
+        "cloud_nodes": (*nodes, *cloud_only),
         "replicas": others | replicas,
         "cloud_replicas": others | cloud_replicas,
     }

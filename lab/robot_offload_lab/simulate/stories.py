@@ -13,6 +13,7 @@ from robot_offload_lab.simulate import (
     story_nodes,
     story_people,
     story_processes,
+    story_results,
 )
 
 STORIES: dict[str, Callable[[], None]] = {
@@ -26,6 +27,7 @@ STORIES: dict[str, Callable[[], None]] = {
         story_inhibit,
         story_processes,
         story_late,
+        story_results,
     )
     for story in module.STORIES
 }

@@ -30,6 +30,7 @@ def first_command_after_a_cut() -> None:
         stage.lost(settings.loss_timeout_s + stage.scenario.delay_s + DELIVERY_S, "the loss is noticed")
         bound_s = len(stage.robot.nodes) * stage.scenario.transition_s + settings.robot_period_s + 0.05
         stage.until_heard(cut_s + 0.08, Site.ROBOT, bound_s, "the robot's first command")
+        stage.run(0.02)
         stage.expect(stage.link.pulse.life > lives[0], "the pulse session is opened anew at a loss")
         stage.expect(stage.link.data.life > lives[1], "and the data session")
         stage.run(0.3)

@@ -19,15 +19,17 @@ addressed = st.one_of(st.just(""), incarnations)
 counts = st.integers(0, MAX_INTEGER - 1)
 ages = st.integers(-1, MAX_INTEGER - 1)
 echoes = st.one_of(st.none(), st.builds(Echo, incarnations, counts, counts, counts))
-grants = st.sampled_from([(False, False), (True, False), (True, True)])
+grants = st.sampled_from(
+    [(False, False, False), (True, False, True), (True, True, True), (False, False, True)]
+)  # a grant to act contains presence
 permissions = st.builds(
-    lambda epoch, grant, cloud, lease_us: Permission(epoch, grant[0], cloud, lease_us, grant[1]),
+    lambda epoch, grant, cloud, lease_us: Permission(epoch, grant[0], cloud, lease_us, *grant[1:]),
     counts, grants, addressed, counts,
 )  # fmt: skip
 written_ages = st.one_of(st.just(-1), st.integers(0, MAX_AGE_MS).map(lambda age_ms: age_ms * 1000))
 reports = st.builds(
     CloudReport, addressed, counts, st.booleans(), st.booleans(), addressed, written_ages,
-    st.lists(written_ages, max_size=12).map(tuple),
+    st.lists(written_ages, max_size=12).map(tuple), st.integers(0, 2**beats.MAX_BITS - 1),
 )  # fmt: skip
 uids = st.text(string.ascii_letters + string.digits + "._-", min_size=1, max_size=63)
 walls = st.integers(-MAX_INTEGER, MAX_INTEGER - 1)

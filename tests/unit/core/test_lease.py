@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_core import lease
-from robot_offload_core.beats import Beat, CloudReport, Echo
+from robot_offload_core.beats import Beat, CloudReport, Echo, Permission
 from robot_offload_core.events import Acting, Tick
 from robot_offload_core.lease import (
     Cloud,
@@ -22,7 +22,7 @@ from robot_offload_core.lease import (
     StandChanged,
 )
 from robot_offload_core.settings import Settings
-from robot_offload_core.token import Token
+from robot_offload_core.token import Token, presence
 from tests.unit.core.builders import CLOUD, LEASE_US, NOW_S, ROBOT, SETTINGS, STRANGER, many, permission, robot_beat, us
 
 LEASE_S = SETTINGS.lease_s
@@ -55,6 +55,11 @@ def levels(cloud: Cloud, now_s: float = NOW_S) -> tuple[SetEgress, Acting, Cloud
     assert isinstance(active, Acting)
     assert isinstance(tell, SetReport)
     return egress, active, tell.report
+
+
+def egress_of(cloud: Cloud, token: Token) -> SetEgress:
+    """What may leave under a grant of `token`, which contains presence."""
+    return SetEgress(token, cloud.lease_end_s, False, presence(token.robot, CLOUD), cloud.presence_end_s)
 
 
 # -- the anchor
@@ -130,7 +135,16 @@ def test_a_newer_epoch_ends_the_older_lease_at_once_even_without_a_grant() -> No
 
 def test_a_newer_grant_replaces_the_token_from_one_message_to_the_next() -> None:
     cloud = heard(acting(4), robot_beat(NOW_S, NOW_S - 0.010, body=permission(5)), NOW_S + 0.001)
-    assert levels(cloud, NOW_S + 0.001)[0] == SetEgress(Token(ROBOT, 5, CLOUD), cloud.lease_end_s)
+    assert levels(cloud, NOW_S + 0.001)[0] == egress_of(cloud, Token(ROBOT, 5, CLOUD))
+
+
+def test_presence_outlives_the_charge_and_ends_with_its_own_lease() -> None:
+    cloud = heard(
+        acting(4), robot_beat(NOW_S, NOW_S - 0.010, body=Permission(5, False, CLOUD, LEASE_US, presence=True))
+    )
+    egress = levels(cloud, NOW_S + 0.001)[0]
+    assert (egress.token, egress.presence) == (None, presence(ROBOT, CLOUD))
+    assert levels(cloud, cloud.presence_end_s)[0] == SetEgress(None, 0.0)
 
 
 def test_a_newer_grant_without_a_living_echo_does_not_inherit_the_older_lease() -> None:
@@ -196,7 +210,7 @@ def test_a_robot_that_was_silent_for_long_enough_gives_way_to_its_next_incarnati
     now_s = NOW_S + SETTINGS.robot_live_s + 0.020
     assert (cloud.robot, cloud.epoch) == ("", 0)
     cloud = heard(cloud, robot_beat(1.0, now_s - 0.010, incarnation=STRANGER, body=permission(1)), now_s)
-    assert levels(cloud, now_s)[0] == SetEgress(Token(STRANGER, 1, CLOUD), cloud.lease_end_s)
+    assert levels(cloud, now_s)[0] == egress_of(cloud, Token(STRANGER, 1, CLOUD))
 
 
 def test_a_silent_robot_is_served_again_when_it_returns() -> None:
@@ -216,7 +230,7 @@ def test_robots_are_told_apart_by_incarnation_never_by_age_of_their_clock() -> N
 
 
 def test_the_egress_is_told_the_whole_token_and_the_end_of_the_lease() -> None:
-    assert levels(acting())[0] == SetEgress(Token(ROBOT, 4, CLOUD), acting().lease_end_s)
+    assert levels(acting())[0] == egress_of(acting(), Token(ROBOT, 4, CLOUD))
 
 
 def test_a_granted_cloud_wakes_its_nodes_but_does_not_act_before_they_are_ready() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from robot_offload_core import guardians, placement
+from robot_offload_core.availability import Available
 from robot_offload_core.placement import SetGate
 from robot_offload_core.process.robot_control import LEVELS_PER_LEASE, RobotControlProcess, RobotPlan
 from robot_offload_core.settings import NodeSpec
@@ -17,6 +18,7 @@ class Ports:
     def __init__(self) -> None:
         self.time_s = NOW_S
         self.sent: list[tuple[str, object]] = []
+        self.statements: tuple[Available, ...] = ()
 
     def now_s(self) -> float:
         return self.time_s
@@ -34,6 +36,9 @@ class Ports:
     def decided(self, decided: placement.Decided) -> None: ...
 
     def effects_changed(self) -> None: ...
+
+    def available(self, statements: tuple[Available, ...]) -> None:
+        self.statements = statements
 
 
 def control(**plan: Any) -> tuple[RobotControlProcess, Ports]:

@@ -1,0 +1,78 @@
+"""Nodes of every kind: one that runs in the cloud only, whose results reach the robot whoever is in charge."""
+
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+
+from robot_offload_agent.process.clock import now_s
+from robot_offload_lab.judge.recording import Arrival
+from tests.ros.agent.ears import LATCHED, Ear
+from tests.ros.agent.harness import MEASURING_S, World
+
+RESULT_AGE_S = 0.2
+DETECTIONS: dict[str, Any] = {
+    "outputs": ["command", "detections"],
+    "output.detections.topic": "/detections",
+    "output.detections.rate_hz": 20.0,
+    "output.detections.deadline_ms": 500.0,
+    "output.detections.robot_topic": "/offload/robot/detections",
+    "output.detections.cloud_topic": "/detector/command",
+    "output.detections.node": "detector",
+    "output.detections.of_cloud": True,
+    "output.detections.max_age_ms": RESULT_AGE_S * 1e3,
+}
+
+
+class Statements:
+    """What a program of the robot hears of the nodes with placement Cloud."""
+
+    def __init__(self, ear: Ear) -> None:
+        self.heard: list[tuple[float, DiagnosticArray]] = ear.hear(DiagnosticArray, "/offload/available", LATCHED)
+
+    def reason(self, node: str) -> str:
+        """The reason of the newest statement on a node; "" while it is available."""
+        status = {status.name: status for status in self.heard[-1][1].status}[node] if self.heard else None
+        return status.values[0].value if status is not None else "nothing stated"
+
+
+def young(results: list[Arrival]) -> bool:
+    """No result is older than its age at the consumer."""
+    return all(a.t_s - a.sent_t_s < RESULT_AGE_S + MEASURING_S for a in results)
+
+
+def test_results_of_a_node_in_the_cloud_reach_the_robot_whoever_acts_and_a_cut_is_stated(
+    build: Callable[..., World],
+) -> None:
+    world = build(both=DETECTIONS, cloud={"nodes": ["walker", "detector"], "node.detector.duplicated": False})
+    results, statements = world.ear.arrivals("/detections"), Statements(world.ear)
+
+    def flow(count: int = 10) -> None:
+        start = len(results)
+        world.until(lambda: len(results) - start >= count, f"{count} results")
+
+    world.start_node("cloud", other="detector")
+    world.start()
+    flow()
+    world.until(lambda: statements.reason("detector") == "", "the detector is available")
+    world.place("robot", stay=True)
+    flow(40)
+    assert world.site == "robot"
+
+    cut_s = world.cut("both")
+    world.until(lambda: statements.reason("detector") == "HeartbeatLost", "the cut is stated")
+    world.until(lambda: now_s() - cut_s > 1.5, "the cut lasts")
+    late = [a for a in results if a.t_s > cut_s + RESULT_AGE_S + MEASURING_S]
+    assert late == []
+    world.cut(None)
+    world.until(lambda: statements.reason("detector") == "", "the detector is available again")
+    flow(20)
+
+    world.kill("cloud", "data")
+    flow(20)
+    consumers = world.cloud_ear().arrivals("/detections")
+    world.until(lambda: len(consumers) > 5, "the detector's neighbours in the cloud hear it")
+    sequences = [int(a.sequence) for a in results]
+    assert sequences == sorted(set(sequences)), "each result once and in order"
+    assert young(results)
+    world.check()
