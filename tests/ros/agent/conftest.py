@@ -40,6 +40,8 @@ def group(item: pytest.Item) -> int:
         return 2
     if "own" in fixtures:
         return 3
+    if "serving_world" in fixtures:
+        return 5
     return 0 if "world" in fixtures else 4
 
 
@@ -48,6 +50,19 @@ def zenoh_shared() -> Iterator[Shared]:
     shared = Shared(Plan(domains=(ROBOT_DOMAIN, CLOUD_DOMAIN)))
     yield shared
     shared.close()
+
+
+@pytest.fixture(scope="session")
+def serving_shared() -> Iterator[Shared]:
+    shared = Shared(Plan(domains=(ROBOT_DOMAIN, CLOUD_DOMAIN), serves=True))
+    yield shared
+    shared.close()
+
+
+@pytest.fixture
+def serving_world(serving_shared: Shared) -> Iterator[World]:
+    """Both agents over Zenoh, the cloud in charge; the replicas serve two actions and two services."""
+    yield from judged(serving_shared)
 
 
 @pytest.fixture(scope="session")

@@ -71,13 +71,22 @@ COMMON: dict[str, Any] = {
     "input.map.latched": True,
 }
 SERVED: dict[str, Any] = {
-    "actions": ["count"],
+    "actions": ["count", "many"],
+    "action.many.name": "/many",
+    "action.many.type": "test_msgs/action/Fibonacci",
+    "action.many.on_switch": "Resend",
+    "action.many.node": "walker",
+    "action.many.core": True,
     "action.count.name": "/count",
     "action.count.type": "test_msgs/action/Fibonacci",
     "action.count.on_switch": "Resend",
     "action.count.node": "walker",
     "action.count.core": True,
-    "services": ["ask"],
+    "services": ["ask", "do"],
+    "service.do.name": "/do",
+    "service.do.type": "test_msgs/srv/BasicTypes",
+    "service.do.node": "walker",
+    "service.do.core": True,
     "service.ask.name": "/ask",
     "service.ask.type": "std_srvs/srv/Trigger",
     "service.ask.mode": "Idempotent",
@@ -95,7 +104,7 @@ class Plan:
         link: `zenoh`, `ros`, or `router` for topics over two DDS Routers.
         both, robot, cloud: parameters that differ from COMMON.
         fed: the robot's sensors publish from the start.
-        serves: the replicas serve the action /count and the service /ask, and the agents relay them.
+        serves: the replicas serve actions and services, see `counting.py`, and the agents relay them.
         files: the cloud's agent has the files by which the operator meets it, see `offer`, `answer` and `state`.
         environment: of the agents, by side.
     """
@@ -306,7 +315,8 @@ class World:
         if self.plan.serves and not other:
             given["serves"] = True
             hidden = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
-            for served in ("/ask", *(f"/count/_action/{part}" for part in hidden)):
+            actions = (f"/{name}/_action/{part}" for name in ("count", "many") for part in hidden)
+            for served in ("/ask", "/do", *actions):
                 arguments += ["-r", f"{served}:=/offload/{side}{served}"]
         for key, value in given.items():
             arguments += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]

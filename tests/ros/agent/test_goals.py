@@ -1,0 +1,110 @@
+"""A client of an action on the robot cannot tell that its server moved: one handle, feedback forward, one result."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+
+import pytest
+from rclpy.action import ActionClient
+
+from tests.ros.agent.clients import ABORTED, CANCELED, SUCCEEDED, Goal, action_client, until
+from tests.ros.agent.harness import World
+
+
+@pytest.fixture
+def count(serving_world: World) -> Iterator[ActionClient]:
+    client = action_client(serving_world.ear.node, "/count")
+    yield client
+    client.destroy()
+
+
+@pytest.fixture
+def many(serving_world: World) -> Iterator[ActionClient]:
+    client = action_client(serving_world.ear.node, "/many")
+    yield client
+    client.destroy()
+
+
+def test_a_goal_goes_on_through_commanded_switches(serving_world: World, count: ActionClient) -> None:
+    goal = Goal(count, 250).accepted()
+    goal.beats()
+    for side in ("robot", "cloud", "robot", "cloud"):
+        serving_world.place(side, stay=True)
+        goal.beats()
+    assert goal.result()[0] == SUCCEEDED
+    replicas = [serving_world.nodes[side].pid for side in ("cloud", "robot", "cloud", "robot", "cloud")]
+    assert goal.executors() == replicas
+    assert len(goal.results) == 1
+
+
+def test_a_goal_goes_on_after_a_sudden_loss(serving_world: World, count: ActionClient) -> None:
+    goal = Goal(count, 200).accepted()
+    goal.beats()
+    serving_world.cut("both")
+    serving_world.goes_to("robot")
+    goal.beats()
+    serving_world.cut(None)
+    serving_world.place("cloud", stay=True)
+    goal.beats()
+    assert goal.result()[0] == SUCCEEDED
+    assert goal.executors() == [serving_world.nodes[side].pid for side in ("cloud", "robot", "cloud")]
+    assert len(goal.results) == 1
+
+
+@pytest.mark.parametrize("side", ["robot", "cloud"])
+def test_a_cancel_ends_the_goal_on_either_side(serving_world: World, count: ActionClient, side: str) -> None:
+    serving_world.place(side, stay=True)
+    goal = Goal(count, 10_000).accepted()
+    goal.beats()
+    answers: list[object] = []
+    goal.handle.cancel_goal_async().add_done_callback(lambda future: answers.append(future.result()))
+    assert goal.result()[0] == CANCELED
+    until(lambda: bool(answers), "the answer to a cancel")
+    later = Goal(count, 5).accepted()
+    heard = len(goal.feedback)
+    assert later.result()[0] == SUCCEEDED
+    assert len(goal.feedback) == heard
+
+
+def test_a_renewed_goal_takes_the_place_of_the_one_before_through_switches(
+    serving_world: World, count: ActionClient
+) -> None:
+    goals = []
+    for side in ("robot", "cloud", "robot"):
+        goals.append(Goal(count, 10_000).accepted())
+        goals[-1].beats()
+        serving_world.place(side, stay=True)
+        goals[-1].beats()
+    goals.append(Goal(count, 30).accepted())
+    assert [goal.result()[0] for goal in goals] == [ABORTED] * 3 + [SUCCEEDED]
+
+
+@pytest.mark.parametrize("side", ["robot", "cloud"])
+def test_a_killed_relay_of_the_robot_loses_no_goal(serving_world: World, many: ActionClient, side: str) -> None:
+    serving_world.place(side, stay=True)
+    goals = [Goal(many, order).accepted() for order in (150, 175, 200)]
+    for goal in goals:
+        goal.beats()
+    serving_world.kill("robot", "relay")
+    results = [goal.result() for goal in goals]
+    assert results == [(SUCCEEDED, serving_world.nodes[side].pid)] * 3
+    assert [len(goal.results) for goal in goals] == [1, 1, 1]
+
+
+def test_a_killed_relay_of_the_cloud_loses_no_goal(serving_world: World, many: ActionClient) -> None:
+    goal = Goal(many, 200).accepted()
+    goal.beats()
+    serving_world.kill("cloud", "relay")
+    assert goal.result()[0] == SUCCEEDED
+    assert len(goal.results) == 1
+
+
+def test_a_server_that_dies_hands_its_goal_on(serving_world: World, count: ActionClient) -> None:
+    goal = Goal(count, 150).accepted()
+    goal.beats()
+    os.killpg(serving_world.nodes["cloud"].pid, signal.SIGKILL)
+    serving_world.goes_to("robot")
+    assert goal.result() == (SUCCEEDED, serving_world.nodes["robot"].pid)
+    assert len(goal.results) == 1

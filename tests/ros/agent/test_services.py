@@ -1,0 +1,118 @@
+"""A call of a client on the robot is answered once, whoever executes it, also while sides change and links are cut."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from std_srvs.srv import Trigger
+from test_msgs.srv import BasicTypes
+
+from tests.ros.agent.clients import until
+from tests.ros.agent.ears import Ear
+from tests.ros.agent.harness import World
+
+PERIOD_S = 0.05
+
+
+class Caller:
+    """Calls a service again and again with growing numbers.
+
+    Attributes:
+        asked: how many calls. answers: of each answered call, by its number.
+    """
+
+    def __init__(self, ear: Ear, kind: Any, name: str) -> None:
+        self.kind = kind
+        self.ear = ear
+        self.client = ear.node.create_client(kind, name)
+        until(self.client.service_is_ready, f"a server of {name}")
+        self.asked = 0
+        self.answers: dict[int, list[Any]] = {}
+        self.timer = ear.node.create_timer(PERIOD_S, self._call)
+
+    def _call(self) -> None:
+        number, self.asked = self.asked, self.asked + 1
+        request = self.kind.Request()
+        if hasattr(request, "int32_value"):
+            request.int32_value = number
+        future = self.client.call_async(request)
+        future.add_done_callback(lambda done: self.answers.setdefault(number, []).append(done.result()))
+
+    def more(self, count: int = 5) -> None:
+        start = len(self.answers)
+        until(lambda: len(self.answers) >= start + count, "more answers")
+
+    def stop(self) -> None:
+        self.timer.cancel()
+
+    def close(self) -> None:
+        self.ear.node.destroy_timer(self.timer)
+        self.ear.node.destroy_client(self.client)
+
+
+@pytest.fixture
+def ask(serving_world: World) -> Iterator[Caller]:
+    caller = Caller(serving_world.ear, Trigger, "/ask")
+    yield caller
+    caller.close()
+
+
+@pytest.fixture
+def do(serving_world: World) -> Iterator[Caller]:
+    caller = Caller(serving_world.ear, BasicTypes, "/do")
+    yield caller
+    caller.close()
+
+
+def executed(world: World, ear: Ear, side: str) -> list[int]:
+    """Returns the numbers that a side's replica has executed."""
+    client = ear.node.create_client(BasicTypes, f"/offload/{side}/do")
+    until(client.service_is_ready, f"the replica of the {side}")
+    future = client.call_async(BasicTypes.Request(int32_value=-1))
+    until(future.done, f"the answer of the {side}'s replica")
+    ear.node.destroy_client(client)
+    return list(map(int, future.result().string_value.split()))
+
+
+def test_a_query_is_answered_once_through_switches_and_cuts(serving_world: World, ask: Caller) -> None:
+    ask.more()
+    for side in ("robot", "cloud"):
+        serving_world.place(side, stay=True)
+        ask.more()
+    serving_world.cut("both")
+    serving_world.goes_to("robot")
+    serving_world.cut(None)
+    serving_world.place("cloud", stay=True)
+    ask.more()
+    ask.stop()
+    until(lambda: len(ask.answers) == ask.asked, "an answer to every call")
+    assert {len(answers) for answers in ask.answers.values()} == {1}
+    answerers = {int(answers[0].message.partition("#")[0]) for answers in ask.answers.values() if answers[0].success}
+    assert answerers == {serving_world.nodes[side].pid for side in ("robot", "cloud")}
+    assert all(answers[0].success for answers in ask.answers.values())
+
+
+def test_what_must_not_be_repeated_is_executed_at_most_once(serving_world: World, do: Caller) -> None:
+    do.more()
+    for side in ("robot", "cloud"):
+        serving_world.place(side, stay=True)
+        do.more()
+    serving_world.cut("both")
+    serving_world.goes_to("robot")
+    do.more()
+    serving_world.cut(None)
+    serving_world.kill("robot", "relay")
+    serving_world.place("cloud", stay=True)
+    do.more()
+    do.stop()
+    everywhere = [
+        number
+        for side, ear in (("robot", serving_world.ear), ("cloud", serving_world.cloud_ear()))
+        for number in executed(serving_world, ear, side)
+    ]
+    assert len(everywhere) == len(set(everywhere))
+    assert set(do.answers) <= set(everywhere)
+    assert {len(answers) for answers in do.answers.values()} == {1}
+    assert all(answers[0].int32_value == number for number, answers in do.answers.items())
