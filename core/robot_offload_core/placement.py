@@ -13,7 +13,7 @@ from robot_offload_core.links import Link
 from robot_offload_core.policies import Policy
 from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import InputSpec, OutputSpec, Settings
-from robot_offload_core.token import Site
+from robot_offload_core.token import Site, Token
 
 
 class Phase(str, Enum):
@@ -78,6 +78,7 @@ class Preparation:
         offered: the collector was once given this preparation of the cloud, and may have changed over even if it was
             asked for something else since.
         need: the robot cannot act; nobody asked for the changeover.
+        patient_until_s: so long a change that a person or a pin asked for waits for goals, requests and state.
     """
 
     candidate: int
@@ -85,6 +86,38 @@ class Preparation:
     armed: bool = False
     offered: bool = False
     need: bool = False
+    patient_until_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class RelayReported:
+    """The robot's relay reported: what the side that gets ready under `candidate` lacks, and what a change waits for.
+
+    Attributes:
+        candidate: token of the preparation that `pending` is about.
+        pending: (reason, message) of each thing that is missing.
+        hold: an action with a goal that must not be interrupted; "" for none. hold_for_s: how long a change waits.
+    """
+
+    candidate: Token | None
+    pending: tuple[tuple[str, str], ...] = ()
+    hold: str = ""
+    hold_for_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Handing:
+    """What is handed over besides outputs.
+
+    Attributes:
+        served: services or actions are declared, so a relay says what a change waits for.
+        report: its newest report.
+        held_s: since when a change waits for a goal that must not be interrupted; None: none waits.
+    """
+
+    served: bool = False
+    report: RelayReported | None = None
+    held_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -126,7 +159,7 @@ class Robot:
         clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
         vetoes: of each source that has any.
         pin: on the robot; manual: the last switch by hand; leaving: what the cloud said of its end.
-        stalls: see Stalls.
+        stalls: see Stalls. handing: see Handing.
         fell_at_s: when the robot became unable to act; None while able.
         decided, decided_s: the last decision given out, and when.
         levels, levels_s: the levels last given out, and when.
@@ -159,6 +192,7 @@ class Robot:
     leaving: CloudLeaving | None = None
     asked: Settings | None = None
     stalls: Stalls = Stalls()
+    handing: Handing = Handing()
     fell_at_s: float | None = None
     decided: Verdict = STARTING
     decided_s: float = 0.0
@@ -270,7 +304,7 @@ class SetSettings:
 
 Event = (
     CloudBeat | PulseSent | GateReported | DataReported | NodesReported | Vetoed | SwitchByHand | SetPin | CloudLeaving
-    | SetSettings | Tick
+    | SetSettings | RelayReported | Tick
 )  # fmt: skip
 
 

@@ -241,6 +241,14 @@ class Reason(Explained):
         "RobotNotReady", Kind.ATTEMPT, "The robot's nodes or outputs did not get ready in time, the cloud goes on",
         "Look at the nodes' logs on the robot; nodes that need longer need a longer `activationDeadline`",
     )  # fmt: skip
+    GOALS_PENDING = (
+        "GoalsPending", Kind.ATTEMPT, "The side that gets ready did not take over the running goals in time",
+        "Look at the action servers' logs there; see `prepareDeadline` and `onSwitch`",
+    )  # fmt: skip
+    DIVERGED = (
+        "Diverged", Kind.ATTEMPT, "A call that both sides execute (`mode: Both`) failed on the side that gets ready",
+        "Look at the service's log there",
+    )  # fmt: skip
     ROBOT_UNABLE = (
         "RobotUnable", Kind.NEED, "The robot cannot act, the cloud can", "Look at the robot's nodes and collector"
     )  # fmt: skip

@@ -8,7 +8,7 @@ has to go back. What the shell keeps up (permission, gate, acting) is a level, t
 
 from __future__ import annotations
 
-from robot_offload_core import links, policies, wishes
+from robot_offload_core import handing, links, policies, wishes
 from robot_offload_core.beats import CloudReport, Permission
 from robot_offload_core.change import replace
 from robot_offload_core.checks import require
@@ -31,6 +31,7 @@ from robot_offload_core.placement import (
     Phase,
     Preparation,
     PulseSent,
+    RelayReported,
     Reopen,
     Robot,
     SetGate,
@@ -167,6 +168,8 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
             robot = replace(robot, leaving=event)
         case SetSettings():
             robot = replace(robot, asked=event.settings, inputs=event.inputs)
+        case RelayReported():
+            robot = replace(robot, handing=replace(robot.handing, report=event))
         case SwitchByHand():
             robot, accepted, message = _by_hand(robot, event.site, now_s)
             commands.append(Answer(event.key, accepted, message))
@@ -262,14 +265,22 @@ def _move_from_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: lis
     if robot.phase is Phase.CLOUD:
         dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason.urgent
         if verdict.site is Site.ROBOT and dwelt and now_s >= robot.retry_s:
+            robot, waits = handing.hold(robot, verdict, now_s)
+            if waits:
+                return robot
             return _prepare(robot, Phase.TO_ROBOT, verdict, now_s, commands)
         return robot
     preparation = robot.preparation
     assert preparation is not None
-    robot = replace(robot, preparation=replace(preparation, armed=robot.nodes_ready))
-    if now_s >= preparation.deadline_s:
+    armed = robot.nodes_ready and handing.may_arm(robot, preparation, verdict, now_s)
+    robot = replace(robot, preparation=replace(preparation, armed=armed))
+    robot, why = handing.interrupts(robot, verdict, now_s)
+    if why is None and now_s >= preparation.deadline_s:
         message = "The robot's nodes did not get ready in time, the cloud goes on"
         why = Verdict(Site.CLOUD, Reason.ROBOT_NOT_READY, message)
+        if robot.nodes_ready and not armed:
+            why = handing.pending(robot, preparation) or why
+    if why is not None:
         return _call_off(robot, Phase.CLOUD, why, now_s, commands)
     return robot
 
@@ -282,17 +293,22 @@ def _move_to_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: list[
         fault = verdict
     preparation = robot.preparation
     assert preparation is not None
+    report = robot.situation.report
+    ready = report is not None and report.acting and report.epoch == preparation.candidate
+    if fault is None:
+        robot, fault = handing.interrupts(robot, verdict, now_s)
     if fault is None and now_s >= preparation.deadline_s:
         message = "The cloud's nodes did not get ready in time, the robot goes on"
         if preparation.armed:
             message = "The cloud's nodes got ready, its rated outputs were silent; the robot goes on"
             robot = replace(robot, both_silent=preparation.need)
         fault = Verdict(Site.ROBOT, Reason.CLOUD_NOT_READY, message)
+        if ready and not preparation.armed:
+            fault = handing.pending(robot, preparation) or fault
     if fault is not None:
         return _call_off(robot, Phase.ROBOT, fault, now_s, commands)
-    report = robot.situation.report
-    ready = report is not None and report.acting and report.epoch == preparation.candidate
-    preparation = replace(preparation, armed=ready, offered=preparation.offered or ready)
+    armed = ready and handing.may_arm(robot, preparation, verdict, now_s)
+    preparation = replace(preparation, armed=armed, offered=preparation.offered or armed)
     return replace(robot, preparation=preparation)
 
 
@@ -309,6 +325,9 @@ def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: lis
     held = verdict.reason.kind is Kind.PIN and now_s < robot.policy.hold_until_s
     free = dwelt and not held and now_s >= robot.retry_s and robot.duplicated
     if verdict.site is Site.CLOUD and fault is None and free:
+        robot, waits = handing.hold(robot, verdict, now_s)
+        if waits:
+            return robot
         return _prepare(robot, Phase.TO_CLOUD, verdict, now_s, commands)
     chosen = verdict.site is Site.ROBOT and verdict.reason.chosen
     if robot.both_silent and not chosen:
@@ -389,8 +408,9 @@ def _prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, command
     candidate = robot.last_epoch + 1
     settings = robot.settings
     flow_s = max(PREPARE_EXTRA_S, robot.slowest_output_s) + REPORT_BEATS * settings.beat_period_s
-    deadline_s = now_s + settings.activation_deadline_s + flow_s
-    preparation = Preparation(candidate, deadline_s, need=verdict.reason.kind is Kind.NEED)
+    patient_until_s = now_s + settings.preparing_s
+    need = verdict.reason.kind is Kind.NEED
+    preparation = Preparation(candidate, patient_until_s + flow_s, need=need, patient_until_s=patient_until_s)
     robot = replace(robot, phase=phase, since_s=now_s, last_epoch=candidate, preparation=preparation)
     if phase is Phase.TO_CLOUD:
         robot = replace(robot, partner=robot.link.peer, situation=replace(robot.situation, good_s=None))

@@ -11,6 +11,7 @@ from robot_offload_core.events import Acting, Tick, assert_never
 from robot_offload_core.lease import Stand
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import DataStatus, Egress, RelayStatus, Speak
+from robot_offload_core.process.rest import Rest
 from robot_offload_core.settings import NodeSpec, Settings
 from robot_offload_core.token import Site
 
@@ -32,6 +33,7 @@ class CloudControlProcess(ControlProcess):
         cloud: state of the lease machine. link: health of the link to the robot served.
         complete: the latched inputs are the robot's. data_s: when the data process last reported.
         data_status: its newest report with details. relay_status: newest report of the relay.
+        rest: whether this side's nodes stay Active for their goals.
         request: the switch by hand that is offered to the robot; "" for none.
     """
 
@@ -44,6 +46,7 @@ class CloudControlProcess(ControlProcess):
         self.ports: CloudControlPorts = ports
         self.settings = settings
         self.has_relay = has_relay
+        self.rest = Rest(Site.CLOUD, settings.cancel_deadline_s)
         self.relay_status: RelayStatus | None = None
         self.cloud = lease.Cloud(incarnation, settings)
         self.link = links.Link()
@@ -74,6 +77,7 @@ class CloudControlProcess(ControlProcess):
         """Takes the reports of data and relay."""
         if isinstance(message, RelayStatus):
             self.relay_status = message
+            self.rest.take(message, self.ports.now_s())
         if not isinstance(message, DataStatus) or message.cloud_data is None:
             return
         self.data_s = self.ports.now_s()
@@ -118,8 +122,9 @@ class CloudControlProcess(ControlProcess):
         for command in commands:
             match command:
                 case Acting():
-                    if command.acting is not self.guardian.acting:
-                        self.guard(command)
+                    acting = self.rest.keeps_active(command.acting, now_s) or command.acting
+                    if acting is not self.guardian.acting:
+                        self.guard(replace(command, acting=acting))
                 case lease.StandChanged():
                     self.ports.decided(command.reason, command.message)
                 case lease.SetReport() | lease.SetEgress():

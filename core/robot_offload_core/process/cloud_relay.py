@@ -309,7 +309,9 @@ class CloudRelay(RelayProcess):
         return not held and bool(self.own.runs or self.calls) and now_s < ended_s + self.plan.cancel_deadline_s
 
     def _report(self, now_s: float) -> None:
-        status = RelayStatus(None, (), "", self._busy(now_s), self._executing())
+        token = self.egress.egress.token if self.egress is not None else None
+        holder = Site.CLOUD if token is not None and self.admits(token) else Site.ROBOT
+        status = RelayStatus(None, (), "", self._busy(now_s), self._executing(), holder=holder)
         if status == self.status and now_s < self.status_due_s:
             return
         self.status, self.status_due_s = status, now_s + STATUS_S

@@ -15,6 +15,7 @@ from robot_offload_core.guardians import Flowing
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import CollectorStatus, DataStatus, Orders, RelayOrders, RelayStatus, Speak
+from robot_offload_core.process.rest import Rest
 from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import InputSpec, NodeSpec, OutputSpec, Settings
 from robot_offload_core.settling import meanwhile
@@ -83,6 +84,7 @@ class RobotControlProcess(ControlProcess):
         data_status, collector_status: newest reports with details. replicas: (node, state) in the cloud.
         levels: what was sent last to each process, and when. relay_status: newest report of the relay.
         asked_in_cloud, cloud_answer: newest request from the cloud, and the answer, `0 or 1|message`.
+        rest: whether this side's nodes stay Active for their goals.
         left: (cloud, its last announced end), as far as obeyed.
         effects: the side whose effects were admitted at the last look.
         refused_words: how many requests from the cloud were none.
@@ -98,7 +100,7 @@ class RobotControlProcess(ControlProcess):
         self.robot = Robot(
             incarnation, started_us, meanwhile(plan.settings, plan.asked), plan.inputs,
             since_s=started_s, charged_s=started_s, pin=plan.pin, asked=plan.asked,
-            outputs=plan.outputs,
+            outputs=plan.outputs, handing=placement.Handing(served=plan.has_relay),
         )  # fmt: skip
         self.settings = plan.asked
         self.strict = plan.strict
@@ -107,6 +109,7 @@ class RobotControlProcess(ControlProcess):
         self.collector_status: CollectorStatus | None = None
         self.levels: dict[str, tuple[SetGate | Orders | RelayOrders, float]] = {}
         self.has_relay = plan.has_relay
+        self.rest = Rest(Site.ROBOT, plan.asked.cancel_deadline_s)
         self.relay_status: RelayStatus | None = None
         self.replicas: dict[str, str] = {}
         self.complete_s = started_s
@@ -134,7 +137,7 @@ class RobotControlProcess(ControlProcess):
             self.step(placement.GateReported(message.report))
             self._note_flowing(message.report.robot_flowing)
         elif isinstance(message, RelayStatus):
-            self.relay_status = message
+            self._relay_reported(message)
         elif isinstance(message, DataStatus) and message.report is not None:
             if message.counters or message.replicas:
                 self.data_status = message
@@ -144,6 +147,14 @@ class RobotControlProcess(ControlProcess):
                 self.replicas = dict(message.replicas)
             self.step(message.report)
             self._ask_for_cloud(message.word)
+
+    def _relay_reported(self, status: RelayStatus) -> None:
+        """Takes what the relay says: what a change waits for, and whether this side's nodes may be deactivated."""
+        self.relay_status = status
+        self.rest.take(status, self.ports.now_s())
+        reported = placement.RelayReported(status.candidate, status.pending, status.hold, status.hold_for_s)
+        if reported != self.robot.handing.report:
+            self.step(reported)
 
     def veto(self, source: str, problems: Iterable[tuple[str, str]]) -> None:
         """Takes the problems, (reason, message), of one source: those that forbid the cloud become vetoes."""
@@ -234,12 +245,7 @@ class RobotControlProcess(ControlProcess):
                 self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud()))
                 self._order_relay()
             case Acting():
-                guardian = self.guardian
-                known = Acting(
-                    guardian.acting, guardian.outputs_flow, guardian.in_charge, guardian.stop, guardian.outputs_heard
-                )
-                if known != replace(command, in_charge=command.acting and command.in_charge):
-                    self.guard(command)
+                self._act(command)
             case placement.Reopen():
                 for process in ("pulse", "data"):
                     self.ports.send(process, command)
@@ -252,6 +258,17 @@ class RobotControlProcess(ControlProcess):
                 self.ports.decided(command)
             case _:
                 assert_never(command)
+
+    def _act(self, command: Acting) -> None:
+        """Has the guardian follow; nodes whose goals still end are kept Active meanwhile."""
+        if self.rest.keeps_active(command.acting, self.ports.now_s()):
+            command = replace(command, acting=True, in_charge=False)
+        guardian = self.guardian
+        known = Acting(
+            guardian.acting, guardian.outputs_flow, guardian.in_charge, guardian.stop, guardian.outputs_heard
+        )
+        if known != replace(command, in_charge=command.acting and command.in_charge):
+            self.guard(command)
 
     def _order_relay(self) -> None:
         """Sends what the relay cannot see by itself."""

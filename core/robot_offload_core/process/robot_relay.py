@@ -342,7 +342,7 @@ class RobotRelay(RelayProcess):
     def _report(self, now_s: float) -> None:
         view = self.view()
         token = view.candidate[1] if view.candidate is not None else None
-        hold, _ = copies.held(self.ledger)
+        hold, hold_for_s = copies.held(self.ledger)
         holds = view.holding.site is Site.ROBOT
         waits = (
             not holds
@@ -351,7 +351,7 @@ class RobotRelay(RelayProcess):
         )
         busy = waits or goals.busy(self.ledger, Site.ROBOT, now_s)
         executing = goals.executing(self.ledger, Site.ROBOT)
-        status = RelayStatus(token, self._pending(view), hold, busy, executing)
+        status = RelayStatus(token, self._pending(view), hold, busy, executing, hold_for_s, view.holding.site)
         if status == self.status and now_s < self.status_due_s:
             return
         self.status, self.status_due_s = status, now_s + STATUS_S

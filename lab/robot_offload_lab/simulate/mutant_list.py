@@ -322,8 +322,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "preparation=replace(preparation, armed=robot.nodes_ready)",
-                "preparation=replace(preparation, armed=True)",
+                "armed = robot.nodes_ready and handing",
+                "armed = handing",
             ),
         ),
     ),
@@ -419,7 +419,9 @@ MUTANTS: dict[str, Mutant] = {
         "one_of_two_core_nodes",
         (
             Edit(
-                "switcher", "    if now_s >= preparation.deadline_s:\n        message", "    if False:\n        message"
+                "switcher",
+                "    if why is None and now_s >= preparation.deadline_s:\n        message",
+                "    if False:\n        message",
             ),
         ),
     ),

@@ -1,0 +1,68 @@
+"""What a commanded change waits for besides nodes and outputs: goals, requests and state on the side that gets ready.
+
+Judged only while a side gets ready, by the robot's control. A loss and the return from a robot that cannot act wait for
+none of it, and nothing of it ends a stay.
+"""
+
+from __future__ import annotations
+
+from robot_offload_core.change import replace
+from robot_offload_core.placement import Phase, Preparation, Robot
+from robot_offload_core.reasons import Kind, Reason, Verdict
+from robot_offload_core.token import Site
+
+REASONS = {reason.value: reason for reason in (Reason.GOALS_PENDING, Reason.DIVERGED)}
+
+
+def pending(robot: Robot, preparation: Preparation) -> Verdict | None:
+    """Returns what the side that gets ready lacks, as the relay says; None when nothing or nothing is declared."""
+    if not robot.handing.served:
+        return None
+    report, preparing = robot.handing.report, robot.epoch
+    candidate = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT
+    if report is None or report.candidate is None or report.candidate.epoch != preparation.candidate:
+        return Verdict(candidate.other, Reason.GOALS_PENDING, f"The relay does not know of the change from {preparing}")
+    if not report.pending:
+        return None
+    reason, message = report.pending[0]
+    return Verdict(candidate.other, REASONS.get(reason, Reason.GOALS_PENDING), message)
+
+
+def may_arm(robot: Robot, preparation: Preparation, wish: Verdict, now_s: float) -> bool:
+    """Returns whether the collector may change over as far as goals, requests and state go.
+
+    A pin, a switch by hand or a veto waits until the deadline, then changes over without them.
+    """
+    impatient = wish.reason.urgent and now_s >= preparation.patient_until_s
+    return preparation.need or impatient or pending(robot, preparation) is None
+
+
+def hold(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, bool]:
+    """Returns whether a change waits for a goal that must not be interrupted, at most its `holdFor` (`onSwitch: Hold`).
+
+    Not for a pin, a veto, a switch by hand, nor when a side cannot act.
+    """
+    report, held_s = robot.handing.report, robot.handing.held_s
+    goal = report is not None and report.hold != ""
+    if not goal or wish.reason.urgent or wish.reason.kind is Kind.NEED:
+        return (robot if held_s is None else _held(robot, None)), False
+    if held_s is None:
+        return _held(robot, now_s), True
+    return robot, report is not None and now_s - held_s < report.hold_for_s
+
+
+def _held(robot: Robot, held_s: float | None) -> Robot:
+    return replace(robot, handing=replace(robot.handing, held_s=held_s))
+
+
+def interrupts(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | None]:
+    """Returns why a preparation is called off: a goal began that must not be interrupted; None for no reason."""
+    preparation = robot.preparation
+    if preparation is None or preparation.need:
+        return robot, None
+    robot, waits = hold(robot, wish, now_s)
+    report = robot.handing.report
+    if not waits or report is None:
+        return robot, None
+    site = Site.ROBOT if robot.phase is Phase.TO_CLOUD else Site.CLOUD
+    return robot, Verdict(site, Reason.GOALS_PENDING, f"A goal of {report.hold} runs that must not be interrupted")

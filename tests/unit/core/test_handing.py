@@ -1,0 +1,91 @@
+"""What a commanded change waits for besides nodes and outputs (handover, sections 4 and 8)."""
+
+from __future__ import annotations
+
+from robot_offload_core import handing
+from robot_offload_core.change import replace
+from robot_offload_core.placement import Handing, Phase, Preparation, RelayReported, Robot
+from robot_offload_core.process.messages import RelayStatus
+from robot_offload_core.process.rest import RELAY_SILENT_S, Rest
+from robot_offload_core.reasons import Reason, Verdict
+from robot_offload_core.settings import Settings
+from robot_offload_core.token import Site, Token
+
+POLICY = Verdict(Site.CLOUD, Reason.CLOUD_PREFERRED, "")
+PIN = Verdict(Site.CLOUD, Reason.PINNED_TO_CLOUD, "")
+PREPARATION = Preparation(7, 6.0, patient_until_s=5.0)
+LACKS = (("GoalsPending", "Goals not accepted yet"),)
+
+
+def robot(*pending: tuple[str, str], epoch: int = 7, hold: str = "", served: bool = True) -> Robot:
+    report = RelayReported(Token("1" * 32, epoch, "2" * 32), pending, hold, 10.0)
+    state = Robot("1" * 32, 0, Settings(), phase=Phase.TO_CLOUD, epoch=6, last_epoch=7, preparation=PREPARATION)
+    return replace(state, handing=Handing(served, report))
+
+
+def test_the_gate_is_armed_when_the_relay_says_that_all_is_there_for_this_very_preparation() -> None:
+    assert handing.may_arm(robot(), PREPARATION, POLICY, 1.0)
+    assert not handing.may_arm(robot(*LACKS), PREPARATION, POLICY, 1.0)
+    assert not handing.may_arm(robot(epoch=5), PREPARATION, POLICY, 1.0)
+    assert not handing.may_arm(replace(robot(), handing=Handing(True)), PREPARATION, POLICY, 1.0)
+    assert handing.may_arm(robot(*LACKS, served=False), PREPARATION, POLICY, 1.0)
+
+
+def test_a_pin_waits_until_the_deadline_and_a_robot_that_cannot_act_for_nothing() -> None:
+    lacking = robot(*LACKS)
+    assert not handing.may_arm(lacking, PREPARATION, PIN, 4.9)
+    assert handing.may_arm(lacking, PREPARATION, PIN, 5.0)
+    assert not handing.may_arm(lacking, PREPARATION, POLICY, 5.9)
+    assert handing.may_arm(lacking, replace(PREPARATION, need=True), POLICY, 0.0)
+
+
+def test_a_change_waits_for_a_hold_goal_no_longer_than_its_hold_for() -> None:
+    state, waits = handing.hold(robot(hold="/wait"), POLICY, 1.0)
+    assert waits
+    assert handing.hold(state, POLICY, 10.9)[1]
+    assert not handing.hold(state, POLICY, 11.0)[1]
+    assert not handing.hold(robot(hold="/wait"), PIN, 1.0)[1]
+    assert not handing.hold(robot(), POLICY, 1.0)[1]
+    over, _ = handing.hold(replace(state, handing=replace(state.handing, report=None)), POLICY, 2.0)
+    assert over.handing.held_s is None
+
+
+def test_a_new_hold_goal_calls_a_preparation_off_but_none_for_need() -> None:
+    _, why = handing.interrupts(robot(hold="/wait"), POLICY, 1.0)
+    assert why is not None
+    assert why.reason is Reason.GOALS_PENDING
+    needed = replace(robot(hold="/wait"), preparation=replace(PREPARATION, need=True))
+    assert handing.interrupts(needed, POLICY, 1.0)[1] is None
+
+
+def status(*, busy: bool, holder: Site = Site.CLOUD, executing: tuple[str, ...] = ()) -> RelayStatus:
+    return RelayStatus(None, (), "", busy, executing, holder=holder)
+
+
+def test_nodes_stay_active_while_their_goals_end_but_not_beyond_the_deadline() -> None:
+    rest = Rest(Site.ROBOT, 2.0)
+    assert not rest.keeps_active(True, 10.0)
+    assert not rest.keeps_active(False, 10.0)
+    rest.take(status(busy=True), 10.0)
+    assert rest.keeps_active(False, 10.1)
+    rest.take(status(busy=True), 11.9)
+    assert rest.keeps_active(False, 11.9)
+    assert not rest.keeps_active(False, 12.0)
+    rest.keeps_active(True, 20.0)
+    rest.take(status(busy=False), 20.0)
+    assert not rest.keeps_active(False, 20.0)
+
+
+def test_a_relay_that_has_not_heard_of_the_change_keeps_what_it_executes_for_a_moment() -> None:
+    rest = Rest(Site.ROBOT, 2.0)
+    rest.keeps_active(True, 10.0)
+    rest.take(status(busy=False, holder=Site.ROBOT, executing=("/a",)), 10.0)
+    assert rest.keeps_active(False, 10.05)
+    assert not rest.keeps_active(False, 10.2)
+
+
+def test_a_relay_that_died_holds_nothing_back() -> None:
+    rest = Rest(Site.ROBOT, 2.0)
+    rest.keeps_active(True, 10.0)
+    rest.take(status(busy=True), 10.0)
+    assert not rest.keeps_active(False, 10.1 + RELAY_SILENT_S)
