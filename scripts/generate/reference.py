@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from robot_offload.api.v1alpha1.rules import not_yet
+
 Schema = Mapping[str, Any]
 
 _HEAD: Final = """\
@@ -26,6 +28,10 @@ The API server refuses an object that breaks one of these. `robot-offload valida
 more, before anything is sent: topics that two nodes publish, topics that cross twice, names that would collide.
 
 {rules}
+
+## Not built yet
+
+{unbuilt}
 
 ## What `kubectl get` shows
 
@@ -49,8 +55,16 @@ def reference(definition: Schema) -> str:
         f"- {column['name']}{' (with `-o wide`)' if column.get('priority') else ''}: {column['description']}"
         for column in version["additionalPrinterColumns"]
     ]
-    more = _MORE.format(rules="\n".join(rules), columns="\n".join(columns))
+    more = _MORE.format(rules="\n".join(rules), unbuilt=_unbuilt(), columns="\n".join(columns))
     return "\n".join([head, *sections]) + more
+
+
+def _unbuilt() -> str:
+    """Returns the words that are described above and refused all the same."""
+    if not not_yet.NOT_YET:
+        return "Every word of this page does what its description says."
+    words = [f"- `{word.path}.{word.field}`: {_text(word.meanwhile)}." for word in not_yet.NOT_YET.values()]
+    return "\n".join(["This version knows these words and refuses them; what to do meanwhile:", "", *words])
 
 
 def _of(part: Schema, field: str) -> Schema:

@@ -234,6 +234,7 @@ BROKEN: tuple[Example, ...] = (
         "Contradiction",
         ("spec.topics.toCloud.2.qos.durability", "Volatile"),
     ),
+    *_of("spec.nodes[]", "CoreInCloud", ("spec.nodes.2.core", True)),
     *_of("spec.nodes[]", "NoImage", (f"{_CONTROLLER}.image", ...), ("spec.nodes.2.image", None)),
     *_of("spec.nodes[]", "TwoImages", (f"{_CONTROLLER}.build", BUILD)),
     *_of(

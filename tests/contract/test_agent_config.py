@@ -275,3 +275,13 @@ def test_what_the_group_offers_itself_is_no_used_name() -> None:
     assert plan is not None
     assert [it.name for it in plan.used_actions] == ["/dock"]
     assert [it.name for it in plan.used_services] == ["/map"]
+
+
+def test_both_agents_know_what_only_the_cloud_makes() -> None:
+    offload = parse_object(
+        changed("spec.nodes.2.outputs", [{"topic": "/objects", "maxAge": "400ms"}]), "f.yaml", rules=()
+    )
+    for side in SIDES:
+        specs = {it.name: it for it in read_by_agent(agent_config(offload, site(side))).output_specs()}
+        assert (specs["objects"].of_cloud, specs["objects"].max_age_s) == (True, 0.4)
+        assert not specs["cmd_vel"].of_cloud

@@ -1,7 +1,8 @@
 """The names that a RobotOffload gets in ROS 2, and the arguments that give a node these names.
 
 The nodes stay as they are: everything is remapping. A replica in the cloud is called `remote_NAME`; the outputs of
-duplicated nodes are published under private topics, one per side, and the collector publishes the public one.
+nodes that run in the cloud are published under private topics, one per side, and the collector publishes the public
+one.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ def remappings(spec: RobotOffloadSpec, node: Node, side: Side) -> dict[str, str]
 
 def private_names(node: Node) -> tuple[str, ...]:
     """Returns the topics and services of a node that go through the agent."""
-    outputs = [output.topic for output in node.outputs] if node.duplicated else []
+    outputs = [output.topic for output in node.outputs] if node.in_cloud else []
     services = [*(it.name for it in node.services), *(it.name for it in node.uses.services)]
     restored = [state.restore for state in node.state if state.restore is not None]
     return tuple(dict.fromkeys((*outputs, *services, *restored)))

@@ -251,7 +251,7 @@ class Node(Model):
     core: bool = Field(
         default=False,
         description="Whether the robot must not move without it: when it is not active, the driver is "
-        "inhibited. Default false.",
+        "inhibited. A Cloud node cannot be core. Default false.",
     )
     lifecycle: bool = Field(
         default=True,

@@ -45,7 +45,7 @@ class Frame(Model):
 
 
 class Output(Model):
-    """A topic that a node publishes. Of a duplicated node it is collected: one side's messages pass."""
+    """A topic that a node publishes. Of nodes that run in the cloud, the agents bring it to the robot."""
 
     topic: TopicName = Field(description="The full name under which consumers know it, e.g. /cmd_vel.")
     type: MessageType | None = Field(

@@ -195,8 +195,11 @@ class RobotOffloadSpec(Model):
 
     @property
     def collected_outputs(self) -> tuple[tuple[Node, Output], ...]:
-        """The outputs of duplicated nodes, with their nodes: those of which one side's messages pass."""
-        return tuple((node, output) for node in self.nodes if node.duplicated for output in node.outputs)
+        """The outputs that reach the robot through the agents, with their nodes.
+
+        Of a duplicated node one side's messages pass; of a node that only the cloud has, those that are new enough.
+        """
+        return tuple((node, output) for node in self.nodes if node.in_cloud for output in node.outputs)
 
 
 class RobotOffload(Model):

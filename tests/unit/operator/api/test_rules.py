@@ -49,7 +49,6 @@ WARNINGS = [
     ("spec.nodes.1.outputs", [], "spec.nodes[1].outputs", "NothingCollected"),
     ("spec.nodes.0.standby", {"robot": "Hot"}, "spec.nodes[0].standby", "NoStandby"),
     ("spec.nodes.0.outputs", [{"topic": "/imu"}], "spec.nodes[0].outputs[0]", "NotCollected"),
-    ("spec.nodes.2.outputs", [{"topic": "/plan"}], "spec.nodes[2].outputs[0]", "NotCollected"),
     ("spec.driver.inhibitService", ..., "spec.driver.inhibitService", "NoInhibitService"),
 ]
 

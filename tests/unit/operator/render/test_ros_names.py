@@ -159,3 +159,9 @@ def test_a_users_rule_that_leads_to_a_declared_name_leads_to_the_private_one_at_
 def test_a_client_in_the_group_calls_the_server_of_its_own_side() -> None:
     used = {name: it for name, it in FOLLOW.items() if name != "onSwitch"}
     assert rules_of({"uses": {"actions": [used]}}) == rules_of({"actions": [FOLLOW]})
+
+
+def test_the_output_of_a_node_that_only_the_cloud_has_is_private_there() -> None:
+    node = {"placement": "Cloud", "outputs": [{"topic": "/objects"}]}
+    assert rules_of(node, "cloud") == {"/objects": "/offload/cloud/objects"}
+    assert rules_of(node | {"placement": "Robot"}) == {}

@@ -20,9 +20,9 @@ def milliseconds(duration: str) -> str:
 
 
 def _moved(node: Node) -> list[str]:
-    """The outputs of a duplicated node that its own remappings would move."""
+    """The collected outputs of a node that its own remappings would move."""
     remap = node.run.remap if node.run is not None else {}
-    return [it.topic for it in node.outputs if node.duplicated and remap.get(it.topic, it.topic) != it.topic]
+    return [it.topic for it in node.outputs if node.in_cloud and remap.get(it.topic, it.topic) != it.topic]
 
 
 RULES: Final[tuple[Rule, ...]] = (
@@ -51,12 +51,22 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule(
         "spec.nodes[]",
         "RemapsOutput",
-        "self.placement != 'Duplicated' || !has(self.outputs) || !has(self.run) || !has(self.run.remap) || "
+        "self.placement == 'Robot' || !has(self.outputs) || !has(self.run) || !has(self.run.remap) || "
         "self.outputs.all(o, !(o.topic in self.run.remap) || self.run.remap[o.topic] == o.topic)",
         lambda node: bool(_moved(node)),
         "run.remap moves an output; declare the output under the name that consumers know",
         "run.remap",
         lambda node: ", ".join(_moved(node)),
+    ),
+    Rule(
+        "spec.nodes[]",
+        "CoreInCloud",
+        "!self.core || self.placement != 'Cloud'",
+        lambda node: node.core and node.placement == "Cloud",
+        "a core node with placement Cloud would hold the robot at every loss of the link; write Duplicated (with "
+        "another model on the robot, say), or remove core and let the robot's program look at /offload/available",
+        "core",
+        lambda node: f"node {node.name!r}",
     ),
     Rule(
         "spec.nodes[].outputs[]",
@@ -97,12 +107,12 @@ def names_are_unique(spec: RobotOffloadSpec) -> Iterator[Finding]:
 
 
 def crossing_topics_are_distinct(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    """A collected output crosses by itself; and no two crossing topics may get one identifier."""
+    """A collected output crosses by itself; no two crossing topics may get one identifier."""
     outputs = {output.topic for _, output in spec.collected_outputs}
     crossing = [
         (f"spec.nodes[{i}].outputs[{j}].topic", output.topic)
         for i, node in enumerate(spec.nodes)
-        if node.duplicated
+        if node.in_cloud
         for j, output in enumerate(node.outputs)
     ]
     for i, topic in enumerate(spec.topics.to_cloud):
@@ -111,7 +121,7 @@ def crossing_topics_are_distinct(spec: RobotOffloadSpec) -> Iterator[Finding]:
             yield Finding(
                 path,
                 "AlsoAnOutput",
-                f"{topic.name!r} is an output of a duplicated node and crosses by itself; remove it here (its "
+                f"{topic.name!r} is an output of a node in the cloud and crosses by itself; remove it here (its "
                 "`mirror` decides whether the cloud hears it)",
             )
         crossing.append((path, topic.name))
@@ -145,19 +155,15 @@ def nodes_do_what_they_say(spec: RobotOffloadSpec) -> Iterator[Finding]:
 
 
 def _plain_outputs(path: str, node: Node) -> Iterator[Finding]:
-    """Only outputs of duplicated nodes are collected; others stay plain topics of their side."""
-    if node.duplicated:
+    """Outputs of nodes that only the robot has are not collected: they are plain topics there."""
+    if node.in_cloud:
         return
-    advice = (
-        "list it under spec.topics.toCloud if the cloud needs it"
-        if node.placement == "Robot"
-        else "it does not reach the robot; write placement: Duplicated if the robot needs it"
-    )
     for j, output in enumerate(node.outputs):
         yield Finding(
             f"{path}.outputs[{j}]",
             "NotCollected",
-            f"{output.topic!r} of a node with placement {node.placement} is a plain topic of its side; {advice}",
+            f"{output.topic!r} of a node with placement Robot is a plain topic of its side; list it under "
+            "spec.topics.toCloud if the cloud needs it",
             "warning",
         )
 
