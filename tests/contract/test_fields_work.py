@@ -49,6 +49,20 @@ def build(field: str, first: Any, second: Any, **besides: Any) -> tuple[dict[str
     return built(**besides), f"{BUILD}.{field}", first, second
 
 
+CONDITION = {"topic": "/a", "within": "1s"}
+FRAME = {"parent": "map", "child": "odom"}
+CALL = {"name": "/a", "type": "a/srv/A"}
+GOAL = {"name": "/a", "type": "a/action/A"}
+FOLLOW = GOAL | {"onSwitch": "Resend"}
+HELD = GOAL | {"onSwitch": "Hold"}
+KEPT = {"topic": "/a", "restore": "/b"}
+
+
+def served(field: str, first: Any, second: Any) -> tuple[dict[str, Any], str, Any, Any]:
+    """An entry for a field of the names and the state of a duplicated node that is always active."""
+    return {"nodes.1.standby": {"robot": "Hot", "cloud": "Hot"}}, f"nodes.1.{field}", first, second
+
+
 # Field -> (what the specification has besides, the changed place, a first and a second value).
 CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     "robot.rosDistro": ({}, "robot.rosDistro", "jazzy", "kilted"),
@@ -202,6 +216,70 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     "nodes[].outputs[].qos.durability": ({}, f"{OUTPUT}.qos.durability", "Volatile", "TransientLocal"),
     "nodes[].outputs[].qos.depth": ({}, f"{OUTPUT}.qos.depth", 10, 11),
     "nodes[].outputs[].mirror": ({}, f"{OUTPUT}.mirror", True, False),
+    "nodes[].outputs[].while.actions": (
+        {"nodes.1.actions": [FOLLOW, FOLLOW | {"name": "/b"}]},
+        f"{OUTPUT}.while",
+        {"actions": ["/a"]},
+        {"actions": ["/b"]},
+    ),
+    "nodes[].outputs[].while.topic": ({}, f"{OUTPUT}.while", CONDITION, CONDITION | {"topic": "/b"}),
+    "nodes[].outputs[].while.within": ({}, f"{OUTPUT}.while", CONDITION, CONDITION | {"within": "2s"}),
+    "nodes[].outputs[].shared": ({}, f"{OUTPUT}.shared", False, True),
+    "nodes[].outputs[].frames": ({"nodes.1.outputs": [{"topic": "/tf"}]}, f"{OUTPUT}.frames", [], [FRAME]),
+    "nodes[].outputs[].frames[].parent": (
+        {"nodes.1.outputs": [{"topic": "/tf"}]},
+        f"{OUTPUT}.frames",
+        [FRAME],
+        [FRAME | {"parent": "world"}],
+    ),
+    "nodes[].outputs[].frames[].child": (
+        {"nodes.1.outputs": [{"topic": "/tf"}]},
+        f"{OUTPUT}.frames",
+        [FRAME],
+        [FRAME | {"child": "base"}],
+    ),
+    "nodes[].outputs[].maxAge": ({"nodes.2.outputs": [{"topic": "/o"}]}, "nodes.2.outputs.0.maxAge", None, "1s"),
+    "nodes[].services": served("services", [], [CALL]),
+    "nodes[].services[].name": served("services", [CALL], [CALL | {"name": "/b"}]),
+    "nodes[].services[].type": served("services", [CALL], [CALL | {"type": "a/srv/B"}]),
+    "nodes[].services[].mode": served("services", [CALL], [CALL | {"mode": "Idempotent"}]),
+    "nodes[].services[].timeout": served("services", [CALL], [CALL | {"timeout": "3s"}]),
+    "nodes[].actions": served("actions", [], [FOLLOW]),
+    "nodes[].actions[].name": served("actions", [FOLLOW], [FOLLOW | {"name": "/b"}]),
+    "nodes[].actions[].type": served("actions", [FOLLOW], [FOLLOW | {"type": "a/action/B"}]),
+    "nodes[].actions[].onSwitch": served("actions", [FOLLOW], [FOLLOW | {"onSwitch": "Abort"}]),
+    "nodes[].actions[].accept": served("actions", [FOLLOW], [FOLLOW | {"accept": "Holder"}]),
+    "nodes[].actions[].holdFor": served("actions", [HELD], [HELD | {"holdFor": "3s"}]),
+    "nodes[].actions[].timeout": served("actions", [FOLLOW], [FOLLOW | {"timeout": "3s"}]),
+    "nodes[].actions[].resultTimeout": served("actions", [FOLLOW], [FOLLOW | {"resultTimeout": "3s"}]),
+    "nodes[].actions[].mirror": served("actions", [FOLLOW], [FOLLOW | {"mirror": True}]),
+    "nodes[].uses.services": served("uses", {}, {"services": [CALL]}),
+    "nodes[].uses.services[].name": served("uses", {"services": [CALL]}, {"services": [CALL | {"name": "/b"}]}),
+    "nodes[].uses.services[].type": served("uses", {"services": [CALL]}, {"services": [CALL | {"type": "a/srv/B"}]}),
+    "nodes[].uses.services[].timeout": served("uses", {"services": [CALL]}, {"services": [CALL | {"timeout": "3s"}]}),
+    "nodes[].uses.actions": served("uses", {}, {"actions": [GOAL]}),
+    "nodes[].uses.actions[].name": served("uses", {"actions": [GOAL]}, {"actions": [GOAL | {"name": "/b"}]}),
+    "nodes[].uses.actions[].type": served("uses", {"actions": [GOAL]}, {"actions": [GOAL | {"type": "a/action/B"}]}),
+    "nodes[].uses.actions[].cancelAfter": served(
+        "uses", {"actions": [GOAL]}, {"actions": [GOAL | {"cancelAfter": "0s"}]}
+    ),
+    "nodes[].uses.actions[].timeout": served("uses", {"actions": [GOAL]}, {"actions": [GOAL | {"timeout": "3s"}]}),
+    "nodes[].state": served("state", [], [KEPT]),
+    "nodes[].state[].topic": served("state", [KEPT], [KEPT | {"topic": "/c"}]),
+    "nodes[].state[].restore": served("state", [KEPT], [KEPT | {"restore": "/c"}]),
+    "nodes[].state[].parameters.nodes": served("state", [{"parameters": {}}], [{"parameters": {"nodes": ["a"]}}]),
+    "nodes[].state[].parameters.except": served("state", [{"parameters": {}}], [{"parameters": {"except": ["a"]}}]),
+    "nodes[].state[].snapshot": served("state", [], [{"snapshot": True}]),
+    "nodes[].state[].maxAge": served("state", [{"snapshot": True}], [{"snapshot": True, "maxAge": "1s"}]),
+    "nodes[].state[].maxSize": served("state", [{"snapshot": True}], [{"snapshot": True, "maxSize": "2Mi"}]),
+    "topics.toCloud[].minRate": ({}, f"{SCAN}.minRate", None, 3),
+    "topics.toCloud[].priority": ({}, f"{SCAN}.priority", "Normal", "High"),
+    "topics.toCloud[].latest": ({}, f"{SCAN}.latest", False, True),
+    "switching.prepareDeadline": ({}, "switching.prepareDeadline", None, "5s"),
+    "switching.cancelDeadline": ({}, "switching.cancelDeadline", "2s", "3s"),
+    "switching.settleFor": ({}, "switching.settleFor", "10s", "3s"),
+    "switching.maxMessageSize": ({}, "switching.maxMessageSize", "8Mi", "1Mi"),
+    "switching.silent": ({}, "switching.silent", [], ["a/**"]),
     "switching.prefer": ({}, "switching.prefer", "Cloud", "Robot"),
     "switching.heartbeatPeriod": ({}, "switching.heartbeatPeriod", "20ms", "21ms"),
     "switching.lossTimeout": ({}, "switching.lossTimeout", "90ms", "91ms"),

@@ -75,10 +75,6 @@ NOT_YET: Final[dict[str, Word]] = {
         "or another placement",
         (f"{_IN_NODE}.lifecycle", False),
     ),
-    "maxAge": Word(
-        _OUTPUT, "maxAge", _without("maxAge"), lambda it: it.max_age_ms is not None, "leave it out",
-        ("spec.nodes.2.outputs", [{"topic": "/objects", "maxAge": "500ms"}]),
-    ),
     "services": Word(
         _NODE, "services", _empty("services"), lambda it: bool(it.services),
         "let clients call the node on their own side",
