@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+BROKEN_EXIT = 70
+"""Exit code of a process that ended for an InvariantError (EX_SOFTWARE of sysexits.h)."""
+
 
 class InvariantError(Exception):
     """A machine reached a state that it must never be in: a defect, not an input. The process ends and starts anew.

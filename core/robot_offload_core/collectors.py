@@ -176,6 +176,7 @@ class GateReport:
         cloud_flowing: the outputs with a deadline, by index, of which the cloud has spoken within it, also those of
             nodes with placement Cloud.
         stale: the outputs of nodes with placement Cloud, by index, whose newest message was too old to pass.
+        robot_silent, cloud_silent: the rated outputs, by index, that do not flow.
     """
 
     charge: Charge | None
@@ -185,6 +186,13 @@ class GateReport:
     robot_flowing: tuple[int, ...] = ()
     cloud_flowing: tuple[int, ...] = ()
     stale: tuple[int, ...] = ()
+    robot_silent: tuple[int, ...] = ()
+    cloud_silent: tuple[int, ...] = ()
+
+    @staticmethod
+    def names(indices: tuple[int, ...], outputs: tuple[OutputSpec, ...]) -> tuple[str, ...]:
+        """Returns the names of these outputs, as far as they are known here."""
+        return tuple(outputs[i].name for i in indices if i < len(outputs))
 
 
 def start(outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: float) -> Collector:
@@ -339,7 +347,7 @@ def report(collector: Collector, now_s: float) -> GateReport:
     """The state as control needs it."""
     starved = now_s - collector.first_pause_s > collector.gate_timeout_s
     judged = now_s >= collector.judged_from_s or starved  # pauses one after the other hide silence no longer than that
-    rated = [o for o in collector.outputs if o.spec.rated]
+    rated = [(i, o) for i, o in enumerate(collector.outputs) if o.spec.rated]
     acts = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
     charged_s = collector.acts_s if acts else None  # a slow output speaks one period after its nodes woke
     resumed_s = collector.resumed_s
@@ -354,14 +362,14 @@ def report(collector: Collector, now_s: float) -> GateReport:
     def cloud_flows(output: OutputState) -> bool:
         return flows(output, output.cloud_s, resumed_s)
 
-    flowing = tuple(
-        i for i, o in enumerate(collector.outputs)
-        if o.spec.rated and o.robot_s is not None and now_s - o.robot_s <= o.spec.deadline_s
-    )  # fmt: skip
+    flowing = tuple(i for i, o in rated if o.robot_s is not None and now_s - o.robot_s <= o.spec.deadline_s)
     heard = tuple(i for i, o in enumerate(collector.outputs) if o.spec.deadline_s > 0 and cloud_flows(o))
+    stale = tuple(i for i, o in enumerate(collector.outputs) if o.stale)
+    robot_silent = tuple(i for i, o in rated if not robot_flows(o))
+    cloud_silent = tuple(i for i, o in rated if not cloud_flows(o))
     return GateReport(
-        collector.charge, collector.fell_back, all(map(robot_flows, rated)), all(map(cloud_flows, rated)), flowing,
-        heard, tuple(i for i, o in enumerate(collector.outputs) if o.stale),
+        collector.charge, collector.fell_back, not robot_silent, not cloud_silent, flowing, heard, stale,
+        robot_silent, cloud_silent,
     )  # fmt: skip
 
 

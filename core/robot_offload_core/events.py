@@ -30,6 +30,7 @@ class Acting:
         in_charge: False while it only gets ready and the other side acts: then nothing of it stops the driver.
         outputs_heard: a message of each was seen in time: flowing counts by grace too (after a pause of the collector,
             after a change of who is in charge), and grace lifts no inhibit.
+        silent: names of the outputs that do not flow, as far as the collector said.
         stop: why the driver is to be stopped at once whoever acts; "" for no reason.
     """
 
@@ -38,3 +39,4 @@ class Acting:
     in_charge: bool = True
     stop: str = ""
     outputs_heard: bool = True
+    silent: tuple[str, ...] = ()

@@ -16,8 +16,9 @@ from enum import Enum
 from robot_offload_core.change import replace
 from robot_offload_core.checks import require
 from robot_offload_core.events import Acting, Tick, assert_never
-from robot_offload_core.reasons import Explained
+from robot_offload_core.reasons import Explained, silence
 from robot_offload_core.settings import NodeSpec
+from robot_offload_core.token import Site
 
 TRANSITION_DEADLINE_S = 2.0
 """For one change_state call; a heavy on_activate takes tens of milliseconds, on_configure may load a map."""
@@ -115,7 +116,7 @@ class Guardian:
         acting_since_s: since when.
         in_charge: it is in charge; only then its duplicated CORE nodes matter to the driver.
         outputs_flow: the rated outputs of this side flow (judged by the collector).
-        outputs_heard, stop: see Acting. flowing: see Flowing.
+        outputs_heard, silent, stop: see Acting. flowing: see Flowing.
         grace_s: how long a CORE node may be on its way to Active before the driver is inhibited.
         has_driver: there is an inhibit service (the robot's side).
         inhibited: last confirmed by the driver; None before the first confirmation.
@@ -132,6 +133,7 @@ class Guardian:
     in_charge: bool = False
     outputs_flow: bool = True
     outputs_heard: bool = True
+    silent: tuple[str, ...] = ()
     flowing: tuple[str, ...] = ()
     stop: str = ""
     inhibited: bool | None = None
@@ -273,7 +275,7 @@ def core_fault(guardian: Guardian) -> str:
         concerned = node.spec.core and (guardian.in_charge or not node.spec.duplicated)
         if concerned and node.spec.lifecycle and node.state is not State.ACTIVE:
             return f"CORE node {node.spec.name} is {node.state.value}"
-    return "A rated output of the robot is silent" if _silent(guardian) else ""
+    return silence(Site.ROBOT, guardian.silent) if _silent(guardian) else ""
 
 
 def _silent(guardian: Guardian) -> bool:
@@ -305,7 +307,13 @@ def _act(guardian: Guardian, event: Acting, now_s: float) -> Guardian:
         guardian = replace(guardian, acting=event.acting, acting_since_s=now_s, nodes=nodes)
     if in_charge != guardian.in_charge:
         guardian = replace(guardian, in_charge=in_charge, fault_since_s=None)
-    return replace(guardian, outputs_flow=event.outputs_flow, outputs_heard=event.outputs_heard, stop=event.stop)
+    return replace(
+        guardian,
+        outputs_flow=event.outputs_flow,
+        outputs_heard=event.outputs_heard,
+        silent=event.silent,
+        stop=event.stop,
+    )
 
 
 def _observe(node: Node, state: State, now_s: float, commands: list[Command]) -> Node:

@@ -13,7 +13,7 @@ from robot_offload_core.collectors import GateReport
 from robot_offload_core.links import Link
 from robot_offload_core.policies import Fitness
 from robot_offload_core.reasons import Reason, Verdict
-from robot_offload_core.settings import InputSpec, Settings
+from robot_offload_core.settings import InputSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 
 
@@ -52,6 +52,7 @@ class Frame:
         settings, inputs: from the configuration.
         stall_until_s: silence is not judged before this (our own stall), see limits.cloud_fault.
         starved: our own stalls have followed each other for longer than a lease.
+        outputs: from the configuration, as the collector numbers them.
     """
 
     incarnation: str
@@ -61,6 +62,7 @@ class Frame:
     inputs: tuple[InputSpec, ...]
     stall_until_s: float = 0.0
     starved: bool = False
+    outputs: tuple[OutputSpec, ...] = ()
 
 
 def is_good(beat: Beat, arrived_s: float, link: Link, frame: Frame) -> bool:

@@ -14,7 +14,7 @@ from enum import Enum
 from robot_offload_core.beats import CloudReport
 from robot_offload_core.health import Frame, Situation
 from robot_offload_core.links import Link
-from robot_offload_core.reasons import Reason, Verdict
+from robot_offload_core.reasons import Reason, Verdict, silence
 from robot_offload_core.token import Site
 
 DATA_TIMEOUT_S = 0.5
@@ -205,7 +205,9 @@ def _no_good_beat(view: View) -> str:
 
 def _output_silent(view: View) -> str:
     gate = view.situation.gate
-    return "A rated output of the cloud is silent" if gate is not None and not gate.cloud_flows else ""
+    if gate is None or gate.cloud_flows:
+        return ""
+    return silence(Site.CLOUD, gate.names(gate.cloud_silent, view.frame.outputs))
 
 
 # -- collector and inputs ---------------------------------------------------------------------------------------------

@@ -34,6 +34,10 @@ class Problem(Explained):
     PROCESS_HUNG = (
         "ProcessHung", "A process of the agent gave no sign of life and was started anew", "Look at the agent's log"
     )  # fmt: skip
+    INVARIANT_BROKEN = (
+        "InvariantBroken", "A process of the agent reached a state that must not be, ended, and was started anew",
+        "Report the agent's log: this is a defect of the agent",
+    )  # fmt: skip
     OTHER_VERSION = (
         "OtherVersion", "The other side runs another version of the agent", "Run one version on both sides"
     )  # fmt: skip

@@ -283,3 +283,10 @@ class Verdict:
     site: Site
     reason: Reason
     message: str
+
+
+def silence(site: Site, names: tuple[str, ...]) -> str:
+    """Returns the sentence about rated outputs of a side that are silent."""
+    who = f"output{'s' * (len(names) > 1)} {', '.join(names)}" if names else "rated outputs"
+    verb = "is" if len(names) == 1 else "are"
+    return f"The {site.value}'s {who} {verb} silent"

@@ -232,7 +232,7 @@ def frame(robot: Robot, now_s: float) -> Frame:
     """Returns what the situation is judged against."""
     return Frame(
         robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stalls.until_s,
-        _starved(robot, now_s),
+        _starved(robot, now_s), robot.outputs,
     )  # fmt: skip
 
 
@@ -495,12 +495,14 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
         following = _charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate)
     present = presence(robot.incarnation, cloud) if cloud else None
     gate = Gate(robot.started_us, _charge(robot, site(robot), robot.epoch), following, presence=present)
+    gate_told = robot.situation.gate
     acting = Acting(
         acting=robot.phase is not Phase.CLOUD,
         outputs_flow=_outputs_flow(robot, now_s),
         in_charge=site(robot) is Site.ROBOT,
         stop=next((v.message for v in wishes.reported(robot) if v.stops), ""),
         outputs_heard=_outputs_heard(robot, now_s),
+        silent=() if gate_told is None else gate_told.names(gate_told.robot_silent, robot.outputs),
     )
     levels = (permission, gate, acting)
     if levels != robot.levels or now_s - robot.levels_s >= settings.beat_period_s - 1e-6:

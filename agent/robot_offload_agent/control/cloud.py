@@ -33,7 +33,10 @@ class CloudControlShell(ControlShell):
         super().__init__(configuration, bus)
         settings = configuration.settings()
         has_relay = configuration.relay_plan() is not None
-        self.process = CloudControlProcess(settings, configuration.node_specs(), self, self.incarnation, has_relay)
+        self.process = CloudControlProcess(
+            settings, configuration.node_specs(), self, self.incarnation, has_relay, configuration.output_specs(),
+            tuple(o["node"] for o in configuration.outputs),
+        )  # fmt: skip
         self.liaison = liaison.Liaison(
             watched=bool(configuration["settings_file"]), signs=bool(configuration["certificate_file"])
         )

@@ -152,17 +152,22 @@ class ControlShell(ABC):
         self.report.note("version", ("OtherVersion", message) if refused else None)
 
     def take_lives(self, lives: Lives) -> None:
-        """Takes what the supervisor says of all processes; that one hung is a problem for as long as this one lives."""
+        """Takes what the supervisor says of all processes; what hung or broke is a problem for as long as it lives."""
         self.lives = lives
-        hung = [f"{name} ({hangs} times)" for name, _, hangs in lives.processes if hangs]
-        problem = f"Did not answer any more and was started again: {', '.join(hung)}" if hung else ""
-        self.report.note("hung", ("ProcessHung", problem) if problem else None)
+        hung = ", ".join(f"{name} ({hangs} times)" for name, _, hangs, _ in lives.processes if hangs)
+        message = f"Did not answer any more and was started again: {hung}"
+        self.report.note("hung", ("ProcessHung", message) if hung else None)
+        broken = ", ".join(f"{name} ({times} times)" for name, _, _, times in lives.processes if times)
+        message = f"Reached a state that must not be, ended and was started again: {broken}; the log says which"
+        self.report.note("broken", ("InvariantBroken", message) if broken else None)
 
     def life_counters(self) -> dict[str, int]:
-        """Returns deaths and hangs of each process, and what was no message here, for diagnostics."""
-        deaths = {f"process.{name}.deaths": deaths for name, deaths, _ in self.lives.processes}
-        garbage = {"garbage.control": self.bus.garbage + self.guard.count}
-        return garbage | deaths | {f"process.{name}.hangs": hangs for name, _, hangs in self.lives.processes}
+        """Returns what was no message here, and deaths of each process and their kinds, for diagnostics."""
+        counters = {"garbage.control": self.bus.garbage + self.guard.count}
+        for name, deaths, hangs, broken in self.lives.processes:
+            counters |= {f"process.{name}.deaths": deaths, f"process.{name}.hangs": hangs}
+            counters |= {f"process.{name}.broken": broken}
+        return counters
 
     def look_at_graph(self, now: float) -> None:
         """Reports nodes that are not what was declared, and who else changes their states."""

@@ -52,7 +52,10 @@ def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
         tuple(
             InputPlan(i.name, i["max_age_ms"], rates_hz.get(i.name, 0.0), i["latched"]) for i in configuration.inputs
         ),
-        tuple(OutputPlan(o.name, bool(o["rate_hz"]), o["mirror"], o["of_cloud"]) for o in configuration.outputs),
+        tuple(
+            OutputPlan(spec.name, spec.deadline_s, o["mirror"], o["of_cloud"])
+            for spec, o in zip(configuration.output_specs(), configuration.outputs, strict=True)
+        ),
         carried=configuration["link.type"] == "zenoh",
     )
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from robot_offload_agent.errors import AgentError
 from robot_offload_agent.process import identity
 from robot_offload_agent.process.bus import Bus
+from robot_offload_core.checks import BROKEN_EXIT, InvariantError
 from robot_offload_core.process.messages import Fatal
 
 log = logging.getLogger(__name__)
@@ -42,6 +43,7 @@ class Child:
         hung_s: silence after which it counts as hanging.
         pid: 0 while it is dead.
         starts, deaths, hangs: how often it started, died by itself, and was ended because it hung.
+        broken: how many of the deaths were for a broken invariant.
         started_s, start_due_s: of its present or next life.
         signed_s: its last sign of life, None before the first one of a life.
         quick_deaths: in a row.
@@ -54,6 +56,7 @@ class Child:
     starts: int = 0
     deaths: int = 0
     hangs: int = 0
+    broken: int = 0
     started_s: float = 0.0
     start_due_s: float = 0.0
     signed_s: float | None = None
@@ -63,8 +66,9 @@ class Child:
         """A life begins."""
         self.pid, self.started_s, self.signed_s, self.starts = pid, now_s, None, self.starts + 1
 
-    def end(self, now_s: float) -> float:
-        """A life has ended; returns in how many seconds the next one begins."""
+    def end(self, now_s: float, code: int) -> float:
+        """A life has ended with an exit code; returns in how many seconds the next one begins."""
+        self.broken += code == BROKEN_EXIT
         self.quick_deaths = 0 if now_s - self.started_s >= HEALTHY_S else self.quick_deaths + 1
         wait_s = min(RESTART_MAX_S, RESTART_UNIT_S * 2 ** (self.quick_deaths - 2)) if self.quick_deaths > 1 else 0.0
         self.pid, self.start_due_s, self.deaths = 0, now_s + wait_s, self.deaths + 1
@@ -97,7 +101,8 @@ def run_child(child: Child, prefix: str, folder: Path, name: str) -> None:
     except AgentError as error:
         code = error.exit_code
         Bus(folder, f"{child.name}.end").send("supervisor", Fatal(child.name, str(error), code))
-    except BaseException:
+    except BaseException as error:
+        code = BROKEN_EXIT if isinstance(error, InvariantError) else 1
         traceback.print_exc()
     finally:
         sys.stdout.flush()

@@ -113,7 +113,7 @@ class Supervisor:
         self._end_hanging()
         if now >= self.lives_due_s:
             self.lives_due_s = now + LIVES_PERIOD_S
-            bus.send("control", Lives(tuple((c.name, c.deaths, c.hangs) for c in self.children)))
+            bus.send("control", Lives(tuple((c.name, c.deaths, c.hangs, c.broken) for c in self.children)))
         self.systemd.live(now)
 
     def _bus(self) -> Bus:
@@ -214,7 +214,8 @@ class Supervisor:
             pid, status = os.waitpid(child.pid, os.WNOHANG)
             if not pid:
                 continue
-            wait_s, code = child.end(self.awake_s), os.waitstatus_to_exitcode(status)
+            code = os.waitstatus_to_exitcode(status)
+            wait_s = child.end(self.awake_s, code)
             if not self.stopping:
                 log.error("Process %s ended with %s, starting it again in %.2f s", child.name, describe(code), wait_s)
 

@@ -13,6 +13,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_na
 from rclpy.node import Node
 
 from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.checks import BROKEN_EXIT, InvariantError
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +34,7 @@ def end_process(failure: threading.ExceptHookArgs) -> None:
     if rclpy.ok():
         thread = failure.thread.name if failure.thread else "?"
         log.error("Thread %s failed", thread, exc_info=failure.exc_value)
-        os._exit(1)
+        os._exit(BROKEN_EXIT if isinstance(failure.exc_value, InvariantError) else 1)
 
 
 def run_until_ended(run: Callable[[Configuration], None], configuration: Configuration) -> None:

@@ -12,7 +12,7 @@ from robot_offload_core.lease import Stand
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import DataStatus, Egress, RelayStatus, Speak
 from robot_offload_core.process.rest import Rest
-from robot_offload_core.settings import NodeSpec, Settings
+from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 
 REQUEST_LIFE_S = 2.0
@@ -39,10 +39,11 @@ class CloudControlProcess(ControlProcess):
 
     def __init__(
         self, settings: Settings, nodes: tuple[NodeSpec, ...], ports: CloudControlPorts, incarnation: str,
-        has_relay: bool = False,
+        has_relay: bool = False, outputs: tuple[OutputSpec, ...] = (), publishers: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
-        """`has_relay`: services or actions are declared."""
-        super().__init__(ports, incarnation, guardians.start(nodes, settings.activation_deadline_s))
+        """`has_relay`: services or actions are declared; `publishers`: the node of each of `outputs`, "" unknown."""
+        guard = guardians.start(nodes, settings.activation_deadline_s)
+        super().__init__(ports, incarnation, guard, outputs, publishers)
         self.ports: CloudControlPorts = ports
         self.settings = settings
         self.has_relay = has_relay
@@ -81,6 +82,7 @@ class CloudControlProcess(ControlProcess):
         if not isinstance(message, DataStatus) or message.cloud_data is None:
             return
         self.data_s = self.ports.now_s()
+        self.note_flowing(message.flowing)
         if message.counters:
             self.data_status = message
         if message.complete is not self.complete:

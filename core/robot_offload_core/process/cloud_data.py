@@ -37,6 +37,7 @@ class CloudDataProcess(DataProcess):
         sequence: newest of each output under its present token. first_result: of results, larger in each life.
         newest: robot's incarnation and sequence of the newest message of each input: no older one is published.
         accepted: arrival of the newest message of each input, and the bound of its age then.
+        spoke_s: when a replica last published each output, whether or not it could leave.
         mirror: gate in front of the consumers in the cloud.
         wanted: hash that the robot holds of each latched input. known_types: of inputs, as the robot says.
     """
@@ -51,6 +52,7 @@ class CloudDataProcess(DataProcess):
         self.required = [i.name for i in plan.inputs if i.max_age_ms > 0]
         self.max_age_ms = {i.name: i.max_age_ms for i in plan.inputs}
         self.index = {output.name: index for index, output in enumerate(plan.outputs)}
+        self.spoke_s: dict[int, float] = {}
         self.accepted: dict[str, tuple[float, float]] = {}
         self.newest: dict[str, tuple[str, int]] = {}
         self.wanted: dict[str, str] = {}
@@ -62,6 +64,7 @@ class CloudDataProcess(DataProcess):
     def leave(self, index: int, payload: Any) -> None:
         """Lets a message of a node here leave, only under a valid lease, read at this very moment."""
         output = self.plan.outputs[index]
+        self.spoke_s[index] = self.ports.now_s()
         if self.pauses.waited(self.ports.now_s()) and output.rated:
             self.counters[f"{output.name}.waited"] += 1
             return
@@ -186,4 +189,9 @@ class CloudDataProcess(DataProcess):
         data = CloudData(self.probe_age_s(now_s), ages)
         problems, counters = self.details(detailed)
         word = self.probe.word if self.probe else ""
-        self.ports.send("control", DataStatus(None, data, self.complete(), endpoint, word, (), problems, counters))
+        flowing = tuple(
+            i for i, o in enumerate(self.plan.outputs)
+            if o.rated and i in self.spoke_s and now_s - self.spoke_s[i] <= o.deadline_s
+        )  # fmt: skip
+        status = DataStatus(None, data, self.complete(), endpoint, word, (), problems, counters, flowing)
+        self.ports.send("control", status)

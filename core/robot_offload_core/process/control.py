@@ -11,7 +11,8 @@ from typing import Protocol
 from robot_offload_core import guardians
 from robot_offload_core.beats import Beat
 from robot_offload_core.events import Tick
-from robot_offload_core.guardians import Guardian, NodeEvent
+from robot_offload_core.guardians import Flowing, Guardian, NodeEvent
+from robot_offload_core.settings import OutputSpec
 
 
 class ControlPorts(Protocol):
@@ -40,12 +41,16 @@ class ControlProcess(ABC):
         guardian: state of its machine. told_ready: the readiness of this side's nodes that was taken into account.
     """
 
-    def __init__(self, ports: ControlPorts, incarnation: str, guard: Guardian) -> None:
+    def __init__(
+        self, ports: ControlPorts, incarnation: str, guard: Guardian,
+        outputs: tuple[OutputSpec, ...] = (), publishers: tuple[str, ...] = (),
+    ) -> None:  # fmt: skip
         self.ports = ports
         self.incarnation = incarnation
         self.guardian = guard
         self.told_ready: bool | None = None
         self.told_sustained = 0
+        self._published = tuple(zip(outputs, publishers))  # noqa: B905 - publishers may be unknown
 
     def guard(self, event: guardians.Event) -> None:
         """Steps the guardian and has its commands carried out."""
@@ -64,6 +69,14 @@ class ControlProcess(ABC):
     def is_ready(self) -> bool:
         """Returns whether this side's CORE nodes are Active."""
         return guardians.is_ready(self.guardian)
+
+    def note_flowing(self, outputs: tuple[int, ...]) -> None:
+        """Takes which rated outputs of this side flow: their nodes live, however long they take to answer."""
+        rated = [(i, name) for i, (o, name) in enumerate(self._published) if o.deadline_s > 0 and name]
+        silent = {name for i, name in rated if i not in outputs}
+        names = tuple(dict.fromkeys(name for _, name in rated if name not in silent))
+        if names != self.guardian.flowing:
+            self.guard(Flowing(names))
 
     def degraded(self) -> tuple[str, str] | None:
         """Returns a problem while nodes that are not CORE are dead, refuse or were given up."""

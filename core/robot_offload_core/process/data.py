@@ -78,16 +78,20 @@ class OutputPlan:
     """An output as the data processes need it.
 
     Attributes:
-        name: of the output.
-        rated: its silence is judged.
+        name: of the output. deadline_s: silence of a rated output that means a fault; 0: not rated.
         mirrored: it has consumers in the cloud.
         of_cloud: of a node with placement Cloud: it leaves under the presence token, whoever is in charge.
     """
 
     name: str
-    rated: bool = True
+    deadline_s: float = 0.0
     mirrored: bool = False
     of_cloud: bool = False
+
+    @property
+    def rated(self) -> bool:
+        """Its silence is judged."""
+        return self.deadline_s > 0
 
 
 @dataclass(frozen=True)

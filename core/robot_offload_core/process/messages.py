@@ -112,6 +112,7 @@ class DataStatus:
         replicas: (node, lifecycle state) of the other side.
         problems: (reason, message) for diagnostics.
         counters: (name, value) for diagnostics.
+        flowing: rated outputs, by index, that a replica here has published within the deadline (cloud only).
     """
 
     report: placement.DataReported | None
@@ -122,6 +123,7 @@ class DataStatus:
     replicas: tuple[tuple[str, str], ...] = ()
     problems: tuple[tuple[str, str], ...] = ()
     counters: tuple[tuple[str, int], ...] = ()
+    flowing: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -176,9 +178,9 @@ class Alive:
 
 @dataclass(frozen=True)
 class Lives:
-    """supervisor -> control, once a second: (process, deaths, how many of them because it hung)."""
+    """supervisor -> control, once a second: (process, deaths, of these: because it hung, for a broken invariant)."""
 
-    processes: tuple[tuple[str, int, int], ...]
+    processes: tuple[tuple[str, int, int, int], ...]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from robot_offload_core.availability import Available, available
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
 from robot_offload_core.events import Acting, Tick, assert_never
-from robot_offload_core.guardians import Flowing
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import CollectorStatus, DataStatus, Orders, RelayOrders, RelayStatus, Speak
@@ -93,7 +92,7 @@ class RobotControlProcess(ControlProcess):
 
     def __init__(self, plan: RobotPlan, ports: RobotControlPorts, incarnation: str, started_us: int) -> None:
         guard = guardians.start(plan.nodes, plan.asked.activation_deadline_s, plan.has_driver)
-        super().__init__(ports, incarnation, guard)
+        super().__init__(ports, incarnation, guard, plan.outputs, plan.publishers)
         self.ports: RobotControlPorts = ports
         started_s = started_us / 1e6
         # Until the cloud has stopped for sure the longest lease that an earlier process may have granted counts.
@@ -104,7 +103,6 @@ class RobotControlProcess(ControlProcess):
         )  # fmt: skip
         self.settings = plan.asked
         self.strict = plan.strict
-        self._published = tuple(zip(plan.outputs, plan.publishers))  # noqa: B905 - publishers may be unknown
         self.data_status: DataStatus | None = None
         self.collector_status: CollectorStatus | None = None
         self.levels: dict[str, tuple[SetGate | Orders | RelayOrders, float]] = {}
@@ -135,7 +133,7 @@ class RobotControlProcess(ControlProcess):
                 self.collector_status = message
                 self.veto("collector", message.problems)
             self.step(placement.GateReported(message.report))
-            self._note_flowing(message.report.robot_flowing)
+            self.note_flowing(message.report.robot_flowing)
         elif isinstance(message, RelayStatus):
             self._relay_reported(message)
         elif isinstance(message, DataStatus) and message.report is not None:
@@ -166,14 +164,6 @@ class RobotControlProcess(ControlProcess):
         level = placement.Vetoed(source, vetoes)
         if level != next((v for v in self.robot.vetoes if v.source == source), placement.Vetoed(source)):
             self.step(level)
-
-    def _note_flowing(self, outputs: tuple[int, ...]) -> None:
-        """Takes which rated outputs flow: their nodes live, however long they take to answer."""
-        rated = [(i, name) for i, (o, name) in enumerate(self._published) if o.rated and name]
-        silent = {name for i, name in rated if i not in outputs}
-        names = tuple(dict.fromkeys(name for _, name in rated if name not in silent))
-        if names != self.guardian.flowing:
-            self.guard(Flowing(names))
 
     def adopt(self, settings: Settings, inputs: tuple[InputSpec, ...]) -> None:
         """Takes settings that were changed at run time."""
@@ -265,8 +255,9 @@ class RobotControlProcess(ControlProcess):
             command = replace(command, acting=True, in_charge=False)
         guardian = self.guardian
         known = Acting(
-            guardian.acting, guardian.outputs_flow, guardian.in_charge, guardian.stop, guardian.outputs_heard
-        )
+            guardian.acting, guardian.outputs_flow, guardian.in_charge, guardian.stop, guardian.outputs_heard,
+            guardian.silent,
+        )  # fmt: skip
         if known != replace(command, in_charge=command.acting and command.in_charge):
             self.guard(command)
 

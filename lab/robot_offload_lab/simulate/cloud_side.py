@@ -93,7 +93,14 @@ class CloudControl(Shell):
 
     def _made(self, incarnation: str) -> WatchedControl:
         scenario = self.around.scenario
-        process = WatchedControl(scenario.cloud_settings, scenario.cloud_nodes, self, incarnation)
+        process = WatchedControl(
+            scenario.cloud_settings,
+            scenario.cloud_nodes,
+            self,
+            incarnation,
+            outputs=scenario.outputs,
+            publishers=scenario.publishers,
+        )
         process.around = self.around
         return process
 

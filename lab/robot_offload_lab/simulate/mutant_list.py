@@ -192,8 +192,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                "all(map(robot_flows, rated)), all(map(cloud_flows, rated))",
-                "any(map(robot_flows, rated)), any(map(cloud_flows, rated))",
+                "not robot_silent, not cloud_silent",
+                "len(robot_silent) < len(rated), len(cloud_silent) < len(rated)",
             ),
         ),
     ),
@@ -740,6 +740,16 @@ MUTANTS: dict[str, Mutant] = {
         "the first word of a restarted control lifts an inhibit",
         "restarted_control_releases_by_messages",
         (Edit("guardians", "if guardian.inhibit_said is False or", "if guardian.inhibit_said is not True or"),),
+    ),
+    "X30": Mutant(
+        "a busy CORE node of the cloud counts as dead although its outputs flow",
+        "busy_node_in_the_cloud",
+        (Edit("process.cloud_control", "        self.note_flowing(message.flowing)\n", ""),),
+    ),
+    "X31": Mutant(
+        "replicas of the cloud that fell silent count as alive",
+        "busy_node_in_the_cloud",
+        (Edit("process.cloud_data", " and now_s - self.spoke_s[i] <= o.deadline_s\n", "\n"),),
     ),
     "H17": Mutant(
         "what was reported waits for the end of a stall",

@@ -106,6 +106,7 @@ class RobotControl(Shell):
             scenario.robot_nodes,
             has_driver=True,
             outputs=scenario.outputs,
+            publishers=scenario.publishers,
         )
         process = WatchedControl(plan, self, incarnation, round(self.host.now_s() * 1e6))
         process.watch = self.around.coverage.robot

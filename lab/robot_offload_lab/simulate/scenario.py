@@ -72,10 +72,16 @@ class Scenario:
         return tuple(InputSpec(i.name, i.max_age_ms / 1e3) for i in self.inputs)
 
     @cached_property
+    def publishers(self) -> tuple[str, ...]:
+        """Returns the node of each output; "" where nobody publishes it."""
+        names = {replica.output: name for name, replica in self.replicas.items()}
+        return tuple(names.get(i, "") for i in range(len(self.outputs)))
+
+    @cached_property
     def data_plan(self) -> DataPlan:
         """Returns what the data processes need."""
         outputs = tuple(
-            OutputPlan(o.name, o.deadline_s > 0, i in self.mirrored, o.of_cloud) for i, o in enumerate(self.outputs)
+            OutputPlan(o.name, o.deadline_s, i in self.mirrored, o.of_cloud) for i, o in enumerate(self.outputs)
         )
         return DataPlan(self.inputs, outputs)
 

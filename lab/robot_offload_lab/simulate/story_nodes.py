@@ -126,6 +126,18 @@ def silent_cloud_output() -> None:
     stage.lost(0.15 + 0.1, "a silent output of the cloud")
 
 
+def busy_node_in_the_cloud() -> None:
+    """A CORE node of the cloud that answers no read for seconds is alive while its outputs flow, and dead without."""
+    stage = Stage()
+    stage.in_cloud()
+    node = stage.cloud.nodes["controller"]
+    node.get_state = lambda *_: None  # type: ignore[method-assign]
+    stage.always(lambda: stage.phase is Phase.CLOUD, 4.0, "a busy node ends the stay")
+    stage.hush("cloud")
+    stage.run(0.5)
+    stage.expect(not stage.cloud.control.guardian.flowing, "a node that neither answers nor publishes counts as alive")
+
+
 def dead_cloud_node() -> None:
     """A CORE node of the cloud that dies ends its stay, also when no rated output speaks for it."""
     stage = Stage(outputs=UNRATED)
@@ -192,6 +204,7 @@ STORIES = (
     one_of_two_core_nodes,
     attempts_grow_apart,
     silent_cloud_output,
+    busy_node_in_the_cloud,
     dead_cloud_node,
     stale_input,
     late_core_node_in_the_cloud,

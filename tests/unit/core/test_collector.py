@@ -391,7 +391,8 @@ def test_without_control_no_effect_of_the_cloud_is_admitted(state: Collector) ->
 
 def test_a_report_tells_whose_rated_outputs_flow() -> None:
     state = passing(CLOUD_4)
-    assert collectors.report(state, NOW_S) == GateReport(CLOUD_4, False, robot_flows=False, cloud_flows=False)
+    silent = GateReport(CLOUD_4, False, False, False, robot_silent=(CMD_VEL,), cloud_silent=(CMD_VEL,))
+    assert collectors.report(state, NOW_S) == silent
     state, _ = collectors.offer_cloud(state, CMD_VEL, sent(4, 1), NOW_S)
     assert collectors.report(state, NOW_S + 0.150).cloud_flows
     assert not collectors.report(state, NOW_S + 0.151).cloud_flows

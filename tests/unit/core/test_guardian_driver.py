@@ -131,7 +131,7 @@ def test_a_silent_rated_output_of_the_side_in_charge_inhibits_at_once() -> None:
     shift = on_duty()
     shift.act(flow=False)
     assert shift.driver is True
-    assert guardians.core_fault(shift.guardian) == "A rated output of the robot is silent"
+    assert guardians.core_fault(shift.guardian) == "The robot's rated outputs are silent"
     shift.act(flow=True)
     assert shift.driver is False
 

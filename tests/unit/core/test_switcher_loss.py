@@ -27,7 +27,7 @@ from robot_offload_core.placement import (
     Wish,
 )
 from robot_offload_core.policies import Policy
-from robot_offload_core.settings import Settings
+from robot_offload_core.settings import OutputSpec, Settings
 from robot_offload_core.token import Site
 from tests.unit.core.builders import (
     BEAT_S,
@@ -390,6 +390,16 @@ def test_a_cloud_as_silent_as_the_robot_is_woken_less_and_less_often() -> None:
 def test_a_robot_whose_outputs_flow_again_forgets_that_both_were_silent() -> None:
     robot = robot_in(both_silent=True)
     assert not switcher.step(robot, Tick(), NOW_S)[0].both_silent
+
+
+def test_a_silent_output_is_named_on_either_side() -> None:
+    outputs = (OutputSpec("cmd_vel"), OutputSpec("arm"), OutputSpec("gripper"))
+    silent = gate_report(Site.CLOUD, 4, cloud_flows=False, cloud_silent=(1, 2), robot_flows=False, robot_silent=(0,))
+    robot, _ = switcher.step(robot_in(Phase.CLOUD, outputs=outputs), GateReported(silent), NOW_S)
+    assert robot.decided.message == "The cloud's outputs arm, gripper are silent"
+    later_s = NOW_S + SETTINGS.activation_deadline_s + 0.1
+    _, commands = switcher.step(robot, GateReported(silent), later_s)
+    assert only(commands, Acting).silent == ("cmd_vel",)
 
 
 # -- a control process that gets its CPU in slices

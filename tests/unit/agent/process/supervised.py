@@ -3,8 +3,9 @@
     python -m tests.unit.agent.process.supervised FOLDER IDENTITY NAME=WHAT...
 
 WHAT: `sleep` stays and gives signs of life; `hang` gives one and stays; `half` has a thread that hangs; `die` ends at
-once; `deaf` stays and ignores SIGTERM; `error` fails with a message for a person; `late` dies once and fails with a
-message in its second life; `control` writes down what the supervisor says of the others.
+once; `break` ends at once for a broken invariant; `deaf` stays and ignores SIGTERM; `error` fails with a message for
+a person; `late` dies once and fails with a message in its second life; `control` writes down what the supervisor says
+of the others.
 """
 
 import logging
@@ -21,6 +22,7 @@ from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.child import Child
 from robot_offload_agent.process.supervisor import Supervisor
+from robot_offload_core.checks import require
 
 HUNG_S = 2.0
 
@@ -32,6 +34,8 @@ def behave(folder: Path, name: str, what: str) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if what == "error" or (what == "late" and (folder / f"{name}.lives").stat().st_size > 1):
         raise StartError(f"{name} cannot start: move the other one away")
+    if what == "break":
+        require("machine", "an event", (False, "what must hold"))
     bus = Bus(folder, name)
     beacon = Beacon(bus, "main", *(["other"] if what == "half" else []))
     beacon.sign("main")

@@ -229,8 +229,15 @@ def test_a_child_that_hangs_is_killed_and_started_again_and_the_others_are_left_
         os.kill(family.pid("one"), signal.SIGSTOP)
     assert until(lambda: family.lives("one") >= 2)
     assert "Process one hangs (no sign of life for 2 s), ending it" in family.log
-    assert until(lambda: re.search(r"\('one', (\d+), \1\), \('control', 0, 0\)", family.heard("control")))
+    assert until(lambda: re.search(r"\('one', (\d+), \1, 0\), \('control', 0, 0, 0\)", family.heard("control")))
     assert family.pid("control") == other
+
+
+def test_deaths_for_a_broken_invariant_are_counted_beyond_the_life_of_the_process(family: Family) -> None:
+    family.start("one=break", "two=die", "control=control")
+    pattern = r"\('one', (\d+), 0, \1\), \('two', [1-9]\d*, 0, 0\), \('control', 0, 0, 0\)"
+    assert until(lambda: re.search(pattern, family.heard("control")))
+    assert "machine: what must hold; after 'an event'" in family.log
 
 
 def test_a_supervisor_that_was_stopped_itself_takes_nobody_for_hanging(family: Family) -> None:
