@@ -27,7 +27,9 @@ log = logging.getLogger(__name__)
 UNACKNOWLEDGED_MS = 1000
 """After which a connection is dead; above any pause that a link recovers from sooner than a new connection takes."""
 SILENT_S = 6.0
-"""Without a byte from the other side; living routers announce themselves every second."""
+"""Without a byte from the router beside this end; a living one announces itself every second."""
+FAR_SILENT_S = 1.5
+"""Without a byte from the far end. A proxy on the way acknowledges what the link behind it no longer carries."""
 ANSWER_S = 0.6
 """For the cloud's answer to a dialled connection: longer than any usable round trip, shorter than TCP's own second try
 after 1 s."""
@@ -143,11 +145,15 @@ class Tunnel:
         started_s = now_s()
         log.info("Connected to=%s", far.writer.get_extra_info("peername"))
         try:
-            log.info("Disconnected reason=%s", await join(accepted, far))
+            log.info("Disconnected reason=%s", await join(accepted, far, *self._limits_s()))
         finally:
             far.abort()
             # A refused certificate shows only now; a cloud that refuses it is asked more and more seldom.
             self._failed = self._failed + 1 if now_s() - started_s < SHORT_LIFE_S else 0
+
+    def _limits_s(self) -> tuple[float, float]:
+        """Returns how long the accepted and the dialled connection may be silent."""
+        return (SILENT_S, FAR_SILENT_S) if self._robot else (FAR_SILENT_S, SILENT_S)
 
     async def _dial(self) -> Stream:
         """Returns a connection to the cloud, however long it takes."""
@@ -204,9 +210,16 @@ def common_name(certificate: Mapping[str, Any] | None) -> str:
     return str(names[-1]) if names else ""
 
 
-async def join(one: Stream, other: Stream) -> str:
-    """Carries bytes both ways until one of the two connections ends, and returns why."""
-    heard = Heard()
+async def join(one: Stream, other: Stream, one_s: float, other_s: float) -> str:
+    """Carries bytes both ways until one of the two connections ends, and returns why.
+
+    Args:
+        one: the accepted connection.
+        other: the dialled connection.
+        one_s: how long the first may be silent.
+        other_s: how long the second may be silent.
+    """
+    heard = Heard((one_s, other_s))
     tasks = [
         asyncio.create_task(_pump(one, other, heard, 0), name="accepted"),
         asyncio.create_task(_pump(other, one, heard, 1), name="dialled"),
@@ -223,9 +236,10 @@ async def join(one: Stream, other: Stream) -> str:
 
 
 class Heard:
-    """When the last bytes came from each of two connections."""
+    """When the last bytes came from each of two connections, and how long each may be silent."""
 
-    def __init__(self) -> None:
+    def __init__(self, limits_s: tuple[float, float]) -> None:
+        self._limits_s = limits_s
         self._last_s = [now_s(), now_s()]
 
     def now(self, which: int) -> None:
@@ -233,9 +247,9 @@ class Heard:
         self._last_s[which] = now_s()
 
     async def until_silent(self) -> None:
-        """Returns when one of them has sent nothing for `SILENT_S`."""
-        while now_s() - min(self._last_s) < SILENT_S:
-            await asyncio.sleep(SILENT_S / 8)
+        """Returns when one of them has sent nothing for too long."""
+        while all(now_s() - last_s < limit_s for last_s, limit_s in zip(self._last_s, self._limits_s, strict=True)):
+            await asyncio.sleep(min(self._limits_s) / 8)
 
 
 async def _pump(source: Stream, target: Stream, heard: Heard, which: int) -> None:

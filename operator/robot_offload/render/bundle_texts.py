@@ -17,6 +17,9 @@ SETUP_VARIABLE: Final = "ROBOT_OFFLOAD_SETUP"
 WATCHDOG_S: Final = 15
 """A supervisor without a sign of life for so long is started anew with all its processes; it gives one every 5 s."""
 
+ROUTER_PRIORITY: Final = 5
+"""As the tunnel beside it asks for."""
+
 _MEANINGS: Final = {
     "agent.yaml": "the agent's configuration, a ROS 2 parameter file",
     "ddsrouter.yaml": "the configuration of the DDS Router on the robot",
@@ -81,7 +84,14 @@ def router_unit(offload: RobotOffload, folder: str) -> str:
     """A unit for systemd that runs the DDS Router."""
     return _unit(
         f"DDS Router of {offload.metadata.name}",
-        ["Type=exec", f"ExecStart=/usr/bin/env ddsrouter -c {folder}/ddsrouter.yaml", "CapabilityBoundingSet="],
+        [
+            "Type=exec",
+            f"ExecStart=/usr/bin/env ddsrouter -c {folder}/ddsrouter.yaml",
+            # Heartbeats pass through the router, which asks for no priority itself.
+            "CPUSchedulingPolicy=fifo",
+            f"CPUSchedulingPriority={ROUTER_PRIORITY}",
+            "CapabilityBoundingSet=",
+        ],
     )
 
 

@@ -85,6 +85,17 @@ def test_a_new_connection_takes_the_place_of_one_that_a_cut_left_behind(rig: Rig
     assert asyncio.run(story()) == (b"HELLO", b"")
 
 
+def test_a_far_end_that_says_nothing_is_left_although_somebody_acknowledges(rig: Rig) -> None:
+    async def story() -> bytes:
+        async with Router(rig.router), running(rig.cloud()), running(rig.robot()):
+            reader, writer = await asyncio.open_connection("127.0.0.1", rig.near)
+            found = await asyncio.wait_for(reader.read(), 5.0)
+            writer.close()
+            return found
+
+    assert asyncio.run(story()) == b""
+
+
 def test_a_robot_without_the_right_certificate_cannot_end_the_connection_of_the_robot(rig: Rig) -> None:
     async def story() -> bytes:
         async with Router(rig.router), running(rig.cloud()), running(rig.robot()):
