@@ -49,6 +49,10 @@ class Problem(Explained):
         "MessageTooLarge", "A message is larger than what the agent's processes hand over, and was left out",
         "Make the message smaller (compressed, lower resolution)",
     )  # fmt: skip
+    THINNED = (
+        "Thinned", "The link does not carry all messages of an input; the newest ones are sent",
+        "Publish it smaller, compressed or more seldom",
+    )  # fmt: skip
     NOT_LIFECYCLE = (
         "NotLifecycle", "A node that is declared as managed runs without a lifecycle",
         "Write `lifecycle: false`, or make it a managed node",

@@ -8,11 +8,13 @@ import signal
 import threading
 import time
 from functools import partial
+from pathlib import Path
 
 import pytest
 import zenoh
 
 from robot_offload_agent.errors import ConfigurationError
+from robot_offload_agent.link import zenoh_lane
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import session_config
 from robot_offload_lab.run.certificates import CertificatePaths
@@ -273,3 +275,39 @@ def test_sigterm_works_while_a_session_is_being_opened(paths: CertificatePaths, 
         time.sleep(0.7)
         robot.terminate()
         assert robot.wait(5.0) == 0
+
+
+def test_large_messages_take_a_session_of_their_own_where_the_robots_tcp_bears_loss(
+    paths: CertificatePaths, port: int, ends: Ends, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    control = tmp_path / "tcp_congestion_control"
+    control.write_text("bbr\n", encoding="ascii")
+    monkeypatch.setattr(zenoh_lane, "CONGESTION_CONTROL", control)
+    fallback = (f"tls/{HOST}:{port}",)
+    cloud = ends.open(make_settings(paths, "cloud", port, fallback=fallback))
+    robot = ends.open(make_settings(paths, "robot", port, fallback=fallback))
+    connected(robot, cloud)
+    crosses(robot, cloud)
+    listener = cloud.link._session
+    assert listener is not None
+    assert listener.protocols() == {"quic"}
+    image = os.urandom(200_000)
+
+    def arrived() -> bool:
+        robot.link.send("in/scan", b"h", image)
+        return listener.protocols() == {"quic", "tls"} and ("in/scan", b"h", image) in cloud.received
+
+    eventually(arrived, "an image through a session of its own")
+    time.sleep(1.0)
+    assert listener.connections == 1  # the same robot
+    cloud.received.clear()
+    assert robot.link.send("in/scan", b"h", image)
+    eventually(lambda: ("in/scan", b"h", image) in cloud.received, "the image again")
+    assert len(cloud.received) == 1
+    crosses(robot, cloud, "beat")
+    crosses(cloud, robot, "out/cmd")
+    assert (robot.link.status().fallback, robot.link.status().message, cloud.link.status().message) == (False, "", "")
+    robot.link.reopen("a dead verdict")
+    eventually(lambda: "tls" not in listener.protocols(), "what was buffered is dropped")
+    connected(robot, cloud)
+    crosses(robot, cloud)

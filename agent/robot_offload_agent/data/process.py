@@ -130,8 +130,12 @@ class DataShell(ABC):
         )
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
-        """Sends over the link."""
-        return self.link.send(channel, header, payload)
+        """Sends over the link; counts the bytes of each topic."""
+        sent = self.link.send(channel, header, payload)
+        name = channel.partition("/")[2]
+        if sent and name:
+            self.process.counters[f"{name}.bytes"] += len(payload)
+        return sent
 
     def link_status(self) -> tuple[bool, str]:
         """Returns whether the data session is connected, and its endpoint."""

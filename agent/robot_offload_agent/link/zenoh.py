@@ -21,6 +21,7 @@ from robot_offload_agent.link.certificate_files import certificate_problem
 from robot_offload_agent.link.port import Channel, LinkCause, LinkStatus, OnMessage
 from robot_offload_agent.link.zenoh_causes import Found
 from robot_offload_agent.link.zenoh_config import ZenohSettings, key
+from robot_offload_agent.link.zenoh_lane import LargeLane
 from robot_offload_agent.link.zenoh_log import WheelLog
 from robot_offload_agent.link.zenoh_rules import Attendance, EndpointChoice, Patience, Repetition
 from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
@@ -81,6 +82,7 @@ class ZenohLink:
         self._choice = EndpointChoice(bool(settings.fallback), settings.fallback_after_ms / 1e3)
         self._patience = Patience(settings.open_timeout_ms, settings.slow_open_timeout_ms)
         self._wheel = wheel
+        self._large = LargeLane(settings, channels)
         self._attendance = Attendance()
         self._repetition = Repetition()
         self._counters: Counter[str] = Counter()
@@ -116,7 +118,9 @@ class ZenohLink:
         if channel not in self._names:
             raise KeyError(f"channel {channel!r} is not one of {', '.join(sorted(self._names))}")
         session = self._session
-        return session is not None and self._up(session) and session.send(channel, header, payload)
+        if session is None or not self._up(session):
+            return False
+        return self._large.session_for(channel, len(payload), session).send(channel, header, payload)
 
     def _up(self, session: ZenohSession) -> bool:
         return session.connections > 0 and not self._reopening and not self._is_foreign(session)
@@ -166,11 +170,13 @@ class ZenohLink:
             if self.settings.dials and self._session is not None and not self._reopening:
                 log.info("Reopened the %s session reason=%s", self.settings.session, reason)
                 self._reopening = reason or "asked to"
+                self._large.drop()
                 self._message = f"reopening: {self._reopening}"
                 self._change.notify_all()
 
     def close(self) -> None:
         """Ends the session and its threads for good; returns within about a second."""
+        self._large.close()
         with self._change:
             self._closing = True
             self._change.notify_all()

@@ -12,9 +12,9 @@ from typing import Any
 from robot_offload_agent.errors import ConfigurationError
 
 KEY_PREFIX = "robot_offload"
-MAX_SESSIONS = 4
-"""At the cloud: the one in use, one that takes over from it, and two that ended without a goodbye and have their lease
-still, as happens on a path that is cut again and again."""
+MAX_SESSIONS = 6
+"""At the cloud: the one in use and the one for large messages, two that take over from them, and two that ended without
+a goodbye and have their lease still, as happens on a path that is cut again and again."""
 BULK_BYTES = 1000
 """Header + payload above this do not fit in one QUIC datagram (about 1150 bytes) together with their key."""
 

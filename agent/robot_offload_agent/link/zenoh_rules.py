@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from robot_offload_agent.link.port import LinkCause
@@ -73,6 +74,24 @@ class Patience:
     def succeeded(self) -> None:
         """Notes a session."""
         self.began_s, self.tries = None, 0
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Who is connected to the cloud's listener: the common name of the certificate, and `quic` or `tls`."""
+
+    name: str
+    protocol: str
+
+
+def robots(peers: Iterable[Peer]) -> int:
+    """Returns how many robots these sessions of one certificate are.
+
+    Beside one over QUIC a robot has one over TLS for its large messages (see `zenoh_lane`).
+    """
+    protocols = [peer.protocol for peer in peers]
+    lane = "quic" in protocols and "tls" in protocols
+    return len(protocols) - lane
 
 
 @dataclass

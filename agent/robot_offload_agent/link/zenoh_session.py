@@ -24,7 +24,7 @@ from robot_offload_agent.link.zenoh_config import (
     key,
     session_config,
 )
-from robot_offload_agent.link.zenoh_rules import Backlog
+from robot_offload_agent.link.zenoh_rules import Backlog, Peer, robots
 from robot_offload_agent.process.clock import now_s
 
 log = logging.getLogger(__name__)
@@ -58,8 +58,8 @@ class ZenohSession:
 
     Attributes:
         fallback: the robot dialled the fallback.
-        connections: to the other side, now; who shows another certificate is not counted. A robot's is 1 and then 0
-            for ever: nothing reconnects within a session.
+        connections: to the other side, now; who shows another certificate is not counted, nor is a robot's second
+            one for large messages. A robot's is 1 and then 0 for ever: nothing reconnects within a session.
         opened: how many connections there have been.
         received: how many messages of the other side arrived.
         served_uid: whom the cloud serves, if it has said so: it does to a robot that is silent under that uid.
@@ -88,7 +88,7 @@ class ZenohSession:
         self.served_uid = ""
         self.strangers: frozenset[str] = frozenset()
         self.foreign = 0
-        self._peers: dict[str, str] = {}  # of the cloud: session -> common name
+        self._peers: dict[str, Peer] = {}  # of the cloud, by session
         self._outlets: dict[str, _Outlet] = {}
         self._lock = threading.Lock()
         self._declared: list[Any] = []
@@ -132,11 +132,7 @@ class ZenohSession:
             zenoh.ZError: the session has ended.
         """
         settings = self.settings
-        for channel in channels:
-            self._outlets[channel.name] = self._make_outlet(channel)
-        self._acknowledgements = self._publish(acknowledgement_key(settings, settings.side), urgent=True)
-        heard = acknowledgement_key(settings, settings.other_side)
-        self._declared.append(self._session.declare_subscriber(heard, self._acknowledged))
+        self._declare_outlets(channels)
         for channel in channels:
 
             def receive(sample: zenoh.Sample, name: str = channel.name) -> None:
@@ -149,6 +145,32 @@ class ZenohSession:
             self._declared.append(self._session.declare_subscriber(UID_KEY, self._introduced))
         else:
             self._introduction = self._publish(UID_KEY, reliable=True)
+        self._attend(on_connection)
+
+    def speak(self, channels: Sequence[Channel], on_connection: Callable[[ZenohSession], None]) -> None:
+        """Declares all channels for sending only: beside another session that hears.
+
+        Args:
+            channels: the same as on the other side.
+            on_connection: see `declare`.
+
+        Raises:
+            zenoh.ZError: the session has ended.
+        """
+        self._declare_outlets(channels)
+        self._attend(on_connection)
+
+    def _declare_outlets(self, channels: Sequence[Channel]) -> None:
+        settings = self.settings
+        for channel in channels:
+            self._outlets[channel.name] = self._make_outlet(channel)
+        self._acknowledgements = self._publish(acknowledgement_key(settings, settings.side), urgent=True)
+        heard = acknowledgement_key(settings, settings.other_side)
+        self._declared.append(self._session.declare_subscriber(heard, self._acknowledged))
+
+    def _attend(self, on_connection: Callable[[ZenohSession], None]) -> None:
+        """Follows who connects and who leaves."""
+        settings = self.settings
 
         def changed(event: Any) -> None:
             up = event.kind == zenoh.SampleKind.PUT
@@ -170,14 +192,16 @@ class ZenohSession:
         """Notes that somebody came or went at the cloud."""
         known = (self.settings.peer_name, *self.settings.observers)
         if up:
-            names = {link.auth_identifier or "" for link in self._session.info.links() if str(link.zid) == session}
-            self._peers[session] = min(names, default="")
-            self.opened += self._peers[session] == self.settings.peer_name
-            self.foreign += self._peers[session] not in known
+            links = [link for link in self._session.info.links() if str(link.zid) == session]
+            name = min((link.auth_identifier or "" for link in links), default="")
+            protocol = min((link.src.partition("/")[0] for link in links), default="")
+            self._peers[session] = Peer(name, protocol)
+            self.opened += name == self.settings.peer_name
+            self.foreign += name not in known
         else:
             self._peers.pop(session, None)
-        self.connections = sum(name == self.settings.peer_name for name in self._peers.values())
-        self.strangers = frozenset(name for name in self._peers.values() if name not in known)
+        self.connections = robots(peer for peer in self._peers.values() if peer.name == self.settings.peer_name)
+        self.strangers = frozenset(peer.name for peer in self._peers.values() if peer.name not in known)
 
     def introduce(self) -> None:
         """Says which uid the cloud serves."""

@@ -11,6 +11,7 @@ from robot_offload_core.placement import DataReported
 from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
 from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CloudTypes, DataStatus, Limits, Orders
 from robot_offload_core.process.probe import Probe
+from robot_offload_core.process.thinning import Thinning
 from robot_offload_core.token import Token
 
 RESEND_PERIOD_S = 0.5
@@ -35,6 +36,7 @@ class RobotDataProcess(DataProcess):
         self.index = {output.name: index for index, output in enumerate(plan.outputs)}
         self.aged = {i.name for i in plan.inputs if i.max_age_ms > 0}
         self.least_s: dict[str, float] = {}
+        self.thinning = {i.name: Thinning(ports.now_s()) for i in plan.inputs}
         self._limit_rates((i.name, i.max_age_ms, i.rate_hz) for i in plan.inputs)
 
     def forward(self, name: str, payload: Any, publishers: int = 1) -> None:
@@ -62,6 +64,7 @@ class RobotDataProcess(DataProcess):
         header = envelope.encode(Envelope(token, sequence, heard.sent_us if heard else 0))
         sent = self.ports.cross(f"in/{name}", header, payload)
         self.counters[f"{name}.{'sent' if sent else 'unsent'}"] += 1
+        self.thinning[name].count(len(payload) if sent else 0, sent=sent)
 
     def order(self, message: object) -> None:
         """Takes the identity from control, and what has passed from the collector, for consumers in the cloud."""
@@ -112,6 +115,9 @@ class RobotDataProcess(DataProcess):
     def report(self, now_s: float, detailed: bool) -> None:
         """Reports to control."""
         connected, endpoint = self.ports.link_status()
+        for name, thinning in self.thinning.items():
+            if thinning.is_due(now_s):
+                self.note(f"thinned {name}", thinning.judge(name, now_s, connected=connected))
         received = self.probe
         report = DataReported(connected, self.probe_age_s(now_s), received.incarnation if received else "")
         replicas = tuple(sorted(received.nodes.items())) if received and detailed else ()

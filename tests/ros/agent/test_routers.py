@@ -85,6 +85,8 @@ def test_a_robot_that_starts_without_a_link_or_gets_another_address_comes_in(bui
     world = build(link="router")
     space = world.namespace("robot")
     ip("-n", space, "link", "set", "link0", "down")
+    world.routers.kill("robot-router")  # on a robot that boots, everything starts without the interface
+    world.routers.run_part("robot", "router")
     for side in ("cloud", "robot"):
         world.start_agent(side)
         world.start_node(side)

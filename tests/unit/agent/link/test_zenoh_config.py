@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link.zenoh_config import ZenohSettings, acknowledgement_key, key, session_config
-from robot_offload_agent.link.zenoh_rules import Backlog, EndpointChoice, Patience
+from robot_offload_agent.link.zenoh_rules import Backlog, EndpointChoice, Patience, Peer, robots
 
 
 def settings(**changes: Any) -> ZenohSettings:
@@ -227,3 +227,11 @@ def test_after_a_session_attempts_are_short_again() -> None:
     patience.next_ms(20.0)
     patience.succeeded()
     assert [patience.next_ms(21.0), patience.next_ms(22.0)] == [500, 500]
+
+
+@pytest.mark.parametrize(
+    ("protocols", "count"),
+    [("", 0), ("quic", 1), ("tls", 1), ("quic tls", 1), ("quic quic", 2), ("quic tls tls", 2), ("tls tls", 2)],
+)
+def test_a_session_for_large_messages_is_no_second_robot(protocols: str, count: int) -> None:
+    assert robots(Peer("walker-1", one) for one in protocols.split()) == count

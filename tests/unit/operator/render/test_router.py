@@ -106,6 +106,8 @@ def test_the_routers_meet_inside_the_tunnel_and_send_at_once() -> None:
         assert participant.get("profile_name") == wan["profile"]
         assert [one.text for one in root.findall(".//x:enable_tcp_nodelay", names)] == ["true"]
         assert [one.text for one in root.findall(".//x:listening_ports/x:port", names)] == ["11668"] * listens
+        # 3 s by itself: inputs would stay stale for so long after a cut.
+        assert root.find(".//x:data_writer[@is_default_profile='true']//x:heartbeat_period", names) is not None
         addresses = {one.text for one in root.findall(".//x:address", names)}
         assert addresses == {"127.0.0.1"}
         assert {one.text for one in root.findall(".//x:physical_port", names)} == {"11667"}

@@ -1,0 +1,138 @@
+"""A session of their own for large messages: TLS over TCP, where the robot's TCP bears lost packets.
+
+The wheel's QUIC takes a lost packet for a full link (Cubic) and has no setting for anything else: at 10 ms round trip
+0.1 % of lost packets leave it a third of 9 MB/s. The robot's kernel may do better (BBR), and then large messages go
+through its TCP, on the port where the cloud listens for the fallback. They never hold up the small ones: those stay
+where they are. What was measured stands in docs/how-to/transports.md.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import zenoh
+
+from robot_offload_agent.link.port import Channel
+from robot_offload_agent.link.zenoh_config import ZenohSettings
+from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
+
+log = logging.getLogger(__name__)
+
+LARGE_BYTES = 32 * 1024
+"""A channel with a message above this is one of large messages: images, point clouds, maps."""
+CONGESTION_CONTROL = Path("/proc/sys/net/ipv4/tcp_congestion_control")
+_RETRY_S = 1.0
+_LONGEST_RETRY_S = 30.0
+
+
+def bears_loss() -> bool:
+    """Returns whether new TCP connections of this network namespace bear lost packets."""
+    try:
+        return CONGESTION_CONTROL.read_text(encoding="ascii").startswith("bbr")
+    except OSError:
+        return False
+
+
+class LargeLane:
+    """The robot's session for large messages. It is opened when the first one comes, beside the session over QUIC."""
+
+    def __init__(self, settings: ZenohSettings, channels: Sequence[Channel]) -> None:
+        """Opens nothing yet.
+
+        Args:
+            settings: of the link.
+            channels: those of the link.
+        """
+        self._settings = settings
+        self._channels = tuple(channels)
+        self._usable = settings.dials and settings.session == "data" and bool(settings.fallback) and bears_loss()
+        self._large: set[str] = set()
+        self._change = threading.Condition()
+        self._thread: threading.Thread | None = None
+        # What follows is guarded by _change; the session may be read without.
+        self._session: ZenohSession | None = None
+        self._wanted = False
+        self._closing = False
+
+    def session_for(self, channel: str, size: int, main: ZenohSession) -> ZenohSession:
+        """Returns the session that carries a message.
+
+        Args:
+            channel: its name.
+            size: of the message, bytes.
+            main: the link's session.
+        """
+        if size > LARGE_BYTES:
+            self._large.add(channel)
+        if not self._usable or channel not in self._large:
+            return main
+        wanted = not main.fallback  # over TLS both would be the same
+        if wanted != self._wanted:
+            self._want(wanted)
+        session = self._session
+        return session if wanted and session is not None and session.connections > 0 else main
+
+    def _want(self, wanted: bool) -> None:
+        with self._change:
+            self._wanted = wanted
+            if wanted and self._thread is None and not self._closing:
+                self._thread = threading.Thread(target=self._run, name="link-large", daemon=True)
+                self._thread.start()
+            self._change.notify_all()
+
+    def drop(self) -> None:
+        """Ends the session with what is buffered in it; the next large message opens another."""
+        self._want(False)
+
+    def close(self) -> None:
+        """Ends it for good; returns at once."""
+        with self._change:
+            self._closing = True
+            self._change.notify_all()
+
+    # -- the thread ---------------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        retry_s = _RETRY_S
+        while not self._closing:
+            with self._change:
+                self._change.wait_for(lambda: self._wanted or self._closing)
+            session = None if self._closing else self._open()
+            if session is None:
+                with self._change:
+                    self._change.wait_for(lambda: self._closing, retry_s)
+                retry_s = min(2 * retry_s, _LONGEST_RETRY_S)
+                continue
+            retry_s = _RETRY_S
+            self._use(session)
+
+    def _open(self) -> ZenohSession | None:
+        settings = self._settings
+        try:
+            session = ZenohSession(settings, True, settings.open_timeout_ms)
+        except (PeerRefusedError, zenoh.ZError) as error:
+            log.debug("No session for large messages came about: %s", error)
+            return None
+        try:
+            session.speak(self._channels, self._ended)
+        except zenoh.ZError:
+            session.close()
+            return None
+        return session
+
+    def _use(self, session: ZenohSession) -> None:
+        """Returns when the session has ended or is not wanted any more."""
+        log.info("Opened a session for large messages endpoint=%s", ", ".join(self._settings.fallback))
+        with self._change:
+            self._session = session
+            self._change.wait_for(lambda: self._closing or not self._wanted or session.connections == 0)
+            self._session = None
+        # Beside, for closing may hang as long as the network does.
+        threading.Thread(target=session.close, name="link-large-close", daemon=True).start()
+
+    def _ended(self, _: ZenohSession) -> None:
+        with self._change:
+            self._change.notify_all()

@@ -1,0 +1,61 @@
+"""How much of a topic the link takes, and what to say when that is less than is published. Pure: time is passed in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+WINDOW_S = 5.0
+"""Over which is counted: long enough that one cut of a second is no thinning."""
+LEAST_OFFERED = 10
+LEAST_REFUSED_SHARE = 0.2
+
+
+@dataclass
+class Thinning:
+    """Counts one topic's messages in windows.
+
+    Attributes:
+        began_s: when the present window began.
+        offered, sent, sent_bytes: messages since then.
+        problem: (reason, message) of the last whole window; None: the link took nearly everything.
+    """
+
+    began_s: float
+    offered: int = 0
+    sent: int = 0
+    sent_bytes: int = 0
+    problem: tuple[str, str] | None = None
+
+    def count(self, size: int, *, sent: bool) -> None:
+        """Counts a message that was offered to the link; `size`: bytes that it took."""
+        self.offered += 1
+        self.sent += sent
+        self.sent_bytes += size
+
+    def is_due(self, now_s: float) -> bool:
+        """Returns whether the window is over."""
+        return now_s - self.began_s >= WINDOW_S
+
+    def judge(self, name: str, now_s: float, *, connected: bool) -> tuple[str, str] | None:
+        """Ends the window; returns what is to be said of it.
+
+        Args:
+            name: of the topic.
+            now_s: the present.
+            connected: whether there is a session at all; without one nothing is thinned, there is no link.
+        """
+        passed_s, offered, sent, size = now_s - self.began_s, self.offered, self.sent, self.sent_bytes
+        refused = offered - sent
+        self.began_s, self.offered, self.sent, self.sent_bytes = now_s, 0, 0, 0
+        thinned = connected and offered >= LEAST_OFFERED and refused >= LEAST_REFUSED_SHARE * offered
+        self.problem = (
+            (
+                "Thinned",
+                f"The link carries {sent / passed_s:.1f} of {offered / passed_s:.1f} messages a second of {name} "
+                f"({size / passed_s / 1e6:.1f} MB/s); the newest ones are sent. Publish it smaller, compressed or "
+                "more seldom",
+            )
+            if thinned
+            else None
+        )
+        return self.problem
