@@ -48,14 +48,12 @@ class Thinning:
         refused = offered - sent
         self.began_s, self.offered, self.sent, self.sent_bytes = now_s, 0, 0, 0
         thinned = connected and offered >= LEAST_OFFERED and refused >= LEAST_REFUSED_SHARE * offered
-        self.problem = (
-            (
-                "Thinned",
+        self.problem = None
+        if connected and offered >= LEAST_OFFERED and refused >= LEAST_REFUSED_SHARE * offered:
+            message = (
                 f"The link carries {sent / passed_s:.1f} of {offered / passed_s:.1f} messages a second of {name} "
                 f"({size / passed_s / 1e6:.1f} MB/s); the newest ones are sent. Publish it smaller, compressed or "
-                "more seldom",
+                "more seldom"
             )
-            if thinned
-            else None
-        )
+            self.problem = ("Thinned", message)
         return self.problem
