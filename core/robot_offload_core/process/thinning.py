@@ -47,7 +47,6 @@ class Thinning:
         passed_s, offered, sent, size = now_s - self.began_s, self.offered, self.sent, self.sent_bytes
         refused = offered - sent
         self.began_s, self.offered, self.sent, self.sent_bytes = now_s, 0, 0, 0
-        thinned = connected and offered >= LEAST_OFFERED and refused >= LEAST_REFUSED_SHARE * offered
         self.problem = None
         if connected and offered >= LEAST_OFFERED and refused >= LEAST_REFUSED_SHARE * offered:
             message = (
