@@ -46,8 +46,13 @@ def programs(system: System, certificates: CertificatePaths) -> Iterator[Program
         local = {"name": name, "kind": "local", "domain": domain, "transport": "udp"}
         xml = dds_router_xml.profile(listening=port, meeting=meeting)
         file = _write(system.out / f"{side}-router.yaml", dds_router.configuration(system.offload, local, xml))
-        command, priority = (binary(), "-c", str(file)), ROUTER_PRIORITY if system.realtime else 0
-        yield Program(f"{side}-router", command, system.out, {"HOME": str(system.temporary)}, priority=priority)
+        yield Program(
+            f"{side}-router",
+            (binary(), "-c", str(file)),
+            system.out,
+            {"HOME": str(system.temporary)},
+            priority=ROUTER_PRIORITY if system.realtime else 0,
+        )
         file = _write(system.out / f"{side}-tunnel.yaml", {**end, "realtime": system.realtime})
         command = (sys.executable, "-m", "robot_offload_agent.tunnel.main", "--params", str(file))
         yield Program(f"{side}-tunnel", command, system.out, dict(os.environ))
