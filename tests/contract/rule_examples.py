@@ -301,11 +301,12 @@ BROKEN: tuple[Example, ...] = (
 
 _KEPT_WORDS: tuple[tuple[str, str, Any], ...] = (
     ("services", f"{_CONTROLLER}.services", [PLAN, {**PLAN, "name": "/clear", "mode": "Both", "timeout": "10ms"}]),
-    ("services", "spec.nodes.2.services", [PLAN | {"mode": "Idempotent"}]),
-    ("actions", _ACTION, [RESENT, {**FOLLOW, "name": "/spin", "onSwitch": "Hold", "holdFor": "1s"}]),
+    ("cloudNames", "spec.nodes.2.services", [PLAN | {"mode": "Idempotent"}]),
+    ("Hold", _ACTION, [RESENT, {**FOLLOW, "name": "/spin", "onSwitch": "Hold", "holdFor": "1s"}]),
+    ("actions", _ACTION, [RESENT, {**FOLLOW, "name": "/spin", "onSwitch": "Abort"}]),
     ("actions", _ACTION, [RESENT | {"accept": "Holder"}]),
-    ("actions", "spec.nodes.2.actions", [FOLLOW]),
-    ("actions", _CONTROLLER, {**_HOT, "standby": {"robot": "Hot"}, "actions": [RESENT | {"mirror": True}]}),
+    ("cloudNames", "spec.nodes.2.actions", [FOLLOW]),
+    ("mirror", _CONTROLLER, {**_HOT, "standby": {"robot": "Hot"}, "actions": [RESENT | {"mirror": True}]}),
     ("uses", f"{_CONTROLLER}.uses", {"services": [PLAN], "actions": [FOLLOW | {"cancelAfter": "0s"}]}),
     ("uses", "spec.nodes.2.uses", {"actions": [FOLLOW]}),
     ("state", _STATE, [{"topic": "/amcl_pose", "restore": "/initialpose"}, {"parameters": {}},

@@ -305,12 +305,16 @@ BY_TIME = {"scale.idleTimeout"}
 
 # Refused until it is built, so nothing that is rendered shows it: the words' own tests judge it.
 _REFUSED = tuple(
-    f"{word.path}.{word.field}".removeprefix("spec.") for key, word in not_yet.NOT_YET.items() if key != "plain"
+    f"{word.path}.{word.field}".removeprefix("spec.")
+    for key, word in not_yet.NOT_YET.items()
+    if key not in ("plain", "Race", "Hold", "cloudNames")  # one value of a field that is built
 )
 
 
 def refused(field: str) -> bool:
     """Whether the field, or the block around it, is a word that is not built yet."""
+    if field == "nodes[].actions[].holdFor":
+        return not not_yet.built("Hold")
     return any(field == word or field.startswith((f"{word}.", f"{word}[]")) for word in _REFUSED)
 
 

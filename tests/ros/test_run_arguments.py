@@ -7,9 +7,12 @@ from typing import Any
 
 import pytest
 import rclpy
+from rclpy.action import ActionClient, ActionServer
 from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import String
+from test_msgs.action import Fibonacci
+from test_msgs.srv import Empty
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.names import SIDES, Side
@@ -45,6 +48,23 @@ PARAMETERS: dict[str, Any] = {
     "rates": [1.0, 2.0],
     "nested": {"deep": {"value": 5}},
 }
+
+
+SERVED = parse_object(
+    changed(
+        "spec.nodes.1",
+        {
+            "name": "controller",
+            "placement": "Duplicated",
+            "run": {"command": ["a"], "remap": {"plan": "/w7/make_plan"}},
+            "actions": [{"name": "/w7/follow", "type": "test_msgs/action/Fibonacci", "onSwitch": "Resend"}],
+            "services": [{"name": "/w7/make_plan", "type": "test_msgs/srv/Empty"}],
+            "uses": {"actions": [{"name": "/dock", "type": "test_msgs/action/Fibonacci"}]},
+        },
+    ),
+    "served.yaml",
+    rules=(),
+)
 
 
 @pytest.fixture
@@ -105,8 +125,9 @@ def test_parameters_arrive_with_their_values_and_types(context: Context) -> None
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_ros_itself_reads_the_agent_configuration(side: Side, tmp_path: Any) -> None:
-    offload = parse_object(sample(), "sample.yaml")
+@pytest.mark.parametrize("served", [False, True])
+def test_ros_itself_reads_the_agent_configuration(side: Side, served: bool, tmp_path: Any) -> None:
+    offload = SERVED if served else parse_object(sample(), "sample.yaml")
     site = AgentSite(side, "127.0.0.1", "ca.pem", "own.pem", "own.key")
     file = tmp_path / "params.yaml"
     file.write_text(agent_config(offload, site))
@@ -120,3 +141,29 @@ def test_ros_itself_reads_the_agent_configuration(side: Side, tmp_path: Any) -> 
     finally:
         node.destroy_node()
         context.try_shutdown()
+
+
+HIDDEN = ("send_goal", "cancel_goal", "get_result")
+
+
+@pytest.mark.parametrize("context", [run_arguments(SERVED.spec, SERVED.spec.nodes[1], "robot")], indirect=True)
+def test_services_and_actions_get_their_private_names(context: Context) -> None:
+    node = Node("controller", context=context, namespace="/w7", start_parameter_services=False)
+    served = ActionServer(node, Fibonacci, "follow", lambda _: Fibonacci.Result())
+    used = ActionClient(node, Fibonacci, "/dock")
+    service = node.create_service(Empty, "plan", lambda _, answer: answer)
+    try:
+        found = dict(node.get_service_names_and_types_by_node(node.get_name(), node.get_namespace()))
+        private = {f"/offload/robot/w7/follow/_action/{it}" for it in HIDDEN} | {"/offload/robot/w7/make_plan"}
+        assert private <= set(found)
+        called = dict(node.get_client_names_and_types_by_node(node.get_name(), node.get_namespace()))
+        assert {f"/offload/robot/dock/_action/{it}" for it in HIDDEN} <= set(called)
+        said = dict(node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace()))
+        assert {f"/offload/robot/w7/follow/_action/{it}" for it in ("feedback", "status")} <= set(said)
+        public = {"/w7/follow", "/w7/make_plan", "/dock", "/w7/plan"}
+        assert not [name for name in (*found, *called, *said) if name.partition("/_action")[0] in public]
+    finally:
+        served.destroy()
+        used.destroy()
+        node.destroy_service(service)
+        node.destroy_node()

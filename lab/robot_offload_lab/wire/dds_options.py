@@ -82,6 +82,8 @@ def _carried(spec: RobotOffloadSpec) -> Iterator[Carried]:
         for _, output in spec.collected_outputs:
             chosen = _WORDS.get((output.qos.reliability if output.qos else "") or "", "reliable")
             yield Carried(f"/offload/link/{side}/out_{identifier(output.topic)}", direction, FRAME_TYPE, chosen)
+        if any(node.offered or node.called for node in spec.nodes):
+            yield Carried(f"/offload/link/{side}/relay", direction, FRAME_TYPE, "reliable")
     for topic in spec.topics.to_cloud:
         chosen = _WORDS.get((topic.qos.reliability if topic.qos else "") or "", "")
         yield Carried(topic.name, "up", topic.type or "", chosen, topic.latched)

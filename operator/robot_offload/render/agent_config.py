@@ -71,7 +71,7 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
     nodes = nodes_on(spec, site.side)
     outputs = spec.collected_outputs
     inputs = spec.topics.to_cloud
-    return {
+    parameters = {
         "side": site.side,
         "uid": site.uid or offload.metadata.name,
         "robot_name": offload.metadata.name,
@@ -92,6 +92,8 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         "input": {identifier(topic.name): _input(topic) for topic in inputs},
         **handed_over(spec),
     }
+    # rcl's reader of parameter files refuses a file in which an empty mapping is followed by something else.
+    return {name: value for name, value in parameters.items() if value != {}}
 
 
 def runtime_parameters(offload: RobotOffload, generation: int) -> dict[str, Any]:
@@ -113,7 +115,7 @@ def start_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
     kept = {name: value for name, value in parameters.items() if name not in RUN_TIME}
     inputs = {
         name: {key: value for key, value in values.items() if key not in RUN_TIME_INPUT}
-        for name, values in parameters["input"].items()
+        for name, values in parameters.get("input", {}).items()
     }
     return {**kept, "input": inputs}
 

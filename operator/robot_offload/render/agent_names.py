@@ -54,9 +54,7 @@ def handed_over(spec: RobotOffloadSpec) -> dict[str, Any]:
     states = dict(_states(spec))
     groups = {"service": services, "action": actions, "used_service": used_services, "used_action": used_actions,
               "state": states}  # fmt: skip
-    return {
-        name: value for group, them in groups.items() for name, value in ((f"{group}s", listed(them)), (group, them))
-    }
+    return {f"{group}s": listed(them) for group, them in groups.items()} | groups
 
 
 def _client(node: Node) -> dict[str, Any]:

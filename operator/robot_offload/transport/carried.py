@@ -41,3 +41,5 @@ def _agents(spec: RobotOffloadSpec, side: str) -> Iterator[tuple[str, str]]:
     yield f"/offload/link/{side}/probe", _FRAME_TYPE
     for _, output in spec.collected_outputs:
         yield f"/offload/link/{side}/out_{identifier(output.topic)}", _FRAME_TYPE
+    if any(node.offered or node.called for node in spec.nodes):
+        yield f"/offload/link/{side}/relay", _FRAME_TYPE

@@ -49,6 +49,7 @@ def _empty(field: str) -> str:
 
 
 _NODE, _OUTPUT, _INPUT, _SWITCHING = "spec.nodes[]", "spec.nodes[].outputs[]", "spec.topics.toCloud[]", "spec.switching"
+_ACTION = "spec.nodes[].actions[]"
 _IN_NODE, _IN_OUTPUT, _IN_INPUT = "spec.nodes.1", "spec.nodes.1.outputs.0", "spec.topics.toCloud.1"
 _PLAN = {"name": "/make_plan", "type": "nav_msgs/srv/GetPlan"}
 _FOLLOW = {"name": "/follow_path", "type": "nav2_msgs/action/FollowPath"}
@@ -75,15 +76,26 @@ NOT_YET: Final[dict[str, Word]] = {
         "or another placement",
         (f"{_IN_NODE}.lifecycle", False),
     ),
-    "services": Word(
-        _NODE, "services", _empty("services"), lambda it: bool(it.services),
-        "let clients call the node on their own side",
-        (f"{_IN_NODE}.services", [_PLAN]),
+    "Race": Word(
+        "spec.nodes[].services[]", "mode", "self.mode != 'Race'", lambda it: it.mode == "Race",
+        "write Idempotent instead of Race",
+        (f"{_IN_NODE}.services", [_PLAN | {"mode": "Race"}]),
     ),
-    "actions": Word(
-        _NODE, "actions", _empty("actions"), lambda it: bool(it.actions),
-        "let clients send goals to the node on their own side",
-        (f"{_IN_NODE}.actions", [_FOLLOW | {"onSwitch": "Resend"}]),
+    "Hold": Word(
+        _ACTION, "onSwitch", "!has(self.onSwitch) || self.onSwitch != 'Hold'", lambda it: it.on_switch == "Hold",
+        "write Abort instead of Hold", (f"{_IN_NODE}.actions", [_FOLLOW | {"onSwitch": "Hold"}]),
+    ),
+    "mirror": Word(
+        _ACTION, "mirror", "!self.mirror", lambda it: it.mirror, "the robot gets the goal after a loss without it",
+        (f"{_IN_NODE}.actions", [_FOLLOW | {"onSwitch": "Resend", "mirror": True}]),
+    ),
+    "cloudNames": Word(
+        _NODE, "placement",
+        "self.placement != 'Cloud' || !((has(self.services) && size(self.services) > 0) || "
+        "(has(self.actions) && size(self.actions) > 0))",
+        lambda it: it.placement == "Cloud" and bool(it.offered),
+        "only Duplicated nodes offer services and actions to the robot; let a Cloud node publish its results",
+        ("spec.nodes.2.services", [_PLAN]),
     ),
     "uses": Word(
         _NODE, "uses",
