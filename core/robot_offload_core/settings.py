@@ -150,22 +150,26 @@ class Rule:
     broken: Callable[[Settings], str]
 
 
+EPSILON_S = 1e-9
+"""Values arrive as whole milliseconds; their sums as floating-point numbers differ by less."""
+
+
 def _positive(name: str) -> Rule:
     return Rule(name, lambda s: "" if getattr(s, name) > 0 else "must be greater than 0")
 
 
 def _loss_timeout(s: Settings) -> str:
-    holds = s.loss_timeout_s >= 2 * s.beat_period_s
-    return "" if holds else "must be at least two beat periods, one lost beat is normal"
+    holds = s.loss_timeout_s > 2 * s.beat_period_s + EPSILON_S
+    return "" if holds else "must be more than two beat periods, one lost beat is normal"
 
 
 def _tolerance(s: Settings) -> str:
-    return "" if s.allowed_loop_s > 0 else "robot period + tolerance - cloud period must be greater than 0"
+    return "" if s.allowed_loop_s > EPSILON_S else "robot period + tolerance - cloud period must be greater than 0"
 
 
 def _lease(s: Settings) -> str:
     least_s = s.echo_limit_s + 2 * s.beat_period_s
-    if s.lease_s >= least_s - 1e-9:
+    if s.lease_s >= least_s - EPSILON_S:
         return ""
     return f"must be at least {least_s:.3f} (loss timeout + allowed loop latency + two beats)"
 
@@ -173,6 +177,10 @@ def _lease(s: Settings) -> str:
 def _prepare_deadline(s: Settings) -> str:
     holds = not s.prepare_deadline_s or s.prepare_deadline_s >= s.activation_deadline_s
     return "" if holds else "must be at least the activation deadline, nodes become Active within it"
+
+
+def _hold_down(s: Settings) -> str:
+    return "" if s.hold_down_initial_s <= s.hold_down_max_s else "must not exceed hold_down_max_s, which it grows to"
 
 
 def _settle_for(s: Settings) -> str:
@@ -186,7 +194,11 @@ def _max_message_size(s: Settings) -> str:
 
 def _max_command_age(s: Settings) -> str:
     least_s = s.allowed_loop_s + s.beat_period_s
-    return "" if s.max_command_age_s > least_s else f"must exceed {least_s:.3f} (allowed loop latency + one beat)"
+    return (
+        ""
+        if s.max_command_age_s > least_s + EPSILON_S
+        else f"must exceed {least_s:.3f} (allowed loop latency + one beat)"
+    )
 
 
 RULES: tuple[Rule, ...] = (
@@ -199,6 +211,7 @@ RULES: tuple[Rule, ...] = (
     Rule("lease_s", _lease),
     Rule("max_command_age_s", _max_command_age),
     Rule("prepare_deadline_s", _prepare_deadline),
+    Rule("hold_down_initial_s", _hold_down),
     Rule("settle_for_s", _settle_for),
     Rule("max_message_size", _max_message_size),
 )  # fmt: skip

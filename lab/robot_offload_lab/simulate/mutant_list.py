@@ -675,7 +675,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                "    if collector.next is None or any(o.spec.deadline_s > 0 for o in collector.outputs):",
+                "    if collector.next is None or any(o.spec.rated for o in collector.outputs):",
                 "    if True:",
             ),
         ),
@@ -757,8 +757,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "limits",
-                "if (limit.only_acting and not acting) or (stalled and limit.basis is Basis.SILENCE):",
-                "if (limit.only_acting and not acting) or stalled:",
+                "(limit.only_acting and not acting) or (stalled and limit.basis is Basis.SILENCE):",
+                "(limit.only_acting and not acting) or stalled:",
             ),
         ),
     ),

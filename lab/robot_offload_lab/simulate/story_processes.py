@@ -52,17 +52,18 @@ def long_stall_of_control() -> None:
 
 def stall_on_old_news() -> None:
     """After a stall of its own control begins nothing on news from before it."""
-    stage = Stage(settings=Settings(prefer=Site.ROBOT))
-    stage.start()
-    stage.run(2.5)
-    control = stage.robot.control
-    before = len(stage.seen.decisions)
-    stage.stall(control, 0.3)
-    stage.world.after(0.05, stage.cut)
-    stage.world.after(0.2, control.deliver, control.step, SwitchByHand(Site.CLOUD))
-    stage.run(1.3)
-    begun = [d for _, d in stage.seen.decisions[before:] if d.phase is Phase.TO_CLOUD]
-    stage.expect(not begun, "an attempt was begun on old news")
+    for number in range(4):
+        stage = Stage(f"story {number}", settings=Settings(prefer=Site.ROBOT))
+        stage.start()
+        stage.run(2.5)
+        control = stage.robot.control
+        before = len(stage.seen.decisions)
+        stage.stall(control, 0.3)
+        stage.world.after(0.05, stage.cut)
+        stage.world.after(0.2, control.deliver, control.step, SwitchByHand(Site.CLOUD))
+        stage.run(1.3)
+        begun = [d for _, d in stage.seen.decisions[before:] if d.phase is Phase.TO_CLOUD]
+        stage.expect(not begun, "an attempt was begun on old news")
 
 
 def short_stall_of_control() -> None:

@@ -1,0 +1,131 @@
+"""Times that cannot work together are refused by the resource and by the agent alike: the same rules on both sides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+import yaml
+
+from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.api.v1alpha1.rules import RULES
+from robot_offload.errors import SpecError
+from robot_offload.render.agent_config import AgentSite, agent_config
+from robot_offload_agent.errors import ConfigurationError
+from robot_offload_agent.settings import parameters as agent
+from robot_offload_core import settings as core
+from tests.unit.specs import changed
+
+OF_THE_AGENT_ALONE = {"max_message_size", "settle_for_s"}
+"""Refused by the range of the field in the resource already."""
+POSITIVE = {"beat_period_s", "loss_timeout_s", "lease_s", "max_command_age_s", "robot_period_s", "cloud_period_s",
+            "activation_deadline_s", "cancel_deadline_s"}  # fmt: skip
+"""Must be greater than 0, which the ranges of the fields say too."""
+
+
+@dataclass(frozen=True)
+class Times:
+    """Times in ms, all well inside every rule."""
+
+    beat: int
+    robot: int
+    cloud: int
+    tolerance: int
+
+    @property
+    def loss(self) -> int:
+        return 4 * self.beat + self.beat // 2 + 10
+
+    @property
+    def loop(self) -> int:
+        return self.robot + self.tolerance - self.cloud
+
+    def switching(self, **changes: Any) -> dict[str, Any]:
+        latency = {"robotPeriod": self.robot, "cloudPeriod": self.cloud, "tolerance": self.tolerance}
+        values = {
+            "heartbeatPeriod": self.beat, "lossTimeout": self.loss,
+            "lease": max(50, self.loss + self.loop + 2 * self.beat + 50),
+            "maxCommandAge": max(10, self.loop + self.beat + 50), "activationDeadline": 250,
+        }  # fmt: skip
+        latency |= {name: changes.pop(name) for name in tuple(changes) if name in latency}
+        hold_down = {name: changes.pop(name) for name in tuple(changes) if name in ("initial", "max")}
+        values |= changes
+        return {
+            **{name: f"{value}ms" for name, value in values.items()},
+            "latency": {name: f"{value}ms" for name, value in latency.items()},
+            **({"holdDown": {name: f"{value}ms" for name, value in hold_down.items()}} if hold_down else {}),
+        }
+
+
+BASES = (Times(20, 50, 20, 30), Times(25, 100, 33, 7), Times(30, 80, 10, 0), Times(999, 200, 50, 300))
+NEAR = (-1, 0, 1)
+
+
+def bounds(times: Times) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yields, for each rule, times below, at and above its bound."""
+    for by in NEAR:
+        yield "loss_timeout_s", times.switching(lossTimeout=2 * times.beat + by)
+        yield "tolerance_s", times.switching(robotPeriod=times.cloud + by, tolerance=0)
+        yield "lease_s", times.switching(lease=times.loss + times.loop + 2 * times.beat + by)
+        yield "max_command_age_s", times.switching(maxCommandAge=times.loop + times.beat + by)
+        yield "hold_down_initial_s", times.switching(initial=2000 + by, max=2000)
+        yield "prepare_deadline_s", times.switching(prepareDeadline=250 + by)
+
+
+CASES = [(path, switching) for times in BASES for path, switching in bounds(times)]
+
+
+OF_TIMES = [
+    rule for rule in RULES
+    if rule.path.startswith("spec.switching") and rule.reason in ("TooShort", "NeverInCloud", "OutOfRange")
+]  # fmt: skip
+
+
+def resource_says(switching: dict[str, Any]) -> set[str]:
+    """Returns the reasons of the rules about times that the resource breaks."""
+    spec = parsed(switching).spec
+    return {finding.reason for rule in OF_TIMES for finding in rule.check()(spec)}
+
+
+def parsed(switching: dict[str, Any]) -> RobotOffload:
+    return parse_object(changed("spec.switching", switching), "f.yaml", rules=())
+
+
+def agent_says(switching: dict[str, Any]) -> str:
+    """Returns what the agent refuses, "" for nothing."""
+    text = agent_config(parsed(switching), AgentSite("robot", "127.0.0.1", "ca.pem", "r.pem", "r.key"))
+    try:
+        agent.parse(agent.flatten(yaml.safe_load(text)["/**"]["ros__parameters"])).settings()
+    except ConfigurationError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(("path", "switching"), CASES)
+def test_at_each_bound_the_resource_and_the_agent_refuse_the_same(path: str, switching: dict[str, Any]) -> None:
+    refused, said = resource_says(switching), agent_says(switching)
+    assert bool(refused) is bool(said), f"{path}: the resource says {refused}, the agent {said!r}"
+
+
+def test_every_rule_is_met_on_both_sides_of_its_bound() -> None:
+    broken = {path for path, switching in CASES if agent_says(switching)}
+    kept = {path for path, switching in CASES if not agent_says(switching)}
+    between_fields = {rule.path for rule in core.RULES} - OF_THE_AGENT_ALONE - POSITIVE
+    assert broken == kept == between_fields | {"loss_timeout_s", "lease_s", "max_command_age_s"}
+
+
+def test_the_resource_has_no_other_rule_about_times_but_one_of_taste() -> None:
+    others = {rule.reason for rule in RULES if rule.path.startswith("spec.switching") and rule not in OF_TIMES}
+    assert others - {"NotYet"} == {"MultipleOfPeriod"}, "such a time works, it is an unsteady choice"
+    assert len(OF_TIMES) == 6, "a new rule needs its bounds here"
+
+
+@pytest.mark.parametrize(
+    "field", ["heartbeatPeriod", "lossTimeout", "lease", "maxCommandAge", "activationDeadline", "cancelDeadline"]
+)
+def test_a_time_of_nothing_is_out_of_the_range_of_its_field(field: str) -> None:
+    with pytest.raises(SpecError):
+        parsed(BASES[0].switching(**{field: 0}))
