@@ -8,6 +8,7 @@ import pytest
 
 from tests.e2e.figures import figure
 from tests.e2e.judged import assert_faultless, judged
+from tests.e2e.robot import Robot
 from tests.e2e.story import CONNECTED, READY, Story
 from tests.e2e.waiting import eventually
 
@@ -33,8 +34,22 @@ def test_a_robot_drives_in_the_cloud_a_minute_after_the_first_apply(story: Story
     robot.rest(DRIVE_S)
     story.wait_conditions("wheelchair", *CONNECTED)
     eventually(lambda: story.placement("wheelchair") == "Cloud", "placement Cloud in the status")
+    # The robot has made a key of its own meanwhile; the bundle's is used up.
+    story.wait_conditions("wheelchair", "CertificateCurrent")
+    known = story.resource("wheelchair")["status"]["certificates"]
+    assert known["robot"]["serial"] != known["bundle"]["serial"]
+    waits = [pinned(story, robot, site) for site in ("robot", "cloud", "robot", "auto")]
+    figure("kubectl offload pin to the robot's obeying it", max(waits), "s")
     measures = robot.finish()
 
     first = next(each for each in measures.recording.outputs["/cmd_vel"] if each.site == "cloud")
     figure("robot start to first cloud command", first.t_s - started_s, "s")
     assert_faultless(judged(measures))
+
+
+def pinned(story: Story, robot: Robot, site: str) -> float:
+    """Pins a robot; returns the seconds until it obeys, whatever the kubelet does with ConfigMaps."""
+    began_s = time.monotonic()
+    story.offload_command("pin", "wheelchair", site)
+    robot.until_site("cloud" if site == "auto" else site)
+    return time.monotonic() - began_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import re
 import time
@@ -55,6 +56,10 @@ def eventually(look: Callable[[], Found], what: str, instead: Callable[[], objec
         if time.monotonic() > deadline:
             raise AssertionError(f"waited {PATIENCE_S:g} s for {what}; there is {instead() if instead else found!r}")
         time.sleep(0.05)
+
+
+def _now() -> datetime.datetime:
+    return datetime.datetime.now(datetime.UTC)
 
 
 def kind_named(name: str) -> Kind:
@@ -132,7 +137,7 @@ class Place:
             "reason": reason, "message": "as a test says", "ready": True, "settings": settings,
             "certificate": dict(certificate or {}),
         }  # fmt: skip
-        spec = {"holderIdentity": name, "leaseDurationSeconds": 30, "renewTime": "2026-11-21T23:00:00.000000Z"}
+        spec = {"holderIdentity": name, "leaseDurationSeconds": 30, "renewTime": f"{_now():%Y-%m-%dT%H:%M:%S.%fZ}"}
         annotations = {"robotoffload.dev/state": json.dumps(state)}
         self.patch(LEASE, f"{name}-robot", {"metadata": {"annotations": annotations}, "spec": spec})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from typing import Any
@@ -64,6 +65,8 @@ CASES: dict[str, Values] = {
         "admission.allowed": {"serviceAnnotations": ["metallb.io/"], "tolerations": [], "nodeSelector": ["zone"]}
     },
     "no network policy": {"networkPolicy.enabled": False},
+    "networks": {"robotNetworkPolicies": {
+        "enabled": True, "dns": ["10.96.0.10/32"], "apiServers": ["fd00::1/128"], "metricsNamespaces": ["monitoring"]}},
 }  # fmt: skip
 
 WRONG: dict[str, tuple[Values, str]] = {
@@ -78,6 +81,7 @@ WRONG: dict[str, tuple[Values, str]] = {
     "no port": ({"networkPolicy.apiServerPorts": [70000]}, "apiServerPorts"),
     "a pull secret without a name": ({"images.pullSecrets": ["registry"]}, "pullSecrets"),
     "an interval without a unit": ({"metrics.podMonitor.interval": "30"}, "interval"),
+    "a network that is none": ({"robotNetworkPolicies.dns": ["10.96.0.10"]}, "dns"),
     "an unknown log level": ({"logLevel": "chatty"}, "logLevel"),
     "a missing account name": ({"serviceAccount.create": False}, "serviceAccount.name"),
 }
@@ -198,13 +202,21 @@ def test_selectors_do_not_match_what_the_operator_makes_for_a_robot(helm: Helm) 
 
 def test_monitors_are_accepted_where_the_prometheus_operator_is(bare_control_plane: ControlPlane, helm: Helm) -> None:
     kubectl = bare_control_plane.kubectl()
-    kinds = {"podmonitors": "PodMonitor", "servicemonitors": "ServiceMonitor"}
+    kinds = {"podmonitors": "PodMonitor", "servicemonitors": "ServiceMonitor", "prometheusrules": "PrometheusRule"}
     for plural, kind in kinds.items():
         kubectl.apply(monitoring_definition(plural, kind))
         bare_control_plane.wait_served(monitoring_definition(plural, kind))
-    objects = rendered(helm, {"metrics.podMonitor": SCRAPE, "metrics.serviceMonitor": SCRAPE})
+    alerts = {"enabled": True, "labels": {"release": "prometheus"}, "certificateDays": 7}
+    wanted = {f"metrics.{name}": SCRAPE for name in ("podMonitor", "serviceMonitor", "agentMonitor")}
+    objects = rendered(helm, {**wanted, "metrics.alerts": alerts})
     monitors = [each for kind in kinds.values() for each in of_kind(objects, kind)]
-    assert len(monitors) == 2
+    assert len(monitors) == 4
+    (alerting,) = of_kind(objects, "PrometheusRule")
+    rules = {rule["alert"]: rule for rule in alerting["spec"]["groups"][0]["rules"]}
+    assert rules["RobotOffloadCertificateEnding"]["expr"].endswith("- time() < 604800")
+    told = set(re.findall(r"robot_offload_[a-z_]+", " ".join(rule["expr"] for rule in rules.values())))
+    known = (ROOT / "docs/how-to/operator.md").read_text() + (ROOT / "docs/reference/reporter.md").read_text()
+    assert [name for name in told if name not in known] == []
     for monitor in monitors:
         del monitor["metadata"]["namespace"]
     kubectl("apply", "--server-side", "--dry-run=server", "-f", "-", stdin=yaml.safe_dump_all(monitors))
@@ -216,7 +228,19 @@ def monitoring_definition(plural: str, kind: str) -> dict[str, Any]:
     labels = {"type": "object", "properties": {"matchLabels": {"type": "object", "additionalProperties": text}}}
     endpoint = {"type": "object", "properties": {"port": text, "path": text, "interval": text}}
     endpoints = "podMetricsEndpoints" if kind == "PodMonitor" else "endpoints"
-    spec = {"type": "object", "properties": {"selector": labels, endpoints: {"type": "array", "items": endpoint}}}
+    places = {
+        "type": "object",
+        "properties": {"any": {"type": "boolean"}, "matchNames": {"type": "array", "items": text}},
+    }
+    more = {"namespaceSelector": places, "podTargetLabels": {"type": "array", "items": text}}
+    fields: dict[str, Any] = {"selector": labels, endpoints: {"type": "array", "items": endpoint}, **more}
+    if kind == "PrometheusRule":
+        texts = {"type": "object", "additionalProperties": text}
+        rule = {"alert": text, "expr": text, "for": text, "labels": texts, "annotations": texts}
+        rules = {"type": "array", "items": {"type": "object", "properties": rule}}
+        group = {"type": "object", "properties": {"name": text, "rules": rules}}
+        fields = {"groups": {"type": "array", "items": group}}
+    spec = {"type": "object", "properties": fields}
     schema = {"openAPIV3Schema": {"type": "object", "properties": {"spec": spec}}}
     names = {"plural": plural, "kind": kind, "singular": kind.lower(), "listKind": f"{kind}List"}
     versions = [{"name": "v1", "served": True, "storage": True, "schema": schema}]

@@ -264,7 +264,7 @@ def test_of_two_operators_one_writes_and_the_other_takes_over(
         place.create(ROBOT_OFFLOAD, walker())
         place.applied()
         assert second_proxy.writes() == []
-        assert second_proxy.watches() == 0
+        assert second_proxy.watches() > 0  # who waits knows everything by the time it leads
         first.kill()
         place.change({"robot": {"domainID": 9}})
         second.wait_said("Became leader")

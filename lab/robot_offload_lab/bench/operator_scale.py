@@ -252,12 +252,12 @@ async def _measure(kubeconfig: Path, directory: Path, options: Options) -> Measu
             steady_reads, steady_writes = operator.requests()
             steady_cpu_s = operator.cpu_s() - cpu_s
             late = [await _settle(api, _walker(f"late-{number}")) for number in range(_DURING_RESYNC)]
-        operator.stop()
-        began = time.monotonic()
-        operator = _Operator(kubeconfig, directory / "second.log", options.source, options.steady_s)
-        await _until(lambda: operator.metrics().get(_APPLIED, 0) >= objects + _DURING_RESYNC)
-        restart_s = time.monotonic() - began
-        restart_reads, restart_writes = await _quiet(operator)
+            operator.stop()
+            began = time.monotonic()
+            operator = _Operator(kubeconfig, directory / "second.log", options.source, options.steady_s)
+            await _until(lambda: operator.metrics().get(_APPLIED, 0) >= objects + _DURING_RESYNC)
+            restart_s = time.monotonic() - began
+            restart_reads, restart_writes = await _quiet(operator)
         restart_cpu_s, (now, peak) = operator.cpu_s(), operator.memory_mib()
     finally:
         operator.stop()

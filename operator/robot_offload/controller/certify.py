@@ -76,9 +76,10 @@ class Certifying:
 
     async def run(self, parent: Parent, state: AgentState | None) -> Secrets:
         """Brings the Secrets up to date; `state` is that of the cloud's agent."""
-        if not transport.needs_certificates(parent.spec):
-            return Secrets(yes("NotNeeded", "This transport uses no certificates"))
         keys = certificates.secret_keys(parent.name)
+        if not transport.needs_certificates(parent.spec):
+            # What robots carry in their bundles stays good while somebody tries another transport.
+            return Secrets(yes("NotNeeded", "This transport uses no certificates"), frozenset(keys.values()))
         revoke = self._subject.annotation(certificates.REVOKE)
         asked = state.certificate.request if state is not None else ""
         based_on = self._based_on(keys.values(), revoke, asked)
@@ -91,12 +92,11 @@ class Certifying:
         await self._observer.confirm(self._snapshot, keys.values())
         live = {role: self._snapshot.ours(*key, self._subject.uid) for role, key in keys.items()}
         if parent.spec.transport.certificates.issuer_ref is not None:
-            # The authorities are not ours then, and the leaves are cert-manager's.
-            leaves = frozenset({keys["cloud"], keys["robot"]})
+            # The leaves are cert-manager's then; our authorities stay for whoever only tries an issuer.
             content = certificates.content_hash(live["cloud"])
             return Secrets(
                 issuer.verdict(live),
-                leaves,
+                frozenset(keys.values()),
                 content,
                 issuer=issuer.certificates(parent),
                 answer=issuer.answer(asked) if asked else None,

@@ -177,6 +177,7 @@ class Pass:
             user_config_hashes=self._snapshot.config_hashes,
             user_configs=self._snapshot.config_texts,
             load_balancer_node_ports=self._policy.load_balancer_node_ports,
+            network=self._policy.network,
         )
 
     def _endpoints(self) -> tuple[Endpoint, ...]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.store import Store
 from robot_offload.decide import rollouts
 from robot_offload.kube.port import KubeApi
-from robot_offload.objects.facts import Images
+from robot_offload.objects.facts import Images, Network
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,10 +18,12 @@ class Policy:
     Attributes:
         max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
+        network: what is decided about network policies.
     """
 
     max_rolling: int = rollouts.AT_ONCE
     load_balancer_node_ports: bool = True
+    network: Network = field(default_factory=Network)
 
 
 @dataclass(frozen=True, slots=True)

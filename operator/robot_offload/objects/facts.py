@@ -61,6 +61,23 @@ def address(host: str, port: int) -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class Network:
+    """What whoever runs the cluster has decided about network policies.
+
+    Attributes:
+        policies: whether there are any of ours; without them those of the namespace alone hold.
+        dns: networks of the name servers; empty: any.
+        api_server: networks of the API servers; empty: any.
+        metrics_from: namespaces whose pods may read the metrics beside the agents.
+    """
+
+    policies: bool = True
+    dns: tuple[str, ...] = ()
+    api_server: tuple[str, ...] = ()
+    metrics_from: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
     """The state of the cluster as far as the children depend on it.
 
@@ -79,6 +96,7 @@ class Facts:
         user_config_hashes: of the ConfigMaps of `parametersFrom`, by `name/key`; empty text: it is missing.
         user_configs: what is in them, by `name/key`; replicas get a copy in which they find their own names.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
+        network: what is decided about network policies.
         built: the images of nodes that are built in the cluster, by node; one that is not there yet is missing.
     """
 
@@ -95,6 +113,7 @@ class Facts:
     user_config_hashes: Mapping[str, str] = field(default_factory=dict)
     user_configs: Mapping[str, str] = field(default_factory=dict)
     load_balancer_node_ports: bool = True
+    network: Network = field(default_factory=Network)
     built: Mapping[str, str] = field(default_factory=dict)
 
     def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:

@@ -32,25 +32,16 @@ BUILD: Final = "build"
 IMAGES: Final = "images"
 PARAMETERS: Final = "renamed-parameters"
 """Not plain `parameters`: that is what people call their own ConfigMap."""
-_OWN_WORDS: Final = frozenset(
-    (
-        BUILD,
-        IMAGES,
-        PARAMETERS.replace("-", "_"),
-        AGENT,
-        SETTINGS,
-        DDS,
-        ROUTER,
-        NODES,
-        DISCOVERY,
-        UDP,
-        TCP,
-        ROBOT,
-        CLOUD,
+_LAST_WORDS: Final = frozenset(
+    word.rpartition("-")[2]
+    for word in (
+        AGENT, SETTINGS, DDS, ROUTER, NODES, DISCOVERY, UDP, TCP, ROBOT, CLOUD, SERVER_CA, CLIENT_CA, BUILD, IMAGES,
+        PARAMETERS,
     )
-)
-_OWN_BEGINNINGS: Final = (f"{DISCOVERY}_", f"{BUILD}_")
-_PLAIN_NODE: Final = re.compile(r"[a-z0-9]+(_+[a-z0-9]+)*")
+)  # fmt: skip
+"""With which names of our own children end."""
+_ONE_WORD: Final = re.compile(r"(?![0-9a-f]{8}$)[a-z][a-z0-9]*")
+"""One that is not taken for a hash."""
 
 
 def child_name(offload: str, *parts: str, limit: int = MAX_LENGTH) -> str:
@@ -71,16 +62,16 @@ def child_name(offload: str, *parts: str, limit: int = MAX_LENGTH) -> str:
 
 
 def node_child(offload: str, node: str) -> str:
-    """The name of a node's Deployment: `wheelchair-7`, `map_server` -> `wheelchair-7-map-server`.
+    """The name of a node's Deployment: `wheelchair-7`, `talker` -> `wheelchair-7-talker`.
 
-    Names of nodes may hold capitals and end with underscores, those of objects may not. Whatever is not lower case
-    with underscores inside, or is the name of a child of our own, gets a hash of the node's name; so no two nodes
-    of a RobotOffload ever meet in one Deployment.
+    Two RobotOffloads of a namespace must never want one name, whatever somebody calls theirs: `fleet` with node
+    `x_agent` and the agent of `fleet-x` would. So only a node whose name is a single word, with which no name of
+    our own ends, is found under it; every other one gets a hash of both names.
     """
     plain = node.lower().strip("_").replace("_", "-")
-    if _PLAIN_NODE.fullmatch(node) and node not in _OWN_WORDS and not node.startswith(_OWN_BEGINNINGS):
-        return child_name(offload, plain)
-    return child_name(offload, plain or "node", _digest(node))
+    if _ONE_WORD.fullmatch(node) and node not in _LAST_WORDS:
+        return child_name(offload, node)
+    return child_name(offload, plain or "node", _digest(f"{offload}\0{node}"))
 
 
 def discovery_child(offload: str, server: int) -> str:

@@ -8,11 +8,13 @@ from typing import Final
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.kube.kinds import NETWORK_POLICY
 from robot_offload.kube.port import Manifest
+from robot_offload.objects.facts import Network
 from robot_offload.objects.labels import instance_labels
 from robot_offload.objects.parent import Parent, Part
 
 _DDS_BASE: Final = 7400
 _PORTS_PER_DOMAIN: Final = 250
+_NAMESPACE: Final = "kubernetes.io/metadata.name"
 _LAST_PORT: Final = 65535
 _EVERYWHERE: Final = {"0.0.0.0/0": ("169.254.0.0/16",), "::/0": ("fe80::/10", "fd00:ec2::254/128")}
 """All addresses, each without the link-local ones (RFC 3927, RFC 4291) and AWS's metadata service over IPv6."""
@@ -79,11 +81,23 @@ def dds_both_ways(offload: RobotOffload, *, robot: bool) -> tuple[list[Manifest]
     return [coming_from(pods, ports)], [going_to(pods, ports)]
 
 
-def names() -> Manifest:
-    """Asking for names; the cluster's DNS may be anywhere, even on the node itself."""
-    return anybody(port("UDP", 53), port("TCP", 53))
+def names(network: Network) -> Manifest:
+    """Asking for names; the cluster's DNS may be anywhere, even on the node itself, unless somebody says where."""
+    return _within(network.dns, port("UDP", 53), port("TCP", 53))
 
 
-def kubernetes_api() -> Manifest:
+def kubernetes_api(network: Network) -> Manifest:
     """Talking to the API server, whose address no label tells."""
-    return anybody(*(port("TCP", number) for number in _KUBERNETES_API))
+    return _within(network.api_server, *(port("TCP", number) for number in _KUBERNETES_API))
+
+
+def metrics(network: Network, *ports: Manifest) -> list[Manifest]:
+    """Rules for who reads metrics; none when nobody may."""
+    peers = [{"namespaceSelector": {"matchLabels": {_NAMESPACE: name}}} for name in network.metrics_from]
+    return [{"from": peers, "ports": list(ports)}] if peers else []
+
+
+def _within(networks: Sequence[str], *ports: Manifest) -> Manifest:
+    if not networks:
+        return anybody(*ports)
+    return {"to": [{"ipBlock": {"cidr": network}} for network in networks], "ports": list(ports)}

@@ -12,7 +12,7 @@ import random
 import signal
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import structlog
@@ -59,16 +59,16 @@ class Operator:
         self._leadership = leadership
         self._api = api
         self._store = Store()
-        policy = Policy(settings.max_rolling, settings.load_balancer_node_ports)
+        policy = Policy(settings.max_rolling, settings.load_balancer_node_ports, settings.network)
         self._controller = Controller(self._api, settings.images, self._clock, self._store, policy)
-        self._queue: Queue[Name] = Queue(self._clock.steady_s)
+        self.metrics = Metrics()
+        self._queue: Queue[Name] = Queue(self._clock.steady_s, waited=self.metrics.waited.observe)
         self._sight = WatchSight()
         self._triggers = Triggers(self._controller, self._store, self._queue, self._sight)
         self._others = OthersConfigMaps(self._controller, self._store, self._queue)
         self._probed_s = self._clock.steady_s()
         self._watching = False
         self._reached = False
-        self.metrics = Metrics()
         self.metrics.show(
             self._statuses,
             lambda: guard.calls,
@@ -86,7 +86,7 @@ class Operator:
             RobotOffloadError: a part has ended by itself.
         """
         async with serving(self._settings, self.metrics.registry, self.signs, lambda: self._reached):
-            waiting = asyncio.create_task(self._become_leader())
+            waiting = asyncio.create_task(self._see_the_kind())
             await _first(waiting, asyncio.create_task(stop.wait()))
             if stop.is_set():
                 waiting.cancel()
@@ -97,8 +97,8 @@ class Operator:
             finally:
                 await self._leadership.release()
 
-    async def _become_leader(self) -> None:
-        """Waits until our kind exists and nobody else is the leader."""
+    async def _see_the_kind(self) -> None:
+        """Waits until the API server answers and our kind exists."""
         told = False
         while True:
             try:
@@ -113,25 +113,43 @@ class Operator:
                 told = True
             self._leadership.alive()
             await asyncio.sleep(1.0)
-        await self._leadership.acquire()
 
     async def _work(self, stop: asyncio.Event) -> None:
+        """Watches, becomes the leader, and then works; who waits for leadership has read everything by then."""
         places, idle_s = self._settings.watch_namespaces, self._settings.inactivity_s
         informers = triggers.informers(
             self._api, self._triggers, self._others, namespaces=places, idle_s=idle_s, clock=self._clock
         )
         parts = [asyncio.create_task(informer.run()) for informer in informers]
+        stopped = asyncio.create_task(stop.wait())
+        leading = asyncio.create_task(self._leadership.acquire())
+        try:
+            await _first(leading, *parts, stopped)
+            if leading.done():
+                leading.result()
+                self._lead(parts, informers)
+                await _first(*parts, stopped)
+        finally:
+            await self._end([leading, *parts, stopped])
+
+    def _lead(self, parts: list[asyncio.Task[None]], informers: list[Informer]) -> None:
+        """Begins what only the leader does."""
         parts.append(asyncio.create_task(self._leadership.hold()))
         parts.append(asyncio.create_task(self._feed(informers)))
         parts.append(asyncio.create_task(self._probe()))
         parts.append(asyncio.create_task(self._resync()))
-        stopped = asyncio.create_task(stop.wait())
         self._watching = True
-        await _first(*parts, stopped)
+
+    async def _end(self, parts: Sequence[asyncio.Task[Any]]) -> None:
+        """Ends all parts.
+
+        Raises:
+            RobotOffloadError: one of them has ended by itself.
+        """
         _log.info("Stopping")
-        for part in (*parts, stopped):
+        for part in parts:
             part.cancel()
-        for result in await asyncio.gather(*parts, stopped, return_exceptions=True):
+        for result in await asyncio.gather(*parts, return_exceptions=True):
             if isinstance(result, RobotOffloadError):
                 raise result
             if isinstance(result, Exception):

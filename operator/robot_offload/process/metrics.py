@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import datetime
 from collections import Counter as Tally
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from importlib.metadata import version
 from typing import Any
 
@@ -19,7 +21,7 @@ from prometheus_client import (
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from robot_offload.api.v1alpha1.status import CONDITION_TYPES
+from robot_offload.api.v1alpha1.status import CONDITION_TYPES, PROGRESS_TYPES
 
 Statuses = Callable[[], Iterable[tuple[tuple[str, str], Mapping[str, Any]]]]
 """The statuses of all objects, as last seen or written, by namespace and name."""
@@ -45,6 +47,13 @@ class Metrics:
             "How long a pass takes.",
             registry=self.registry,
             buckets=(0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 30),
+        )
+
+        self.waited = Histogram(
+            "robot_offload_queue_wait_seconds",
+            "How long an object waits for its pass once that is due.",
+            registry=self.registry,
+            buckets=(0.01, 0.05, 0.1, 0.5, 1, 2, 5, 10, 30, 60, 300),
         )
 
     def show(
@@ -87,6 +96,7 @@ class _State(Collector):
         named = list(self._statuses())
         statuses = [status for _, status in named]
         yield _info(named)
+        yield _certificates(named)
         yield _gauge("robot_offload_objects", "RobotOffloads that this operator keeps.", len(statuses))
         yield _gauge("robot_offload_queue", "Objects that wait for a pass.", self._queued())
         yield _gauge("robot_offload_queue_late_seconds", "For how long the oldest of them waits.", self._late_s())
@@ -104,7 +114,7 @@ class _State(Collector):
             for condition in status.get("conditions") or ()
         )
         conditions = GaugeMetricFamily("robot_offload_condition", "Objects by condition.", labels=["type", "status"])
-        for name in CONDITION_TYPES:
+        for name in (*CONDITION_TYPES, *PROGRESS_TYPES):
             for truth in ("True", "False", "Unknown"):
                 conditions.add_metric([name, truth], found[name, truth])
         yield conditions
@@ -120,6 +130,21 @@ def _info(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
         connected = str(bool((status.get("robot") or {}).get("connected"))).lower()
         site, ready = status.get("placement") or "Unknown", truths.get("Ready", "Unknown")
         found.add_metric([namespace, name, site, connected, ready], {})
+    return found
+
+
+def _certificates(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
+    """When the certificates of each object end, as in its status."""
+    found = GaugeMetricFamily(
+        "robot_offload_certificate_expiration_timestamp_seconds",
+        "When a certificate ends: the cloud's, that of a bundle written now, and the one that the robot dials with.",
+        labels=["namespace", "name", "holder"],
+    )
+    for (namespace, name), status in named:
+        for holder, end in (status.get("certificates") or {}).items():
+            with suppress(ValueError):
+                moment = datetime.datetime.fromisoformat(str(end)).timestamp()
+                found.add_metric([namespace, name, str(holder)], moment)
     return found
 
 

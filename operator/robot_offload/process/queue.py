@@ -22,8 +22,15 @@ LONGEST_BACKOFF_S: Final = 120.0
 class Queue(Generic[Item]):
     """Names with the time at which each is due, in two heaps: what waits for its time, and what is due."""
 
-    def __init__(self, steady_s: Callable[[], float], seed: int | None = None) -> None:
+    def __init__(
+        self,
+        steady_s: Callable[[], float],
+        seed: int | None = None,
+        waited: Callable[[float], None] = lambda _waited_s: None,
+    ) -> None:
+        """`waited` is called with the seconds between due and taken, of each that is taken."""
         self._steady_s = steady_s
+        self._waited = waited
         self._random = random.Random(seed)
         self._due: dict[Item, float] = {}
         self._urgent: set[Item] = set()
@@ -118,6 +125,7 @@ class Queue(Generic[Item]):
                     self._timers.discard(item)
                     self._urgent.discard(item)
                     self._busy.add(item)
+                    self._waited(max(0.0, now_s - due_s))
                     return item
             wait_s = self._later[0][0] - now_s if self._later else 3600.0
             try:

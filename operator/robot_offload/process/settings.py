@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ipaddress
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
 from robot_offload.decide.rollouts import AT_ONCE
 from robot_offload.errors import InputError
-from robot_offload.objects.facts import BUILDER, Images
+from robot_offload.objects.facts import BUILDER, Images, Network
 
 LogFormat: TypeAlias = Literal["json", "text"]
 _LEVELS: Final = ("debug", "info", "warning", "error")
@@ -36,6 +37,7 @@ class Settings:
         workers: how many objects are looked at at once.
         max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
+        network: what is decided about network policies.
     """
 
     images: Images
@@ -54,6 +56,7 @@ class Settings:
     workers: int = 4
     max_rolling: int = AT_ONCE
     load_balancer_node_ports: bool = True
+    network: Network = field(default_factory=Network)
 
 
 def from_environment(environment: Mapping[str, str]) -> Settings:
@@ -107,6 +110,12 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
         workers=int(number("WORKERS", 4, 1)),
         max_rolling=int(number("MAX_ROLLING", AT_ONCE, 1)),
         load_balancer_node_ports=_truth("LOAD_BALANCER_NODE_PORTS", environment, problems),
+        network=Network(
+            policies=_truth("NETWORK_POLICIES", environment, problems),
+            dns=_networks("DNS_NETWORKS", environment, problems),
+            api_server=_networks("API_SERVER_NETWORKS", environment, problems),
+            metrics_from=_words(environment.get("METRICS_NAMESPACES", "")),
+        ),
     )
     if problems:
         raise InputError("\n".join(problems))
@@ -127,6 +136,16 @@ def _one_of(name: str, text: str, allowed: Collection[str], problems: list[str])
 
 def _format(text: str, problems: list[str]) -> LogFormat:
     return _FORMATS.get(_one_of("LOG_FORMAT", text, _FORMATS, problems), "json")
+
+
+def _networks(name: str, environment: Mapping[str, str], problems: list[str]) -> tuple[str, ...]:
+    found = _words(environment.get(name, ""))
+    for word in found:
+        try:
+            ipaddress.ip_network(word)
+        except ValueError as error:
+            problems.append(f"{name} must be networks such as 10.96.0.10/32, separated by commas: {error}")
+    return found
 
 
 def _truth(name: str, environment: Mapping[str, str], problems: list[str]) -> bool:

@@ -16,7 +16,9 @@ from robot_offload.transport import discovery
 
 
 def network_policies(parent: Parent) -> tuple[Manifest, ...]:
-    """One policy per component that has pods."""
+    """One policy per component that has pods; none where the cluster's administrator wants none of ours."""
+    if not parent.facts.network.policies:
+        return ()
     found = [_agent(parent), _nodes(parent)]
     if transport.discovery_servers(parent.spec):
         found.append(_discovery(parent))
@@ -30,13 +32,19 @@ def _agent(parent: Parent) -> Manifest:
     incoming, outgoing = rules.dds_both_ways(parent.offload, robot=chosen.traits.robot_speaks_dds)
     handing_over = rules.coming_from(selector(parent.offload, "node"), rules.port("TCP", handover.PORT))
     ports = [rules.port(one.protocol, one.number) for one in transport.agent_ports(parent.offload)]
+    reading = rules.metrics(parent.facts.network, rules.port("TCP", handover.PORT))
     # The robot comes through NAT from anywhere; that it is the robot is proven by its certificate.
     robot = [rules.anybody(*ports)] if ports else []
     return rules.policy(
         parent,
         Part(child_name(parent.name, names.AGENT), "agent"),
-        ingress=[*robot, handing_over, *incoming],
-        egress=[rules.names(), *outgoing, *_to_servers(parent.offload), rules.kubernetes_api()],
+        ingress=[*robot, handing_over, *reading, *incoming],
+        egress=[
+            rules.names(parent.facts.network),
+            *outgoing,
+            *_to_servers(parent.offload),
+            rules.kubernetes_api(parent.facts.network),
+        ],
     )
 
 
@@ -47,7 +55,7 @@ def _nodes(parent: Parent) -> Manifest:
         parent,
         Part(child_name(parent.name, names.NODES), "node"),
         ingress=incoming,
-        egress=[rules.names(), *outgoing, *_to_servers(parent.offload), handing_over],
+        egress=[rules.names(parent.facts.network), *outgoing, *_to_servers(parent.offload), handing_over],
     )
 
 
@@ -61,7 +69,7 @@ def _discovery(parent: Parent) -> Manifest:
         parent,
         Part(child_name(parent.name, names.DISCOVERY), "discovery"),
         ingress=[asking, *incoming],
-        egress=[rules.names(), *outgoing],
+        egress=[rules.names(parent.facts.network), *outgoing],
     )
 
 
@@ -72,7 +80,7 @@ def _builds(parent: Parent) -> Manifest:
         parent,
         Part(child_name(parent.name, names.BUILD), "build"),
         ingress=[],
-        egress=[rules.names(), rules.outside(*ports)],
+        egress=[rules.names(parent.facts.network), rules.outside(*ports)],
     )
 
 

@@ -157,7 +157,7 @@ class DDSRouter(Transport):
                 parent,
                 _part(parent),
                 ingress=[rules.anybody(rules.port(tunnel.PORT.protocol, tunnel.PORT.number)), *incoming],
-                egress=[rules.names(), *outgoing, servers],
+                egress=[rules.names(parent.facts.network), *outgoing, servers],
             ),
         )
 

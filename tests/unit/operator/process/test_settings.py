@@ -32,6 +32,23 @@ def test_who_builds_images_is_known_and_may_be_another() -> None:
     assert from_environment({**NEEDED, "BUILDER_IMAGE": "mirror.example/b:1"}).images.builder == "mirror.example/b:1"
 
 
+def test_networks_are_read_and_what_is_none_is_named() -> None:
+    given = {
+        "DNS_NETWORKS": "10.96.0.10/32, fd00::a/128",
+        "METRICS_NAMESPACES": "monitoring",
+        "NETWORK_POLICIES": "false",
+    }
+    network = from_environment({**NEEDED, **given}).network
+    assert (network.dns, network.api_server, network.metrics_from) == (
+        ("10.96.0.10/32", "fd00::a/128"),
+        (),
+        ("monitoring",),
+    )
+    assert not network.policies
+    with pytest.raises(InputError, match="API_SERVER_NETWORKS must be networks"):
+        from_environment({**NEEDED, "API_SERVER_NETWORKS": "10.0.0.1/8"})
+
+
 def test_every_problem_is_told() -> None:
     with pytest.raises(InputError) as caught:
         from_environment(

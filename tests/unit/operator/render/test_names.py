@@ -18,7 +18,8 @@ SERVICE = re.compile(r"[a-z]([-a-z0-9]*[a-z0-9])?")
 
 def test_ordinary_names_are_what_a_person_expects() -> None:
     assert child_name("wheelchair-7", "agent") == "wheelchair-7-agent"
-    assert node_child("wheelchair-7", "map_server") == "wheelchair-7-map-server"
+    assert node_child("wheelchair-7", "talker") == "wheelchair-7-talker"
+    assert re.fullmatch(r"wheelchair-7-map-server-[0-9a-f]{8}", node_child("wheelchair-7", "map_server"))
     assert discovery_child("wheelchair-7", 1) == "wheelchair-7-discovery-1"
 
 
@@ -70,3 +71,33 @@ def test_no_two_nodes_of_a_resource_share_a_name_and_none_takes_ours(offload: st
     assert len(set(names)) == len(nodes)
     assert all(len(name) <= 63 and SERVICE.fullmatch(name) for name in names)
     assert not set(names) & {child_name(offload, word) for word in ("agent", "router")}
+
+
+OWN = ("agent", "settings", "dds", "router", "nodes", "udp", "tcp", "robot", "cloud", "server-ca", "client-ca")
+PIECES = st.lists(
+    st.sampled_from(["a", "x", "agent", "server", "ca", "0", "1a2b3c4d", "ab12cd34"]), min_size=1, max_size=4
+)
+
+
+@given(PIECES, st.integers(1, 3), st.integers(1, 3))
+def test_two_resources_never_want_one_name_wherever_their_names_end(pieces: list[str], first: int, other: int) -> None:
+    one, two = (("-".join(pieces[:cut]), "_".join(pieces[cut:])) for cut in (first, other))
+    if one[0] == two[0]:
+        return
+    own = {child_name(two[0], word) for word in OWN} | {discovery_child(two[0], number) for number in range(2)}
+    theirs = own | ({node_child(*two)} if two[1] else set())
+    assert not one[1] or node_child(*one) not in theirs
+
+
+@pytest.mark.parametrize("node", ["x_agent", "x_server_ca", "x_discovery_0", "x_talker"])
+def test_no_node_takes_a_name_of_another_resource(node: str) -> None:
+    name = node_child("fleet", node)
+    assert name not in {child_name("fleet-x", word) for word in OWN}
+    assert name != node_child("fleet-x", "talker")
+
+
+def test_a_node_cannot_be_named_like_the_hash_of_another_resources_node() -> None:
+    taken = node_child("fleet", "map_server")
+    place, _, digest = taken.rpartition("-")
+    assert node_child(place, digest) != taken
+    assert node_child("walker-server", "ca") != child_name("walker", "server-ca")

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from robot_offload.kube.port import Manifest
+from robot_offload.objects.facts import Network
 from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload, pods, rendered
 
 DDS = ("UDP", 7400 + 250 * 42)
@@ -103,3 +104,23 @@ def test_the_ports_of_a_domain_end_where_ports_end(domain: int, last: int) -> No
     changes: dict[str, Any] = {"cloud.domainID": domain}
     spec = rendered(offload(changes))["NetworkPolicy/wheelchair-7-nodes"]["spec"]
     assert spec["ingress"][0]["ports"][0]["endPort"] == last
+
+
+def test_an_administrator_says_where_name_servers_api_servers_and_prometheus_are() -> None:
+    network = Network(dns=("10.96.0.10/32",), api_server=("192.0.2.1/32",), metrics_from=("monitoring",))
+    agent = rendered(offload(), facts(network=network))["NetworkPolicy/wheelchair-7-agent"]["spec"]
+    blocks = {each["ipBlock"]["cidr"] for rule in agent["egress"] for each in rule.get("to", ()) if "ipBlock" in each}
+    assert blocks == {"10.96.0.10/32", "192.0.2.1/32"}
+    assert not [rule for rule in agent["egress"] if "to" not in rule]  # nothing goes just anywhere
+    readers = [rule for rule in agent["ingress"] for each in rule.get("from", ()) if "namespaceSelector" in each]
+    assert readers == [
+        {
+            "from": [{"namespaceSelector": {"matchLabels": {"kubernetes.io/metadata.name": "monitoring"}}}],
+            "ports": [{"protocol": "TCP", "port": 8080}],
+        }
+    ]
+
+
+def test_an_administrator_may_want_no_policies_of_ours() -> None:
+    children = rendered(offload(), facts(network=Network(policies=False)))
+    assert not [name for name in children if name.startswith("NetworkPolicy/")]
