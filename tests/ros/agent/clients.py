@@ -21,6 +21,7 @@ class Goal:
 
     Attributes:
         feedback: (arrival, process, tick).
+        codes: of the answers to cancels.
         results: statuses, each with the process that finished it: exactly one at the end.
     """
 
@@ -28,7 +29,27 @@ class Goal:
         self.feedback: list[tuple[float, int, int]] = []
         self.results: list[tuple[int, int]] = []
         self.handle: Any = None
-        client.send_goal_async(Fibonacci.Goal(order=order), feedback_callback=self._heard).add_done_callback(self._sent)
+        self.codes: list[int] = []
+        self.client, self.order = client, order
+        self._do(self._send)
+
+    def _do(self, act: Callable[[], None]) -> None:
+        """Acts on the thread that spins: in rclpy 7 an answer may be taken before its request is noted (rclpy#1123)."""
+        self.client._node.executor.create_task(act)
+
+    def _send(self) -> None:
+        goal = Fibonacci.Goal(order=self.order)
+        self.client.send_goal_async(goal, feedback_callback=self._heard).add_done_callback(self._sent)
+
+    def cancel(self) -> int:
+        """Returns the code of the answer to a cancel."""
+        self._do(self._cancel)
+        until(lambda: bool(self.codes), "the answer to a cancel")
+        return self.codes[0]
+
+    def _cancel(self) -> None:
+        answered = self.handle.cancel_goal_async()
+        answered.add_done_callback(lambda future: self.codes.append(future.result().return_code))
 
     def _heard(self, message: Any) -> None:
         self.feedback.append((now_s(), *message.feedback.sequence))
