@@ -75,7 +75,10 @@ bench-operator: venv ## 200 RobotOffloads on a real API server; ARGS="--objects 
 	$(PYTHON) -m robot_offload_lab.bench.operator_scale $(ARGS)
 
 ##@ Build
-.PHONY: images
+.PHONY: images dist
+dist: venv ## Wheels of all packages and a constraints file, into dist/
+	$(PYTHON) -m scripts.dist $(ARGS)
+
 images: venv ## Build our own images; ARGS="--wheels" where no container registry can be reached
 	$(PYTHON) -m robot_offload_lab.images.ours $(ARGS)
 
@@ -103,4 +106,4 @@ pins: ## Resolve requirements/all.txt anew from the groups of pyproject.toml
 	  --group pyproject.toml:ros --group pyproject.toml:operator --group pyproject.toml:lab --group pyproject.toml:dev -o requirements/all.txt
 
 clean: ## Remove what was built here
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis out
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis out dist

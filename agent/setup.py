@@ -1,28 +1,47 @@
-"""Makes the agent an ament_python package as well (colcon calls this file); the metadata is in pyproject.toml.
+"""Builds the agent for pip and, as an ament_python package, for colcon.
 
-The pure core lives in a folder of its own beside this one and is shipped with the agent, because a robot
-should need one package only.
+All metadata is in package.xml and here; the core's setup.py says why. The programs come twice: on PATH (`bin/`), where
+the systemd unit expects them, and in the package's own folder, where `ros2 run` and `ros2 launch` look.
 """
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
-HERE = Path(__file__).parent
 NAME = "robot_offload_agent"
-CORE = "robot_offload_core"
+HERE = Path(__file__).parent
+MANIFEST = ElementTree.parse(str(HERE / "package.xml")).getroot()
+VERSION = MANIFEST.findtext("version")
+
+
+def files(pattern: str) -> "list[str]":
+    """Returns the files of this folder that match, relative to it."""
+    return sorted(str(path.relative_to(HERE)) for path in HERE.glob(pattern) if path.is_file())
+
 
 setup(
-    packages=[
-        *find_packages(str(HERE), include=[NAME, f"{NAME}.*"]),
-        *find_packages(str(HERE / "../core"), include=[CORE, f"{CORE}.*"]),
-    ],
-    package_dir={NAME: NAME, CORE: f"../core/{CORE}"},
-    package_data={NAME: ["py.typed"], CORE: ["py.typed"]},
+    name=NAME.replace("_", "-"),
+    version=VERSION,
+    description=MANIFEST.findtext("description"),
+    license=MANIFEST.findtext("license"),
+    author=MANIFEST.findtext("maintainer"),
+    python_requires=">=3.10",
+    # rclpy and the standard message packages come from the ROS installation.
+    install_requires=[f"robot-offload-core=={VERSION}", "eclipse-zenoh>=1.10,<2", "pyyaml>=5.4"],
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/launch", [str(p.relative_to(HERE)) for p in HERE.glob("launch/*.launch.py")]),
+        (f"share/{NAME}/launch", files("launch/*.launch.py")),
+        (f"lib/{NAME}", files("programs/*")),
     ],
-    zip_safe=True,
+    entry_points={
+        "console_scripts": [
+            "robot-offload-agent = robot_offload_agent.main:main",
+            "robot-offload-tunnel = robot_offload_agent.tunnel.main:main",
+        ]
+    },
+    zip_safe=False,
 )

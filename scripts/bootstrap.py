@@ -49,7 +49,7 @@ def fingerprint():
     """Changes when a pin or a package's metadata changes."""
     digest = hashlib.sha256(REQUIREMENTS.read_bytes())
     for package in PACKAGES:
-        for name in ("pyproject.toml", "setup.py"):
+        for name in ("pyproject.toml", "setup.py", "package.xml"):
             path = ROOT / package / name
             digest.update(path.read_bytes() if path.exists() else b"")
     digest.update(str(ROOT).encode())

@@ -10,11 +10,13 @@ import yaml
 from robot_offload.api.crd import GROUP, PLURAL, crd
 from scripts.generate.reasons import reasons
 from scripts.generate.reference import reference
+from scripts.generate.support import support
 
 CRD_FILE: Final = f"manifests/crd/{PLURAL}.{GROUP}.yaml"
 CHART_CRD_FILE: Final = "charts/robot-offload/files/crd.yaml"
 REFERENCE_FILE: Final = "docs/reference/robotoffload.md"
 REASONS_FILE: Final = "docs/reference/reasons.md"
+SUPPORT_FILE: Final = "docs/reference/support.md"
 
 _HEAD: Final = "# Generated from the models in operator/robot_offload/api by `make generate`; changes here are lost.\n"
 
@@ -23,7 +25,7 @@ def generated_files() -> Mapping[str, str]:
     """Path below the repository -> text, of every generated file."""
     definition = crd()
     text = _HEAD + yaml.dump(definition, Dumper=_PlainDumper, sort_keys=False, width=110, allow_unicode=True)
-    pages = {REFERENCE_FILE: reference(definition), REASONS_FILE: reasons()}
+    pages = {REFERENCE_FILE: reference(definition), REASONS_FILE: reasons(), SUPPORT_FILE: support()}
     return {CRD_FILE: text, CHART_CRD_FILE: text, **pages}
 
 

@@ -12,8 +12,11 @@ from typer.core import TyperCommand
 
 from robot_offload.cli import lab
 from robot_offload.cli.app import Commands, commands
+from robot_offload.errors import InputError
 
 ROOM: Final = "robot_offload.cli"
+EXTRAS: Final = {"kubernetes": "cluster", "aiohttp": "cluster", "prometheus_client": "operator", "structlog": "operator"}
+"""Which extra brings a library that the command line alone goes without."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,10 +44,17 @@ class LazyCommand(TyperCommand):
         self._entry = entry
 
     def load(self) -> Any:
-        """Imports the command itself."""
+        """Imports the command itself.
+
+        Raises:
+            InputError: the command needs an extra that is not installed.
+        """
         entry, app = self._entry, commands("")
         if entry.module:
-            importlib.import_module(f"{ROOM}.{entry.module}").add_to(app)
+            try:
+                importlib.import_module(f"{ROOM}.{entry.module}").add_to(app)
+            except ModuleNotFoundError as error:
+                raise _without_extra(entry.name, error) from error
         else:
             lab.add_to(app, entry.name)
         return typer.main.get_group(app).commands[entry.name]
@@ -63,3 +73,11 @@ class LazyCommands(Commands):
         """Finds the command that is meant and imports it."""
         name, command, rest = super().resolve_command(ctx, args)
         return name, command.load() if isinstance(command, LazyCommand) else command, rest
+
+
+def _without_extra(command: str, error: ModuleNotFoundError) -> Exception:
+    """What is raised for a library that is not there: the next step where an extra brings it, else the error itself."""
+    extra = EXTRAS.get((error.name or "").partition(".")[0])
+    if extra is None:
+        return error
+    return InputError(f"robot-offload {command} talks to a cluster: pip install 'robot-offload[{extra}]'")

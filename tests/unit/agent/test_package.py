@@ -1,7 +1,7 @@
 """The agent as a package: for pip, and for colcon on a robot, where it is an ament_python package."""
 
 import ast
-import configparser
+import re
 import shutil
 import subprocess
 import sys
@@ -10,9 +10,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
-import tomllib
 
 AGENT = Path(__file__).resolve().parents[3] / "agent"
+CORE = AGENT.parent / "core"
 NAME = "robot_offload_agent"
 BUILD_S = 120
 
@@ -20,12 +20,6 @@ BUILD_S = 120
 @pytest.fixture(scope="module")
 def manifest() -> ElementTree.Element:
     return ElementTree.parse(AGENT / "package.xml").getroot()
-
-
-@pytest.fixture(scope="module")
-def project() -> dict[str, object]:
-    found: dict[str, object] = tomllib.loads((AGENT / "pyproject.toml").read_text())["project"]
-    return found
 
 
 def test_the_manifest_is_of_an_ament_python_package_and_names_what_is_imported(manifest: ElementTree.Element) -> None:
@@ -40,25 +34,16 @@ def test_the_manifest_is_of_an_ament_python_package_and_names_what_is_imported(m
                 imported.add(node.module.partition(".")[0])
             elif isinstance(node, ast.Import):
                 imported |= {alias.name.partition(".")[0] for alias in node.names}
-    others = imported - set(sys.stdlib_module_names) - {NAME, "robot_offload_core", "zenoh"}
+    others = imported - set(sys.stdlib_module_names) - {NAME, "zenoh"}
     assert {name.replace("yaml", "python3-yaml") for name in others} == needed
 
 
-def test_both_manifests_tell_one_version_and_one_license(
-    manifest: ElementTree.Element, project: dict[str, object]
-) -> None:
-    assert manifest.findtext("version") == project["version"]
-    assert manifest.findtext("license") == project["license"]
-    assert f"{NAME}/".startswith(NAME)
-    assert str(project["name"]).replace("-", "_") == NAME
-
-
-def test_colcon_finds_the_marker_and_installs_programs_where_ros_looks_for_them() -> None:
-    assert (AGENT / "resource" / NAME).is_file()
-    config = configparser.ConfigParser()
-    config.read(AGENT / "setup.cfg")
-    assert config["install"]["install_scripts"] == f"$base/lib/{NAME}"
-    assert config["develop"]["script_dir"] == f"$base/lib/{NAME}"
+def test_the_manifests_of_agent_and_core_tell_one_version_and_license(manifest: ElementTree.Element) -> None:
+    core = ElementTree.parse(CORE / "package.xml").getroot()
+    assert manifest.findtext("version") == core.findtext("version")
+    assert manifest.findtext("license") == core.findtext("license") == "Apache-2.0"
+    for folder, name in ((AGENT, NAME), (CORE, "robot_offload_core")):
+        assert (folder / "resource" / name).is_file()
 
 
 @pytest.mark.parametrize("side", ["robot", "cloud"])
@@ -81,38 +66,61 @@ def test_the_launch_file_compiles_and_starts_the_side_by_its_text_alone_as_launc
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    """Built offline from a copy, with the setuptools of this environment."""
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, zipfile.ZipFile]:
+    """Those of core and agent, built offline from a copy, with the setuptools of this environment."""
     folder = tmp_path_factory.mktemp("build")
-    for part in ("agent", "core"):
+    found = {}
+    for part in ("core", "agent"):
         shutil.copytree(AGENT.parent / part, folder / part, ignore=shutil.ignore_patterns("build", "*.egg-info"))
-    call = "from setuptools.build_meta import build_wheel; build_wheel('out')"
-    (folder / "agent" / "out").mkdir()
-    done = subprocess.run(
-        [sys.executable, "-c", call], cwd=folder / "agent", capture_output=True, text=True, timeout=BUILD_S, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    (path,) = (folder / "agent" / "out").glob("*.whl")
-    return zipfile.ZipFile(path)
+        call = "from setuptools.build_meta import build_wheel; print(build_wheel('..'))"
+        command = [sys.executable, "-c", call]
+        done = subprocess.run(
+            command, cwd=folder / part, capture_output=True, text=True, timeout=BUILD_S, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        found[part] = zipfile.ZipFile(folder / done.stdout.splitlines()[-1])
+    return found
 
 
-def test_the_wheel_holds_every_module_of_agent_and_core_and_nothing_of_the_operator(wheel: zipfile.ZipFile) -> None:
-    names = set(wheel.namelist())
-    for package, folder in ((NAME, AGENT), ("robot_offload_core", AGENT.parent / "core")):
-        for path in (folder / package).rglob("*.py"):
-            assert str(path.relative_to(folder)) in names
+def test_each_wheel_holds_every_module_of_its_package_and_no_other(wheels: dict[str, zipfile.ZipFile]) -> None:
+    for part, package, folder in (("agent", NAME, AGENT), ("core", "robot_offload_core", CORE)):
+        names = set(wheels[part].namelist())
+        assert {str(path.relative_to(folder)) for path in (folder / package).rglob("*.py")} <= names
         assert f"{package}/py.typed" in names
-    assert not any(name.startswith(("robot_offload/", "tests/")) for name in names)
+        assert {name.partition("/")[0].partition("-")[0] for name in names} == {package}
 
 
-def test_the_wheel_brings_the_command_and_what_ros_needs(wheel: zipfile.ZipFile) -> None:
+def test_the_agents_wheel_needs_the_core_of_its_version_and_brings_the_programs(
+    wheels: dict[str, zipfile.ZipFile],
+) -> None:
+    wheel = wheels["agent"]
     names = wheel.namelist()
     points = next(name for name in names if name.endswith("entry_points.txt"))
     assert "robot-offload-agent = robot_offload_agent.main:main" in wheel.read(points).decode()
+    metadata = wheel.read(next(name for name in names if name.endswith("dist-info/METADATA"))).decode()
+    (version,) = re.findall("^Version: (.+)$", metadata, re.MULTILINE)
+    assert f"Requires-Dist: robot-offload-core=={version}" in metadata
+    assert "Requires-Python: >=3.10" in metadata
     for shared in (
         f"share/{NAME}/package.xml",
         f"share/{NAME}/launch/robot.launch.py",
         f"share/{NAME}/launch/cloud.launch.py",
         f"share/ament_index/resource_index/packages/{NAME}",
+        f"lib/{NAME}/robot-offload-agent",
     ):
         assert any(name.endswith(shared) for name in names), shared
+
+
+def test_programs_are_where_ros2_run_looks_and_stay_executable(wheels: dict[str, zipfile.ZipFile]) -> None:
+    (info,) = [one for one in wheels["agent"].infolist() if one.filename.endswith(f"lib/{NAME}/robot-offload-agent")]
+    assert info.external_attr >> 16 & 0o111
+
+
+@pytest.mark.parametrize("setuptools", ["59.6.0", "68.1.2", "79.0.1"])
+@pytest.mark.parametrize("folder", [CORE, AGENT])
+def test_no_setuptools_of_a_supported_ubuntu_finds_what_it_cannot_read(folder: Path, setuptools: str) -> None:
+    text = (folder / "pyproject.toml").read_text()
+    assert "[project]" not in text, f"setuptools {setuptools} of a ROS workspace reads it wrongly or never"
+    (least,) = re.findall(r"setuptools>=([\d.]+)", text)
+    assert tuple(map(int, least.split("."))) <= tuple(map(int, setuptools.split(".")))
+    assert not (folder / "setup.cfg").exists()

@@ -1,5 +1,6 @@
 """Picks the pins of some packages, and of what these need, out of all: pins.py REQUIREMENTS NAME|PYPROJECT.TOML...
 
+Of a pyproject.toml an extra counts as well when its name follows in brackets: pyproject.toml[operator].
 REQUIREMENTS is a file with hashes that notes who needs what (`# via`), as uv and pip-tools write it. Runs inside the
 builds of our own images, with nothing but Python: an image gets what it needs, at the versions that were tested.
 """
@@ -31,11 +32,20 @@ def chosen(requirements: str, roots: Iterable[str]) -> str:
     return "".join(blocks[name] for name in sorted(names))
 
 
-def dependencies(project: str) -> tuple[str, ...]:
-    """Returns what the text of a `pyproject.toml` needs, by name; our own packages have no pins."""
+def dependencies(text: str, extra: str = "") -> tuple[str, ...]:
+    """Returns what the text of a `pyproject.toml` needs, by name; our own packages have no pins.
+
+    Args:
+        text: of the file.
+        extra: an extra whose needs are added; empty: none.
+
+    Raises:
+        KeyError: the file has no such extra.
+    """
     import tomllib  # noqa: PLC0415 - not in the Python of older bases, which name their packages
 
-    found = tomllib.loads(project)["project"]["dependencies"]
+    project = tomllib.loads(text)["project"]
+    found = [*project["dependencies"], *(project["optional-dependencies"][extra] if extra else ())]
     names = (re.split(r"[\s\[<>=!~;]", dependency, maxsplit=1)[0].lower() for dependency in found)
     return tuple(name for name in names if not name.startswith("robot-offload"))
 
@@ -44,9 +54,10 @@ def main() -> int:
     """Prints the pins."""
     requirements, *roots = sys.argv[1:]
     names: list[str] = []
-    for root in roots:
-        names += dependencies(Path(root).read_text(encoding="utf-8")) if root.endswith(".toml") else [root]
     try:
+        for root in roots:
+            file, _, extra = root.rstrip("]").partition("[")
+            names += dependencies(Path(file).read_text(encoding="utf-8"), extra) if file.endswith(".toml") else [root]
         sys.stdout.write(chosen(Path(requirements).read_text(encoding="utf-8"), names))
     except KeyError as error:
         sys.stderr.write(f"{requirements} does not pin {error}; resolve it anew with `make pins`\n")

@@ -35,7 +35,8 @@ def test_operator_reporter_and_command_line_start_with_what_is_in_the_image(modu
 
 def test_the_operators_pins_hold_nothing_that_draws() -> None:
     project = (ROOT / "operator/pyproject.toml").read_text(encoding="utf-8")
-    picked = pins.chosen((ROOT / "requirements/all.txt").read_text(encoding="utf-8"), pins.dependencies(project))
+    roots = pins.dependencies(project, "operator")
+    picked = pins.chosen((ROOT / "requirements/all.txt").read_text(encoding="utf-8"), roots)
     names = {line.split("==")[0] for line in picked.splitlines() if "==" in line and not line.startswith(" ")}
     assert {"kubernetes", "aiohttp", "yarl"} <= names
     assert not {"matplotlib", "numpy", "pillow", "psutil", "ruff", "pytest", "ros-rclpy"} & names
