@@ -11,7 +11,7 @@ from setuptools import find_packages, setup
 
 NAME = "robot_offload_agent"
 HERE = Path(__file__).parent
-MANIFEST = ElementTree.parse(str(HERE / "package.xml")).getroot()
+MANIFEST = ElementTree.parse(str(HERE / "package.xml")).getroot()  # noqa: S314 - our own file
 VERSION = MANIFEST.findtext("version")
 
 

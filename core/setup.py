@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 NAME = "robot_offload_core"
-MANIFEST = ElementTree.parse(str(Path(__file__).parent / "package.xml")).getroot()
+MANIFEST = ElementTree.parse(str(Path(__file__).parent / "package.xml")).getroot()  # noqa: S314 - our own file
 
 setup(
     name=NAME.replace("_", "-"),

@@ -12,8 +12,8 @@ _HEAD: Final = """\
 Three ways of knowing, from the strongest to the weakest:
 
 - **run**: the tests of this repository start real processes with it;
-- **built**: `colcon build` from nothing with this setuptools, on this Python; both programs start from the sourced workspace;
-- **checked**: no interpreter or distribution of it was at hand; tools read the source (`vermin`: needs 3.10, `ruff` with that target).
+- **built**: `colcon build` from nothing with this setuptools, on this Python; both programs start from the workspace;
+- **checked**: it was not at hand; tools read the source (`vermin`: needs 3.10, `ruff` with that target).
 
 | ROS 2 | Ubuntu | Python | setuptools | switching core | agent's package | agent with ROS 2 |
 |---|---|---|---|---|---|---|

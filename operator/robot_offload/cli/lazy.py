@@ -15,7 +15,12 @@ from robot_offload.cli.app import Commands, commands
 from robot_offload.errors import InputError
 
 ROOM: Final = "robot_offload.cli"
-EXTRAS: Final = {"kubernetes": "cluster", "aiohttp": "cluster", "prometheus_client": "operator", "structlog": "operator"}
+EXTRAS: Final = {
+    "kubernetes": "cluster",
+    "aiohttp": "cluster",
+    "prometheus_client": "operator",
+    "structlog": "operator",
+}
 """Which extra brings a library that the command line alone goes without."""
 
 

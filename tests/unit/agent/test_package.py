@@ -74,9 +74,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, zipfile.ZipFil
         shutil.copytree(AGENT.parent / part, folder / part, ignore=shutil.ignore_patterns("build", "*.egg-info"))
         call = "from setuptools.build_meta import build_wheel; print(build_wheel('..'))"
         command = [sys.executable, "-c", call]
-        done = subprocess.run(
-            command, cwd=folder / part, capture_output=True, text=True, timeout=BUILD_S, check=False
-        )
+        done = subprocess.run(command, cwd=folder / part, capture_output=True, text=True, timeout=BUILD_S, check=False)
         assert done.returncode == 0, done.stderr
         found[part] = zipfile.ZipFile(folder / done.stdout.splitlines()[-1])
     return found
