@@ -31,6 +31,8 @@ RETRY_FIRST_S = 0.1
 RETRY_MAX_S = 5.0
 GIVE_UP_S = 60.0
 """After failing for this long a node is given up until it restarts or is asked for again."""
+UNSEEN_LOOKS = 2
+"""A node without a lifecycle is gone when so many looks at the graph in a row do not find it."""
 INHIBIT_PERIOD_S = 0.5
 """Repetition of an unconfirmed inhibit request, and of a standing one in case the driver restarted."""
 
@@ -91,6 +93,7 @@ class Node:
         failures: length of that row.
         retry_s: no new attempt before this.
         gave_up: reason why no more attempts are made; "" otherwise.
+        unseen: looks in a row that did not find a node without a lifecycle.
     """
 
     spec: NodeSpec
@@ -104,6 +107,7 @@ class Node:
     failures: int = 0
     retry_s: float = 0.0
     gave_up: str = ""
+    unseen: int = 0
 
 
 @dataclass(frozen=True)
@@ -167,13 +171,23 @@ class Flowing:
 
 
 @dataclass(frozen=True)
+class Seen:
+    """Level: the nodes without a lifecycle whose process and declared names are in the graph.
+
+    They are Active from their start on, on both sides: that they live is observed, because nobody can ask them.
+    """
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class InhibitAnswered:
     """The driver confirmed an inhibit request."""
 
     inhibited: bool
 
 
-Event = Observed | Answered | Acting | Flowing | InhibitAnswered | Tick
+Event = Observed | Answered | Acting | Flowing | Seen | InhibitAnswered | Tick
 
 
 @dataclass(frozen=True)
@@ -231,6 +245,9 @@ def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list
             guardian = _act(guardian, event, now_s)
         case Flowing():
             guardian = replace(guardian, flowing=event.names)
+        case Seen():
+            nodes = tuple(_look(n, n.spec.name in event.names, now_s, commands) for n in guardian.nodes)
+            guardian = replace(guardian, nodes=nodes)
         case InhibitAnswered():
             guardian = replace(guardian, inhibited=event.inhibited)
         case Tick():
@@ -257,10 +274,13 @@ def check(before: Guardian, after: Guardian, event: Event) -> None:
 
 
 def is_ready(guardian: Guardian) -> bool:
-    """All duplicated CORE nodes (all duplicated ones when none is CORE) are Active and not on their way out of it."""
+    """All duplicated CORE nodes (all duplicated ones when none is CORE) are Active and not on their way out of it.
+
+    Those without a lifecycle are seen.
+    """
     duplicated = [n for n in guardian.nodes if n.spec.duplicated]
     core = [n for n in duplicated if n.spec.core] or duplicated
-    return all(_stays_active(n) or not n.spec.lifecycle for n in core)
+    return all(_stays_active(n) for n in core)
 
 
 def _stays_active(node: Node) -> bool:
@@ -272,8 +292,8 @@ def core_fault(guardian: Guardian) -> str:
     if guardian.stop:
         return guardian.stop
     for node in guardian.nodes:
-        concerned = node.spec.core and (guardian.in_charge or not node.spec.duplicated)
-        if concerned and node.spec.lifecycle and node.state is not State.ACTIVE:
+        concerned = node.spec.core and (guardian.in_charge if node.spec.duplicated else node.spec.lifecycle)
+        if concerned and node.state is not State.ACTIVE:
             return f"CORE node {node.spec.name} is {node.state.value}"
     return silence(Site.ROBOT, guardian.silent) if _silent(guardian) else ""
 
@@ -333,6 +353,16 @@ def _observe(node: Node, state: State, now_s: float, commands: list[Command]) ->
     if node.asked and state is GOAL[node.asked]:
         node = _healthy(node)
     return node
+
+
+def _look(node: Node, seen: bool, now_s: float, commands: list[Command]) -> Node:
+    """Takes what a look at the graph found of a node without a lifecycle."""
+    if node.spec.lifecycle:
+        return node
+    unseen = 0 if seen else node.unseen + 1
+    if 0 < unseen < UNSEEN_LOOKS and node.state_s is not None:
+        return replace(node, unseen=unseen)
+    return replace(_observe(node, State.ACTIVE if seen else State.UNKNOWN, now_s, commands), unseen=unseen)
 
 
 def _answer(node: Node, event: Answered, now_s: float, commands: list[Command]) -> Node:
@@ -417,11 +447,11 @@ def _rises(node: Node) -> bool:
 
 
 def degraded(guardian: Guardian) -> tuple[str, ...]:
-    """Returns the nodes, none of them CORE, that should be Active and are dead, refuse or were given up."""
+    """Returns the nodes, none of them CORE, that should be Active and are dead, refuse, are unseen or were given up."""
     return tuple(
         n.spec.name
         for n in guardian.nodes
-        if n.spec.lifecycle and not n.spec.core and wanted(guardian, n) is State.ACTIVE
+        if not n.spec.core and wanted(guardian, n) is State.ACTIVE
         and n.state is not State.ACTIVE and not _rises(n)
     )  # fmt: skip
 

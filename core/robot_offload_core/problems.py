@@ -61,6 +61,10 @@ class Problem(Explained):
         "NodeMissing", "A managed node does not run, one with a similar name does",
         "Give the node the name that it has in the graph",
     )  # fmt: skip
+    NODE_UNSEEN = (
+        "NodeUnseen", "A node without a lifecycle, or a topic that it is declared to publish, is not in the graph",
+        "Start the node under its declared name, and remap its outputs to their private topics",
+    )  # fmt: skip
     SETTINGS_REFUSED = (
         "SettingsRefused", "The robot refused settings that the cloud offers", "Read the reason in the message"
     )  # fmt: skip

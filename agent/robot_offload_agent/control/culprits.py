@@ -38,11 +38,11 @@ def _culprits(
     problems: tuple[tuple[str, str], ...],
 ) -> list[str]:  # fmt: skip
     if reason in CLOUD_NODES:
-        duplicated = [n.spec.name for n in nodes if n.spec.duplicated and n.spec.lifecycle]
+        duplicated = [n.spec.name for n in nodes if n.spec.duplicated]
         states = {name: replicas.get(name, State.UNKNOWN.value) for name in duplicated}
         return [f"{name} is {state} there" for name, state in states.items() if state != State.ACTIVE.value]
     if reason in ROBOT_NODES:
-        ours = [n for n in nodes if n.spec.lifecycle and n.state is not State.ACTIVE]
+        ours = [n for n in nodes if n.spec.duplicated and n.state is not State.ACTIVE]
         return [f"{n.spec.name} is {n.state.value} here" + (f" ({n.gave_up})" if n.gave_up else "") for n in ours]
     if reason in INPUTS:
         words = message.split()

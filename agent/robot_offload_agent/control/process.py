@@ -36,6 +36,8 @@ TICK_S = 0.020
 SLACK_S = 0.010
 """A tick that is due waits so long for a datagram to come with: waking up costs more than what is done then."""
 REPORT_PERIOD_S = 1.0
+SEEN_PERIOD_S = 0.5
+"""How often nodes without a lifecycle are looked for in the graph."""
 GRAPH_PERIOD_S = 3.0
 """How often the graph is searched for what should not be there; two looks in a row must find it."""
 SWITCH_INTERVAL_S = 0.001
@@ -61,7 +63,7 @@ class ControlShell(ABC):
         self.lives = Lives(())
         self.guard = Guard(context.is_up)
         self.beacon = beacon.Beacon(bus, "decide", "ros")
-        self.report_due_s = self.graph_due_s = 0.0
+        self.report_due_s = self.graph_due_s = self.seen_due_s = 0.0
         context.init(configuration)
         self.report = Report(configuration)
         self.managed = ManagedNodes(configuration, self.report.guardian, self.post_guardian)
@@ -98,6 +100,9 @@ class ControlShell(ABC):
             self.drain()
             self.beacon.sign("decide")
             now = now_s()
+            if now >= self.seen_due_s:
+                self.seen_due_s = now + SEEN_PERIOD_S
+                self.look_for_plain_nodes()
             if now >= due_s:
                 due_s, turned_s = now + TICK_S, now
                 self.process.turn()
@@ -168,6 +173,14 @@ class ControlShell(ABC):
             counters |= {f"process.{name}.deaths": deaths, f"process.{name}.hangs": hangs}
             counters |= {f"process.{name}.broken": broken}
         return counters
+
+    def look_for_plain_nodes(self) -> None:
+        """Notes which nodes without a lifecycle are in the graph, with all their declared names."""
+        if self.managed.plain:
+            missing = self.managed.missing_plain()
+            self.process.guard(guardians.Seen(tuple(name for name, what in missing.items() if not what)))
+            for name, what in missing.items():
+                self.report.note(f"plain {name}", ("NodeUnseen", what) if what else None)
 
     def look_at_graph(self, now: float) -> None:
         """Reports nodes that are not what was declared, and who else changes their states."""

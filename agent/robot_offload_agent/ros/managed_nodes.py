@@ -61,23 +61,49 @@ class ManagedNodes:
         self.watched: list[Any] = []
         self.managers: dict[str, set[str]] = {}
         self.strangers: dict[str, tuple[str, str] | None] = {}
+        self.plain: dict[str, tuple[str, tuple[str, ...]]] = {}
         for spec in configuration.node_specs():
             if spec.lifecycle:
                 self._watch(spec)
+            else:
+                self.plain[spec.name] = self._full_name(spec), spec.names
         service = configuration["inhibit_service"]
         self.inhibit = None
         if configuration.side is Site.ROBOT and service:
             self.inhibit = node.create_client(SetBool, service)
 
     def _watch(self, spec: NodeSpec) -> None:
-        name, full = spec.name, ros_name(self.configuration.side, spec)
-        if not full.startswith("/"):
-            full = f"{self.configuration['namespace'].rstrip('/')}/{full}"
+        name, full = spec.name, self._full_name(spec)
         self.names[name] = full
         self.change[name] = self.node.create_client(ChangeState, f"{full}/change_state")
         self.read[name] = self.node.create_client(GetState, f"{full}/get_state")
         on_event = partial(self._event, name)
         self.watched.append(self.node.create_subscription(TransitionEvent, f"{full}/transition_event", on_event, 10))
+
+    def _full_name(self, spec: NodeSpec) -> str:
+        full = ros_name(self.configuration.side, spec)
+        return full if full.startswith("/") else f"{self.configuration['namespace'].rstrip('/')}/{full}"
+
+    def missing_plain(self) -> dict[str, str]:
+        """Returns, for each node without a lifecycle, what of it is not in the graph; "" when all is there."""
+        found = {}
+        for name, (full, names) in self.plain.items():
+            namespace, _, short = full.rpartition("/")
+            try:
+                seen = {topic for topic, _ in self.node.get_publisher_names_and_types_by_node(short, namespace or "/")}
+                seen |= {topic for topic, _ in self.node.get_service_names_and_types_by_node(short, namespace or "/")}
+            except RuntimeError:  # rclpy raises this for a node that is not in the graph
+                found[name] = f"{full} is not in the graph{self._alike(full)}"
+                continue
+            absent = [topic for topic in names if topic not in seen]
+            found[name] = f"{full} does not publish {', '.join(absent)}; remap its output" if absent else ""
+        return found
+
+    def _alike(self, full: str) -> str:
+        """Returns the name that was probably meant, as a question; "" when no name is like it."""
+        running = {f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces()}
+        close = difflib.get_close_matches(full, running - set(self.names.values()), 1, NAME_LIKENESS)
+        return f"; did you mean {close[0]}?" if close else ""
 
     def _event(self, name: str, message: TransitionEvent) -> None:
         state = STATES.get(message.goal_state.id)
@@ -196,8 +222,8 @@ class ManagedNodes:
             allowed |= {f"{hidden}feedback", f"{hidden}status"}
         found = {}
         for spec in self.configuration.node_specs():
-            full = self.names.get(spec.name)
-            if full is None or not spec.duplicated:
+            full = self.names.get(spec.name) or self.plain[spec.name][0]
+            if not spec.duplicated:
                 continue
             namespace, _, short = full.rpartition("/")
             try:

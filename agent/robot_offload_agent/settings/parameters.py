@@ -207,7 +207,8 @@ class Configuration:
                 n["duplicated"],
                 n["core"] and (self.side is Site.ROBOT or n["duplicated"]),
                 n["lifecycle"],
-                n["duplicated"] and n[hot] == "Hot",
+                n["duplicated"] and (n[hot] == "Hot" or not n["lifecycle"]),
+                tuple(o[f"{self.side.value}_topic"] for o in self.outputs if o["node"] == n.name),
             )
             for n in self.nodes
         )

@@ -86,8 +86,8 @@ class ControlProcess(ABC):
         return NodeEvent.DEGRADED, f"Should be Active and are not: {', '.join(names)}; nobody waits for them"
 
     def node_states(self) -> tuple[tuple[str, str], ...]:
-        """Returns (node, lifecycle state) of this side."""
-        return tuple((n.spec.name, n.state.value) for n in self.guardian.nodes if n.spec.lifecycle)
+        """Returns (node, state) of this side; one without a lifecycle is active while it is seen."""
+        return tuple((n.spec.name, n.state.value) for n in self.guardian.nodes)
 
     def turn(self) -> None:
         """Lets time pass: the machine's tick, the guardian's, and the network status."""

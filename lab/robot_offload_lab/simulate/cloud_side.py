@@ -17,7 +17,16 @@ from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message, Node
 from robot_offload_lab.simulate.ports import Payload, Surroundings
 from robot_offload_lab.simulate.scenario import UID
-from robot_offload_lab.simulate.shells import EFFECT_S, DataShell, Shell, call_node, read, written
+from robot_offload_lab.simulate.shells import (
+    EFFECT_S,
+    LOOK_S,
+    DataShell,
+    Shell,
+    call_node,
+    plain_nodes_seen,
+    read,
+    written,
+)
 from robot_offload_lab.simulate.world import Host, Process
 
 SENT_KEPT = 60
@@ -112,6 +121,7 @@ class CloudControl(Shell):
         self.around.witness.cloud_started(incarnation)
         self.every(self.around.scenario.tick_s, self.process.turn, first_s=0.0)
         self.every(NOTES_S, self._notes)
+        self.every(LOOK_S, lambda: self.process.guard(plain_nodes_seen(self.nodes)), first_s=0.1)
 
     def take(self, message: object) -> None:
         """Takes a datagram."""

@@ -590,8 +590,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "guardians",
-                "return all(_stays_active(n) or not n.spec.lifecycle for n in core)",
-                "return any(_stays_active(n) or not n.spec.lifecycle for n in core)",
+                "return all(_stays_active(n) for n in core)",
+                "return any(_stays_active(n) for n in core)",
             ),
         ),
     ),
@@ -777,6 +777,22 @@ MUTANTS: dict[str, Mutant] = {
                 "if token is None:",
             ),
             Edit("process.cloud_data", "if self.ports.now_s() >= end_s:  # stopped", "if False:  # stopped"),
+        ),
+    ),
+    "G20": Mutant(
+        "a node without a lifecycle is taken for alive",
+        "plain_node_that_is_not_there",
+        (Edit("guardians", "State.ACTIVE if seen else State.UNKNOWN", "State.ACTIVE"),),
+    ),
+    "G21": Mutant(
+        "a node without a lifecycle is asked for transitions",
+        "plain_nodes_on_both_sides",
+        (
+            Edit(
+                "guardians",
+                "        if node.spec.lifecycle and wanted(guardian, node) is State.INACTIVE:",
+                "        if wanted(guardian, node) is State.INACTIVE:",
+            ),
         ),
     ),
     "R1": Mutant(

@@ -73,7 +73,8 @@ class Node(Process):
 
     def boot(self) -> None:
         """Starts a new process: Unconfigured, its timer runs from now on in every state, or from activation on."""
-        self.state = State.ACTIVE if self.awake and self.life == 1 else State.UNCONFIGURED
+        awake = (self.awake and self.life == 1) or not self.spec.lifecycle
+        self.state = State.ACTIVE if awake else State.UNCONFIGURED
         self._sequence = 0
         self._busy_until_s = self.world.now
         self.activations += 1

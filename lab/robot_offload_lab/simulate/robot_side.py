@@ -20,7 +20,17 @@ from robot_offload_lab.simulate.coverage import collector_state
 from robot_offload_lab.simulate.nodes import Message, Node
 from robot_offload_lab.simulate.ports import Payload, Surroundings
 from robot_offload_lab.simulate.scenario import UID
-from robot_offload_lab.simulate.shells import EFFECT_S, TYPE, DataShell, Shell, call_node, read, written
+from robot_offload_lab.simulate.shells import (
+    EFFECT_S,
+    LOOK_S,
+    TYPE,
+    DataShell,
+    Shell,
+    call_node,
+    plain_nodes_seen,
+    read,
+    written,
+)
 from robot_offload_lab.simulate.world import Host, Process
 
 LEAVING_S = 25.0
@@ -120,6 +130,7 @@ class RobotControl(Shell):
         self.every(self.around.scenario.tick_s, self.turn, first_s=0.0)
         self.every(EFFECT_S, self._effect)
         self.every(LIMITS_S, self._limits)
+        self.every(LOOK_S, lambda: self.process.guard(plain_nodes_seen(self.nodes)), first_s=0.1)
 
     def turn(self) -> None:
         """Takes a turn."""

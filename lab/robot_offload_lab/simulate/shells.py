@@ -19,6 +19,8 @@ EFFECT_S = 0.037
 TEXT_EVERY = 8
 """Every eighth beat crosses as text through the real codec, the others as objects: this keeps the simulation fast."""
 TYPE = "simulated/msg/Payload"
+LOOK_S = 0.5
+"""As in the agent: how often nodes without a lifecycle are looked for."""
 SLACK_S = 0.010
 """As in the agent: what is due waits so long for a datagram to come with."""
 
@@ -141,3 +143,8 @@ def call_node(
                 guard(guardians.Observed(command.name, state))
 
         nodes[command.name].get_state(control, read_back)
+
+
+def plain_nodes_seen(nodes: dict[str, Node]) -> guardians.Seen:
+    """Returns what a look at the graph finds: nodes without a lifecycle whose process lives."""
+    return guardians.Seen(tuple(name for name, node in nodes.items() if not node.spec.lifecycle and node.alive))

@@ -12,6 +12,7 @@ from robot_offload_lab.simulate import (
     story_link,
     story_nodes,
     story_people,
+    story_plain,
     story_processes,
     story_results,
 )
@@ -28,6 +29,7 @@ STORIES: dict[str, Callable[[], None]] = {
         story_processes,
         story_late,
         story_results,
+        story_plain,
     )
     for story in module.STORIES
 }

@@ -107,6 +107,7 @@ class Plan:
         serves: the replicas serve actions and services, see `counting.py`, and the agents relay them.
         files: the cloud's agent has the files by which the operator meets it, see `offer`, `answer` and `state`.
         environment: of the agents, by side.
+        plain: the replicas of `walker` have no lifecycle.
     """
 
     domains: tuple[int, int]
@@ -118,6 +119,7 @@ class Plan:
     serves: bool = False
     files: bool = False
     environment: dict[str, dict[str, str]] = field(default_factory=dict)
+    plain: bool = False
 
 
 class World:
@@ -320,7 +322,8 @@ class World:
                 arguments += ["-r", f"{served}:=/offload/{side}{served}"]
         for key, value in given.items():
             arguments += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]
-        command = [sys.executable, str(NODES), "--ros-args", *arguments]
+        plain = ["--plain"] if self.plan.plain and not other else []
+        command = [sys.executable, str(NODES), *plain, "--ros-args", *arguments]
         environment = {"ROS_DOMAIN_ID": str(self.domain[side]), **self._joined(side)}
         process = self.processes.start(f"{side}-{other or 'node'}", command, self.namespace(side), environment)
         if not other:

@@ -9,12 +9,14 @@ Parameters that can be set while it runs: `activation_s` (how long on_activate t
 
 import contextlib
 import os
+import sys
 import time
 
 import rclpy
 from counting import Counting  # beside this file, which is run by its path
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
 from std_msgs.msg import Header
 
 
@@ -58,10 +60,27 @@ class Walker(LifecycleNode):  # type: ignore[misc]
         self.command.publish(Header(stamp=stamp, frame_id=f"{self.producer}#{self.sequence}"))
 
 
+class PlainWalker(Node):  # type: ignore[misc]
+    """Publishes `/command` from its start on: a node without a lifecycle."""
+
+    def __init__(self) -> None:
+        super().__init__("walker", enable_rosout=False)
+        self.declare_parameter("rate_hz", 20.0)
+        self.sequence = 0
+        self.producer = f"{self.get_name()}.{os.getpid()}"
+        self.command = self.create_publisher(Header, "/command", 10)
+        self.create_timer(1.0 / self.get_parameter("rate_hz").value, self.tell)
+
+    def tell(self) -> None:
+        self.sequence += 1
+        stamp = self.get_clock().now().to_msg()
+        self.command.publish(Header(stamp=stamp, frame_id=f"{self.producer}#{self.sequence}"))
+
+
 def main() -> None:
     rclpy.init()
     executor = SingleThreadedExecutor()
-    executor.add_node(Walker())
+    executor.add_node(PlainWalker() if "--plain" in sys.argv else Walker())
     with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
         executor.spin()
 

@@ -1,4 +1,4 @@
-"""Nodes of every kind: one that runs in the cloud only, whose results reach the robot whoever is in charge."""
+"""Nodes of every kind: one in the cloud only, whose results reach the robot; one without a lifecycle on both sides."""
 
 from collections.abc import Callable
 from typing import Any
@@ -41,10 +41,14 @@ def young(results: list[Arrival]) -> bool:
     return all(a.t_s - a.sent_t_s < RESULT_AGE_S + MEASURING_S for a in results)
 
 
-def test_results_of_a_node_in_the_cloud_reach_the_robot_whoever_acts_and_a_cut_is_stated(
+def test_results_of_a_cloud_node_reach_a_robot_whose_plain_node_runs_on_both_sides_and_a_cut_is_stated(
     build: Callable[..., World],
 ) -> None:
-    world = build(both=DETECTIONS, cloud={"nodes": ["walker", "detector"], "node.detector.duplicated": False})
+    world = build(
+        both={**DETECTIONS, "node.walker.lifecycle": False},
+        cloud={"nodes": ["walker", "detector"], "node.detector.duplicated": False},
+        plain=True,
+    )
     results, statements = world.ear.arrivals("/detections"), Statements(world.ear)
 
     def flow(count: int = 10) -> None:
@@ -75,4 +79,9 @@ def test_results_of_a_node_in_the_cloud_reach_the_robot_whoever_acts_and_a_cut_i
     sequences = [int(a.sequence) for a in results]
     assert sequences == sorted(set(sequences)), "each result once and in order"
     assert young(results)
+
+    world.place("cloud")
+    world.kill_node("cloud")
+    world.until(lambda: world.site == "robot", "the silence of the replica ends the stay")
+    world.passes("robot", 10)
     world.check()

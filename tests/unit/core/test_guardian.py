@@ -21,6 +21,7 @@ from robot_offload_core.guardians import (
     GetState,
     NodeNews,
     Observed,
+    Seen,
     State,
     Transition,
 )
@@ -217,11 +218,12 @@ def test_an_active_side_is_left_in_peace() -> None:
         ((MAP, PLANNER), {"map", "planner"}, True),
         ((BASE,), set(), True),
         ((NodeSpec("base", duplicated=False, core=True), CONTROLLER), {"controller"}, True),
-        ((PLAIN,), set(), True),
+        ((PLAIN,), set(), False),
+        ((PLAIN,), {"plain"}, True),
         ((), set(), True),
     ],
     ids=["CORE is enough", "CORE is missing", "no CORE: all count", "all there", "nothing duplicated",
-         "CORE of this side alone", "no lifecycle", "no nodes"],
+         "CORE of this side alone", "no lifecycle, unseen", "no lifecycle, seen", "no nodes"],
 )  # fmt: skip
 def test_a_side_is_ready_when_its_duplicated_core_nodes_are_active(
     specs: tuple[NodeSpec, ...], active: set[str], ready: bool
@@ -238,6 +240,15 @@ def test_a_side_whose_node_is_being_deactivated_is_not_ready_although_it_shall_a
     guardian, commands = guardians.step(guardian, Acting(False), NOW_S)
     assert [c.transition for c in commands if isinstance(c, ChangeState)] == [Transition.DEACTIVATE]
     guardian, _ = guardians.step(guardian, Acting(True), NOW_S)
+    assert not guardians.is_ready(guardian)
+
+
+def test_a_node_without_a_lifecycle_is_gone_when_two_looks_do_not_find_it() -> None:
+    guardian, _ = guardians.step(guardians.start((PLAIN,), 0.25), Seen(("plain",)), NOW_S)
+    assert guardians.is_ready(guardian)
+    guardian, _ = guardians.step(guardian, Seen(()), NOW_S + 0.5)
+    assert guardians.is_ready(guardian), "one look may come amid a discovery"
+    guardian, _ = guardians.step(guardian, Seen(()), NOW_S + 1.0)
     assert not guardians.is_ready(guardian)
 
 

@@ -255,7 +255,8 @@ class Node(Model):
     )
     lifecycle: bool = Field(
         default=True,
-        description="Whether it is a managed (lifecycle) node. Duplicated nodes must be. Default true.",
+        description="Whether it is a managed (lifecycle) node. A Duplicated node without a lifecycle runs on both "
+        "sides all the time (Hot), which costs its CPU twice. Default true.",
     )
     standby: Standby = Field(
         default_factory=Standby,

@@ -99,7 +99,6 @@ def test_several_broken_rules_are_told_together() -> None:
         "DuplicateNode",
         "AlwaysHot",
         "MultipleOfPeriod",
-        "NotYet",
     ]
 
 

@@ -69,13 +69,6 @@ NOT_YET: Final[dict[str, Word]] = {
         "let a node on the robot publish the transforms",
         (f"{_IN_NODE}.outputs", [{"topic": "/tf", "frames": [{"parent": "map", "child": "odom"}]}]),
     ),
-    "plain": Word(
-        _NODE, "lifecycle", "self.placement != 'Duplicated' || self.lifecycle",
-        lambda it: it.duplicated and not it.lifecycle,
-        "a Duplicated node must be a managed (lifecycle) node: only those can be put to sleep; write lifecycle: true "
-        "or another placement",
-        (f"{_IN_NODE}.lifecycle", False),
-    ),
     "Race": Word(
         "spec.nodes[].services[]", "mode", "self.mode != 'Race'", lambda it: it.mode == "Race",
         "write Idempotent instead of Race",
