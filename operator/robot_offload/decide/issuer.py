@@ -1,7 +1,8 @@
 """Certificates from the user's own issuer: objects of cert-manager instead of our authorities.
 
-cert-manager then writes the Secrets of cloud and robot; each trusts the issuer's own authority. So an issuer should
-sign for one robot only: whatever else it signs for clients could connect as that robot.
+cert-manager then writes the Secrets of cloud and robot; each trusts the issuer's own authority, and insists on the
+common name of the other side, in which name and namespace of the RobotOffload stand. So one issuer may sign for many
+robots, as long as nobody else gets certificates with such names from it.
 """
 
 from __future__ import annotations
@@ -24,12 +25,13 @@ WRITTEN_BY: Final = "cert-manager.io/certificate-name"
 
 def certificates(parent: Parent) -> tuple[Manifest, ...]:
     """The Certificates of cloud and robot; only for a RobotOffload that names an issuer."""
-    name = parent.name
     cloud = {
         "usages": ["digital signature", "server auth"],
+        # Who dials an address instead of a declared name knows the cloud by this.
+        "commonName": parent.certificate_name("cloud"),
         "dnsNames": list(host_names(parent.offload, parent.namespace)),
     }
-    robot = {"usages": ["digital signature", "client auth"], "commonName": name}
+    robot = {"usages": ["digital signature", "client auth"], "commonName": parent.certificate_name("robot")}
     return (_certificate(parent, "cloud", cloud), _certificate(parent, "robot", robot))
 
 

@@ -6,15 +6,21 @@ that the child belongs to and its body; name, namespace, labels and owner come f
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from robot_offload.api.v1alpha1 import API_VERSION, KIND, RobotOffload, RobotOffloadSpec
+from robot_offload.api.v1alpha1.names import Side
 from robot_offload.kube.kinds import CONFIG_MAP, Kind
 from robot_offload.kube.port import Manifest
 from robot_offload.objects import labels
 from robot_offload.objects.facts import Facts
 from robot_offload.objects.labels import Component
+
+MAX_COMMON_NAME: Final = 64
+"""Characters, by X.520."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +69,21 @@ class Parent:
     def uid(self) -> str:
         """Returns the uid of the RobotOffload, by which children are known as its own."""
         return self.facts.uid
+
+    def certificate_name(self, side: Side) -> str:
+        """Returns the common name in the certificate of a side: what its other side insists on.
+
+        An issuer may sign for many RobotOffloads, of several namespaces, so the names say which one. With an underscore
+        they are names of no host, and no public authority certifies them.
+        """
+        if self.spec.transport.certificates.issuer_ref is None:
+            return self.name if side == "robot" else "cloud"
+        whose = f"{self.name}_{self.namespace}"
+        text = whose if side == "robot" else f"cloud_{whose}"
+        if len(text) <= MAX_COMMON_NAME:
+            return text
+        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+        return f"{text[: MAX_COMMON_NAME - 17]}_{digest}"
 
     def child(
         self, kind: Kind, part: Part, body: Mapping[str, object], annotations: Mapping[str, str] | None = None

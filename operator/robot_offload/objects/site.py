@@ -23,6 +23,7 @@ class AgentSite:
         endpoints: robot: where the cloud is reached, purpose by purpose; empty: `host` and the ports.
         observers: cloud: common names of certificates that may listen to everything and say nothing; the laboratory's.
         verify_name: whether the robot checks that the cloud's certificate names `host`.
+        peer_name: the common name in the other side's certificate; empty: as in certificates of our own authorities.
         uid: identity of the RobotOffload between the agents; empty = its name.
         domain_id: ROS_DOMAIN_ID of this side; None = the resource's.
         runtime_dir: folder for sockets and pid files; empty = the agent's default.
@@ -54,5 +55,6 @@ class AgentSite:
     state_file: str = ""
     settings_file: str = ""
     certificate_file: str = ""
+    peer_name: str = ""
     handover_file: str = ""
     observers: tuple[str, ...] = ()

@@ -169,7 +169,7 @@ def _link(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         "ca": site.ca,
         "certificate": site.certificate,
         "private_key": site.private_key,
-        "peer_name": "cloud" if site.side == "robot" else offload.metadata.name,
+        "peer_name": site.peer_name or ("cloud" if site.side == "robot" else offload.metadata.name),
         "observers": listed(site.observers),
         "verify_name": site.verify_name,
     }

@@ -89,6 +89,7 @@ def site(parent: Parent) -> AgentSite:
         private_key=f"{pod.CERTIFICATES_DIR}/tls.key",
         pulse_port=transport.PULSE_PORT,
         data_port=transport.DATA_PORT,
+        peer_name=parent.certificate_name("robot"),
         uid=parent.uid,
         runtime_dir=RUNTIME_DIR,
         state_dir=STATE_DIR,

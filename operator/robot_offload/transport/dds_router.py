@@ -138,7 +138,7 @@ class DDSRouter(Transport):
             return servers
         data = {
             CONFIG_KEY: text(cloud_config(parent.offload, parent.facts.discovery_hosts)),
-            tunnel.FILE: text(tunnel.in_the_cloud(parent.name)),
+            tunnel.FILE: text(tunnel.in_the_cloud(parent.certificate_name("robot"))),
         }
         return (
             *servers,
