@@ -87,7 +87,6 @@ class CloudControlProcess(ControlProcess):
             self.data_status = message
         if message.complete is not self.complete:
             self.complete = message.complete
-            self.ready_changed(self.is_ready())
         request, _, answer = message.word.partition("|")
         if request and request == self.request:
             accepted, _, text = answer.partition("|")
@@ -98,14 +97,25 @@ class CloudControlProcess(ControlProcess):
     def tick(self) -> None:
         """Lets time pass for the lease machine."""
         self.check_ready()
+        if self._able() is not self.cloud.ready:
+            self.step(lease.CloudNodes(self._able()))
         self.step(Tick())
         if self.request and self.ports.now_s() >= self.request_until_s:
             self.ports.answer(self.request_key, False, "Refused (RobotUnheard): the robot did not answer")
             self.request = ""
 
     def ready_changed(self, ready: bool) -> None:
-        """Takes readiness: the CORE nodes are Active and the latched inputs are the robot's."""
-        self.step(lease.CloudNodes(ready and self.complete))
+        """Takes the changed readiness of the CORE nodes."""
+        del ready
+        self.step(lease.CloudNodes(self._able()))
+
+    def _able(self) -> bool:
+        """Returns whether the CORE nodes are Active and got the robot's latched inputs before they began to act.
+
+        A stay does not end for a latched input that changes meanwhile: its new value is on the way to the replicas.
+        """
+        acting = lease.holds_lease(self.cloud, self.ports.now_s()) and self.cloud.ready
+        return self.is_ready() and (self.complete or acting)
 
     def step(self, event: lease.Event) -> None:
         """Steps the lease and carries out its commands."""

@@ -137,13 +137,17 @@ class CloudDataProcess(DataProcess):
 
     def _keep_latched(self, name: str, payload: Any) -> None:
         """Keeps the values that make up the robot's hash: the newest ones, as many as give it."""
-        values = [v for v in self.latched[name] if v != payload] + [payload]
+        self.latched[name] = [*[v for v in self.latched[name] if v != payload][1 - MAX_LATCHED :], payload]
+        self._drop_older(name)
+
+    def _drop_older(self, name: str) -> None:
+        """Keeps the newest values, as many as have the hash that the robot names; all while none have."""
+        values = self.latched[name]
         target = self.wanted.get(name, "")
-        for start_at in range(len(values)):
+        for start_at in range(1, len(values)):
             if probe.digest(values[start_at:]) == target:
-                values = values[start_at:]
+                self.latched[name] = values[start_at:]
                 break
-        self.latched[name] = values[-MAX_LATCHED:]
 
     def watch(self, name: str) -> None:
         """Notes that an input arrived by itself, as on DDS transports; only its silence can be judged there."""
@@ -171,7 +175,11 @@ class CloudDataProcess(DataProcess):
 
     def probed(self, received: Probe) -> None:
         """Takes types and wanted hashes from the robot."""
-        self.wanted = received.latched
+        if received.latched != self.wanted:
+            self.wanted = received.latched
+            with self.ports.lock:
+                for name in self.latched:
+                    self._drop_older(name)
         for name, type_name in received.types.items():
             self.known_types.setdefault(name, type_name)
 

@@ -751,6 +751,28 @@ MUTANTS: dict[str, Mutant] = {
         "busy_node_in_the_cloud",
         (Edit("process.cloud_data", " and now_s - self.spoke_s[i] <= o.deadline_s\n", "\n"),),
     ),
+    "X32": Mutant(
+        "a latched input that changes ends the stay",
+        "map_that_changes",
+        (
+            Edit(
+                "process.cloud_control",
+                "return self.is_ready() and (self.complete or acting)",
+                "return self.is_ready() and self.complete",
+            ),
+        ),
+    ),
+    "X33": Mutant(
+        "older latched values are kept until one is sent again",
+        "map_that_changes",
+        (
+            Edit(
+                "process.cloud_data",
+                "                for name in self.latched:\n                    self._drop_older(name)\n",
+                "                pass\n",
+            ),
+        ),
+    ),
     "H17": Mutant(
         "what was reported waits for the end of a stall",
         "reported_in_a_stall",

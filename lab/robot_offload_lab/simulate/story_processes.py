@@ -200,6 +200,29 @@ def latched_input() -> None:
     stage.until(lambda: stage.phase is Phase.CLOUD, 12.0, "and the cloud is used again")
 
 
+def map_that_changes() -> None:
+    """A latched input that changes while the cloud acts ends no stay, and the replicas get it; also a big one."""
+    for held_s in (0.0, 1.2):
+        stage = Stage(input_periods_s=(0.05, 2.0))
+        stage.in_cloud()
+        process = stage.cloud.data.process
+        before = process.latched["map"]
+        wire = stage.link.data.up
+        target, arrived = wire.target
+
+        def late(channel: str, *rest: object, of: object = stage, by_s: float = held_s, to: object = arrived) -> None:
+            assert isinstance(of, Stage)
+            assert callable(to)
+            of.world.after(by_s if channel == "in/map" else 0.0, to, channel, *rest)
+
+        wire.target = target, late
+        if not held_s:
+            stage.until(lambda p=process, b=before: p.latched["map"] != b, 3.0, "a new map arrives")  # type: ignore[misc]
+            stage.until(process.complete, 0.2, "the cloud knows that it holds the robot's map without another one")
+        stage.always(lambda s=stage: s.phase is Phase.CLOUD, 7.0, "a new map ends the stay")  # type: ignore[misc]
+        stage.expect(process.latched["map"] != before and len(process.latched["map"]) == 1, "the new map is held alone")
+
+
 def missing_map() -> None:
     """Without the latched input the cloud is not ready."""
     stage = Stage()
@@ -315,6 +338,7 @@ STORIES = (
     old_inputs,
     many_inputs,
     latched_input,
+    map_that_changes,
     missing_map,
     restarted_data,
     restarted_data_on_a_robot_that_stays,
