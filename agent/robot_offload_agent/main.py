@@ -1,4 +1,4 @@
-"""`robot-offload-agent robot|cloud --params FILE`: the agent of one side."""
+"""`robot-offload-agent robot|cloud --params FILE`: the agent of one side. `doctor --params FILE` looks for problems."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ EPILOG = """\
 examples:
   robot-offload-agent robot --params robot.yaml     on the robot, with the file of the bundle
   robot-offload-agent robot --params robot.yaml --check   only says whether the file is good
+  robot-offload-agent doctor --params robot.yaml    looks for what would bite on this robot
   robot-offload-agent robot --params robot.yaml --record link.csv   for robot-offload simulate --trace link.csv
 
 exit codes: 0 ended by a signal, 2 bad configuration, 3 this identity runs here already, 4 the ROS graph forbids it
@@ -48,6 +49,10 @@ def main(arguments: list[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if "--ros-args" in words:
         words = words[: words.index("--ros-args")]
+    if words[:1] == ["doctor"]:
+        from robot_offload_agent.doctor.command import main as doctor  # noqa: PLC0415 - the agent goes without it
+
+        return doctor(words[1:])
     options = parser().parse_args(words)
     logging.basicConfig(
         level=options.log_level.upper(), stream=sys.stderr,

@@ -13,14 +13,12 @@ from robot_offload_agent.link.certificate_files import certificate_problem
 from robot_offload_agent.link.port import Channel, Link, LinkStatus, OnMessage
 from robot_offload_agent.link.ros import RosLink
 from robot_offload_agent.link.zenoh import ZenohLink
-from robot_offload_agent.link.zenoh_config import ZenohSettings
+from robot_offload_agent.link.zenoh_configured import SESSION_LEASE_MS, zenoh_settings
 from robot_offload_agent.link.zenoh_log import WheelLog
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
-from robot_offload_agent.settings.parameters import Configuration, listed
+from robot_offload_agent.settings.parameters import Configuration
 
-SESSION_LEASE_MS = {"pulse": 500, "data": 1000}
-"""Facts of the wheel: shorter flaps at 5 % loss, longer lets stale samples live on."""
 IDLE_S = 60.0
 """A node that carries nothing but a link has no other work to do."""
 
@@ -83,22 +81,3 @@ def check_link(configuration: Configuration) -> None:
             problem = certificate_problem(zenoh_settings(configuration, session))
             if problem:
                 raise ConfigurationError(f"parameter link.{problem}")
-
-
-def zenoh_settings(configuration: Configuration, session: str) -> ZenohSettings:
-    """The settings of one of the two Zenoh sessions."""
-    return ZenohSettings(
-        side=configuration["side"],
-        session=session,
-        uid=configuration["uid"],
-        endpoints=tuple(listed(configuration[f"link.{session}_endpoints"])),
-        fallback=tuple(listed(configuration[f"link.{session}_fallback"])),
-        ca=configuration["link.ca"],
-        certificate=configuration["link.certificate"],
-        private_key=configuration["link.private_key"],
-        peer_name=configuration["link.peer_name"],
-        verify_name=configuration["link.verify_name"],
-        observers=tuple(listed(configuration["link.observers"])),
-        lease_ms=SESSION_LEASE_MS[session],
-        fallback_after_ms=round(configuration["link.fallback_after_ms"]),
-    )

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import zenoh
 
-from robot_offload_agent.link.choice import zenoh_settings
 from robot_offload_agent.link.zenoh_config import KEY_PREFIX, session_config
+from robot_offload_agent.link.zenoh_configured import zenoh_settings
 from robot_offload_agent.settings.parameters import load
 
 LISTEN_S = 5.0

@@ -1,0 +1,1 @@
+"""What would bite on this robot, found before it does: `robot-offload-agent doctor`."""

@@ -1,0 +1,87 @@
+"""What the doctor finds, and how findings are shown."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from enum import Enum
+
+
+class Level(str, Enum):
+    """How much a finding matters."""
+
+    OK = "ok"
+    UNKNOWN = "unknown"
+    WARNING = "warning"
+    ERROR = "error"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+class Check(str, Enum):
+    """What the doctor looks at; a word never changes its meaning."""
+
+    BONDS = "Bonds"
+    CERTIFICATES = "Certificates"
+    CLOCK = "Clock"
+    CLOUD_TCP = "CloudTcp"
+    CLOUD_UDP = "CloudUdp"
+    DDS_DISCOVERY = "DdsDiscovery"
+    FILE_DESCRIPTORS = "FileDescriptors"
+    MESSAGE_TYPES = "MessageTypes"
+    MIDDLEWARE = "Middleware"
+    NODES = "Nodes"
+    REALTIME_PRIORITY = "RealtimePriority"
+    RECEIVE_BUFFER = "ReceiveBuffer"
+    ROS_ENVIRONMENT = "RosEnvironment"
+    ROS_GRAPH = "RosGraph"
+    SECOND_LIFECYCLE_MANAGER = "SecondLifecycleManager"
+    SECOND_PUBLISHER = "SecondPublisher"
+    SERVER_TIMEOUT = "ServerTimeout"
+    VERSIONS = "Versions"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        check: what was looked at.
+        level: how much it matters.
+        message: what was seen.
+        step: what to do next; empty where nothing needs to be done.
+    """
+
+    check: Check
+    level: Level
+    message: str
+    step: str = ""
+
+
+def exit_code(findings: Iterable[Finding]) -> int:
+    """Returns 1 when an error is among the findings, else 0."""
+    return int(any(finding.level is Level.ERROR for finding in findings))
+
+
+def as_json(findings: Sequence[Finding]) -> str:
+    """Returns the findings as a JSON list, for programs."""
+    return json.dumps([asdict(finding) for finding in findings], indent=1)
+
+
+def as_text(findings: Sequence[Finding]) -> str:
+    """Returns the findings for people: what needs a hand first, what is fine in one line."""
+    order = [Level.ERROR, Level.WARNING, Level.UNKNOWN]
+    lines = []
+    for finding in sorted((f for f in findings if f.level is not Level.OK), key=lambda f: order.index(f.level)):
+        lines.append(f"{finding.level:8} {finding.check}: {finding.message}")
+        if finding.step:
+            lines.append(f"{'':8} next: {finding.step}")
+    fine = [finding.check for finding in findings if finding.level is Level.OK]
+    if fine:
+        lines.append(f"{Level.OK:8} {', '.join(fine)}")
+    return "\n".join(lines)

@@ -1,0 +1,196 @@
+"""The robot's ROS graph: missing types, second publishers, other lifecycle managers, their bonds, Nav2's time-outs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from robot_offload_agent.doctor.findings import Check, Finding, Level
+from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.token import Site
+
+DISCOVERY_S = 3.0
+"""How long the nodes of this network need to be found."""
+ANSWER_S = 2.0
+OWN_NODES = ("offload_collector", "offload_control_robot", "guardian", "network_monitor", "cloud_switcher")
+NAVIGATOR = "bt_navigator"
+SERVER_TIMEOUT = "default_server_timeout"
+"""How long Nav2's behaviour tree waits for the answer to a goal or a service call, ms; 20 by default
+(nav2_behavior_tree, bt_action_node.hpp)."""
+
+
+@dataclass(frozen=True)
+class Graph:
+    """What was seen in the robot's domain.
+
+    Attributes:
+        nodes: full names of all nodes.
+        publishers: topic -> full names of the nodes that publish it.
+        managers: managed node -> full names of others that call its lifecycle services.
+        server_timeout_ms: Nav2's; None: there is no bt_navigator, or it does not answer.
+        problem: why nothing could be seen; empty: it could.
+    """
+
+    nodes: frozenset[str] = frozenset()
+    publishers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    managers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    server_timeout_ms: float | None = None
+    problem: str = ""
+
+
+def full_name(namespace: str, name: str) -> str:
+    """Returns a node's full name; `name` may be relative."""
+    return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
+
+
+def missing_types(configuration: Configuration, find: Callable[[str], Any]) -> Iterator[Finding]:
+    """Tries to import every declared message type.
+
+    Args:
+        configuration: of this side.
+        find: imports one type by its name and raises an exception that says how to get it.
+    """
+    names = sorted({spec["type"] for spec in (*configuration.outputs, *configuration.inputs)} - {"auto"})
+    missing = 0
+    for name in names:
+        try:
+            find(name)
+        except Exception as error:
+            missing += 1
+            yield Finding(
+                Check.MESSAGE_TYPES, Level.ERROR, str(error), "Source the workspace that has it, then try again."
+            )
+    if not missing:
+        yield Finding(Check.MESSAGE_TYPES, Level.OK, f"{len(names)} declared types can be imported")
+
+
+def judge(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
+    """Returns what will bite in the robot's graph. Pure."""
+    if graph.problem:
+        step = "Source ROS 2 in this shell, then start doctor again."
+        yield Finding(Check.ROS_GRAPH, Level.UNKNOWN, f"the ROS graph cannot be seen: {graph.problem}", step)
+        return
+    own = {full_name(configuration["namespace"], name) for name in OWN_NODES}
+    yield from _nodes(graph, configuration)
+    yield from _publishers(graph, configuration, own)
+    yield from _managers(graph, own)
+    yield from _timeouts(graph, configuration)
+
+
+def _nodes(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
+    wanted = [full_name(configuration["namespace"], node.name) for node in configuration.nodes]
+    absent = [name for name in wanted if name not in graph.nodes]
+    if absent:
+        step = "Start the robot's nodes, or correct the names in the RobotOffload: `ros2 node list` shows them."
+        yield Finding(Check.NODES, Level.WARNING, f"not running here: {', '.join(absent)}", step)
+    elif wanted:
+        yield Finding(Check.NODES, Level.OK, f"{len(wanted)} managed nodes run")
+
+
+def _publishers(graph: Graph, configuration: Configuration, own: set[str]) -> Iterator[Finding]:
+    problems = 0
+    for output in configuration.outputs:
+        others = sorted(set(graph.publishers.get(output["topic"], ())) - own)
+        if others and not output.values.get("shared", False):
+            problems += 1
+            step = f"Start it with the bundle's remappings: it shall publish {output['robot_topic']}."
+            message = f"{output['topic']} is published by {', '.join(others)}, beside the collector"
+            yield Finding(Check.SECOND_PUBLISHER, Level.ERROR, message, step)
+    if not problems and configuration.outputs:
+        yield Finding(Check.SECOND_PUBLISHER, Level.OK, "nobody publishes the public topics beside the collector")
+
+
+def _managers(graph: Graph, own: set[str]) -> Iterator[Finding]:
+    found = {node: sorted(set(who) - own) for node, who in graph.managers.items()}
+    for node, others in found.items():
+        if others:
+            message = f"{node} is managed by {', '.join(others)} as well"
+            step = (
+                f"Take {node} out of its `node_names`, and set its `bond_timeout` to 0.0: sleeping nodes hold no bond."
+            )
+            yield Finding(Check.SECOND_LIFECYCLE_MANAGER, Level.ERROR, message, step)
+    if found and not any(found.values()):
+        yield Finding(Check.SECOND_LIFECYCLE_MANAGER, Level.OK, "nobody else manages the nodes")
+    bonded = sorted(set(graph.publishers.get("/bond", ())) & set(found))
+    if bonded:
+        message = f"{', '.join(bonded)} hold a bond with a lifecycle manager, which a change of sides breaks"
+        yield Finding(Check.BONDS, Level.WARNING, message, "Set `bond_timeout: 0.0` in lifecycle_manager's parameters.")
+
+
+def _timeouts(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
+    if graph.server_timeout_ms is None:
+        return
+    least_ms = configuration["activation_deadline_ms"] + configuration["loss_timeout_ms"]
+    waits = f"{NAVIGATOR} waits {graph.server_timeout_ms:g} ms for its servers"
+    message = f"{waits}; a change of sides may take {least_ms:g} ms"
+    if graph.server_timeout_ms < least_ms:
+        step = f"Set {SERVER_TIMEOUT}: {least_ms:.0f} in {NAVIGATOR}'s parameters."
+        yield Finding(Check.SERVER_TIMEOUT, Level.WARNING, message, step)
+    else:
+        yield Finding(Check.SERVER_TIMEOUT, Level.OK, message)
+
+
+def look(configuration: Configuration, discovery_s: float = DISCOVERY_S) -> Graph:
+    """Looks at the robot's graph for some seconds: read-only, as a node of its own that offers nothing."""
+    try:
+        # Late: without a sourced ROS 2 all other checks still run.
+        import rclpy  # noqa: PLC0415
+
+        from robot_offload_agent.ros import context  # noqa: PLC0415
+    except ImportError as error:
+        return Graph(problem=str(error))
+    assert configuration.side is Site.ROBOT
+    rclpy.init(args=[], domain_id=configuration["domain_id"])
+    try:
+        node = context.make_node(configuration, "offload_doctor")
+        executor = rclpy.executors.SingleThreadedExecutor()
+        executor.add_node(node)
+        _spin(executor, node.get_clock(), discovery_s)
+        return _seen(node, executor, configuration)
+    finally:
+        rclpy.shutdown()
+
+
+def _spin(executor: Any, clock: Any, seconds: float) -> None:
+    end = clock.now().nanoseconds + seconds * 1e9
+    while clock.now().nanoseconds < end:
+        executor.spin_once(timeout_sec=0.1)
+
+
+def _seen(node: Any, executor: Any, configuration: Configuration) -> Graph:
+    names = [(name, space) for name, space in node.get_node_names_and_namespaces() if name != node.get_name()]
+    topics = {output["topic"] for output in configuration.outputs} | {"/bond"}
+    managed = {full_name(configuration["namespace"], spec.name) for spec in configuration.nodes if spec["lifecycle"]}
+    managers: dict[str, set[str]] = {name: set() for name in managed}
+    for name, space in names:
+        try:
+            clients = node.get_client_names_and_types_by_node(name, space)
+        except RuntimeError:  # rclpy raises this for a node that has gone
+            continue
+        for service, _ in clients:
+            target = service.removesuffix("/change_state")
+            if target != service and target in managers:
+                managers[target].add(full_name(space, name))
+    return Graph(
+        nodes=frozenset(full_name(space, name) for name, space in names),
+        publishers={topic: _publishing(node.get_publishers_info_by_topic(topic)) for topic in topics},
+        managers={name: tuple(sorted(who)) for name, who in managers.items()},
+        server_timeout_ms=_server_timeout(node, executor, configuration["namespace"], {name for name, _ in names}),
+    )
+
+
+def _publishing(endpoints: Iterable[Any]) -> tuple[str, ...]:
+    return tuple(full_name(each.node_namespace, each.node_name) for each in endpoints)
+
+
+def _server_timeout(node: Any, executor: Any, namespace: str, names: set[str]) -> float | None:
+    if NAVIGATOR not in names:
+        return None
+    from rcl_interfaces.srv import GetParameters  # noqa: PLC0415 - see look
+
+    client = node.create_client(GetParameters, f"{full_name(namespace, NAVIGATOR)}/get_parameters")
+    future = client.call_async(GetParameters.Request(names=[SERVER_TIMEOUT]))
+    executor.spin_until_future_complete(future, timeout_sec=ANSWER_S)
+    values = future.result().values if future.done() and future.result() else []
+    return float(values[0].integer_value) if values and values[0].type == 2 else None
