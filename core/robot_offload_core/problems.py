@@ -50,7 +50,7 @@ class Problem(Explained):
         "Make the message smaller (compressed, lower resolution)",
     )  # fmt: skip
     THINNED = (
-        "Thinned", "The link does not carry all messages of an input; the newest ones are sent",
+        "Thinned", "The link does not carry all messages of an input; what would have to wait is left out",
         "Publish it smaller, compressed or more seldom",
     )  # fmt: skip
     NOT_LIFECYCLE = (

@@ -311,3 +311,5 @@ def test_large_messages_take_a_session_of_their_own_where_the_robots_tcp_bears_l
     eventually(lambda: "tls" not in listener.protocols(), "what was buffered is dropped")
     connected(robot, cloud)
     crosses(robot, cloud)
+    cloud.received.clear()
+    eventually(arrived, "an image through a new session of its own")

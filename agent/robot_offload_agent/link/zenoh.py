@@ -170,7 +170,6 @@ class ZenohLink:
             if self.settings.dials and self._session is not None and not self._reopening:
                 log.info("Reopened the %s session reason=%s", self.settings.session, reason)
                 self._reopening = reason or "asked to"
-                self._large.drop()
                 self._message = f"reopening: {self._reopening}"
                 self._change.notify_all()
 
@@ -256,6 +255,7 @@ class ZenohLink:
         self._change.notify_all()
 
     def _end_session(self, message: str, wait_s: float = 0.0) -> None:
+        self._large.drop()
         with self._change:
             old, self._session = self._session, None
             self._message = message

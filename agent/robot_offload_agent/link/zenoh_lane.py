@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import zenoh
@@ -25,7 +25,7 @@ LARGE_BYTES = 32 * 1024
 """A channel with a message above this is one of large messages: images, point clouds, maps."""
 CONGESTION_CONTROL = Path("/proc/sys/net/ipv4/tcp_congestion_control")
 _RETRY_S = 1.0
-_LONGEST_RETRY_S = 30.0
+_LONGEST_RETRY_S = 10.0
 
 
 def bears_loss() -> bool:
@@ -52,9 +52,11 @@ class LargeLane:
         self._large: set[str] = set()
         self._change = threading.Condition()
         self._thread: threading.Thread | None = None
-        # What follows is guarded by _change; the session may be read without.
+        # Set by the thread alone, read by all.
         self._session: ZenohSession | None = None
+        # Changed with _change held.
         self._wanted = False
+        self._dropped = 0
         self._closing = False
 
     def session_for(self, channel: str, size: int, main: ZenohSession) -> ZenohSession:
@@ -85,6 +87,8 @@ class LargeLane:
 
     def drop(self) -> None:
         """Ends the session with what is buffered in it; the next large message opens another."""
+        with self._change:
+            self._dropped += 1
         self._want(False)
 
     def close(self) -> None:
@@ -96,18 +100,27 @@ class LargeLane:
     # -- the thread ---------------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        retry_s = _RETRY_S
+        retry_s, dropped = _RETRY_S, self._dropped
+
+        def over() -> bool:
+            return not self._wanted or self._dropped != dropped
+
         while not self._closing:
-            with self._change:
-                self._change.wait_for(lambda: self._wanted or self._closing)
-            session = None if self._closing else self._open()
-            if session is None:
-                with self._change:
-                    self._change.wait_for(lambda: self._closing, retry_s)
-                retry_s = min(2 * retry_s, _LONGEST_RETRY_S)
+            if over():
+                self._until(lambda: self._wanted)
+                retry_s, dropped = _RETRY_S, self._dropped
                 continue
-            retry_s = _RETRY_S
-            self._use(session)
+            session = self._open()
+            if session is None:
+                self._until(over, retry_s)
+                retry_s = min(2 * retry_s, _LONGEST_RETRY_S)
+            else:
+                retry_s = _RETRY_S
+                self._use(session, over)
+
+    def _until(self, condition: Callable[[], bool], limit_s: float | None = None) -> None:
+        with self._change:
+            self._change.wait_for(lambda: condition() or self._closing, limit_s)
 
     def _open(self) -> ZenohSession | None:
         settings = self._settings
@@ -123,13 +136,12 @@ class LargeLane:
             return None
         return session
 
-    def _use(self, session: ZenohSession) -> None:
+    def _use(self, session: ZenohSession, over: Callable[[], bool]) -> None:
         """Returns when the session has ended or is not wanted any more."""
         log.info("Opened a session for large messages endpoint=%s", ", ".join(self._settings.fallback))
-        with self._change:
-            self._session = session
-            self._change.wait_for(lambda: self._closing or not self._wanted or session.connections == 0)
-            self._session = None
+        self._session = session
+        self._until(lambda: over() or session.connections == 0)
+        self._session = None
         # Beside, for closing may hang as long as the network does.
         threading.Thread(target=session.close, name="link-large-close", daemon=True).start()
 

@@ -3,12 +3,15 @@
 Without one the rendered files are checked against a model of the router's reader (tests/unit/operator/render).
 """
 
+import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import closing
 
 import pytest
 
+from robot_offload.objects import pod
+from robot_offload.transport import dds_router_xml, tunnel
 from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.far_ear import FarEar
@@ -55,7 +58,11 @@ def test_probes_and_strangers_at_the_door_do_not_disturb(routed_world: World) ->
     address = routed_world.routers.cloud_address
     routed_world.processes.start("stranger", [sys.executable, "-c", STRANGER, address], routed_world.namespace("robot"))
     since = len(routed_world.placed)
-    wait_until(lambda: False, 4.0)
+    for _ in range(4):  # the kubelet's, of router and tunnel
+        for port in (dds_router_xml.LISTENING, tunnel.PORT.number):
+            probe = pod.listens(port)["exec"]["command"]
+            subprocess.run(["ip", "netns", "exec", routed_world.namespace("cloud"), *probe], check=True)
+        wait_until(lambda: False, 1.0)
     assert [one.site for one in routed_world.placed[since:] if one.site != "cloud"] == []
     routed_world.routers.kill("robot-tunnel")
     routed_world.goes_to("robot")
