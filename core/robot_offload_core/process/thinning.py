@@ -51,8 +51,8 @@ class Thinning:
         if connected and offered >= LEAST_OFFERED and refused >= LEAST_REFUSED_SHARE * offered:
             message = (
                 f"The link carries {sent / passed_s:.1f} of {offered / passed_s:.1f} messages a second of {name} "
-                f"({size / passed_s / 1e6:.1f} MB/s); what would have to wait is left out. Publish it smaller, compressed or "
-                "more seldom"
+                f"({size / passed_s / 1e6:.1f} MB/s); what would have to wait is left out. Publish it smaller, "
+                "compressed or more seldom"
             )
             self.problem = ("Thinned", message)
         return self.problem
