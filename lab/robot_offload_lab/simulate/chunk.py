@@ -10,8 +10,9 @@ from robot_offload_core.token import Site
 from robot_offload_lab.simulate import scenario as scenarios
 from robot_offload_lab.simulate.coverage import Pair
 from robot_offload_lab.simulate.faults import Faults, Hands, only_link, plan, plan_ambushes
-from robot_offload_lab.simulate.observer import Observer, ViolationError
+from robot_offload_lab.simulate.observer import Observer
 from robot_offload_lab.simulate.system import System
+from robot_offload_lab.simulate.violations import ViolationError
 
 CHUNK_S = 60.0
 STORY_LENGTH = 40

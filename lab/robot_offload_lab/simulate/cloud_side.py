@@ -109,6 +109,7 @@ class CloudControl(Shell):
             incarnation,
             outputs=scenario.outputs,
             publishers=scenario.publishers,
+            has_relay=scenario.relay is not None,
         )
         process.around = self.around
         return process

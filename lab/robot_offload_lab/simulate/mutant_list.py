@@ -7,6 +7,7 @@ Y policy, G guardian, X the processes around them. With +: edits that remove a r
 
 from __future__ import annotations
 
+from robot_offload_lab.simulate.mutant_handover import HANDOVER
 from robot_offload_lab.simulate.mutants import Edit, Equivalent, Mutant
 
 MUTANTS: dict[str, Mutant] = {
@@ -1136,6 +1137,7 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
+    **HANDOVER,
 }
 """Each is found by its story."""
 

@@ -22,6 +22,7 @@ from robot_offload_core.token import Site, Token, presence
 from robot_offload_lab.simulate.nodes import Message
 from robot_offload_lab.simulate.ports import Payload
 from robot_offload_lab.simulate.system import System
+from robot_offload_lab.simulate.violations import ViolationError
 
 DRIFT = 4.1e-4
 """Two clocks of up to 200 ppm each."""
@@ -37,16 +38,6 @@ RETURN_S = 4.0
 
 Rank = tuple[int, int, int]
 BEFORE_CONTROL: Rank = (-1, 0, 0)
-
-
-class ViolationError(Exception):
-    """An invariant is broken; ends the stretch."""
-
-    def __init__(self, invariant: str, text: str, at_s: float) -> None:
-        super().__init__(f"invariant {invariant}: {text}")
-        self.invariant = invariant
-        self.text = text
-        self.at_s = at_s
 
 
 def _tokens(permission: Permission, robot: str) -> list[Token]:

@@ -79,7 +79,8 @@ class WatchedControl(RobotControlProcess):
 
     def step(self, event: placement.Event) -> None:
         """Counts the event, then takes it."""
-        self.watch(self.robot, event, self.ports.now_s())
+        if not isinstance(event, placement.RelayReported):
+            self.watch(self.robot, event, self.ports.now_s())
         super().step(event)
 
 
@@ -117,6 +118,7 @@ class RobotControl(Shell):
             has_driver=True,
             outputs=scenario.outputs,
             publishers=scenario.publishers,
+            has_relay=scenario.relay is not None,
         )
         process = WatchedControl(plan, self, incarnation, round(self.host.now_s() * 1e6))
         process.watch = self.around.coverage.robot

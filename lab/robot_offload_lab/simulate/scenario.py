@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from robot_offload_core.process.data import DataPlan, InputPlan, OutputPlan
+from robot_offload_core.process.relay import RelayPlan
 from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 
@@ -43,6 +44,7 @@ class Scenario:
         transition_s: longest normal lifecycle transition.
         tick_s, report_s: how often control ticks, and how often the collector looks for news.
         delay_s, jitter_s: one way.
+        relay: services and actions that are served; None: there are no relays.
         drops: reopening a session discards what is under way in it.
     """
 
@@ -65,6 +67,7 @@ class Scenario:
     delay_s: float = 0.005
     jitter_s: float = 0.0005
     drops: bool = True
+    relay: RelayPlan | None = None
 
     @cached_property
     def input_specs(self) -> tuple[InputSpec, ...]:

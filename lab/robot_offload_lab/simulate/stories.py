@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robot_offload_lab.simulate import (
+    story_calls,
     story_fence,
+    story_goals,
     story_graphs,
     story_inhibit,
     story_late,
@@ -30,6 +32,8 @@ STORIES: dict[str, Callable[[], None]] = {
         story_late,
         story_results,
         story_plain,
+        story_goals,
+        story_calls,
     )
     for story in module.STORIES
 }

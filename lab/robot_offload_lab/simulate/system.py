@@ -5,6 +5,7 @@ from __future__ import annotations
 from robot_offload_lab.simulate.cloud_side import CloudSide
 from robot_offload_lab.simulate.coverage import Coverage
 from robot_offload_lab.simulate.driver import Driver
+from robot_offload_lab.simulate.handing import Handing
 from robot_offload_lab.simulate.link_model import Link
 from robot_offload_lab.simulate.ports import Surroundings
 from robot_offload_lab.simulate.robot_side import RobotSide
@@ -16,6 +17,7 @@ class System:
     """Everything wired together, at rest.
 
     Attributes:
+        handing: relays, servers and clients where services or actions are declared.
         silent_inputs: indices of inputs that faults keep silent, once per fault.
     """
 
@@ -30,6 +32,8 @@ class System:
         self.around = Surroundings(self.world, scenario, self.coverage, self.link, self.driver)
         self.robot = RobotSide(self.around, robot_host)
         self.cloud = CloudSide(self.around, cloud_host)
+        plan = scenario.relay
+        self.handing = Handing(self.around, self.robot, self.cloud, plan) if plan is not None else None
         self.silent_inputs: list[int] = []
         self.inputs_sent = 0
 
@@ -38,6 +42,8 @@ class System:
         self.driver.start()
         self.robot.start()
         self.cloud.start()
+        if self.handing is not None:
+            self.handing.start()
         for index in range(len(self.scenario.inputs)):
             self._sense(index)
 

@@ -1,0 +1,44 @@
+"""The room of goals and calls beside the two sides: relays, servers of the nodes, clients."""
+
+from __future__ import annotations
+
+from robot_offload_core.process.relay import RelayPlan
+from robot_offload_core.token import Site
+from robot_offload_lab.simulate.clients import Clients
+from robot_offload_lab.simulate.cloud_side import CloudSide
+from robot_offload_lab.simulate.ports import Surroundings
+from robot_offload_lab.simulate.relays import CloudRelayShell, RobotRelayShell
+from robot_offload_lab.simulate.robot_side import RobotSide
+from robot_offload_lab.simulate.servers import Servers
+
+
+class Handing:
+    """Wires the relays to the sides.
+
+    Attributes:
+        robot, cloud: the relays. servers: of each side. clients: on the robot, with what they were promised.
+    """
+
+    def __init__(self, around: Surroundings, robot: RobotSide, cloud: CloudSide, plan: RelayPlan) -> None:
+        self.robot = RobotRelayShell(around, robot.host, robot.control.peers, plan)
+        self.cloud = CloudRelayShell(around, cloud.host, cloud.control.peers, plan)
+        self.robot.memory = lambda: robot.collector.kept
+        of = {s.name: s.node for s in plan.services} | {a.name: a.node for a in plan.actions}
+        self.servers = {
+            site: Servers(around.world, site, side.nodes, of)
+            for site, side in ((Site.ROBOT, robot), (Site.CLOUD, cloud))
+        }
+        for relay, site in ((self.robot, Site.ROBOT), (self.cloud, Site.CLOUD)):
+            relay.servers = self.servers[site]
+            self.servers[site].feed = relay.feed
+        self.clients = Clients(around.world, plan, self.robot, self.cloud, self.servers)
+        self.robot.clients = self.cloud.clients = self.clients
+        self.processes = (self.robot, self.cloud)
+
+    def start(self) -> None:
+        """Starts the relays and what surrounds them."""
+        for process in self.processes:
+            process.start()
+        for servers in self.servers.values():
+            servers.start()
+        self.clients.start()

@@ -1,0 +1,253 @@
+# ruff: noqa: E501 - one edit a line
+"""The planted faults of goals and calls (letter N: nothing lost); see `mutant_list.py`."""
+
+from __future__ import annotations
+
+from robot_offload_lab.simulate.mutants import Edit, Mutant
+
+HANDOVER: dict[str, Mutant] = {
+    "N1": Mutant(
+        "result taken from the old side",
+        "nodes_rest_after_their_goals",
+        (
+            Edit(
+                "ledger.steps",
+                "counts = _counts(work, attempt) or (goal.cancel and attempt.site is work.holding.site)",
+                "counts = True",
+            ),
+        ),
+    ),
+    "N2": Mutant(
+        "changeover before the goals are accepted",
+        "goal_that_the_candidate_rejects",
+        (
+            Edit(
+                "handing", "return preparation.need or impatient or pending(robot, preparation) is None", "return True"
+            ),
+        ),
+    ),
+    "N3": Mutant(
+        "feedback of the standby passes",
+        "copy_before_the_change",
+        (Edit("ledger.goals", "return goal if copy is not None and copy.id == attempt else None", "return goal"),),
+    ),
+    "N4": Mutant(
+        "a cancel while a side gets ready is lost",
+        "cancel_in_a_change",
+        (
+            Edit(
+                "ledger.steps",
+                "work.put(replace(goal, cancel=True, status=GoalStatus.CANCELING))",
+                "work.put(replace(goal, cancel=work.view.candidate is None, status=GoalStatus.CANCELING))",
+            ),
+        ),
+    ),
+    "N5": Mutant(
+        "requests admitted after the lease",
+        "request_after_the_lease",
+        (
+            Edit(
+                "process.cloud_relay",
+                "egress.token == token and self.ports.now_s() < egress.lease_end_s",
+                "egress.token in (token, None)",
+            ),
+        ),
+    ),
+    "N6": Mutant(
+        "the same goal id again",
+        "goal_over_twenty_changes",
+        (
+            Edit(
+                "ledger.work",
+                "attempt_id(self.ledger.incarnation, self.count())",
+                "attempt_id(self.ledger.incarnation, goal.order)",
+            ),
+        ),
+    ),
+    "N7": Mutant(
+        "a new goal goes to the holder only while a side gets ready",
+        "goal_between_arming_and_flip",
+        (
+            Edit(
+                "ledger.copies",
+                "        and spec.core\n        and not goal.cancel",
+                "        and spec.core\n        and work.now_s - goal.need_s > 1.0\n        and not goal.cancel",
+            ),
+        ),
+    ),
+    "N8": Mutant(
+        "goals offered in another order",
+        "preempted_copies",
+        (
+            Edit(
+                "ledger.copies",
+                "    for goal in work.live():\n        if _is_copied(work, goal):",
+                "    for goal in reversed(list(work.live())):\n        if _is_copied(work, goal):",
+            ),
+        ),
+    ),
+    "N9": Mutant(
+        "a preempted copy is offered again",
+        "preempted_copies",
+        (Edit("ledger.copies", "    if not preempted(work.seen(), goal, site, token):", "    if True:"),),
+    ),
+    "N10": Mutant(
+        "`Holder` asked again after a lost session",
+        "calls_at_a_loss",
+        (Edit("ledger.requests", "again = spec.mode in (ServiceMode.IDEMPOTENT, ServiceMode.RACE)", "again = True"),),
+    ),
+    "N11": Mutant(
+        "`Both` played before activation",
+        "both_before_the_change",
+        (
+            Edit(
+                "ledger.requests",
+                "return reachable and site in view.able and (site, service) in view.up",
+                "return reachable",
+            ),
+        ),
+    ),
+    "N12": Mutant(
+        "a standby's call at a used name admitted",
+        "used_calls_of_the_holder",
+        (Edit("ledger.used", "return Admission.REFUSE", "return Admission.ADMIT"),),
+    ),
+    "N13": Mutant(
+        "used calls of the robot while the cloud may act",
+        "used_calls_after_a_loss",
+        (
+            Edit(
+                "ledger.used", "return Admission.ADMIT if effects is site else Admission.WAIT", "return Admission.ADMIT"
+            ),
+        ),
+    ),
+    "N14": Mutant(
+        "a letter taken twice",
+        "calls_on_a_bad_link",
+        (Edit("ledger.courier", "        if frame.number in self.taken:\n            return None\n", ""),),
+    ),
+    "N15": Mutant(
+        "letters written once",
+        "calls_on_a_bad_link",
+        (Edit("ledger.courier", "AGAIN_S = 0.1", "AGAIN_S = 1e9"),),
+    ),
+    "N16": Mutant(
+        "attempts of an ended token run on",
+        "goal_after_a_loss",
+        (Edit("process.cloud_relay", "ORPHAN_S = 1.0", "ORPHAN_S = 1e9"),),
+    ),
+    "N17": Mutant(
+        "CANCELED for a client that cancelled nothing",
+        "cancelled_by_somebody_else",
+        (
+            Edit("ledger.steps", "if event.status is GoalStatus.CANCELED and not goal.cancel:", "if False:"),
+            Edit(
+                "ledger.steps",
+                '            (goal.cancel or goal.status is not GoalStatus.CANCELED, "CANCELED, and no client asked for it"),\n',
+                "",
+            ),
+        ),
+    ),
+    "N18": Mutant(
+        "the stay is not in the journal",
+        "change_without_a_relay",
+        (Edit("ledger.journal", "holding = said.holding or ledger.holding", "holding = ledger.holding"),),
+    ),
+    "N19": Mutant(
+        "attempts are not in the journal",
+        "robots_relay_dies",
+        (Edit("ledger.journal", "elif was is not goal and _goal(was) != _goal(goal):", "elif False:"),),
+    ),
+    "N20": Mutant(
+        "an offer waits for its answer for ever",
+        "no_answer_to_an_offer",
+        (Edit("ledger.copies", "    if work.now_s >= work.offers_until_s(goal):", "    if False:"),),
+    ),
+    "N21": Mutant(
+        "a late copy of an offer given up runs on",
+        "late_acceptance",
+        (
+            Edit(
+                "ledger.executor",
+                "        self.report(OfferAnswered(attempt, True))\n        self._ask_to_cancel(attempt, run)",
+                "        self.report(OfferAnswered(attempt, True))",
+            ),
+            Edit("ledger.executor", "if run.cancel_due_s <= now_s:", "if False:"),
+        ),
+    ),
+    "N22": Mutant(
+        "a server's restart is not noticed",
+        "forgotten_goal",
+        (
+            Edit(
+                "ledger.executor",
+                "changed = {name for name, endpoints in before.items() if seen.get(name) != endpoints}",
+                "changed = set()",
+            ),
+        ),
+    ),
+    "N23": Mutant(
+        "a copy that ended first is not offered again",
+        "copy_ends_first",
+        (Edit("ledger.goals", "RETRY_S = 0.5", "RETRY_S = 1e9"),),
+    ),
+    "N24": Mutant(
+        "nodes deactivated before their goals have ended",
+        "nodes_rest_after_their_goals",
+        (Edit("process.rest", "return status.busy or (unheard and bool(status.executing))", "return False"),),
+    ),
+    "N25": Mutant(
+        "a change does not wait for `Hold` goals",
+        "change_waits_for_hold",
+        (
+            Edit("handing", "return _held(robot, now_s), True", "return _held(robot, now_s), False"),
+            Edit(
+                "handing",
+                "return robot, report is not None and now_s - held_s < report.hold_for_s",
+                "return robot, False",
+            ),
+        ),
+    ),
+    "N26": Mutant(
+        "`Abort` goals executed on the other side",
+        "goals_that_must_not_be_repeated",
+        (Edit("ledger.steps", "elif offered and work.spec(goal).on_switch is not OnSwitch.RESEND:", "elif False:"),),
+    ),
+    "N27": Mutant(
+        "a success before the change is thrown away",
+        "goal_that_ends_in_the_change",
+        (
+            Edit(
+                "ledger.steps",
+                "return attempt.site is Site.CLOUD and held and same_control and event.under_lease",
+                "return False",
+            ),
+        ),
+    ),
+    "N28": Mutant(
+        "waits for goals for ever, whoever asked",
+        "pin_does_not_wait_for_ever",
+        (
+            Edit(
+                "handing",
+                "impatient = wish.reason.urgent and now_s >= preparation.patient_until_s",
+                "impatient = False",
+            ),
+        ),
+    ),
+    "N29": Mutant(
+        "a new relay in the cloud is not asked for what runs",
+        "clouds_relay_dies",
+        (Edit("process.robot_relay", "                self.step(goals.Replaced(Site.CLOUD))\n", ""),),
+    ),
+    "N30": Mutant(
+        "the robot's relay does not ask again for what runs",
+        "robots_relay_dies",
+        (Edit("process.robot_relay", "            self.step(goals.Replaced())\n", "            pass\n"),),
+    ),
+    "N31": Mutant(
+        "`Both` is not played after a loss",
+        "both_after_a_loss",
+        (Edit("ledger.requests", "sites = [view.holding.site]", "sites: list[Site] = []"),),
+    ),
+}
