@@ -219,7 +219,9 @@ def endpoints(clients: Sequence[RawClient]) -> str:
     for client in clients:
         infos = client.node.get_subscriptions_info_by_topic(f"rq{client.name}Request", no_mangle=True)
         found.append(",".join(sorted(bytes(info.endpoint_gid).hex() for info in infos)))
-    return " ".join(found) if any(found) else "seen"  # not every middleware shows the topics behind a service
+    if not any(found):
+        return "seen"  # not every middleware shows the topics behind a service
+    return " ".join(found) if all(found) else ""  # what the graph shows is not complete yet
 
 
 def _fields(kind: Any) -> dict[str, str]:

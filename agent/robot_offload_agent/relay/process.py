@@ -36,6 +36,8 @@ log = logging.getLogger(__name__)
 LOOK_S = 1.0
 LOOK_SOON_S = 0.1
 """How often the graph is looked at, and while a server that is called has not been seen."""
+HURRIED_S = 3.0
+"""After a start the graph is looked at often: goals of a predecessor wait for their servers."""
 BUS_S = 0.5
 """The bus thread gives its sign of life at least this often."""
 
@@ -68,7 +70,7 @@ class RelayShell:
         self.service_clients: dict[tuple[Face, str], ServiceClient] = {}
         self.action_clients: dict[tuple[Face, str], ActionClient] = {}
         self.calls: dict[int, ServiceClient] = {}
-        self.look_due_s = 0.0
+        self.look_due_s, self.hurried_s = 0.0, now_s() + HURRIED_S
 
     # -- building -----------------------------------------------------------------------------------------------------
 
@@ -147,7 +149,8 @@ class RelayShell:
             self.guarded(self.after.popleft())
         now = now_s()
         if now >= self.look_due_s:
-            self.look_due_s = now + (LOOK_S if self.look() else LOOK_SOON_S)
+            complete = self.look()
+            self.look_due_s = now + (LOOK_S if complete and now > self.hurried_s else LOOK_SOON_S)
         inherited_due_s = self.inherited.turn()
         self.process.turn()
         return min(self.process.due_s, self.look_due_s, inherited_due_s)

@@ -136,6 +136,20 @@ def collector(
     _run(common, [Group.COLLECTOR], replace(common.amounts, stage_s=seconds or common.amounts.stage_s))
 
 
+@app.command()
+@measurement
+def handover(
+    common: Common,
+    *,
+    switches: Annotated[int | None, typer.Option(min=1, help="Commanded switches, 3 goals alive at each.")] = None,
+    cuts: Annotated[int | None, typer.Option(min=1, help="Sudden cuts, 3 goals alive at each.")] = None,
+) -> None:
+    """Goals and service calls of a stock client through switches, cuts and a killed relay, beside the direct path."""
+    chosen = common.amounts
+    amounts = replace(chosen, switches=switches or chosen.switches, cuts=cuts or chosen.cuts)
+    _run(common, [Group.HANDOVER], amounts)
+
+
 @app.command("all")
 @measurement
 def everything(common: Common, *, only: Only = None) -> None:

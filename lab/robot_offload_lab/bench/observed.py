@@ -67,8 +67,57 @@ class Hop(Record):
     delay_ms: float
 
 
-Observation: TypeAlias = PlacementChange | Transition | Answered | BeatHeard | Departed | Reached | Hop
-_KINDS: Final[tuple[type[Record], ...]] = (PlacementChange, Transition, Answered, BeatHeard, Departed, Reached, Hop)
+@dataclass(frozen=True)
+class GoalAnswered(Record):
+    """A goal of `order` ticks was sent at asked_s by the path `prefix` and answered at t_s."""
+
+    t_s: float
+    asked_s: float
+    goal: int
+    prefix: str
+    order: int
+    accepted: bool
+
+
+@dataclass(frozen=True)
+class GoalFeedback(Record):
+    """Feedback of a goal: the `tick` of the executing `process`."""
+
+    t_s: float
+    goal: int
+    process: int
+    tick: int
+
+
+@dataclass(frozen=True)
+class GoalEnded(Record):
+    """The result of a goal reached its client. `status` as in action_msgs; `process` finished it, 0: unknown."""
+
+    t_s: float
+    goal: int
+    prefix: str
+    status: int
+    process: int
+
+
+@dataclass(frozen=True)
+class CallAnswered(Record):
+    """A service called at asked_s by the path `prefix` answered at t_s."""
+
+    t_s: float
+    asked_s: float
+    prefix: str
+    success: bool
+
+
+Observation: TypeAlias = (
+    PlacementChange | Transition | Answered | BeatHeard | Departed | Reached | Hop | GoalAnswered | GoalFeedback
+    | GoalEnded | CallAnswered
+)  # fmt: skip
+_KINDS: Final[tuple[type[Record], ...]] = (
+    PlacementChange, Transition, Answered, BeatHeard, Departed, Reached, Hop, GoalAnswered, GoalFeedback, GoalEnded,
+    CallAnswered,
+)  # fmt: skip
 LINES: Final = Lines[Any]({kind.__name__.lower(): kind for kind in _KINDS})
 """How observations are written and read."""
 Kind = TypeVar("Kind", bound=Observation)

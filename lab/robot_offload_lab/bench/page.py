@@ -32,6 +32,7 @@ CHAPTERS: Final = (
     ("switch", "Switching", ("commanded", "cuts", "alarms", "latency", "resources")),
     ("detect", "Detection", ("detect",)),
     ("collector", "Collector", ("collector",)),
+    ("handover", "Handover", ("handover",)),
 )
 """Command, title, groups: the order of the page."""
 

@@ -107,6 +107,10 @@ class Order:
         """Returns the same with the observer of the lease."""
         return replace(self.setting(name), lease=True)
 
+    def serving(self, name: str) -> Setting:
+        """Returns the same with a client of actions and services."""
+        return replace(self.setting(name), goals=True)
+
     def timing(self, name: str) -> Setting:
         """Returns the same with everything that latencies are compared with."""
         return replace(self.setting(name), latency=True)

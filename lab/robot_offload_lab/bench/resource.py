@@ -12,6 +12,8 @@ from robot_offload_lab.wire.options import LinkOptions
 MESSAGE_TYPE: Final = "sensor_msgs/msg/CompressedImage"
 COMMAND: Final = "/bench/command"
 NODE: Final = "replica"
+ACTION: Final = {"name": "/bench/count", "type": "test_msgs/action/Fibonacci", "onSwitch": "Resend"}
+SERVICE: Final = {"name": "/bench/ask", "type": "std_srvs/srv/Trigger", "mode": "Idempotent"}
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class BenchCase:
         switching: further settings of `spec.switching`.
         output: further settings of the output.
         standby: of the robot's replica.
+        serves: the replica has an action and a service.
     """
 
     name: str
@@ -61,6 +64,7 @@ class BenchCase:
     switching: tuple[tuple[str, str], ...] = ()
     output: tuple[tuple[str, Any], ...] = ()
     standby: str = "Warm"
+    serves: bool = False
 
     @property
     def robot_period_ms(self) -> float:
@@ -110,13 +114,16 @@ def _topic(sensor: Sensor) -> dict[str, Any]:
 
 
 def _replica(case: BenchCase) -> dict[str, Any]:
+    served = {"actions": [ACTION], "services": [SERVICE]} if case.serves else {}
+    module = "goal_server" if case.serves else "replica"
     return {
+        **served,
         "name": NODE,
         "placement": "Duplicated",
         "core": True,
         "standby": {"robot": case.standby},
         "run": {
-            "command": ["python3", "-m", "robot_offload_lab.bench.parts.replica"],
+            "command": ["python3", "-m", f"robot_offload_lab.bench.parts.{module}"],
             "parameters": {"rate_hz": case.robot_rate_hz, "payload_bytes": list(case.command_bytes)},
             "cloudParameters": {"rate_hz": case.cloud_rate_hz},
         },

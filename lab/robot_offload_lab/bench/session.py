@@ -29,6 +29,7 @@ from robot_offload_lab.bench.groups import (
     cuts,
     detect,
     experiment,
+    handover,
     latency,
     lifecycle,
     resources,
@@ -56,6 +57,7 @@ class Group(StrEnum):
     LATENCY = "latency"
     RESOURCES = "resources"
     DETECT = "detect"
+    HANDOVER = "handover"
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ WORK: Final = {
     Group.LATENCY: Work(latency.run, latency.steps),
     Group.RESOURCES: Work(resources.run, resources.steps),
     Group.DETECT: Work(detect.run, detect.steps),
+    Group.HANDOVER: Work(handover.run, handover.steps),
 }
 SWITCH: Final = (Group.COMMANDED, Group.CUTS, Group.ALARMS, Group.LATENCY, Group.RESOURCES)
 

@@ -20,6 +20,7 @@ TITLES: Final = {
     "resources": "Cost on the robot",
     "detect": "Noticing a lost link",
     "collector": "The collector",
+    "handover": "Goals and services",
 }
 """Groups of figures, for people."""
 _NUMBERS: Final = ("n", "measured", "must", "aim", "ratio")

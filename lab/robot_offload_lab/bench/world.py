@@ -54,6 +54,7 @@ OBSERVER: Final = "observer"
 INPUT_RECORDER: Final = "input-recorder"
 DIRECT_TOPIC: Final = "/bench/direct"
 RELAY: Final = "hop"
+GOAL_CLIENT: Final = "goal-client"
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class Setting:
         lease: with the observer of the lease.
         hops: with datagrams of our own through the wire.
         latency: with these, a recorder in the cloud, and a direct publisher beside the carried one.
+        goals: with a client of actions and services, and servers that it reaches directly.
         offload: the resource, where it is not the case's own.
     """
 
@@ -78,6 +80,7 @@ class Setting:
     lease: bool = False
     hops: bool = False
     latency: bool = False
+    goals: bool = False
     offload: RobotOffload | None = None
 
 
@@ -90,6 +93,7 @@ class Evidence:
         robot, cloud: of the witnesses in the two domains.
         lease: of the observer of the lease.
         hops: of the datagrams of our own.
+        goals: of the client of actions and services.
     """
 
     recording: Recording
@@ -98,6 +102,7 @@ class Evidence:
     cloud: tuple[Observation, ...]
     lease: tuple[Observation, ...]
     hops: tuple[Observation, ...]
+    goals: tuple[Observation, ...] = ()
 
 
 class MeasuredSystem:
@@ -108,6 +113,7 @@ class MeasuredSystem:
         self.setting = setting
         self.placed: PlacementChange | None = None
         self.answer: Answered | None = None
+        self.answers: list[Observation] = []
         self._stack = ExitStack()
         self._commands_heard = 0
 
@@ -148,6 +154,12 @@ class MeasuredSystem:
         self.until(lambda: self._accepted(site), f"the switch to the {site} by hand is accepted")
         self.until(lambda: self.site == site, f"the {site} is in charge")
 
+    def have(self, count: int, command: dict[str, object], what: str) -> None:
+        """Has the client of actions and services do something, and waits for `count` more answers of it."""
+        known = len(self.answers)
+        self.programs.command(GOAL_CLIENT, command)
+        self.until(lambda: len(self.answers) >= known + count, what)
+
     def cut(self, direction: Direction | None) -> tuple[float, float]:
         """Cuts the link, or with None mends it; returns the moments just before and just after it was done."""
         before_s = steady_s()
@@ -174,6 +186,7 @@ class MeasuredSystem:
             cloud=observed.read(out / "cloud-witness.jsonl"),
             lease=observed.read(out / "lease.jsonl"),
             hops=observed.read(out / "hops.jsonl"),
+            goals=observed.read(out / f"{GOAL_CLIENT}.jsonl"),
         )
 
     # -- bringing it up -----------------------------------------------------------------------------------------------
@@ -253,6 +266,12 @@ class MeasuredSystem:
             found += [self._input_recorder(), self._direct()]
         if self._hops:
             found.append(self._hop())
+        if self.setting.goals:
+            path = self.system.out / f"{GOAL_CLIENT}.jsonl"
+            found += [
+                self._program(GOAL_CLIENT, "goal_client", "robot", path, piped=True),
+                self._program("direct-server", "goal_server", "robot", "/direct"),
+            ]
         return found
 
     @property
@@ -315,6 +334,8 @@ class MeasuredSystem:
     def _take(self, name: str, line: str) -> None:
         if name == RECORDER:
             self._commands_heard += '"site":"cloud"' in line
+        if name == GOAL_CLIENT:
+            self.answers.append(observed.LINES.decode(line))
         if name != "robot-witness":
             return
         observation = observed.LINES.decode(line)
