@@ -9,6 +9,7 @@ import os
 import sys
 from dataclasses import replace
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 
 from robot_offload_agent.certificates.wallet import with_own_certificate
@@ -36,6 +37,7 @@ def parser() -> argparse.ArgumentParser:
         prog="robot-offload-agent", description=__doc__, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
+    result.add_argument("--version", action="version", version=f"%(prog)s {version('robot-offload-agent')}")
     result.add_argument("side", choices=[s.value for s in Site], help="which side this is")
     result.add_argument("--params", type=Path, required=True, metavar="FILE", help="ROS 2 parameter file")
     result.add_argument("--record", type=Path, metavar="FILE", help="record the link (robot only), CSV t_s,rtt_ms")

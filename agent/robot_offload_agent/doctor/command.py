@@ -54,7 +54,8 @@ def examine(configuration: Configuration, *, dial: bool) -> Iterator[Finding]:
     yield from machine.judge(machine.look(), configuration)
     yield from machine.certificates(configuration)
     if dial:
-        yield from network.judge([(each, network.reach(each)) for each in network.endpoints(configuration)])
+        own = (configuration["link.certificate"], configuration["link.private_key"])
+        yield from network.judge([(each, network.reach(each, own)) for each in network.endpoints(configuration)])
     try:
         # Late: without a sourced ROS 2 all other checks still run.
         from robot_offload_agent.ros.interfaces import message_type  # noqa: PLC0415

@@ -7,6 +7,7 @@ import re
 import socket
 import ssl
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 from robot_offload_agent.doctor.findings import Check, Finding, Level
@@ -78,8 +79,14 @@ def judge(reached: list[tuple[Endpoint, str]]) -> Iterator[Finding]:
             yield Finding(name, Level.OK, ", ".join(f"{endpoint} answers" for endpoint, _ in tried))
 
 
-def reach(endpoint: Endpoint, patience_s: float = PATIENCE_S) -> str:
-    """Returns why an endpoint does not answer; empty: it does. Opens no session and shows no certificate."""
+def reach(endpoint: Endpoint, own: tuple[str, str] | None = None, patience_s: float = PATIENCE_S) -> str:
+    """Returns why an endpoint does not answer; empty: it does. Opens no session.
+
+    Args:
+        endpoint: where the robot dials.
+        own: files of the robot's certificate and key; without them the cloud logs that it refused a robot.
+        patience_s: how long to wait for an answer.
+    """
     kind = socket.SOCK_DGRAM if endpoint.scheme == "quic" else socket.SOCK_STREAM
     try:
         family, _, _, _, address = socket.getaddrinfo(endpoint.host, endpoint.port, type=kind)[0]
@@ -89,7 +96,7 @@ def reach(endpoint: Endpoint, patience_s: float = PATIENCE_S) -> str:
         with socket.socket(family, kind) as opened:
             opened.settimeout(patience_s)
             opened.connect(address)
-            return _asked(opened, patience_s) if kind == socket.SOCK_DGRAM else _greeted(opened)
+            return _asked(opened, patience_s) if kind == socket.SOCK_DGRAM else _greeted(opened, own)
     except TimeoutError:
         return f"no answer within {patience_s:g} s"
     except OSError as error:
@@ -111,10 +118,13 @@ def _asked(opened: socket.socket, patience_s: float) -> str:
     return f"no answer within {patience_s:g} s"
 
 
-def _greeted(opened: socket.socket) -> str:
+def _greeted(opened: socket.socket, own: tuple[str, str] | None) -> str:
     """Greets a TLS server; that it then refuses a client without certificate is an answer, too."""
     context = ssl.create_default_context()
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    if own is not None:
+        with suppress(OSError):  # named by the check of the certificates
+            context.load_cert_chain(*own)
     try:
         with context.wrap_socket(opened):
             return ""

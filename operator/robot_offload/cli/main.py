@@ -29,6 +29,11 @@ class Program(LazyCommands):
             "Write the folder that a robot needs: agent configuration, certificates, environment, systemd unit, "
             "compose file.",
         ),
+        Entry(
+            "pair",
+            "pair",
+            "Write robot and workstation as two folders: certificates, agent configurations, units, compose files.",
+        ),
         Entry("pin", "pin", "Hold the application on one side, or let go."),
         Entry("revoke", "revoke", "Make a robot's certificates worthless, after it was lost, sold or copied."),
         Entry(

@@ -162,7 +162,7 @@ def _environment(parent: Parent) -> str:
 def _compose(parent: Parent, folder: str) -> str:
     name = parent.name
     agent = {
-        **_of_the_agents_image(parent, ["robot-offload-agent", "robot", "--params", f"{folder}/agent.yaml"], folder),
+        **agent_container(parent, ["robot-offload-agent", "robot", "--params", f"{folder}/agent.yaml"], folder),
         "env_file": ["environment"],
         "environment": {
             # A container has a /dev/shm of its own: by shared memory it would find the robot's nodes and hear nothing.
@@ -177,26 +177,26 @@ def _compose(parent: Parent, folder: str) -> str:
     services = {"agent": agent}
     if parent.spec.transport.type == "DDSRouter":
         command = ["ddsrouter", "-c", f"{folder}/{dds_router.ROBOT_FILE}"]
-        services["router"] = {"image": parent.facts.images.router, "command": command, **_container(folder)}
+        services["router"] = {"image": parent.facts.images.router, "command": command, **container(folder)}
         command = [tunnel.PROGRAM, "--params", f"{folder}/{tunnel.FILE}"]
-        services["tunnel"] = _of_the_agents_image(parent, command, folder)
+        services["tunnel"] = agent_container(parent, command, folder)
     document = {"name": f"robot-offload-{name}", "services": services, "volumes": {"state": {}}}
     return yaml.safe_dump(document, sort_keys=False, width=1000)
 
 
-def _of_the_agents_image(parent: Parent, command: Sequence[str], folder: str) -> dict[str, Any]:
+def agent_container(parent: Parent, command: Sequence[str], folder: str) -> dict[str, Any]:
     """A service that may ask for real-time priority and read the private key, which is root's alone."""
     return {
         "image": parent.facts.images.agent,
         "user": "root",
         "command": list(command),
-        **_container(folder),
+        **container(folder),
         "cap_add": ["SYS_NICE"],
         "ulimits": {"rtprio": REALTIME_PRIORITY},
     }
 
 
-def _container(folder: str) -> dict[str, Any]:
+def container(folder: str) -> dict[str, Any]:
     """What all containers have in common; on the robot's own network, because DDS is."""
     return {
         "network_mode": "host",

@@ -9,10 +9,26 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffload
+from robot_offload.api.v1alpha1.names import Side
 from robot_offload.render.ros_names import action_names, command, nodes_on, private_names, remappings
 
 SETUP_VARIABLE: Final = "ROBOT_OFFLOAD_SETUP"
 """In the file `environment`: the script that makes ROS 2 and the robot's own message types known."""
+
+INSTALL: Final = """\
+## Install the agent
+
+`robot-offload-agent --version` answers when it is installed. Else take the wheels that `make dist` writes and, on the
+robot, as root:
+
+```sh
+python3 -m venv --system-site-packages /opt/robot-offload
+/opt/robot-offload/bin/pip install --constraint constraints.txt robot_offload_core-*.whl robot_offload_agent-*.whl
+ln -s /opt/robot-offload/bin/robot-offload-{agent,tunnel} /usr/local/bin/
+```
+
+Or build `core` and `agent` of the repository with colcon in your workspace, or take the container below.
+`docs/how-to/robot.md` has all ways, and what the robot must have: a synchronised clock first of all."""
 
 WATCHDOG_S: Final = 15
 """A supervisor without a sign of life for so long is started anew with all its processes; it gives one every 5 s."""
@@ -36,6 +52,11 @@ _MEANINGS: Final = {
 }
 
 
+def instance(name: str, side: Side) -> str:
+    """Returns by what name the folders of one side's agent are known."""
+    return name if side == "robot" else f"{name}-cloud"
+
+
 def state_dir(name: str) -> str:
     """What outlives a reboot of the robot."""
     return f"/var/lib/robot-offload/{name}"
@@ -51,7 +72,13 @@ def setup_file(offload: RobotOffload) -> str:
     return f"/opt/ros/{offload.spec.robot.ros_distro}/setup.bash"
 
 
-def agent_unit(offload: RobotOffload, folder: str, realtime_priority: int, environment: Mapping[str, str]) -> str:
+def agent_unit(
+    offload: RobotOffload,
+    folder: str,
+    realtime_priority: int,
+    environment: Mapping[str, str],
+    side: Side = "robot",
+) -> str:
     """A unit for systemd that runs the agent.
 
     Args:
@@ -59,10 +86,11 @@ def agent_unit(offload: RobotOffload, folder: str, realtime_priority: int, envir
         folder: where the bundle lies on the robot.
         realtime_priority: the highest that the agent may ask for.
         environment: beside what is in the file `environment`.
+        side: whose agent it is; both may run on one computer.
     """
-    name = offload.metadata.name
+    name = instance(offload.metadata.name, side)
     # `$$` is systemd's way to leave a `$` to the shell.
-    start = f'source "$${SETUP_VARIABLE}" && exec robot-offload-agent robot --params {shlex.quote(folder)}/agent.yaml'
+    start = f'source "$${SETUP_VARIABLE}" && exec robot-offload-agent {side} --params {shlex.quote(folder)}/agent.yaml'
     return _unit(
         f"Robot Offload agent of {name}",
         [
@@ -142,6 +170,7 @@ def readme(offload: RobotOffload, folder: str, files: Sequence[str]) -> str:
         "\n".join(
             ["| file | what it is |", "|---|---|", *(f"| `{one}` | {_MEANINGS[one]} |" for one in sorted(files))]
         ),
+        INSTALL,
         _install(offload, folder),
         _nodes(offload),
         _driver(offload),
@@ -207,10 +236,10 @@ def _nodes(offload: RobotOffload) -> str:
 def _whole_command(offload: RobotOffload, node: Node) -> list[str]:
     if node.run is None:
         return []
-    return ["", textwrap.indent(_fenced(shlex.join(command(offload.spec, node, "robot"))), "  ")]
+    return ["", textwrap.indent(fenced(shlex.join(command(offload.spec, node, "robot"))), "  ")]
 
 
-def _fenced(text: str) -> str:
+def fenced(text: str) -> str:
     """A block of code in Markdown that its own text cannot leave: the fence is longer than any in it."""
     fence = "`" * max(3, 1 + max(map(len, re.findall("`+", text)), default=0))
     return f"{fence}sh\n{text}\n{fence}"
