@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Final
 
 import yaml
 
 from robot_offload.api.crd import GROUP, PLURAL, crd
+from robot_offload.cli.own_images import default_images
 from scripts.generate.reasons import reasons
 from scripts.generate.reference import reference
 from scripts.generate.support import support
@@ -16,6 +18,7 @@ CRD_FILE: Final = f"manifests/crd/{PLURAL}.{GROUP}.yaml"
 CHART_CRD_FILE: Final = "charts/robot-offload/files/crd.yaml"
 REFERENCE_FILE: Final = "docs/reference/robotoffload.md"
 REASONS_FILE: Final = "docs/reference/reasons.md"
+IMAGES_FILE: Final = "manifests/images.txt"
 SUPPORT_FILE: Final = "docs/reference/support.md"
 
 _HEAD: Final = "# Generated from the models in operator/robot_offload/api by `make generate`; changes here are lost.\n"
@@ -26,7 +29,12 @@ def generated_files() -> Mapping[str, str]:
     definition = crd()
     text = _HEAD + yaml.dump(definition, Dumper=_PlainDumper, sort_keys=False, width=110, allow_unicode=True)
     pages = {REFERENCE_FILE: reference(definition), REASONS_FILE: reasons(), SUPPORT_FILE: support()}
-    return {CRD_FILE: text, CHART_CRD_FILE: text, **pages}
+    return {CRD_FILE: text, CHART_CRD_FILE: text, IMAGES_FILE: _images(), **pages}
+
+
+def _images() -> str:
+    """Every image that this release runs in a cluster, one a line: what a registry without the internet needs."""
+    return "".join(f"{image}\n" for image in sorted(set(asdict(default_images()).values())))
 
 
 class _PlainDumper(yaml.SafeDumper):

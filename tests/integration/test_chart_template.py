@@ -147,6 +147,12 @@ def test_every_image_has_the_version_of_the_chart(helm: Helm) -> None:
         assert told[f"{name.upper()}_IMAGE"] == f"registry.robotoffload.dev/{name}:{version}"
 
 
+def test_the_list_of_images_has_every_one_that_the_chart_names(helm: Helm) -> None:
+    told = environment(rendered(helm, {"builds.enabled": True}))
+    listed = (ROOT / "manifests/images.txt").read_text().split()
+    assert sorted(value for name, value in told.items() if name.endswith("_IMAGE")) == sorted(listed)
+
+
 def test_the_operator_builds_only_where_that_is_allowed_and_fetches_with_the_charts_image(helm: Helm) -> None:
     assert environment(rendered(helm))["GIT_IMAGE"] == ""
     version = yaml.safe_load((CHART / "Chart.yaml").read_text())["appVersion"]

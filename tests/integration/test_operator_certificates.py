@@ -62,8 +62,9 @@ def test_a_robots_own_key_is_signed_once_and_a_copy_of_its_bundle_gets_nothing(
     kept = wallet.keep(signed["certificate"])
     place.renew("cloud", "LinkGood", certificate={"serial": kept.serial, "not_after": FAR})
     eventually(lambda: not answer(place), "the answer to go with the request")
+    wanted = {"serial": kept.serial, "notAfter": FAR}
+    eventually(lambda: place.roff()["status"]["certificates"].get("robot") == wanted, "what the robot says")
     shown = place.roff()["status"]["certificates"]
-    assert shown["robot"] == {"serial": kept.serial, "notAfter": FAR}
     assert place.wait_condition("CertificateCurrent", "True")["reason"] == "Current"
     # The next bundle holds another certificate than the one that was used.
     assert shown["bundle"]["serial"] == look(bundled(place, tmp_path / "next")[0]).serial
@@ -79,6 +80,14 @@ def test_a_robots_own_key_is_signed_once_and_a_copy_of_its_bundle_gets_nothing(
     assert "AlreadyRenewed" in {event["reason"] for event in place.events()}
     assert place.condition("CertificatesReady")["status"] == "True"  # the cloud can serve
     assert (tmp_path / "robot/certificates" / CURRENT).resolve().name == kept.serial
+
+
+def test_a_late_write_of_a_leader_that_was_never_puts_another_authority_in_place(place: Place, proxy: Proxy) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    writes = [asked for asked in proxy.writes_in(place.namespace) if "/secrets" in asked.path]
+    assert len(writes) == 4
+    assert {asked.method for asked in writes} == {"POST"}  # which the API server refuses where there is one already
 
 
 def test_who_may_write_the_robots_lease_and_nothing_else_gets_no_certificate(place: Place, tmp_path: Path) -> None:

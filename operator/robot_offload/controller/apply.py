@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.store import Store
 from robot_offload.decide.ownership import Key, key_of
-from robot_offload.decide.plan import History, Obstacle, Plan
+from robot_offload.decide.plan import Apply, History, Obstacle, Plan
 from robot_offload.decide.rollouts import WAITING
 from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.errors import (
@@ -19,7 +19,7 @@ from robot_offload.kube.errors import (
     UnauthorizedError,
     UnreachableError,
 )
-from robot_offload.kube.kinds import CERTIFICATE, kind_of
+from robot_offload.kube.kinds import CERTIFICATE, SECRET, kind_of
 from robot_offload.kube.port import KubeApi, Manifest
 
 _NO_USE_TO_GO_ON = (UnreachableError, TooManyError, UnauthorizedError)
@@ -82,7 +82,7 @@ async def carry_out(
         if done.stopped:
             return done
         try:
-            answer = await api.apply(step.body, force=step.force)
+            answer = await _write(api, step)
         except KubeError as error:
             _note(error, step.manifest, done)
             continue
@@ -104,6 +104,17 @@ async def carry_out(
         live.pop(key_of(child), None)
         history.forget(key_of(child))
     return done
+
+
+async def _write(api: KubeApi, step: Apply) -> Manifest:
+    """Applies a child.
+
+    A Secret that is not there is created instead: a write of a leader that has lost its Lease may arrive late, and an
+    apply would then put its authority in place of the one that robots were given meanwhile.
+    """
+    if not step.uid and kind_of(step.manifest) == SECRET:
+        return await api.create(step.manifest)
+    return await api.apply(step.body, force=step.force)
 
 
 def _note(error: KubeError, manifest: Manifest, done: Applied) -> None:
