@@ -3,7 +3,7 @@
 The robot makes a key, asks through its data session, and proves the request with the key that it holds already: the one
 of its bundle, or its last own one. So neither the cloud's agent nor whoever writes the robot's Lease can ask for it.
 Each certificate is good for one such request. When a copy of it was used first, the robot's own request is refused and
-the condition CertificateCurrent says so. The reasons are in docs/decisions/0010-certificates-by-the-robot.md.
+the condition CertificateCurrent says so. The reasons are in docs/decisions/0011-certificates-by-the-robot.md.
 """
 
 from __future__ import annotations
