@@ -38,6 +38,10 @@ class Problem(Explained):
         "InvariantBroken", "A process of the agent reached a state that must not be, ended, and was started anew",
         "Report the agent's log: this is a defect of the agent",
     )  # fmt: skip
+    CERTIFICATE_NOT_RENEWED = (
+        "CertificateNotRenewed", "The robot gets no certificate for a key of its own, and uses the one that it has",
+        "Read the message; `CertificateCurrent` of the RobotOffload names the end",
+    )  # fmt: skip
     OTHER_VERSION = (
         "OtherVersion", "The other side runs another version of the agent", "Run one version on both sides"
     )  # fmt: skip

@@ -70,6 +70,9 @@ def test_a_robots_own_key_is_signed_once_and_a_copy_of_its_bundle_gets_nothing(
     assert shown["bundle"]["serial"] == look(bundled(place, tmp_path / "next")[0]).serial
     assert shown["bundle"]["serial"] != look(files[0]).serial
     proxy.quiet(place.namespace)
+    _, told = operator.ask("metrics", "/metrics")
+    series = f'expiration_timestamp_seconds{{holder="robot",name="walker",namespace="{place.namespace}"}}'
+    assert series in told
     # Whoever copied the bundle before asks for a key as well.
     thief = wallet_of(tmp_path / "thief")
     thief.choose(*files)

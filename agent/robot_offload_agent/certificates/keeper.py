@@ -13,6 +13,7 @@ from robot_offload_agent.certificates.openssl import CertificateError
 from robot_offload_agent.certificates.wallet import Wallet, renews
 from robot_offload_agent.settings.notes import Credential
 from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.problems import Problem
 
 log = logging.getLogger(__name__)
 
@@ -59,7 +60,7 @@ class CertificateKeeper:
 
     def _show(self) -> None:
         state, found = self._state, self._state.certificate
-        self.problem = (state.reason, state.message) if state.reason else None
+        self.problem = (Problem.CERTIFICATE_NOT_RENEWED, f"{state.message} ({state.reason})") if state.reason else None
         if found is not None:
             end = datetime.datetime.fromtimestamp(found.end_s, datetime.timezone.utc)
             shown = Credential(found.serial, f"{end:%Y-%m-%dT%H:%M:%SZ}", state.request, state.reason, state.message)
