@@ -56,9 +56,12 @@ def _held(robot: Robot, held_s: float | None) -> Robot:
 
 
 def interrupts(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | None]:
-    """Returns why a preparation is called off: a goal began that must not be interrupted; None for no reason."""
+    """Returns why a preparation is called off: a goal began that must not be interrupted; None for no reason.
+
+    Once the gate is armed the collector may have changed over already: to call that off would be a change back.
+    """
     preparation = robot.preparation
-    if preparation is None or preparation.need:
+    if preparation is None or preparation.need or preparation.armed:
         return robot, None
     robot, waits = hold(robot, wish, now_s)
     report = robot.handing.report

@@ -50,12 +50,12 @@ def test_a_change_waits_for_a_hold_goal_no_longer_than_its_hold_for() -> None:
     assert over.handing.held_s is None
 
 
-def test_a_new_hold_goal_calls_a_preparation_off_but_none_for_need() -> None:
+def test_a_new_hold_goal_calls_a_waiting_preparation_off_but_none_for_need_and_none_that_is_armed() -> None:
     _, why = handing.interrupts(robot(hold="/wait"), POLICY, 1.0)
     assert why is not None
     assert why.reason is Reason.GOALS_PENDING
-    needed = replace(robot(hold="/wait"), preparation=replace(PREPARATION, need=True))
-    assert handing.interrupts(needed, POLICY, 1.0)[1] is None
+    for other in (replace(PREPARATION, need=True), replace(PREPARATION, armed=True)):
+        assert handing.interrupts(replace(robot(hold="/wait"), preparation=other), POLICY, 1.0)[1] is None
 
 
 def status(*, busy: bool, holder: Site = Site.CLOUD, executing: tuple[str, ...] = ()) -> RelayStatus:
