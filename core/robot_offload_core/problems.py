@@ -38,6 +38,14 @@ class Problem(Explained):
         "InvariantBroken", "A process of the agent reached a state that must not be, ended, and was started anew",
         "Report the agent's log: this is a defect of the agent",
     )  # fmt: skip
+    JOURNAL_FULL = (
+        "JournalFull", "The relay's journal cannot be allocated: goals are lost when the relay dies",
+        "Make room in `runtime_dir`",
+    )  # fmt: skip
+    OPEN_CALLS_LOST = (
+        "OpenCallsLost", "The middleware cannot answer calls that were open when the relay died",
+        "Use rmw_fastrtps_cpp on the robot; clients ask again",
+    )  # fmt: skip
     CERTIFICATE_NOT_RENEWED = (
         "CertificateNotRenewed", "The robot gets no certificate for a key of its own, and uses the one that it has",
         "Read the message; `CertificateCurrent` of the RobotOffload names the end",
