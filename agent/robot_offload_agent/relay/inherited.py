@@ -27,8 +27,10 @@ KEY = slice(12, 15)
 """The entity's number in its participant."""
 PATIENCE_S = 15.0
 """A client that discovery has not found by then has gone."""
-AGAIN_S = (0.0, 0.1, 0.3, 1.0)
-"""An answer may leave before the client's reader is matched, so it is sent again: clients leave out a second one."""
+AGAIN_S = (0.0, 0.5)
+"""An answer may leave before the client's reader is matched, so it is sent twice: clients leave out the second one."""
+LOOK_S = 0.05
+"""How often a client is looked for."""
 
 
 @dataclass
@@ -64,7 +66,7 @@ class Inherited:
         """Sends what can be sent; returns when to call again at the latest, on the steady clock."""
         now = now_s()
         if self.possible is None:
-            return now + AGAIN_S[1] if self.waiting else float("inf")
+            return now + LOOK_S if self.waiting else float("inf")
         if not self.possible:
             self.lost += len(self.waiting)
             self.waiting.clear()
@@ -76,7 +78,7 @@ class Inherited:
                 self.lost += not waiting.sent
                 self.waiting.remove(waiting)
             else:
-                waiting.due_s = now + AGAIN_S[1]
+                waiting.due_s = now + LOOK_S
         return min((w.due_s for w in self.waiting), default=float("inf"))
 
     def _send(self, waiting: _Waiting, writer: bytes, now: float) -> None:
@@ -94,6 +96,9 @@ class Inherited:
 
 def find_writer(node: Node, service: str, caller: bytes) -> bytes | None:
     """Returns the gid of the writer of requests of a caller's client; None while the graph does not show it."""
+    readers = node.get_subscriptions_info_by_topic(f"rr{service}Reply", no_mangle=True)
+    if not any(bytes(info.endpoint_gid)[:GID_BYTES] == caller[:GID_BYTES] for info in readers):
+        return None  # its reader of answers has not been found, or has gone
     infos = node.get_publishers_info_by_topic(f"rq{service}Request", no_mangle=True)
     for gid in (bytes(info.endpoint_gid)[:GID_BYTES] for info in infos):
         if gid[:PREFIX_BYTES] == caller[:PREFIX_BYTES] and _key(gid) == _key(caller) + 1:

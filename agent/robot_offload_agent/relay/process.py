@@ -48,6 +48,7 @@ class RelayShell:
     Attributes:
         process: the core's relay process, set by the subclass after `build`: it may answer and call at once.
         problems: of the shell, for diagnostics.
+        succeeds: a predecessor has left goals or calls.
     """
 
     process: RelayProcess
@@ -71,6 +72,7 @@ class RelayShell:
         self.action_clients: dict[tuple[Face, str], ActionClient] = {}
         self.calls: dict[int, ServiceClient] = {}
         self.look_due_s, self.hurried_s = 0.0, now_s() + HURRIED_S
+        self.succeeds = False
 
     # -- building -----------------------------------------------------------------------------------------------------
 
@@ -156,11 +158,16 @@ class RelayShell:
         return min(self.process.due_s, self.look_due_s, inherited_due_s)
 
     def look(self) -> bool:
-        """Reports the servers in the graph; returns whether all are there."""
+        """Reports the servers in the graph; returns whether all are there.
+
+        A successor waits until all are found: a server that it had found and lost would have forgotten its goals.
+        """
         clients: dict[tuple[Face, str], ServiceClient | ActionClient] = {**self.service_clients, **self.action_clients}
         seen = [(face, name, client.endpoints()) for (face, name), client in clients.items()]
-        self.process.servers_seen([server for server in seen if server[2]])
-        return all(endpoints for _, _, endpoints in seen)
+        complete = all(endpoints for _, _, endpoints in seen)
+        if complete or not self.succeeds or now_s() > self.hurried_s:
+            self.process.servers_seen([server for server in seen if server[2]])
+        return complete
 
     # -- what the core's process needs: time, messages ---------------------------------------------------------------
 

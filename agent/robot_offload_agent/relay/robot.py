@@ -32,7 +32,9 @@ class RobotRelayShell(RelayShell):
         self.self_test = SelfTest(self.node, self.loop, private_name(self.side, SELF_TEST))
         self.inherited.possible = None
         self.build(plan)
-        self.process = RobotRelay(plan, self, secrets.token_hex(16), self.journal.load())
+        records = self.journal.load()
+        self.succeeds = bool(records)
+        self.process = RobotRelay(plan, self, secrets.token_hex(16), records)
 
     def turn(self) -> float:
         """See RelayShell; until its end the self test is looked at too."""

@@ -2,7 +2,7 @@
 
 * acceptance: from sending a goal until its answer, one goal after the other;
 * call: from calling a service until its answer; *added* is its distance to the direct path's median of the same run;
-* gap: the longest time between two feedback messages of one goal of those that were alive when something happened;
+* gap: the longest time between two feedback messages, or the last one and the result, of one goal of those that were alive when something happened;
 * faults: goals whose client did not get exactly one result, SUCCEEDED.
 """
 
@@ -82,6 +82,8 @@ def gaps_ms(account: HandoverAccount, kind: str) -> list[float]:
     feedback: dict[int, list[float]] = {}
     for heard in only(GoalFeedback, account.observations):
         feedback.setdefault(heard.goal, []).append(heard.t_s)
+    for end in only(GoalEnded, account.observations):
+        feedback.setdefault(end.goal, []).append(end.t_s)  # feedback that never came again is a gap until the result
     found = []
     for moment in account.moments:
         if moment.kind != kind:

@@ -22,7 +22,8 @@ def goal(at_s: float, answer_ms: float, feedback_s: tuple[float, ...] = (), ends
     number = next(numbers)
     yield GoalAnswered(at_s + answer_ms / 1e3, at_s, number, "/bench", 10, True)
     yield from (GoalFeedback(t_s, number, 7, tick) for tick, t_s in enumerate(feedback_s, start=1))
-    yield from (GoalEnded(at_s + 5.0, number, "/bench", status, 7) for status in ends)
+    end_s = feedback_s[-1] + 0.02 if feedback_s else at_s + 5.0
+    yield from (GoalEnded(end_s, number, "/bench", status, 7) for status in ends)
 
 
 def account(*observations: Observation, kind: str = "commanded") -> HandoverAccount:
