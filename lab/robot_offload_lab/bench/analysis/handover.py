@@ -2,7 +2,8 @@
 
 * acceptance: from sending a goal until its answer, one goal after the other;
 * call: from calling a service until its answer; *added* is its distance to the direct path's median of the same run;
-* gap: the longest time between two feedback messages, or the last one and the result, of one goal of those that were alive when something happened;
+* gap: the longest time between two feedback messages, or the last one and the result, of one goal of those that were
+  alive when something happened;
 * faults: goals whose client did not get exactly one result, SUCCEEDED.
 """
 
