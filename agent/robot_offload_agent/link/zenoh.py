@@ -120,7 +120,9 @@ class ZenohLink:
         session = self._session
         if session is None or not self._up(session):
             return False
-        return self._large.session_for(channel, len(payload), session).send(channel, header, payload)
+        sent = self._large.session_for(channel, len(payload), session).send(channel, header, payload)
+        self._large.note(channel, sent=sent)
+        return sent
 
     def _up(self, session: ZenohSession) -> bool:
         return session.connections > 0 and not self._reopening and not self._is_foreign(session)

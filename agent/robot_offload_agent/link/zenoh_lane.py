@@ -3,7 +3,8 @@
 The wheel's QUIC takes a lost packet for a full link (Cubic) and has no setting for anything else: at 10 ms round trip
 0.1 % of lost packets leave it a third of 9 MB/s. The robot's kernel may do better (BBR), and then large messages go
 through its TCP, on the port where the cloud listens for the fallback. They never hold up the small ones: those stay
-where they are. What was measured stands in docs/decisions/0010-large-messages.md.
+where they are. Only where QUIC does not carry them: on a narrow link BBR itself makes the heartbeats late. What was
+measured stands in docs/decisions/0010-large-messages.md.
 """
 
 from __future__ import annotations
@@ -17,13 +18,17 @@ import zenoh
 
 from robot_offload_agent.link.port import Channel
 from robot_offload_agent.link.zenoh_config import ZenohSettings
+from robot_offload_agent.link.zenoh_rules import Struggle
 from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
+from robot_offload_agent.process.clock import now_s
 
 log = logging.getLogger(__name__)
 
 LARGE_BYTES = 32 * 1024
 """A channel with a message above this is one of large messages: images, point clouds, maps."""
 CONGESTION_CONTROL = Path("/proc/sys/net/ipv4/tcp_congestion_control")
+_KEPT_S = 60.0
+"""How long after the end of a session it is known that QUIC did not carry the large messages."""
 _RETRY_S = 1.0
 _LONGEST_RETRY_S = 10.0
 
@@ -37,7 +42,7 @@ def bears_loss() -> bool:
 
 
 class LargeLane:
-    """The robot's session for large messages. It is opened when the first one comes, beside the session over QUIC."""
+    """The robot's session for large messages, opened beside the session over QUIC when that does not carry them."""
 
     def __init__(self, settings: ZenohSettings, channels: Sequence[Channel]) -> None:
         """Opens nothing yet.
@@ -49,13 +54,14 @@ class LargeLane:
         self._settings = settings
         self._channels = tuple(channels)
         self._usable = settings.dials and settings.session == "data" and bool(settings.fallback) and bears_loss()
-        self._large: set[str] = set()
+        self._struggles: dict[str, Struggle] = {}  # of the channels with large messages
         self._change = threading.Condition()
         self._thread: threading.Thread | None = None
         # Set by the thread alone, read by all.
         self._session: ZenohSession | None = None
         # Changed with _change held.
         self._wanted = False
+        self._kept_until_s = float("-inf")
         self._dropped = 0
         self._closing = False
 
@@ -67,15 +73,24 @@ class LargeLane:
             size: of the message, bytes.
             main: the link's session.
         """
-        if size > LARGE_BYTES:
-            self._large.add(channel)
-        if not self._usable or channel not in self._large:
+        if self._usable and size > LARGE_BYTES and channel not in self._struggles:
+            self._struggles[channel] = Struggle()
+        if channel not in self._struggles:
             return main
-        wanted = not main.fallback  # over TLS both would be the same
-        if wanted != self._wanted:
-            self._want(wanted)
+        if main.fallback:  # both would be the same
+            if self._wanted:
+                self._want(False)
+            return main
+        if not self._wanted and now_s() < self._kept_until_s:
+            self._want(True)
         session = self._session
-        return session if wanted and session is not None and session.connections > 0 else main
+        return session if session is not None and session.connections > 0 else main
+
+    def note(self, channel: str, *, sent: bool) -> None:
+        """Notes what became of a message: where QUIC carries all of a topic, it stays there."""
+        struggle = self._struggles.get(channel)
+        if struggle is not None and not self._wanted and struggle.note(now_s(), sent=sent):
+            self._want(True)
 
     def _want(self, wanted: bool) -> None:
         with self._change:
@@ -86,9 +101,13 @@ class LargeLane:
             self._change.notify_all()
 
     def drop(self) -> None:
-        """Ends the session with what is buffered in it; the next large message opens another."""
+        """Ends the session with what is buffered in it; soon afterwards the next large message opens another."""
         with self._change:
             self._dropped += 1
+            if self._wanted:
+                self._kept_until_s = now_s() + _KEPT_S
+        for struggle in tuple(self._struggles.values()):
+            struggle.refused = False  # what a cut refused is no sign of anything
         self._want(False)
 
     def close(self) -> None:

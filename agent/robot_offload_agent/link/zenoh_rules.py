@@ -76,6 +76,35 @@ class Patience:
         self.began_s, self.tries = None, 0
 
 
+@dataclass
+class Struggle:
+    """Whether a session carries less of a channel than is put in, although the link is there.
+
+    A cut refuses messages too, but then the session ends. So what counts is how often a refusal was followed by a
+    message that was taken again.
+
+    Attributes:
+        window_s: in which is counted.
+        enough: how many such turns show it.
+        refused: the newest message was refused.
+        turns_s: when messages were taken again.
+    """
+
+    window_s: float = 10.0
+    enough: int = 3
+    refused: bool = False
+    turns_s: deque[float] = field(default_factory=deque)
+
+    def note(self, now_s: float, *, sent: bool) -> bool:
+        """Notes what became of a message; returns whether the session struggles."""
+        if sent and self.refused:
+            self.turns_s.append(now_s)
+        self.refused = not sent
+        while self.turns_s and now_s - self.turns_s[0] > self.window_s:
+            self.turns_s.popleft()
+        return len(self.turns_s) >= self.enough
+
+
 @dataclass(frozen=True)
 class Peer:
     """Who is connected to the cloud's listener: the common name of the certificate, and `quic` or `tls`."""

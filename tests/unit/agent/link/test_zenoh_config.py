@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link.zenoh_config import ZenohSettings, acknowledgement_key, key, session_config
-from robot_offload_agent.link.zenoh_rules import Backlog, EndpointChoice, Patience, Peer, robots
+from robot_offload_agent.link.zenoh_rules import Backlog, EndpointChoice, Patience, Peer, Struggle, robots
 
 
 def settings(**changes: Any) -> ZenohSettings:
@@ -235,3 +235,16 @@ def test_after_a_session_attempts_are_short_again() -> None:
 )
 def test_a_session_for_large_messages_is_no_second_robot(protocols: str, count: int) -> None:
     assert robots(Peer("walker-1", one) for one in protocols.split()) == count
+
+
+def test_a_session_struggles_that_refuses_and_takes_again_and_again() -> None:
+    one = Struggle()
+    said = [one.note(0.1 * number, sent=number % 2 == 0) for number in range(8)]
+    assert said == [False] * 6 + [True, True]
+    assert not one.note(60.0, sent=True)
+
+
+def test_a_cut_that_refuses_everything_is_no_struggle() -> None:
+    one = Struggle()
+    assert not any(one.note(0.1 * number, sent=number < 5) for number in range(50))
+    assert not any(one.note(5.0 + 0.1 * number, sent=True) for number in range(50))
