@@ -73,6 +73,10 @@ class Problem(Explained):
         "NodeMissing", "A managed node does not run, one with a similar name does",
         "Give the node the name that it has in the graph",
     )  # fmt: skip
+    FRAME_UNDECLARED = (
+        "FrameUndeclared", "A replica publishes a transform that `frames` of its output does not name; it is left out",
+        "Add the frame to `frames`",
+    )  # fmt: skip
     NODE_UNSEEN = (
         "NodeUnseen", "A node without a lifecycle, or a topic that it is declared to publish, is not in the graph",
         "Start the node under its declared name, and remap its outputs to their private topics",

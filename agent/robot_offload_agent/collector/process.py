@@ -70,6 +70,13 @@ class CollectorShell:
             for i, o in enumerate(configuration.outputs)
         ]
 
+        self.fills: dict[int, Any] = {}
+        self.shared = {
+            index: raw.RawSubscription(self.node, o["topic"], o, False, self.others_handler(index))
+            for index, o in enumerate(configuration.outputs)
+            if index in self.process.loops
+        }
+
     def run(self) -> None:
         """Runs until it is ended."""
         threading.Thread(target=self.serve_bus, name="bus", daemon=True).start()
@@ -96,6 +103,11 @@ class CollectorShell:
         """Publishes to the consumers, as soon as the type is known."""
         if index in self.publishers:
             self.publishers[index].publish(payload)
+
+    def fill(self, index: int, payload: Any) -> None:
+        """Publishes on the private topic of a shared output's replica."""
+        if index in self.fills:
+            self.fills[index].publish(payload)
 
     def type_of(self, index: int) -> str:
         """Returns the type that an output is published with, "" while there is no publisher."""
@@ -128,6 +140,7 @@ class CollectorShell:
                 subscription.resolve()
             self.resolve_publisher(index, subscription)
             self.process.note(f"robot {output.name}", subscription.problem)
+        self._resolve_shared()
         self.check_publishers()
         hurried = now_s() - self.started_s < SECOND_PUBLISHER_CHECK_S
         return RESOLVE_FIRST_S if hurried else RESOLVE_PERIOD_S
@@ -160,6 +173,16 @@ class CollectorShell:
         if replaced is not None:
             self.node.destroy_publisher(replaced)
 
+    def _resolve_shared(self) -> None:
+        """Subscribes to the public topics of shared outputs, makes what fills their private ones."""
+        for index, heard in self.shared.items():
+            heard.resolve()
+            output = self.configuration.outputs[index]
+            name = self.subscriptions[index].type_name or heard.type_name
+            if name and index not in self.fills:
+                qos = raw.publication_qos(output, output["durability"] == "transient_local")
+                self.fills[index] = raw.make_publisher(self.node, output["robot_topic"], name, qos)
+
     def check_publishers(self) -> None:
         """A second publisher on a public topic would bypass the gate: it stops the start, and later the cloud."""
         now = now_s()
@@ -178,6 +201,15 @@ class CollectorShell:
         def handle(payload: bytes) -> None:
             with self.lock:
                 self.process.offer_robot(index, payload)
+
+        return handle
+
+    def others_handler(self, index: int) -> raw.OnRaw:
+        """Returns the callback for the public topic of one shared output."""
+
+        def handle(payload: bytes) -> None:
+            with self.lock:
+                self.process.hear_others(index, payload)
 
         return handle
 

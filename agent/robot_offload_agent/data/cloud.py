@@ -28,6 +28,12 @@ class CloudDataShell(DataShell):
             raw.RawSubscription(self.node, o["cloud_topic"], o, False, partial(self.process.leave, index))
             for index, o in enumerate(configuration.outputs)
         ]
+        self.fills: dict[int, Any] = {}
+        self.shared = {
+            index: raw.RawSubscription(self.node, o["topic"], o, False, partial(self.process.hear_others, index))
+            for index, o in enumerate(configuration.outputs)
+            if index in self.process.loops
+        }
         self.watched = [
             raw.RawSubscription(self.node, i["topic"], i, i["latched"], partial(self.watch, i.name))
             for i in (() if self.carried else configuration.inputs)
@@ -52,6 +58,21 @@ class CloudDataShell(DataShell):
             self.publishers[key] = raw.make_publisher(self.node, output["topic"], name, qos)
         self.publishers[key].publish(payload)
 
+    def fill(self, index: int, payload: Any) -> None:
+        """Publishes on the private topic of a shared output's replica."""
+        if index in self.fills:
+            self.fills[index].publish(payload)
+
+    def _resolve_shared(self) -> None:
+        """Subscribes to the public topics of shared outputs, makes what fills their private ones."""
+        for index, heard in self.shared.items():
+            heard.resolve()
+            output = self.configuration.outputs[index]
+            name = self.outputs[index].type_name or heard.type_name
+            if name and index not in self.fills:
+                qos = raw.publication_qos(output, output["durability"] == "transient_local")
+                self.fills[index] = raw.make_publisher(self.node, output["cloud_topic"], name, qos)
+
     def publish_input(self, name: str, payload: Any) -> bool:
         """Publishes to the replicas; returns False while the input's type is not known."""
         publisher = self.publishers.get(name)
@@ -69,6 +90,7 @@ class CloudDataShell(DataShell):
         for subscription in [*self.outputs, *self.watched]:
             resolved.append(subscription.resolve())
             self.process.note(f"output {subscription.spec.name}", subscription.problem)
+        self._resolve_shared()
         types = self.input_types()
         for name, spec in self.inputs.items() if self.carried else ():
             if name in self.publishers or name not in types:

@@ -39,8 +39,9 @@ def channels(configuration: Configuration) -> list[Channel]:
         found.append(Channel(f"in/{spec.name}", reliable=spec["reliability"] != "best_effort"))
     for spec in configuration.outputs:
         found.append(Channel(f"out/{spec.name}", reliable=spec["reliability"] != "best_effort"))
-        if spec["mirror"] and carried:
-            found.append(Channel(f"mirror/{spec.name}", reliable=spec["reliability"] != "best_effort"))
+        for kind, wanted in (("mirror", spec["mirror"]), ("others", spec["shared"])):
+            if wanted and carried:
+                found.append(Channel(f"{kind}/{spec.name}", reliable=spec["reliability"] != "best_effort"))
     if configuration.relay_plan() is not None:
         found.append(LETTERS)
     return found
@@ -53,7 +54,7 @@ def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
             InputPlan(i.name, i["max_age_ms"], rates_hz.get(i.name, 0.0), i["latched"]) for i in configuration.inputs
         ),
         tuple(
-            OutputPlan(spec.name, spec.deadline_s, o["mirror"], o["of_cloud"])
+            OutputPlan(spec.name, spec.deadline_s, o["mirror"], o["of_cloud"], spec if spec.shared else None)
             for spec, o in zip(configuration.output_specs(), configuration.outputs, strict=True)
         ),
         carried=configuration["link.type"] == "zenoh",

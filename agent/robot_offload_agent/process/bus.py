@@ -28,6 +28,7 @@ from robot_offload_core import placement
 from robot_offload_core.envelope import LAYOUT
 from robot_offload_core.process.messages import (
     ENVELOPE,
+    OTHERS,
     PASSED,
     Alive,
     Arrived,
@@ -58,7 +59,7 @@ MAX_INLINE = 64 << 10
 """Larger payloads travel in memory files."""
 MAX_DATAGRAM = 190_000
 """Largest datagram with the kernel's default socket buffers (212,992 bytes less its own accounting)."""
-_BESIDE = {ENVELOPE: b"E", PASSED: b"P", LETTERS: b"L"}
+_BESIDE = {ENVELOPE: b"E", PASSED: b"P", OTHERS: b"O", LETTERS: b"L"}
 _KINDS = {beside: kind for kind, beside in _BESIDE.items()}
 _RIGHTS_BYTES = socket.CMSG_SPACE(array.array("i").itemsize)
 
@@ -118,7 +119,7 @@ class Bus:
 
         Args:
             to: the receiving process.
-            kind: ENVELOPE or PASSED.
+            kind: ENVELOPE, PASSED or OTHERS.
             index: of the output.
             header: the envelope's header.
             payload: up to `parcels.LARGEST_BYTES`.

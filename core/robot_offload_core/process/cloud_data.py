@@ -10,6 +10,7 @@ from robot_offload_core.lease import CloudData, SetEgress
 from robot_offload_core.mirror import Mirror
 from robot_offload_core.process import probe
 from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
+from robot_offload_core.process.loops import Loop
 from robot_offload_core.process.messages import DataStatus, Egress, Limits
 from robot_offload_core.process.probe import Probe
 from robot_offload_core.token import Token
@@ -24,6 +25,9 @@ class CloudDataPorts(DataPorts, Protocol):
 
     def publish_output(self, index: int, payload: Any) -> None:
         """Publishes a message of output `index` to its consumers in the cloud."""
+
+    def fill(self, index: int, payload: Any) -> None:
+        """Publishes on the private topic of the replica here what it would hear on the public one."""
 
     def publish_input(self, name: str, payload: Any) -> bool:
         """Publishes a message of an input to the replicas; returns False while its type is not known."""
@@ -58,12 +62,17 @@ class CloudDataProcess(DataProcess):
         self.wanted: dict[str, str] = {}
         self.known_types: dict[str, str] = {}
         self.mirror = Mirror()
+        self.loops = {i: Loop(output.spec) for i, output in enumerate(plan.outputs) if output.spec is not None}
 
     # -- towards the robot --------------------------------------------------------------------------------------------
 
     def leave(self, index: int, payload: Any) -> None:
         """Lets a message of a node here leave, only under a valid lease, read at this very moment."""
         output = self.plan.outputs[index]
+        if index in self.loops:
+            payload = self._of_replica(index, payload)
+        if payload is None:
+            return
         self.spoke_s[index] = self.ports.now_s()
         if self.pauses.waited(self.ports.now_s()) and output.rated:
             self.counters[f"{output.name}.waited"] += 1
@@ -73,7 +82,7 @@ class CloudDataProcess(DataProcess):
         if output.of_cloud:
             token, end_s = egress.presence, egress.presence_end_s
             if output.mirrored and self.plan.carried:  # there is no other side that its neighbours could hear instead
-                self.ports.publish_output(index, payload)
+                self._say(index, payload)
         if token is None or self.ports.now_s() >= end_s:
             self.counters[f"{output.name}.held_back"] += 1
             return
@@ -88,7 +97,25 @@ class CloudDataProcess(DataProcess):
             with self.ports.lock:
                 self.mirror, passes = mirror.own(self.mirror, token, in_charge=egress.in_charge)
                 if passes:
-                    self.ports.publish_output(index, payload)
+                    self._say(index, payload)
+
+    def _say(self, index: int, payload: Any) -> None:
+        """Publishes to the consumers here."""
+        if index in self.loops:
+            self.loops[index].say(payload, self.ports.now_s())
+        self.ports.publish_output(index, payload)
+
+    def hear_others(self, index: int, payload: Any) -> None:
+        """Takes a message of the public topic of a shared output here: the replica hears what others say there."""
+        with self.ports.lock:
+            said = self.loops[index].others(payload, self.ports.now_s())
+        if said is not None:
+            self.ports.fill(index, said)
+
+    def _of_replica(self, index: int, payload: Any) -> Any | None:
+        """Returns what the replica said in a message of its private topic; None for what we have put there."""
+        with self.ports.lock:
+            return self.loops[index].replica(payload, self.ports.now_s())
 
     def _next_sequence(self, index: int, token: Token) -> int:
         """Returns the sequence of the next message of an output under a token."""
@@ -112,7 +139,12 @@ class CloudDataProcess(DataProcess):
             with self.ports.lock:
                 self.mirror, passes = mirror.mirrored(self.mirror, opened.token)
                 if passes and name in self.index:
-                    self.ports.publish_output(self.index[name], payload)
+                    self._say(self.index[name], payload)
+            if passes and self.index.get(name) in self.loops:
+                self._give_to_standby(self.index[name], payload)
+            return
+        if kind == "others" and self.index.get(name) in self.loops:
+            self._take_others(self.index[name], name, opened, payload)
             return
         if kind != "in" or name not in self.max_age_ms:
             return
@@ -134,6 +166,27 @@ class CloudDataProcess(DataProcess):
                 self._keep_latched(name, payload)
         published = self.ports.publish_input(name, payload)
         self.counters[f"{name}.{'published' if published else 'no_type'}"] += 1
+
+    def _give_to_standby(self, index: int, payload: Any) -> None:
+        """Lets the replica here hear on its private topic what the robot's has said."""
+        with self.ports.lock:
+            said = self.loops[index].holder(payload, self.ports.now_s())
+        if said is not None:
+            self.ports.fill(index, said)
+
+    def _take_others(self, index: int, name: str, opened: Envelope, payload: Any) -> None:
+        """Takes what somebody outside the group said on the robot: for the replica and the consumers here."""
+        source = (opened.token.robot, opened.sequence)
+        with self.ports.lock:
+            before = self.newest.get(f"others/{name}")
+            if before is not None and before[0] == source[0] and before[1] >= source[1]:
+                self.counters[f"{name}.reordered"] += 1
+                return
+            self.newest[f"others/{name}"] = source
+            said = self.loops[index].far(payload, self.ports.now_s())
+            self._say(index, payload)
+        self.ports.fill(index, said)
+        self.counters[f"{name}.others"] += 1
 
     def _keep_latched(self, name: str, payload: Any) -> None:
         """Keeps the values that make up the robot's hash: the newest ones, as many as give it."""

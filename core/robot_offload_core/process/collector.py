@@ -14,7 +14,9 @@ from robot_offload_core import collectors, envelope, results
 from robot_offload_core.collectors import Charge, Collector, Passage, Ruling
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import SetGate
-from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CloudTypes, CollectorStatus, Limits
+from robot_offload_core.problems import Problem
+from robot_offload_core.process.loops import Loop
+from robot_offload_core.process.messages import ENVELOPE, OTHERS, PASSED, Carried, CloudTypes, CollectorStatus, Limits
 from robot_offload_core.process.pauses import Pauses
 from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import OutputSpec
@@ -45,6 +47,9 @@ class CollectorPorts(Protocol):
 
     def publish(self, index: int, payload: Any) -> None:
         """Publishes a message to the consumers of output `index`."""
+
+    def fill(self, index: int, payload: Any) -> None:
+        """Publishes on the private topic of the robot's replica what it would hear on the public one."""
 
     def type_of(self, index: int) -> str:
         """Returns the interface type that output `index` is published with, "" while there is no publisher.
@@ -100,6 +105,7 @@ class CollectorProcess:
         self.counters: Counter[str] = Counter(cloud_garbage=0)  # never empty: control takes a detailed report by it
         self.problems: dict[str, tuple[str, str]] = {}
         self.cloud_types: dict[str, str] = {}
+        self.loops = {index: Loop(spec) for index, spec in enumerate(plan.outputs) if spec.shared}
         self.detail_due_s = self.report_due_s = 0.0
         self.report_period_s = report_period_s(plan.lease_s)
         self.reported: collectors.GateReport | None = None
@@ -116,6 +122,8 @@ class CollectorProcess:
         name = self.plan.outputs[index].name
         topic, private = self.ports.topics_of(index)
         message = f"{topic} has another publisher: {', '.join(nodes)}; remap its output to {private}" if nodes else ""
+        if self.plan.outputs[index].shared:
+            return ""  # others are welcome there
         self.note(f"public {name}", (Reason.SECOND_PUBLISHER.value, message) if nodes else None)
         return message
 
@@ -126,6 +134,15 @@ class CollectorProcess:
             message = f"Output {spec.name} is {ours} here and {theirs} in the cloud"
             differs = bool(ours and theirs) and not same_type(ours, theirs)
             self.note(f"type {spec.name}", (Reason.TYPES_DIFFER.value, message) if differs else None)
+
+    def _look_at_frames(self) -> None:
+        """Notes frames that a replica publishes and nobody declared, and messages that are no transforms."""
+        for index, loop in self.loops.items():
+            name, frames = self.plan.outputs[index].name, ", ".join(sorted(loop.undeclared))
+            message = f"The group publishes frames on {name} that are not declared and reach nobody: {frames}"
+            self.note(f"frames {name}", (Problem.FRAME_UNDECLARED, message) if frames else None)
+            if loop.strange:
+                self.counters[f"{name}.no_transforms"] = loop.strange
 
     def _refusal(self, index: int) -> str:
         """Returns why a message of the cloud cannot be published at all, "" when it can."""
@@ -140,6 +157,10 @@ class CollectorProcess:
         """Takes a message of the robot's replica; one of a rated output that waited through a pause is dropped."""
         now_s = self.ports.now_s()
         spec = self.plan.outputs[index]
+        if index in self.loops:
+            payload = self.loops[index].replica(payload, now_s)
+            if payload is None:
+                return
         if self.pauses.waited(now_s) and spec.deadline_s:
             self.counters[f"{spec.name}.robot.waited"] += 1
             return
@@ -153,11 +174,24 @@ class CollectorProcess:
         mirrored = [(other, passed) for other, passed in published if self.plan.mirrored[other]]
         if not mirrored:
             return
-        charge = self.state.charge
-        token = charge.token if charge is not None else Token("", 0, "")
-        header = envelope.encode(Envelope(token, self.sequence, 0))
+        header = self._header()
         for other, passed in mirrored:
             self.ports.carry("data", PASSED, other, header, passed)
+
+    def _header(self) -> bytes:
+        charge = self.state.charge
+        token = charge.token if charge is not None else Token("", 0, "")
+        return envelope.encode(Envelope(token, self.sequence, 0))
+
+    def hear_others(self, index: int, payload: Any) -> None:
+        """Takes a message of the public topic of a shared output: what others say there the replicas hear as well."""
+        said = self.loops[index].others(payload, self.ports.now_s())
+        if said is None:
+            return
+        self.sequence += 1
+        self.ports.fill(index, said)
+        self.ports.carry("data", OTHERS, index, self._header(), said)
+        self.counters[f"{self.plan.outputs[index].name}.others"] += 1
 
     def offer_cloud(self, message: Carried) -> None:
         """Takes a message of the cloud's replica, which the data process carried here."""
@@ -177,7 +211,9 @@ class CollectorProcess:
         offer = results.offer if self.plan.outputs[index].of_cloud else collectors.offer_cloud
         state, passage = offer(self.state, index, header, self.ports.now_s())
         changed = self._keep(state)
-        self._publish(index, message.payload, passage)
+        for other, passed in self._publish(index, message.payload, passage):
+            if other in self.loops:
+                self._give_to_standby(other, passed)
         self._count("cloud", index, passage)
         if changed:
             self.report()
@@ -192,8 +228,16 @@ class CollectorProcess:
         if passage.reason is Ruling.CHANGED_OVER:
             self.held.clear()
         for other, held in passing:
+            if other in self.loops:
+                self.loops[other].say(held, self.ports.now_s())
             self.ports.publish(other, held)
         return passing
+
+    def _give_to_standby(self, index: int, payload: Any) -> None:
+        """Lets the robot's replica hear on its private topic what the cloud's has said."""
+        said = self.loops[index].holder(payload, self.ports.now_s())
+        if said is not None:
+            self.ports.fill(index, said)
 
     def _count(self, side: str, index: int, passage: Passage) -> None:
         name = self.plan.outputs[index].name
@@ -241,6 +285,7 @@ class CollectorProcess:
         if now_s >= self.detail_due_s:
             self.detail_due_s = now_s + DETAIL_PERIOD_S
             self.compare_types()
+            self._look_at_frames()
             problems, counters = tuple(self.problems.values()), tuple(sorted(self.counters.items()))
         self.ports.send("control", CollectorStatus(report, problems, counters))
 

@@ -19,6 +19,7 @@ from robot_offload_core.process import probe
 from robot_offload_core.process.messages import Heard, Letters, Limits, Notes
 from robot_offload_core.process.pauses import Pauses
 from robot_offload_core.process.probe import Probe, ProbeError
+from robot_offload_core.settings import OutputSpec
 
 STATUS_PERIOD_S = 0.040
 DETAIL_PERIOD_S = 1.0
@@ -81,12 +82,14 @@ class OutputPlan:
         name: of the output. deadline_s: silence of a rated output that means a fault; 0: not rated.
         mirrored: it has consumers in the cloud.
         of_cloud: of a node with placement Cloud: it leaves under the presence token, whoever is in charge.
+        spec: of a shared output; None of others.
     """
 
     name: str
     deadline_s: float = 0.0
     mirrored: bool = False
     of_cloud: bool = False
+    spec: OutputSpec | None = None
 
     @property
     def rated(self) -> bool:

@@ -10,6 +10,8 @@ from robot_offload_core.token import Site, Token
 
 ENVELOPE = b"e"
 """A `Carried` message of the cloud's replica on its way to the collector."""
+OTHERS = b"o"
+"""A `Carried` message of a shared topic that somebody outside the group said on the robot, on its way to the cloud."""
 PASSED = b"p"
 """A `Carried` message that has passed at the collector, on its way to consumers in the cloud."""
 
@@ -185,7 +187,7 @@ class Lives:
 
 @dataclass(frozen=True)
 class Carried:
-    """An output's message with its header; `kind` is ENVELOPE or PASSED. The payload is opaque here."""
+    """An output's message with its header; `kind` is ENVELOPE, PASSED or OTHERS. The payload is opaque here."""
 
     kind: bytes
     index: int

@@ -9,7 +9,16 @@ from robot_offload_core import envelope
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import DataReported
 from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
-from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CloudTypes, DataStatus, Limits, Orders
+from robot_offload_core.process.messages import (
+    ENVELOPE,
+    OTHERS,
+    PASSED,
+    Carried,
+    CloudTypes,
+    DataStatus,
+    Limits,
+    Orders,
+)
 from robot_offload_core.process.probe import Probe
 from robot_offload_core.process.thinning import Thinning
 from robot_offload_core.token import Token
@@ -70,12 +79,13 @@ class RobotDataProcess(DataProcess):
         """Takes the identity from control, and what has passed from the collector, for consumers in the cloud."""
         if isinstance(message, Orders):
             self.orders = message
-        elif isinstance(message, Carried) and message.kind == PASSED and self.plan.carried:
+        elif isinstance(message, Carried) and message.kind in (PASSED, OTHERS) and self.plan.carried:
             if message.index >= len(self.plan.outputs):
                 self.counters["garbage.bus"] += 1
                 return
             name = self.plan.outputs[message.index].name
-            self.ports.cross(f"mirror/{name}", message.header, message.payload)
+            channel = "mirror" if message.kind == PASSED else "others"
+            self.ports.cross(f"{channel}/{name}", message.header, message.payload)
 
     def limit(self, limits: Limits) -> None:
         """Takes the rates of the inputs."""

@@ -267,6 +267,13 @@ class CloudData(DataShell):
     def publish_output(self, index: int, payload: Payload) -> None:
         """Publishes to the consumers in the cloud."""
         self.around.witness.heard_in_cloud(index, payload)
+        if index in self.process.loops:  # we listen on the public topic of a shared output ourselves
+            self.post(self.name, self.process.hear_others, index, payload)
+
+    def fill(self, index: int, payload: Payload) -> None:
+        """Publishes on the private topic: the replica hears it, and so do we."""
+        self.around.witness.filled(Site.CLOUD, index, payload)
+        self.post(self.name, self.process.leave, index, payload)
 
     def publish_input(self, name: str, payload: Any) -> bool:
         """Publishes to the replicas."""

@@ -818,6 +818,37 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
+    "O1": Mutant(
+        "what was filled in is collected",
+        "shared_topic_through_changeovers",
+        (Edit("process.loops", "if self.filled.own(payload, now_s):", "if False:"),),
+    ),
+    "O2": Mutant(
+        "what has passed is taken for what others say",
+        "shared_topic_through_changeovers",
+        (Edit("process.loops", "if self.said.own(payload, now_s):", "if False:"),),
+    ),
+    "O3": Mutant(
+        "the robot's standby does not hear the holder",
+        "shared_topic_through_changeovers",
+        (Edit("process.collector", "                self._give_to_standby(other, passed)", "                pass"),),
+    ),
+    "O4": Mutant(
+        "others are not heard in the cloud",
+        "shared_topic_through_changeovers",
+        (Edit("process.collector", '        self.ports.carry("data", OTHERS, index, self._header(), said)\n', ""),),
+    ),
+    "O5": Mutant(
+        "the cloud's standby does not hear the holder",
+        "shared_topic_through_changeovers",
+        (
+            Edit(
+                "process.cloud_data",
+                "                self._give_to_standby(self.index[name], payload)",
+                "                pass",
+            ),
+        ),
+    ),
     "R1": Mutant(
         "results of any age pass",
         "results_of_a_slow_link",

@@ -38,6 +38,8 @@ RETURN_S = 4.0
 
 Rank = tuple[int, int, int]
 BEFORE_CONTROL: Rank = (-1, 0, 0)
+OTHERS = "others"
+"""Producer of what somebody outside the group says on a shared topic."""
 
 
 def _tokens(permission: Permission, robot: str) -> list[Token]:
@@ -173,6 +175,8 @@ class Observer:
         1c: a message of the cloud carries a token that control named to the collector at most a lease ago.
         1d: a message of the cloud left it at most `max_command_age_s` ago.
         """
+        if payload.message.producer == OTHERS:
+            self._violated("9", f"what others said on output {index} passed as the group's")
         if self.run.scenario.outputs[index].of_cloud:
             self._passed_result(index, payload)
             return
@@ -451,6 +455,11 @@ class Observer:
 
     def heard_in_cloud(self, index: int, payload: Payload) -> None:
         """A message reached the consumer of an output in the cloud."""
+
+    def filled(self, side: Site, index: int, payload: Payload) -> None:
+        """Invariant 9, for shared topics: a replica never gets back what its own side has said."""
+        if payload.site is side and payload.message.producer != OTHERS:
+            self._violated("9", f"{payload.message.producer} on the {side.value} heard itself on output {index}")
 
     def input_heard(self, name: str, age_s: float) -> None:
         """A message of an input reached the cloud's replicas."""

@@ -86,6 +86,9 @@ class Witness(Protocol):
     def heard_in_cloud(self, index: int, payload: Payload) -> None:
         """A message reached the consumer of an output in the cloud."""
 
+    def filled(self, side: Site, index: int, payload: Payload) -> None:
+        """A replica of a shared output got on its private topic what it would hear on the public one."""
+
     def input_heard(self, name: str, age_s: float) -> None:
         """A message of an input reached the cloud's replicas, so long after it was sent (true time)."""
 

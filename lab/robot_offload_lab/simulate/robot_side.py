@@ -401,6 +401,17 @@ class Collector(Shell):
         if index == 0:
             self.around.driver.command()
         self.around.witness.passed(index, payload)
+        if index in self.process.loops:  # we listen on the public topic of a shared output ourselves
+            self.post(self.name, self.others, index, payload)
+
+    def others(self, index: int, payload: Payload) -> None:
+        """Takes a message of the public topic of a shared output, ours and others' alike."""
+        self.process.hear_others(index, payload)
+
+    def fill(self, index: int, payload: Payload) -> None:
+        """Publishes on the private topic: the replica hears it, and so do we."""
+        self.around.witness.filled(Site.ROBOT, index, payload)
+        self.post(self.name, self.process.offer_robot, index, payload)
 
     def type_of(self, _index: int) -> str:
         """Returns the one type that all payloads here have."""

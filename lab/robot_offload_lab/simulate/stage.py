@@ -17,7 +17,7 @@ from robot_offload_core.placement import Phase, Robot, Wish
 from robot_offload_core.process.data import InputPlan
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
-from robot_offload_lab.simulate.observer import Observer
+from robot_offload_lab.simulate.observer import OTHERS, Observer
 from robot_offload_lab.simulate.ports import Payload
 from robot_offload_lab.simulate.scenario import Replica, Scenario
 from robot_offload_lab.simulate.system import System
@@ -36,12 +36,13 @@ class StoryError(Exception):
 
 @dataclass(frozen=True)
 class Passed:
-    """A message at the consumer: when (true time), of which site and output, and when it was born."""
+    """A message at the consumer: when (true time), of which site and output, when it was born, and whether others'."""
 
     at_s: float
     site: Site
     index: int
     born_s: float
+    others: bool = False
 
 
 class Recorder(Observer):
@@ -54,6 +55,7 @@ class Recorder(Observer):
         self.decisions: list[tuple[float, placement.Decided]] = []
         self.answers: list[tuple[int, bool, str]] = []
         self.left: list[float] = []
+        self.fills: list[tuple[float, Site, Passed]] = []
         self.statements: list[tuple[float, Available]] = []
 
     def passed(self, index: int, payload: Payload) -> None:
@@ -64,7 +66,15 @@ class Recorder(Observer):
     def heard_in_cloud(self, index: int, payload: Payload) -> None:
         """Keeps a message of the cloud's consumers."""
         super().heard_in_cloud(index, payload)
-        self.in_cloud.append(Passed(self.world.now, payload.site, index, payload.message.born_s))
+        others = payload.message.producer == OTHERS
+        self.in_cloud.append(Passed(self.world.now, payload.site, index, payload.message.born_s, others))
+
+    def filled(self, side: Site, index: int, payload: Payload) -> None:
+        """Keeps what a replica of a shared output was given, after its invariant was checked."""
+        super().filled(side, index, payload)
+        others = payload.message.producer == OTHERS
+        given = Passed(self.world.now, payload.site, index, payload.message.born_s, others)
+        self.fills.append((self.world.now, side, given))
 
     def robot_decided(self, decided: placement.Decided) -> None:
         """Keeps a decision."""

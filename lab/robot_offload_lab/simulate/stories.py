@@ -17,6 +17,7 @@ from robot_offload_lab.simulate import (
     story_plain,
     story_processes,
     story_results,
+    story_shared,
 )
 
 STORIES: dict[str, Callable[[], None]] = {
@@ -34,6 +35,7 @@ STORIES: dict[str, Callable[[], None]] = {
         story_plain,
         story_goals,
         story_calls,
+        story_shared,
     )
     for story in module.STORIES
 }

@@ -1,9 +1,11 @@
 """Nodes of every kind: one in the cloud only, whose results reach the robot; one without a lifecycle on both sides."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from std_msgs.msg import Header
 
 from robot_offload_agent.process.clock import now_s
 from robot_offload_lab.judge.recording import Arrival
@@ -84,4 +86,65 @@ def test_results_of_a_cloud_node_reach_a_robot_whose_plain_node_runs_on_both_sid
     world.kill_node("cloud")
     world.until(lambda: world.site == "robot", "the silence of the replica ends the stay")
     world.passes("robot", 10)
+    world.check()
+
+
+POSES: dict[str, Any] = {
+    "nodes": ["walker", "localizer"],
+    "outputs": ["command", "poses"],
+    "output.poses.topic": "/poses",
+    "output.poses.type": "std_msgs/msg/Header",
+    "output.poses.shared": True,
+    "output.poses.robot_topic": "/localizer/command",
+    "output.poses.cloud_topic": "/remote_localizer/command",
+    "output.poses.node": "localizer",
+}
+
+
+def numbers(heard: list[tuple[float, Header]], producer: str) -> list[int]:
+    """The sequence of one producer's messages, in the order of arrival."""
+    parts = [message.frame_id.partition("#") for _, message in list(heard)]
+    return [int(number) for name, _, number in parts if name.partition(".")[0] == producer]
+
+
+def once(found: list[int]) -> bool:
+    """Each message once and in order."""
+    return found == sorted(set(found))
+
+
+def gap_s(heard: list[tuple[float, Header]]) -> float:
+    """The longest silence of the group, in seconds."""
+    times = [at_s for at_s, message in list(heard) if "localizer" in message.frame_id]
+    return max(later - earlier for earlier, later in pairwise(times))
+
+
+def test_a_shared_topic_is_heard_whole_and_once_on_both_sides_through_ten_changeovers(
+    build: Callable[..., World],
+) -> None:
+    world = build(both=POSES)
+    cloud_ear = world.cloud_ear()
+    heard = {
+        "robot": world.ear.hear(Header, "/poses"), "robot replica": world.ear.hear(Header, "/localizer/command"),
+        "cloud": cloud_ear.hear(Header, "/poses"), "cloud replica": cloud_ear.hear(Header, "/remote_localizer/command"),
+    }  # fmt: skip
+    world.start_node("robot", other="localizer")
+    world.start_node("cloud", other="remote_localizer")
+    world.start()
+    world.ear.feed("/poses", 20.0)
+    world.until(lambda: all(len(numbers(h, "feed")) > 5 for h in heard.values()), "others are heard everywhere")
+    for messages in heard.values():
+        messages.clear()
+    for _ in range(5):
+        for side, other, producer in (("robot", "cloud", "localizer"), ("cloud", "robot", "remote_localizer")):
+            world.place(side, stay=True)
+            replica = heard[f"{other} replica"]
+            start = len(numbers(replica, producer))
+            world.until(lambda r=replica, p=producer, s=start: len(numbers(r, p)) > s + 3, f"{other} hears the {side}")
+    for where, messages in heard.items():
+        for producer in ("feed", "localizer", "remote_localizer"):
+            assert once(numbers(messages, producer)), f"{producer} in {where}"
+        assert len(numbers(messages, "feed")) > 50, where
+    feed = numbers(heard["robot replica"], "feed")
+    assert feed == list(range(feed[0], feed[-1] + 1)), "the robot's replica misses nothing of others"
+    assert gap_s(heard["robot"]) < 1.0
     world.check()

@@ -39,6 +39,7 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     nodes.doubles_survive_kubernetes,
     nodes.parameters_keep_their_names,
     nodes.core_nodes_can_stop_the_robot,
+    nodes.shared_topics_are_carried,
     served.names_have_one_meaning,
     served.clients_find_their_servers,
     served.conditions_name_actions_of_the_group,

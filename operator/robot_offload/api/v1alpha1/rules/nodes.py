@@ -180,6 +180,21 @@ def core_nodes_can_stop_the_robot(spec: RobotOffloadSpec) -> Iterator[Finding]:
         )
 
 
+def shared_topics_are_carried(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """The agents fill the private names of shared topics with what they carry; on DDS transports they carry none."""
+    if spec.transport.type == "Zenoh":
+        return
+    for i, node in enumerate(spec.nodes):
+        for j, output in enumerate(node.outputs):
+            if output.shared or output.frames:
+                yield Finding(
+                    f"spec.nodes[{i}].outputs[{j}].shared",
+                    "SharedNeedsZenoh",
+                    f"{output.topic} has publishers outside the group, and only transport Zenoh keeps both apart; "
+                    "change spec.transport.type to Zenoh, or let a node on the robot publish the topic",
+                )
+
+
 def doubles_survive_kubernetes(spec: RobotOffloadSpec) -> Iterator[Finding]:
     """JSON knows one kind of number: 20.0 comes back as 20, and ROS 2 refuses that for a double."""
     for i, node in enumerate(spec.nodes):

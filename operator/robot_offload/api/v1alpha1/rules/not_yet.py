@@ -60,15 +60,6 @@ NOT_YET: Final[dict[str, Word]] = {
         "leave rate out where an output is silent while there is nothing to do",
         (f"{_IN_OUTPUT}.while", {"topic": "/scan", "within": "200ms"}),
     ),
-    "shared": Word(
-        _OUTPUT, "shared", "!self.shared", lambda it: it.shared, "leave the topic out of the outputs",
-        (f"{_IN_OUTPUT}.shared", True),
-    ),
-    "frames": Word(
-        _OUTPUT, "frames", _empty("frames"), lambda it: bool(it.frames),
-        "let a node on the robot publish the transforms",
-        (f"{_IN_NODE}.outputs", [{"topic": "/tf", "frames": [{"parent": "map", "child": "odom"}]}]),
-    ),
     "Race": Word(
         "spec.nodes[].services[]", "mode", "self.mode != 'Race'", lambda it: it.mode == "Race",
         "write Idempotent instead of Race",

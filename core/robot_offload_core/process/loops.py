@@ -1,0 +1,127 @@
+"""Topics that a node of the group both hears and says, and that others say too: /tf, /diagnostics, /joint_states.
+
+A remapping moves the subscription of a process with its publisher. So the agent fills the private name: with all that
+others say on the public topic, and on the standby with the holder's part. What we put into a topic comes back to our
+own subscription; it is known by its bytes, counted, and never collected or forwarded again. Not safe for several
+threads by itself: the shell holds a lock.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from robot_offload_core import transforms
+from robot_offload_core.settings import OutputSpec
+from robot_offload_core.transforms import Transform, TransformsError
+
+ECHO_S = 3.0
+"""What has not come back by then was lost on the way."""
+MAX_ECHOES = 4096
+OWN_FRAME_S = 1.0
+"""A replica publishes a frame itself while its newest transform is younger; the slowest usual publisher has 10 Hz."""
+
+
+class Echoes:
+    """What we have published on a topic to which we listen ourselves, until it comes back."""
+
+    def __init__(self) -> None:
+        self.waiting: dict[Any, int] = {}
+        self.order: deque[tuple[float, Any]] = deque()
+
+    def put(self, payload: Any, now_s: float) -> None:
+        """Notes a message just before it is published."""
+        while self.order and (now_s - self.order[0][0] > ECHO_S or len(self.order) >= MAX_ECHOES):
+            self._drop(self.order.popleft()[1])
+        self.order.append((now_s, payload))
+        self.waiting[payload] = self.waiting.get(payload, 0) + 1
+
+    def own(self, payload: Any, now_s: float) -> bool:
+        """Returns whether a message that was heard is one of ours that came back; each counts once."""
+        while self.order and now_s - self.order[0][0] > ECHO_S:
+            self._drop(self.order.popleft()[1])
+        if payload not in self.waiting:
+            return False
+        self._drop(payload)
+        return True
+
+    def _drop(self, payload: Any) -> None:
+        left = self.waiting.get(payload, 0) - 1
+        if left > 0:
+            self.waiting[payload] = left
+        else:
+            self.waiting.pop(payload, None)
+
+
+class Loop:
+    """One shared output on one side.
+
+    Attributes:
+        said, filled: our messages on the public topic and on the private one of this side.
+        heard_s: when the replica of this side last published each frame.
+        strange: how many messages were no transforms although frames are declared.
+        undeclared: frames that the replica published and nobody declared.
+    """
+
+    def __init__(self, spec: OutputSpec) -> None:
+        self.frames = {(frame.parent, frame.child) for frame in spec.frames}
+        self.said = Echoes()
+        self.filled = Echoes()
+        self.heard_s: dict[str, float] = {}
+        self.strange = 0
+        self.undeclared: set[str] = set()
+
+    def say(self, payload: Any, now_s: float) -> None:
+        """Notes a message just before it is published on the public topic."""
+        self.said.put(payload, now_s)
+
+    def others(self, payload: Any, now_s: float) -> Any | None:
+        """Takes a message of the public topic; returns what others said in it, to be filled in; None for nothing.
+
+        The group's own frames are left out whoever says them: a frame has one parent.
+        """
+        if self.said.own(payload, now_s):
+            return None
+        return self._fill(self._only(payload, lambda t: not self._declared(t)), now_s)
+
+    def replica(self, payload: Any, now_s: float) -> Any | None:
+        """Takes a message of the private topic; returns what the replica said in it; None for nothing of it."""
+        if self.filled.own(payload, now_s):
+            return None
+        if not self.frames:
+            return payload
+
+        def ours(transform: Transform) -> bool:
+            if not self._declared(transform):
+                self.undeclared.add(f"{transform.parent} -> {transform.child}")
+                return False
+            self.heard_s[transform.child] = now_s
+            return True
+
+        return self._only(payload, ours)
+
+    def holder(self, payload: Any, now_s: float) -> Any | None:
+        """Takes a message of the other side that has passed; returns what of it is to be filled in on this one."""
+        fresh = {child for child, heard_s in self.heard_s.items() if now_s - heard_s <= OWN_FRAME_S}
+        return self._fill(self._only(payload, lambda t: t.child not in fresh), now_s)
+
+    def far(self, payload: Any, now_s: float) -> Any | None:
+        """Takes what others said on the robot, here in the cloud; returns what is to be filled in."""
+        return self._fill(payload, now_s)
+
+    def _fill(self, payload: Any | None, now_s: float) -> Any | None:
+        if payload is not None:
+            self.filled.put(payload, now_s)
+        return payload
+
+    def _declared(self, transform: Transform) -> bool:
+        return (transform.parent, transform.child) in self.frames
+
+    def _only(self, payload: Any, wanted: Any) -> Any | None:
+        if not self.frames:
+            return payload
+        try:
+            return transforms.only(payload, wanted)
+        except TransformsError:
+            self.strange += 1
+            return None

@@ -1,0 +1,54 @@
+"""Shared topics: what is our own is known when it comes back, others' goes on, frames have one parent."""
+
+from __future__ import annotations
+
+from robot_offload_core.declared import Frame
+from robot_offload_core.process.loops import ECHO_S, Echoes, Loop
+from robot_offload_core.settings import OutputSpec
+from tests.unit.core.test_transforms import message, names
+
+NOW_S = 100.0
+TF = OutputSpec("tf", 0.0, shared=True, frames=(Frame("map", "odom"),))
+OURS = ("map", "odom", 1, 0.5)
+WHEELS = ("odom", "base_link", 1, 0.1)
+
+
+def test_each_message_of_ours_is_known_once_when_it_comes_back() -> None:
+    echoes = Echoes()
+    for _ in range(2):
+        echoes.put(b"same", NOW_S)
+    assert [echoes.own(b"same", NOW_S) for _ in range(3)] == [True, True, False]
+    assert not echoes.own(b"another", NOW_S)
+
+
+def test_a_message_that_never_came_back_is_forgotten() -> None:
+    echoes = Echoes()
+    echoes.put(b"lost", NOW_S)
+    assert not echoes.own(b"lost", NOW_S + ECHO_S + 0.1)
+    assert not echoes.waiting
+
+
+def test_a_tree_of_transforms_is_split_between_the_group_and_others() -> None:
+    loop = Loop(TF)
+    said = loop.replica(message([OURS, WHEELS]), NOW_S)
+    assert said is not None
+    assert names(said) == [("map", "odom")], "only declared frames go public"
+    assert loop.undeclared == {"odom -> base_link"}
+    others = loop.others(message([WHEELS, OURS]), NOW_S)
+    assert others is not None
+    assert names(others) == [("odom", "base_link")], "a frame has one parent, and it is the group's"
+
+
+def test_a_standby_gets_only_frames_that_its_own_replica_does_not_publish() -> None:
+    loop = Loop(TF)
+    assert loop.holder(message([OURS]), NOW_S) == message([OURS]), "a sleeping replica publishes nothing"
+    loop.replica(message([("map", "odom", 1, 0.6)]), NOW_S)
+    assert loop.holder(message([OURS]), NOW_S + 0.1) is None, "a Hot one has a transform of its own"
+    assert loop.holder(message([OURS]), NOW_S + 1.5) == message([OURS])
+
+
+def test_garbage_on_a_topic_of_transforms_goes_nowhere_and_is_counted() -> None:
+    loop = Loop(TF)
+    assert loop.others(b"\0\1\0\0\xff", NOW_S) is None
+    assert loop.replica(b"", NOW_S) is None
+    assert loop.strange == 2
