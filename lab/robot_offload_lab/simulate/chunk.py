@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from robot_offload_core.checks import InvariantError
@@ -11,6 +12,7 @@ from robot_offload_lab.simulate import scenario as scenarios
 from robot_offload_lab.simulate.coverage import Pair
 from robot_offload_lab.simulate.faults import Faults, Hands, only_link, plan, plan_ambushes
 from robot_offload_lab.simulate.observer import Observer
+from robot_offload_lab.simulate.scenario import Scenario
 from robot_offload_lab.simulate.system import System
 from robot_offload_lab.simulate.violations import ViolationError
 
@@ -44,10 +46,10 @@ class Outcome:
 class Chunk:
     """A system in its storms, watched."""
 
-    def __init__(self, seed: int, index: int) -> None:
+    def __init__(self, seed: int, index: int, draw: Callable[[random.Random], Scenario] = scenarios.draw) -> None:
         name = f"{seed}/{index}"
         dice = random.Random(name + "/plan")
-        self.system = System(scenarios.draw(dice), name)
+        self.system = System(draw(dice), name)
         self.faults = Faults(self.system, plan(dice, index), plan_ambushes(dice, index))
         self.hands = Hands(self.system, dice)
         self.observer = Observer(self.system, self.faults.quiet_s, only_link=only_link(index))
