@@ -18,6 +18,7 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.names import SIDES, Side
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.render.agent_config import AgentSite, agent_config, agent_parameters
+from robot_offload.render.launch_file import node_rules
 from robot_offload.render.ros_names import run_arguments
 from robot_offload_agent.settings.parameters import flatten
 from tests.unit.specs import changed, sample
@@ -101,6 +102,25 @@ def test_a_replica_gets_its_name_namespace_and_private_outputs(context: Context,
             publisher = node.create_publisher(String, topic, 1)
             assert publisher.topic_name == expected
             node.destroy_publisher(publisher)
+    finally:
+        other.destroy_node()
+        node.destroy_node()
+
+
+def launch_arguments() -> tuple[str, ...]:
+    """What launch gives to every process and container for the rules of the bundle's launch file."""
+    return tuple(word for source, target in node_rules(namespaced()) for word in ("-r", f"{source}:={target}"))
+
+
+@pytest.mark.parametrize("context", [launch_arguments()], indirect=True)
+def test_rules_of_the_launch_file_touch_only_their_node_in_a_process_with_others(context: Context) -> None:
+    node = Node("controller", namespace="/w7", context=context, start_parameter_services=False)
+    other = Node("teleop", namespace="/w7", context=context, start_parameter_services=False)
+    try:
+        for name, expected in (("cmd_vel", "cmd_vel"), ("cmd_vel_nav", "cmd_vel"), ("/w7/cmd_vel", "cmd_vel")):
+            assert node.create_publisher(String, name, 1).topic_name == f"/offload/robot/w7/{expected}"
+        assert other.create_publisher(String, "cmd_vel", 1).topic_name == "/w7/cmd_vel"
+        assert other.create_publisher(String, "cmd_vel_nav", 1).topic_name == "/w7/cmd_vel_nav"
     finally:
         other.destroy_node()
         node.destroy_node()

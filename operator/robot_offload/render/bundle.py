@@ -17,6 +17,7 @@ from robot_offload.objects.parent import Parent
 from robot_offload.objects.pod import TMP
 from robot_offload.render import bundle_texts as texts
 from robot_offload.render.agent_config import AgentSite, agent_config
+from robot_offload.render.launch_file import LAUNCH_FILE, launch_file
 from robot_offload.transport import dds_router, tunnel
 
 PRIVATE_KEY: Final = "certificates/robot.key"
@@ -92,6 +93,7 @@ def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -
     if parent.spec.transport.type == "DDSRouter":
         files["robot-offload-router.service"] = texts.router_unit(parent.offload, place).encode()
         files["robot-offload-tunnel.service"] = texts.tunnel_unit(parent.offload, place, REALTIME_PRIORITY).encode()
+    files[LAUNCH_FILE] = launch_file(parent.offload, place).encode()
     files["compose.yaml"] = _compose(parent, place).encode()
     files["README.md"] = texts.readme(parent.offload, place, [*files, "README.md"]).encode()
     return dict(sorted(files.items()))

@@ -10,6 +10,7 @@ from typing import Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffload
 from robot_offload.api.v1alpha1.names import Side
+from robot_offload.render.launch_file import LAUNCH_FILE
 from robot_offload.render.ros_names import action_names, command, nodes_on, private_names, remappings
 
 SETUP_VARIABLE: Final = "ROBOT_OFFLOAD_SETUP"
@@ -46,6 +47,7 @@ _MEANINGS: Final = {
     "robot-offload-agent.service": "starts the agent with systemd",
     "robot-offload-router.service": "starts the DDS Router with systemd",
     "robot-offload-tunnel.service": "starts the tunnel with systemd",
+    "robot.launch.py": "starts a launch file of yours, unchanged, under the remappings, and the agent beside it",
     "tunnel.yaml": "the configuration of the tunnel, through which the DDS Router reaches the cloud",
     "compose.yaml": "starts the same in containers instead",
     "README.md": "this page",
@@ -172,7 +174,7 @@ def readme(offload: RobotOffload, folder: str, files: Sequence[str]) -> str:
         ),
         INSTALL,
         _install(offload, folder),
-        _nodes(offload),
+        _nodes(offload, folder),
         _driver(offload),
         _back(offload),
         _again(),
@@ -213,7 +215,7 @@ Look at it:
 - `journalctl -u robot-offload-agent`: the rest."""
 
 
-def _nodes(offload: RobotOffload) -> str:
+def _nodes(offload: RobotOffload, folder: str) -> str:
     spec = offload.spec
     lines = ["## Start your nodes", ""]
     remapped = [node for node in nodes_on(spec, "robot") if private_names(node) or action_names(node)]
@@ -223,6 +225,15 @@ def _nodes(offload: RobotOffload) -> str:
         "The outputs of duplicated nodes go through the agent, which passes one side's messages. So these nodes",
         "publish under another name on the robot; services and actions likewise, an action by its five hidden names.",
         "Nodes that are not listed here start as they always did.",
+        "",
+        "From a launch file of yours, as it is; each rule names its node, composed ones included:",
+        "",
+        fenced(f"ros2 launch {folder}/{LAUNCH_FILE} launch:=my_bringup/robot.launch.py agent:=false"),
+        "",
+        "Without `agent:=false` the agent is started there as well, instead of by systemd. A rule meets the name in the",
+        "program: where your launch file remaps one of these names, write that under `run.remap` of the node.",
+        "",
+        "Or one by one:",
         "",
     ]
     for node in remapped:
