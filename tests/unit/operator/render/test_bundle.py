@@ -16,7 +16,7 @@ from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, 
 
 SECRETS = BundleSecrets(b"ca", b"certificate", b"a private key")
 KNOWN = facts(endpoints=EVERY_ENDPOINT)
-COMMON = {"README.md", "agent.yaml", "compose.yaml", "environment", "robot-offload-agent.service"}
+COMMON = {"README.md", "agent.yaml", "compose.yaml", "environment", "robot-offload-agent.service", "robot.launch.py"}
 MORE = {
     "Zenoh": {"certificates/ca.pem", "certificates/robot.pem", "certificates/robot.key"},
     "DDSRouter": {
