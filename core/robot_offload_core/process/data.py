@@ -18,7 +18,7 @@ from robot_offload_core.placement import Reopen
 from robot_offload_core.process import probe
 from robot_offload_core.process.messages import Heard, Letters, Limits, Notes
 from robot_offload_core.process.pauses import Pauses
-from robot_offload_core.process.probe import Probe, ProbeError
+from robot_offload_core.process.probe import Probe, ProbeError, Sign
 from robot_offload_core.settings import OutputSpec
 
 STATUS_PERIOD_S = 0.040
@@ -111,7 +111,8 @@ class DataProcess(ABC):
 
     Attributes:
         heard: the newest beat of the partner, for echo references.
-        probe, probe_s: the newest probe of the other side, and its arrival.
+        probe: the newest whole probe of the other side. probe_s: when the other side was last heard.
+        acknowledged: digest of our newest whole probe that the other side has got. whole_due_s: when to send it again.
         latched: last values of each latched input that this side holds.
         notes: of our control, for the other side.
         problems: by key, for diagnostics. counters: by name.
@@ -124,6 +125,8 @@ class DataProcess(ABC):
         self.heard: Heard | None = None
         self.probe: Probe | None = None
         self.probe_s: float | None = None
+        self.acknowledged = ""
+        self.whole_due_s = 0.0
         self.latched: dict[str, list[Any]] = {i.name: [] for i in plan.inputs if i.latched}
         self._digests: dict[str, tuple[list[Any], str]] = {}
         self.notes = ""
@@ -165,12 +168,21 @@ class DataProcess(ABC):
         now_s = self.ports.now_s()
         if now_s >= self.probe_due_s:
             self.probe_due_s = now_s + probe.PERIOD_S
-            self.ports.cross("probe", b"-", probe.encode(replace(self.make_probe(), notes=self.notes)))
+            self._send_probe(now_s)
         if now_s >= self.status_due_s:
             self.status_due_s = now_s + STATUS_PERIOD_S
             detailed = now_s >= self.detail_due_s
             self.detail_due_s = now_s + DETAIL_PERIOD_S if detailed else self.detail_due_s
             self.report(now_s, detailed)
+
+    def _send_probe(self, now_s: float) -> None:
+        """Sends a sign of life; whole while the other side has not got what we hold now, and once a second."""
+        held = self.probe.digest if self.probe else ""
+        made = probe.signed(replace(self.make_probe(), notes=self.notes), held)
+        sent: Probe | Sign = Sign(made.incarnation, made.digest, held)
+        if made.digest != self.acknowledged or now_s >= self.whole_due_s:
+            sent, self.whole_due_s = made, now_s + DETAIL_PERIOD_S
+        self.ports.cross("probe", b"-", probe.encode(sent))
 
     def note(self, key: str, problem: tuple[str, str] | None) -> None:
         """Keeps or clears a problem for diagnostics."""
@@ -212,11 +224,16 @@ class DataProcess(ABC):
         if not self.knows(received.incarnation):
             self.counters["probe.foreign"] += 1
             return
-        with self.ports.lock:
-            self.probe, self.probe_s = received, self.ports.now_s()
         self.note("version", None)
-        self.probed(received)
-        self._pass_notes(received)
+        self.acknowledged = received.held
+        whole = received if isinstance(received, Probe) else self.probe
+        if whole is None or whole.incarnation != received.incarnation:
+            self.counters["probe.unknown"] += 1  # what it holds is on its way
+            return
+        with self.ports.lock:
+            self.probe, self.probe_s = whole, self.ports.now_s()
+        self.probed(whole)
+        self._pass_notes(whole)
 
     def _refuse(self, error: ProbeError) -> None:
         """Counts what is no probe of ours; another version is a problem that somebody has to solve."""

@@ -1,6 +1,8 @@
-"""The probe: ten times a second each data process tells the other that the data session lives, and what it holds.
+"""The probe: ten times a second each data process says to the other that the data session lives, and what it holds.
 
-Everything in it is a level, so a lost probe loses nothing. JSON, because it is small, rare and grows.
+A sign of life is a hundred bytes, so it fits one datagram however large the graph is. What this side holds goes whole
+until the other side says that it has it (by its digest), and once a second. Everything is a level, so what is lost on
+the way loses nothing. JSON, because it is small, rare and grows.
 """
 
 from __future__ import annotations
@@ -10,10 +12,11 @@ import json
 import re
 from dataclasses import dataclass, field
 
+from robot_offload_core.change import replace
 from robot_offload_core.token import is_incarnation
 
 PERIOD_S = 0.1
-VERSION = 1
+VERSION = 2
 
 
 MAX_BYTES = 150_000
@@ -34,8 +37,23 @@ class ProbeError(ValueError):
 
 
 @dataclass(frozen=True)
+class Sign:
+    """A sign of life.
+
+    Attributes:
+        incarnation: of the sender's control process.
+        digest: of what the sender holds now, as its whole probe says it.
+        held: digest of the newest whole probe of the other side that the sender has got; "" for none.
+    """
+
+    incarnation: str
+    digest: str = ""
+    held: str = ""
+
+
+@dataclass(frozen=True)
 class Probe:
-    """One probe.
+    """A whole probe.
 
     Attributes:
         incarnation: of the sender's control process; pulse and data must show the same one.
@@ -44,6 +62,7 @@ class Probe:
         nodes: lifecycle state of each managed node of the sender.
         word: a request to, or an answer of, the robot's control process; "" for none.
         notes: of the sender's control process (notes.py); "" for none.
+        digest, held: see Sign.
     """
 
     incarnation: str
@@ -52,23 +71,25 @@ class Probe:
     nodes: dict[str, str] = field(default_factory=dict)
     word: str = ""
     notes: str = ""
+    digest: str = ""
+    held: str = ""
 
 
-def encode(probe: Probe) -> bytes:
-    """The probe's bytes."""
-    body = {
-        "v": VERSION,
-        "i": probe.incarnation,
-        "l": probe.latched,
-        "t": probe.types,
-        "n": probe.nodes,
-        "w": probe.word,
-        "s": probe.notes,
-    }
+def encode(sent: Probe | Sign) -> bytes:
+    """The bytes of a whole probe, or of a sign of life."""
+    body: dict[str, object] = {"v": VERSION, "i": sent.incarnation, "d": sent.digest, "h": sent.held}
+    if isinstance(sent, Probe):
+        body |= {"l": sent.latched, "t": sent.types, "n": sent.nodes, "w": sent.word, "s": sent.notes}
     return json.dumps(body, separators=(",", ":")).encode()
 
 
-def decode(data: bytes) -> Probe:
+def signed(probe: Probe, held: str) -> Probe:
+    """Returns the probe with its digest and with what its sender has got of the other side."""
+    bare = replace(probe, digest="", held="")
+    return replace(probe, digest=digest([encode(bare)]), held=held)
+
+
+def decode(data: bytes) -> Probe | Sign:
     """Reads a probe; raises ProbeError for anything that is none."""
     try:
         body = json.loads(data) if len(data) <= MAX_BYTES else None
@@ -81,11 +102,15 @@ def decode(data: bytes) -> Probe:
     incarnation = _text(body.get("i"), 32)
     if incarnation and not is_incarnation(incarnation):
         raise ProbeError("BadForm", "an incarnation has 32 hexadecimal digits")
+    sign = Sign(incarnation, _text(body.get("d"), MAX_NAME), _text(body.get("h"), MAX_NAME))
+    if "l" not in body:
+        return sign
     types = _table(body.get("t"))
     if not all(map(INTERFACE.fullmatch, types.values())):
         raise ProbeError("BadForm", "an interface type has another form")
     word, notes = _text(body.get("w"), MAX_WORD), _text(body.get("s", ""), MAX_BYTES)
-    return Probe(incarnation, _table(body.get("l")), types, _table(body.get("n")), word, notes)
+    latched, nodes = _table(body.get("l")), _table(body.get("n"))
+    return Probe(incarnation, latched, types, nodes, word, notes, sign.digest, sign.held)
 
 
 def _text(value: object, limit: int) -> str:

@@ -25,6 +25,8 @@ from robot_offload_core.token import Token
 
 RESEND_PERIOD_S = 0.5
 """Latched values are sent again this often until the cloud shows that it holds them."""
+OTHERS_AFTER_S = 0.5
+"""Silence of our cloud's probes after which those of another agent count: as long as control waits for them."""
 MAX_LATCHED = 32
 """Values kept per latched topic; one per publisher, several for topics such as /tf_static."""
 EARLY_SHARE = 0.8
@@ -99,8 +101,15 @@ class RobotDataProcess(DataProcess):
         return Probe(self.orders.incarnation, self.digests(), self.ports.types(), word=self.orders.word)
 
     def knows(self, incarnation: str) -> bool:
-        """Returns True for any cloud: control compares it with the one that the pulse hears."""
-        return bool(incarnation)
+        """Returns True for the cloud that the pulse hears, and for any other while that one is silent here.
+
+        Control compares it with the one that the pulse hears; of two agents (DDS) the one that is heard goes on.
+        """
+        partner = self.heard.incarnation if self.heard else ""
+        age_s = self.probe_age_s(self.ports.now_s())
+        ours = self.probe is not None and self.probe.incarnation == partner
+        live = ours and age_s is not None and age_s <= OTHERS_AFTER_S
+        return bool(incarnation) and (incarnation == partner or not live)
 
     def probed(self, received: Probe) -> None:
         """Sends latched values again that the cloud does not hold, and hands its types to the collector."""

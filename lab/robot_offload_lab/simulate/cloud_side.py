@@ -249,7 +249,7 @@ class CloudData(DataShell):
             self.count += 1
             if self.count % SENT_EVERY == 1:
                 self.sent.append((channel, header, payload))
-        session.down.carry(channel, header, payload)
+        session.down.carry(channel, header, payload, datagram=channel == "probe")
         return session.connected
 
     def _effect(self) -> None:

@@ -2,7 +2,8 @@
 
 A wire delays, jitters, loses, doubles, reorders, and can be cut in one direction alone; what is sent into a cut is
 lost or held and delivered late in a burst, whichever the fault says. The pulse wires carry datagrams; the data wires
-keep the order and turn a loss into the delay of a retransmission, unless a fault reorders them.
+keep the order and turn a loss into the delay of a retransmission, unless a fault reorders them or the message is a
+datagram (probes).
 """
 
 from __future__ import annotations
@@ -47,8 +48,9 @@ class Wire:
         self._held: list[tuple[Any, ...]] = []
         self._tail_s = 0.0
 
-    def carry(self, *args: Any) -> None:
-        """Sends: the target gets `args`, later, perhaps."""
+    def carry(self, *args: Any, datagram: bool = False) -> None:
+        """Sends: the target gets `args`, later, perhaps; a datagram has no order and is not sent again when lost."""
+        ordered = self.ordered and not datagram
         if not self.session.connected or self.cut_lost:
             return
         if self.cut_held:
@@ -60,13 +62,13 @@ class Wire:
         delay_s = self.base_s + self.extra_s + self.jitter_s * 3.0 * dice.random() ** 2
         for share in self.losses:
             if dice.random() < share:
-                if not self.ordered:
+                if not ordered:
                     return
                 delay_s += 2 * (self.base_s + self.extra_s) + 0.02
         if self.reordering:
             delay_s += dice.random() * 0.06
         arrival_s = world.now + delay_s
-        if self.ordered and not self.reordering:
+        if ordered and not self.reordering:
             arrival_s = max(arrival_s, self._tail_s + 1e-9)
             self._tail_s = arrival_s
         world.at(arrival_s, self._arrive, self.session.life, args)

@@ -774,6 +774,17 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
+    "X34": Mutant(
+        "what is held is said once a second, not until it has arrived",
+        "request_over_a_lossy_link",
+        (
+            Edit(
+                "process.data",
+                "if made.digest != self.acknowledged or now_s >= self.whole_due_s:",
+                "if now_s >= self.whole_due_s:",
+            ),
+        ),
+    ),
     "H17": Mutant(
         "what was reported waits for the end of a stall",
         "reported_in_a_stall",

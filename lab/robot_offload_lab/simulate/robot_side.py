@@ -301,7 +301,8 @@ class RobotData(DataShell):
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
         """Sends over the data session."""
         session = self.around.link.data
-        session.up.carry(channel, header, (payload, self.world.now) if channel.startswith("in/") else payload)
+        payload = (payload, self.world.now) if channel.startswith("in/") else payload
+        session.up.carry(channel, header, payload, datagram=channel == "probe")
         return session.connected
 
     def arrived(self, channel: str, header: bytes, payload: Any) -> None:

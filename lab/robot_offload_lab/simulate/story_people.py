@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from robot_offload_core.placement import Phase
+from robot_offload_core.process import probe
 from robot_offload_core.settings import Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.scenario import Replica
@@ -76,6 +77,26 @@ def asked_in_the_cloud() -> None:
     process = stage.cloud.control.process
     process.request = process.request.replace("cloud", "edge")
     stage.until(lambda: stage.answered(8, False), 1.5, "nonsense is refused")
+
+
+def request_over_a_lossy_link() -> None:
+    """A switch asked for in the cloud reaches the robot although the first probes with it are lost."""
+    stage = Stage()
+    stage.in_cloud()
+    wire = stage.link.data.down
+    target, arrived = wire.target
+    lost: list[bytes] = []
+
+    def lossy(channel: str, header: bytes, payload: bytes) -> None:
+        if channel == "probe" and len(lost) < 2 and isinstance(probe.decode(payload), probe.Probe):
+            lost.append(payload)
+        else:
+            arrived(channel, header, payload)
+
+    wire.target = target, lossy
+    stage.cloud.control.process.ask(Site.ROBOT, 7)
+    stage.until(lambda: stage.answered(7, True), 0.9, "the robot hears the request")
+    stage.expect(len(lost) == 2, "probes with it were lost")
 
 
 def unheard_request() -> None:
@@ -154,6 +175,7 @@ STORIES = (
     pinned,
     asked_while_cut,
     asked_in_the_cloud,
+    request_over_a_lossy_link,
     unheard_request,
     pods_that_go,
     shorter_lease,

@@ -1,6 +1,7 @@
 """The probe of the data session: read back as written, and nothing else is taken for one."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -17,6 +18,23 @@ INCARNATIONS = st.just("") | st.text("0123456789abcdef", min_size=32, max_size=3
 @given(st.builds(probe.Probe, INCARNATIONS, TABLES, TYPES, TABLES, st.text(max_size=probe.MAX_WORD), st.text()))
 def test_a_probe_is_read_back_as_it_was(sent: probe.Probe) -> None:
     assert probe.decode(probe.encode(sent)) == sent
+    sign = probe.Sign(sent.incarnation, probe.signed(sent, "").digest, "held")
+    assert probe.decode(probe.encode(sign)) == sign
+
+
+@given(st.builds(probe.Probe, INCARNATIONS, TABLES, TYPES, TABLES), st.text(max_size=20), st.text(max_size=20))
+def test_the_digest_is_of_what_is_held_and_of_nothing_else(sent: probe.Probe, held: str, word: str) -> None:
+    signed = probe.signed(sent, held)
+    assert signed.held == held
+    assert probe.signed(signed, "other").digest == signed.digest
+    assert (probe.signed(replace(sent, word=word), held).digest == signed.digest) is (word == sent.word)
+
+
+def test_a_sign_of_life_fits_one_datagram_however_much_is_held() -> None:
+    nodes = {f"node_{n}": "active" for n in range(200)}
+    whole = probe.signed(probe.Probe("ab" * 16, nodes=nodes), "0" * 16)
+    assert len(probe.encode(whole)) > 3000
+    assert len(probe.encode(probe.Sign(whole.incarnation, whole.digest, whole.held))) < 120
 
 
 @given(st.binary())
@@ -61,8 +79,8 @@ def test_lists_in_lists_without_end_are_refused() -> None:
 
 
 def test_another_version_is_refused_by_its_number() -> None:
-    with pytest.raises(probe.ProbeError, match="version 2") as refused:
-        probe.decode(probe.encode(probe.Probe("")).replace(b'"v":1', b'"v":2'))
+    with pytest.raises(probe.ProbeError, match="version 1") as refused:
+        probe.decode(probe.encode(probe.Probe("")).replace(b'"v":2', b'"v":1'))
     assert refused.value.reason == "OtherVersion"
 
 
