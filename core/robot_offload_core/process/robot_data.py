@@ -119,7 +119,8 @@ class RobotDataProcess(DataProcess):
         for name, values in self.latched.items():
             if not values or received.latched.get(name) == self.digest(name):
                 continue
-            if now_s - self.resent_s.get(name, 0.0) >= RESEND_PERIOD_S:
+            last_s = max(self.resent_s.get(name, 0.0), self.sent_s.get(name, 0.0))  # what the cloud says may be older
+            if now_s - last_s >= RESEND_PERIOD_S:
                 self.resent_s[name] = now_s
                 for value in list(values):
                     self.send_input(name, value)

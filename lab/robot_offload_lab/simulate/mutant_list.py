@@ -950,15 +950,15 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "process.cloud_control",
-                "self.step(lease.CloudNodes(ready and self.complete))",
-                "self.step(lease.CloudNodes(ready))",
+                "return self.is_ready() and (self.complete or acting)",
+                "return self.is_ready()",
             ),
         ),
     ),
     "X7": Mutant(
         "latched inputs are sent once",
         "latched_input",
-        (Edit("process.robot_data", "if now_s - self.resent_s.get(name, 0.0) >= RESEND_PERIOD_S:", "if False:"),),
+        (Edit("process.robot_data", "if now_s - last_s >= RESEND_PERIOD_S:", "if False:"),),
     ),
     "X8": Mutant(
         "what waited in a stopped collector passes as new",
