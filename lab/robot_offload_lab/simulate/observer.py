@@ -370,15 +370,15 @@ class Observer:
         """Invariant 3b: rated outputs flow or the driver is inhibited.
 
         While control runs no rated output is silent for longer than (its deadline or the loss timeout, whichever is
-        longer) + activation deadline + reaction, unless the wheels are inhibited or stand by their dead man. A driver
-        that restarted counts from then, plus the period in which a standing inhibit is repeated; a driver that was
+        longer) + activation deadline + reaction, unless the wheels are inhibited: that they stand by their dead man
+        is no excuse. A driver that restarted counts from then, plus the period in which a standing inhibit is repeated; a driver that was
         released may wait for the next message of the slower side. Stopped or dead, control can inhibit nobody: there
         the driver's dead man is the stop.
         """
         driver, now = self.run.driver, self.world.now
         if driver.inhibited and placement.IN_CHARGE[robot.phase] is Site.CLOUD:
             self._check_released()
-        if driver.inhibited or not driver.may_move():
+        if driver.inhibited or not driver.alive:
             return
         base_s = max(running_s, driver.running_since_s + INHIBIT_PERIOD_S)
         for index, deadline_s in self.rated:
