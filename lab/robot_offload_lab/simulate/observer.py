@@ -371,9 +371,9 @@ class Observer:
 
         While control runs no rated output is silent for longer than (its deadline or the loss timeout, whichever is
         longer) + activation deadline + reaction, unless the wheels are inhibited: that they stand by their dead man
-        is no excuse. A driver that restarted counts from then, plus the period in which a standing inhibit is repeated; a driver that was
-        released may wait for the next message of the slower side. Stopped or dead, control can inhibit nobody: there
-        the driver's dead man is the stop.
+        is no excuse. A driver that restarted counts from then, plus the period in which a standing inhibit is
+        repeated; a driver that was released may wait for the next message of the slower side. Stopped or dead,
+        control can inhibit nobody: there the driver's dead man is the stop.
         """
         driver, now = self.run.driver, self.world.now
         if driver.inhibited and placement.IN_CHARGE[robot.phase] is Site.CLOUD:
