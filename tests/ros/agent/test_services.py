@@ -116,3 +116,20 @@ def test_what_must_not_be_repeated_is_executed_at_most_once(serving_world: World
     assert set(do.answers) <= set(everywhere)
     assert {len(answers) for answers in do.answers.values()} == {1}
     assert all(answers[0].int32_value == number for number, answers in do.answers.items())
+
+
+def test_a_large_call_crosses_and_one_beyond_the_limit_is_counted(serving_world: World) -> None:
+    ear = serving_world.ear
+    client = ear.node.create_client(BasicTypes, "/do")
+    until(client.service_is_ready, "a server of /do")
+    answered: list[Any] = []
+
+    def call(size: int) -> None:
+        request = BasicTypes.Request(int32_value=size, string_value="x" * size)
+        client.call_async(request).add_done_callback(lambda future: answered.append(future.result().int32_value))
+
+    for size in (2_000_000, 900_000):
+        ear.executor.create_task(call, size)
+    until(lambda: answered == [900_000], "the answer to a large call")
+    until(lambda: int(ear.diagnostics["data"].values["/do.TooLarge"]) >= 1, "the count of what is too large")
+    ear.node.destroy_client(client)
