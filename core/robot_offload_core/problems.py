@@ -65,6 +65,14 @@ class Problem(Explained):
         "Thinned", "The link does not carry all messages of an input; what would have to wait is left out",
         "Publish it smaller, compressed or more seldom",
     )  # fmt: skip
+    SNAPSHOT_REFUSED = (
+        "SnapshotRefused", "A snapshot of a node's state was refused; the replica keeps what it had",
+        "Read the reason in the message; publish with the same `robot_offload_state` on both sides",
+    )  # fmt: skip
+    STATE_STALE = (
+        "StateStale", "The replica does not know the newest state of the acting side",
+        "Let the node publish its state more often than `maxAge`, or raise that",
+    )  # fmt: skip
     NOT_LIFECYCLE = (
         "NotLifecycle", "A node that is declared as managed runs without a lifecycle",
         "Write `lifecycle: false`, or make it a managed node",

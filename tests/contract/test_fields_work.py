@@ -264,7 +264,7 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
         "uses", {"actions": [GOAL]}, {"actions": [GOAL | {"cancelAfter": "0s"}]}
     ),
     "nodes[].uses.actions[].timeout": served("uses", {"actions": [GOAL]}, {"actions": [GOAL | {"timeout": "3s"}]}),
-    "nodes[].state": served("state", [], [KEPT]),
+    "nodes[].state": served("state", [], [{"snapshot": True}]),
     "nodes[].state[].topic": served("state", [KEPT], [KEPT | {"topic": "/c"}]),
     "nodes[].state[].restore": served("state", [KEPT], [KEPT | {"restore": "/c"}]),
     "nodes[].state[].parameters.nodes": served("state", [{"parameters": {}}], [{"parameters": {"nodes": ["a"]}}]),
@@ -313,8 +313,9 @@ _REFUSED = tuple(
 
 def refused(field: str) -> bool:
     """Whether the field, or the block around it, is a word that is not built yet."""
-    if field == "nodes[].actions[].holdFor":
-        return not not_yet.built("Hold")
+    goes_with = {"nodes[].actions[].holdFor": "Hold", "nodes[].state[].restore": "stateTopic"}
+    if field in goes_with:
+        return not not_yet.built(goes_with[field])
     return any(field == word or field.startswith((f"{word}.", f"{word}[]")) for word in _REFUSED)
 
 

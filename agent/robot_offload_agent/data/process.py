@@ -8,6 +8,7 @@ import threading
 from abc import ABC, abstractmethod
 from typing import Any
 
+from robot_offload_agent.data.states import StateTopics, snapshot_states
 from robot_offload_agent.link.choice import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel
 from robot_offload_agent.process import losses, realtime
@@ -19,6 +20,7 @@ from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.process.data import RELAY, DataPlan, DataProcess, InputPlan, OutputPlan
+from robot_offload_core.process.states import CHANNEL
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +46,7 @@ def channels(configuration: Configuration) -> list[Channel]:
                 found.append(Channel(f"{kind}/{spec.name}", reliable=spec["reliability"] != "best_effort"))
     if configuration.relay_plan() is not None:
         found.append(LETTERS)
+    found += [Channel(f"{CHANNEL}{name}") for name in snapshot_states(configuration)]
     return found
 
 
@@ -82,9 +85,12 @@ class DataShell(ABC):
             configuration, "data", channels(configuration), self.on_message, node=self.node
         )
         self.carried = configuration["link.type"] == "zenoh"
+        self.states: StateTopics | None = None
 
     def run(self) -> None:
         """Runs until it is ended."""
+        if snapshot_states(self.configuration):
+            self.states = StateTopics(self.configuration, self.node, self.process)
         self.link.start()
         threading.Thread(target=self.serve_bus, name="bus", daemon=True).start()
         spin_topics(self.node, self.work)
@@ -107,11 +113,16 @@ class DataShell(ABC):
             self.process.counters["garbage.data"] = self.bus.garbage + self.guard.count
             losses.report(self.bus, self.process)
             self.process.turn()
+            if self.states is not None:
+                self.states.process.turn()
 
     def on_message(self, channel: str, header: bytes, payload: bytes) -> None:
         """Takes a message from the link, on one of its threads."""
         with self.guard:
-            self.process.arrived(channel, header, payload)
+            if self.states is not None and channel.startswith(CHANNEL):
+                self.states.process.arrived(channel.removeprefix(CHANNEL), header, payload)
+            else:
+                self.process.arrived(channel, header, payload)
 
     # -- what the core's process needs --------------------------------------------------------------------------------
 

@@ -230,7 +230,11 @@ class ManagedNodes:
                 topics = self.node.get_publisher_names_and_types_by_node(short, namespace or "/")
             except RuntimeError:  # rclpy raises this for a node that is not in the graph (yet)
                 continue
-            extra = sorted(t for t, _ in topics if t not in allowed and not t.startswith(f"{full}/"))
+            extra = sorted(
+                t
+                for t, _ in topics
+                if t not in allowed and not t.startswith(f"{full}/") and not self.configuration.silent(t)
+            )
             found[spec.name] = (
                 f"Duplicated node {spec.name} publishes {', '.join(extra)}, which no output declares: both "
                 "replicas would be heard; declare it under outputs or remap it"

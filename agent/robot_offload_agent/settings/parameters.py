@@ -21,7 +21,14 @@ from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameter import CALLED, TOPIC, Parameter, Value
 from robot_offload_agent.settings.served import SERVED, relay_plan
 from robot_offload_agent.settings.states import KEPT, state_spec
-from robot_offload_agent.settings.topics import INPUT, OUTPUT, input_spec, output_problems, output_spec
+from robot_offload_agent.settings.topics import (
+    INPUT,
+    OUTPUT,
+    input_spec,
+    is_silent,
+    output_problems,
+    output_spec,
+)
 from robot_offload_core.declared import SettingsError, StateSpec
 from robot_offload_core.process.relay import RelayPlan
 from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
@@ -188,6 +195,10 @@ class Configuration:
     def input_specs(self) -> tuple[InputSpec, ...]:
         """For the health core, which names them to people: by their topics."""
         return tuple(input_spec(i.values) for i in self.inputs)
+
+    def silent(self, topic: str) -> bool:
+        """Returns whether a topic is one that nobody outside its side needs, by `silent`."""
+        return is_silent(topic, listed(self["silent"]), self["namespace"])
 
     def state_specs(self) -> tuple[StateSpec, ...]:
         """What the standby gets to know; raises ConfigurationError naming the parameter that cannot work."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from robot_offload_agent.settings.parameter import TOPIC, Parameter
@@ -96,6 +96,19 @@ def input_spec(values: Mapping[str, Any]) -> InputSpec:
         Priority(values["priority"]),
         values["latest"],
     )
+
+
+def is_silent(topic: str, silent: Sequence[str], namespace: str) -> bool:
+    """Returns whether a full name is one of `silent`: a name, `NAME/*` (one level below) or `NAME/**` (all below)."""
+    base = namespace.rstrip("/")
+    for pattern in silent:
+        full = pattern if pattern.startswith("/") else f"{base}/{pattern}"
+        name, _, ending = full.rpartition("/")
+        if ending == "**" and (topic.startswith(f"{name}/") or topic == name):
+            return True
+        if topic == full or (ending == "*" and topic.rpartition("/")[0] == name):
+            return True
+    return False
 
 
 def _condition(values: Mapping[str, Any]) -> While | None:

@@ -84,6 +84,8 @@ def _carried(spec: RobotOffloadSpec) -> Iterator[Carried]:
             yield Carried(f"/offload/link/{side}/out_{identifier(output.topic)}", direction, FRAME_TYPE, chosen)
         if any(node.offered or node.called for node in spec.nodes):
             yield Carried(f"/offload/link/{side}/relay", direction, FRAME_TYPE, "reliable")
+        for name in (name for node in spec.nodes for name, state in node.named_state if state.snapshot):
+            yield Carried(f"/offload/link/{side}/state_{name}", direction, FRAME_TYPE, "reliable")
     for topic in spec.topics.to_cloud:
         chosen = _WORDS.get((topic.qos.reliability if topic.qos else "") or "", "")
         yield Carried(topic.name, "up", topic.type or "", chosen, topic.latched)

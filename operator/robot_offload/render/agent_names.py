@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import Action, Node, RobotOffloadSpec, Service, State
@@ -51,7 +51,7 @@ def handed_over(spec: RobotOffloadSpec) -> dict[str, Any]:
         for it in node.uses.actions
         if it.name not in group
     }
-    states = dict(_states(spec))
+    states = {name: _state(node, it) for node in spec.nodes for name, it in node.named_state}
     groups = {"service": services, "action": actions, "used_service": used_services, "used_action": used_actions,
               "state": states}  # fmt: skip
     return {f"{group}s": listed(them) for group, them in groups.items()} | groups
@@ -87,13 +87,6 @@ def _action(node: Node, action: Action) -> dict[str, Any]:
         "mirror": action.mirror,
         **_server(node),
     }
-
-
-def _states(spec: RobotOffloadSpec) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yields each entry of state with a name of its own: `amcl_1` is the first one of the node amcl."""
-    for node in spec.nodes:
-        for number, state in enumerate(node.state, start=1):
-            yield f"{node.name}_{number}", _state(node, state)
 
 
 def _state(node: Node, state: State) -> dict[str, Any]:

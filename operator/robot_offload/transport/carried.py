@@ -43,3 +43,5 @@ def _agents(spec: RobotOffloadSpec, side: str) -> Iterator[tuple[str, str]]:
         yield f"/offload/link/{side}/out_{identifier(output.topic)}", _FRAME_TYPE
     if any(node.offered or node.called for node in spec.nodes):
         yield f"/offload/link/{side}/relay", _FRAME_TYPE
+    for name in (name for node in spec.nodes for name, state in node.named_state if state.snapshot):
+        yield f"/offload/link/{side}/state_{name}", _FRAME_TYPE

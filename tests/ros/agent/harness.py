@@ -105,6 +105,7 @@ class Plan:
         both, robot, cloud: parameters that differ from COMMON.
         fed: the robot's sensors publish from the start.
         serves: the replicas serve actions and services, see `counting.py`, and the agents relay them.
+        program: what runs as the replica on each side.
         files: the cloud's agent has the files by which the operator meets it, see `offer`, `answer` and `state`.
         environment: of the agents, by side.
         plain: the replicas of `walker` have no lifecycle.
@@ -117,6 +118,7 @@ class Plan:
     cloud: dict[str, Any] = field(default_factory=dict)
     fed: bool = True
     serves: bool = False
+    program: Path = NODES
     files: bool = False
     environment: dict[str, dict[str, str]] = field(default_factory=dict)
     plain: bool = False
@@ -323,7 +325,7 @@ class World:
         for key, value in given.items():
             arguments += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]
         plain = ["--plain"] if self.plan.plain and not other else []
-        command = [sys.executable, str(NODES), *plain, "--ros-args", *arguments]
+        command = [sys.executable, str(self.plan.program), *plain, "--ros-args", *arguments]
         environment = {"ROS_DOMAIN_ID": str(self.domain[side]), **self._joined(side)}
         process = self.processes.start(f"{side}-{other or 'node'}", command, self.namespace(side), environment)
         if not other:

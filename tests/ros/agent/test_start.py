@@ -120,6 +120,9 @@ def test_strict_refuses_a_duplicated_node_with_undeclared_topics_and_the_default
     strict = world.start_agent("robot", strict=True)
     assert strict.wait(EXIT_S) == 4
     assert "/secret" in world.processes.log("robot-agent").rpartition("ERROR")[2]
+    silent = world.start_agent("robot", strict=True, silent=["secret"])
+    world.until(lambda: world.site == "robot", "the robot acts, nobody outside its side needs that topic")
+    assert silent.poll() is None
 
 
 def test_a_lifecycle_node_that_runs_in_the_cloud_only_is_brought_up_there_before_any_robot_comes(

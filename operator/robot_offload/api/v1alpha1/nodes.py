@@ -335,6 +335,11 @@ class Node(Model):
         return (*self.uses.services, *self.uses.actions)
 
     @property
+    def named_state(self) -> tuple[tuple[str, State], ...]:
+        """The entries of state with names of their own: `amcl_1` is the first one of the node amcl."""
+        return tuple((f"{self.name}_{number}", state) for number, state in enumerate(self.state, start=1))
+
+    @property
     def duplicated(self) -> bool:
         """Whether there is a replica on each side."""
         return self.placement == "Duplicated"

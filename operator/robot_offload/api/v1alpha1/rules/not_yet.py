@@ -49,7 +49,7 @@ def _empty(field: str) -> str:
 
 
 _NODE, _OUTPUT, _INPUT, _SWITCHING = "spec.nodes[]", "spec.nodes[].outputs[]", "spec.topics.toCloud[]", "spec.switching"
-_ACTION = "spec.nodes[].actions[]"
+_ACTION, _STATE = "spec.nodes[].actions[]", "spec.nodes[].state[]"
 _IN_NODE, _IN_OUTPUT, _IN_INPUT = "spec.nodes.1", "spec.nodes.1.outputs.0", "spec.topics.toCloud.1"
 _PLAN = {"name": "/make_plan", "type": "nav_msgs/srv/GetPlan"}
 _FOLLOW = {"name": "/follow_path", "type": "nav2_msgs/action/FollowPath"}
@@ -88,9 +88,14 @@ NOT_YET: Final[dict[str, Word]] = {
         lambda it: bool(it.called), "let the node call what its own side offers",
         (f"{_IN_NODE}.uses", {"services": [_PLAN]}),
     ),
-    "state": Word(
-        _NODE, "state", _empty("state"), lambda it: bool(it.state), "the replica starts with what its inputs say",
-        (f"{_IN_NODE}.state", [{"snapshot": True}]),
+    "stateTopic": Word(
+        _STATE, "topic", _without("topic"), lambda it: it.topic is not None,
+        "let the node publish a snapshot, or find its state again from its inputs",
+        (f"{_IN_NODE}.state", [{"topic": "/amcl_pose", "restore": "/initialpose"}]),
+    ),
+    "stateParameters": Word(
+        _STATE, "parameters", _without("parameters"), lambda it: it.parameters is not None,
+        "set the parameters on both sides", (f"{_IN_NODE}.state", [{"parameters": {}}]),
     ),
     "minRate": Word(
         _INPUT, "minRate", _without("minRate"), lambda it: it.min_rate_hz is not None,
@@ -121,10 +126,6 @@ NOT_YET: Final[dict[str, Word]] = {
     "maxMessageSize": Word(
         _SWITCHING, "maxMessageSize", "quantity(self.maxMessageSize).compareTo(quantity('8Mi')) == 0",
         lambda it: it.max_message_size != 8 * 1024 * 1024, "leave it out", (f"{_SWITCHING}.maxMessageSize", "1Mi"),
-    ),
-    "silent": Word(
-        _SWITCHING, "silent", _empty("silent"), lambda it: bool(it.silent), "the agents warn of such topics once",
-        (f"{_SWITCHING}.silent", ["local_costmap/**"]),
     ),
 }  # fmt: skip
 

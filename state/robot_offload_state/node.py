@@ -1,0 +1,75 @@
+"""A lifecycle node with a state that its replica gets to know."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import UInt8MultiArray
+
+from robot_offload_state.packing import SnapshotError, pack, unpack
+
+STATE = "~/offload/state"
+RESTORE = "~/offload/restore"
+_SAID = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+_KEPT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class StatefulNode(LifecycleNode):
+    """Base of lifecycle nodes with state; `super().on_activate` and `super().on_deactivate` have to be called.
+
+    Attributes:
+        restored: the newest snapshot that has arrived and was not taken yet.
+    """
+
+    def __init__(self, node_name: str, **options: Any) -> None:
+        super().__init__(node_name, **options)
+        self.restored: tuple[int, bytes] | None = None
+        self._acting = self._said = False
+        self._state = self.create_publisher(UInt8MultiArray, STATE, _SAID)
+        self._restore = self.create_subscription(UInt8MultiArray, RESTORE, self._arrived, _KEPT)
+
+    def take_state(self, version: int, data: bytes) -> None:
+        """Takes what the replica on the other side knew; to be overridden.
+
+        Args:
+            version: what that replica gave to `publish_state`.
+            data: its bytes; raise ValueError when they cannot be used, the node then starts clean and says so.
+        """
+        raise NotImplementedError
+
+    def publish_state(self, version: int, data: bytes) -> None:
+        """Publishes what a replica has to know; does nothing while the node is not Active."""
+        if self._acting:
+            self._said = True
+            self._state.publish(UInt8MultiArray(data=pack(version, data)))
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Takes the newest snapshot, if there is one."""
+        self._acting, self._said = True, False
+        self._take()
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stops publishing state."""
+        self._acting = False
+        return super().on_deactivate(state)
+
+    def _arrived(self, message: UInt8MultiArray) -> None:
+        try:
+            self.restored = unpack(bytes(message.data))
+        except SnapshotError as error:
+            self.get_logger().warning(f"A snapshot was not taken: {error}")
+            return
+        if self._acting and not self._said:
+            self._take()
+
+    def _take(self) -> None:
+        if self.restored is None:
+            return
+        (version, data), self.restored = self.restored, None
+        try:
+            self.take_state(version, data)
+        except ValueError as error:
+            self.get_logger().warning(f"Starting clean, a snapshot of version {version} cannot be used: {error}")

@@ -1,0 +1,197 @@
+"""Snapshots between two data processes: the holder's reach the standby, nobody else's anybody."""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import pytest
+
+from robot_offload_core.declared import SnapshotState
+from robot_offload_core.lease import SetEgress
+from robot_offload_core.ledger.ports import Holding
+from robot_offload_core.process.cloud_data import CloudDataProcess
+from robot_offload_core.process.data import DataPlan
+from robot_offload_core.process.messages import Egress, Heard, Orders
+from robot_offload_core.process.robot_data import RobotDataProcess
+from robot_offload_core.process.states import AGAIN_S, CHANNEL, CloudStates, RobotStates, StateProcess
+from robot_offload_core.token import Site, Token
+from robot_offload_state.packing import pack
+from tests.unit.core.builders import CLOUD, ROBOT, STRANGER
+
+NAME = "slam_1"
+STATES = {NAME: SnapshotState("slam", max_age_s=0.5, max_size=64)}
+
+
+def message(data: bytes) -> bytes:
+    packed = pack(1, data)
+    cdr = b"\x00\x01\x00\x00" + struct.pack("<3I", 0, 0, len(packed)) + packed
+    return cdr + bytes(-len(cdr) % 4)
+
+
+@dataclass
+class Ports:
+    """Of a data process and of the exchange; what crosses waits in `crossed`."""
+
+    time_s: float = 100.0
+    crossed: list[tuple[str, bytes, bytes]] = field(default_factory=list)
+    restored: list[bytes] = field(default_factory=list)
+    holding: Holding = field(default_factory=lambda: Holding(Site.ROBOT, 1, Token(ROBOT, 3, "")))
+    lock: Any = field(default_factory=contextlib.nullcontext)
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def cross(self, channel: str, header: bytes, payload: Any) -> bool:
+        self.crossed.append((channel, header, payload))
+        return True
+
+    def restore(self, name: str, payload: bytes) -> None:
+        assert name == NAME
+        self.restored.append(payload)
+
+    def holder(self) -> Holding:
+        return self.holding
+
+    def __getattr__(self, name: str) -> Any:
+        raise AssertionError(f"{name} is not for the exchange of state")
+
+
+class Pair:
+    """Both sides; `deliver` carries what has crossed."""
+
+    def __init__(self) -> None:
+        self.ports = {Site.ROBOT: Ports(), Site.CLOUD: Ports()}
+        robot, cloud = self.ports.values()
+        self.robot_data = RobotDataProcess(DataPlan((), ()), robot)
+        self.cloud_data = CloudDataProcess(DataPlan((), ()), cloud)  # type: ignore[arg-type]
+        self.robot = RobotStates(STATES, robot, self.robot_data)
+        self.cloud = CloudStates(STATES, cloud, self.cloud_data)
+        self.robot_holds(3)
+
+    def _meet(self, epoch: int) -> None:
+        self.robot_data.handle(Orders(ROBOT, epoch))
+        now_s = self.ports[Site.ROBOT].time_s
+        for data, other in ((self.robot_data, CLOUD), (self.cloud_data, ROBOT)):
+            data.handle(Heard(other, round((now_s - 0.02) * 1e6), now_s))
+
+    def robot_holds(self, epoch: int, stay: int = 1) -> None:
+        self._meet(epoch)
+        self.ports[Site.ROBOT].holding = Holding(Site.ROBOT, stay, Token(ROBOT, epoch, ""))
+        self.cloud_data.handle(Egress(CLOUD, ROBOT, SetEgress(None, 0.0)))
+
+    def cloud_holds(self, epoch: int, stay: int = 2) -> None:
+        self._meet(epoch)
+        token = Token(ROBOT, epoch, CLOUD)
+        self.ports[Site.ROBOT].holding = Holding(Site.CLOUD, stay, token)
+        self.cloud_data.handle(Egress(CLOUD, ROBOT, SetEgress(token, self.ports[Site.CLOUD].time_s + 0.3, True)))
+
+    def deliver(self) -> None:
+        for sender, receiver in ((Site.ROBOT, self.cloud), (Site.CLOUD, self.robot)):
+            crossed, self.ports[sender].crossed = self.ports[sender].crossed, []
+            for channel, header, payload in crossed:
+                receiver.arrived(channel.removeprefix(CHANNEL), header, payload)
+
+    def later(self, by_s: float) -> None:
+        for ports in self.ports.values():
+            ports.time_s += by_s
+
+    def restored(self, site: Site) -> list[bytes]:
+        return self.ports[site].restored
+
+
+@pytest.fixture
+def pair() -> Pair:
+    return Pair()
+
+
+def stale(process: StateProcess) -> bool:
+    process.turn()
+    return any(reason == "StateStale" for reason, _ in process.data.problems.values())
+
+
+def test_what_the_holder_says_reaches_the_standby_on_either_side(pair: Pair) -> None:
+    pair.robot.published(NAME, message(b"one"))
+    pair.deliver()
+    pair.cloud_holds(4)
+    pair.cloud.published(NAME, message(b"two"))
+    pair.deliver()
+    assert (pair.restored(Site.CLOUD), pair.restored(Site.ROBOT)) == ([message(b"one")], [message(b"two")])
+
+
+def test_what_a_standby_says_reaches_nobody(pair: Pair) -> None:
+    pair.cloud.published(NAME, message(b"hot"))
+    pair.cloud_holds(4)
+    pair.robot.published(NAME, message(b"hot"))
+    pair.later(AGAIN_S + 0.1)
+    pair.cloud_holds(4)
+    pair.robot.turn()
+    pair.cloud.turn()
+    pair.deliver()
+    assert pair.restored(Site.CLOUD) == pair.restored(Site.ROBOT) == []
+
+
+def test_what_was_said_in_an_earlier_stay_is_never_sent_again(pair: Pair) -> None:
+    pair.robot.published(NAME, message(b"old"))
+    pair.deliver()
+    pair.cloud_holds(4)
+    pair.cloud.published(NAME, message(b"new"))
+    pair.deliver()
+    pair.robot_holds(5, stay=3)
+    pair.later(AGAIN_S + 0.1)
+    pair.robot.turn()
+    pair.deliver()
+    assert pair.restored(Site.CLOUD) == [message(b"old")]
+
+
+def test_a_standby_that_comes_late_gets_what_was_said_before(pair: Pair) -> None:
+    pair.robot.published(NAME, message(b"one"))
+    pair.ports[Site.ROBOT].crossed.clear()  # nobody was there
+    pair.later(AGAIN_S + 0.1)
+    pair.robot.turn()
+    pair.deliver()
+    assert pair.restored(Site.CLOUD) == [message(b"one")]
+    assert pair.cloud.standing[NAME].aged_s(pair.ports[Site.CLOUD].time_s) >= AGAIN_S + 0.1
+
+
+def test_reordered_doubled_and_foreign_snapshots_are_not_restored(pair: Pair) -> None:
+    for data in (b"one", b"two"):
+        pair.robot.published(NAME, message(data))
+    crossed = pair.ports[Site.ROBOT].crossed
+    crossed[:] = [crossed[1], crossed[0], crossed[1], (crossed[0][0], b"garbage", b""), ("state/x", *crossed[1][1:])]
+    pair.deliver()
+    assert pair.restored(Site.CLOUD) == [message(b"two")]
+    pair.cloud_data.handle(replace(pair.cloud_data.egress, robot=STRANGER))
+    pair.robot.published(NAME, message(b"three"))
+    pair.deliver()
+    assert pair.restored(Site.CLOUD) == [message(b"two")]
+
+
+def test_a_snapshot_of_a_cloud_that_no_longer_holds_is_not_restored(pair: Pair) -> None:
+    pair.cloud_holds(4)
+    pair.cloud.published(NAME, message(b"late"))
+    pair.robot_holds(5, stay=3)
+    pair.deliver()
+    assert pair.restored(Site.ROBOT) == []
+
+
+@pytest.mark.parametrize("payload", [b"", b"pickle", message(b"x" * 65), message(b"torn")[:-4]])
+def test_what_is_no_whole_snapshot_is_refused_with_a_reason_and_the_node_goes_on(pair: Pair, payload: bytes) -> None:
+    pair.robot.published(NAME, payload)
+    assert pair.ports[Site.ROBOT].crossed == []
+    [(reason, words)] = pair.robot_data.problems.values()
+    assert (reason, words.startswith("A snapshot of slam is")) == ("SnapshotRefused", True)
+    pair.robot.published(NAME, message(b"good"))
+    assert not pair.robot_data.problems
+
+
+def test_a_standby_says_when_what_it_knows_is_old(pair: Pair) -> None:
+    assert stale(pair.cloud)
+    pair.robot.published(NAME, message(b"one"))
+    pair.deliver()
+    assert not stale(pair.cloud)
+    pair.later(0.49)
+    assert stale(pair.cloud)
+    assert not stale(pair.robot)  # it holds
