@@ -3,9 +3,10 @@
 
 Runs under whatever `python3` there is (3.8 or newer). Finds a CPython 3.12 (the only version the ROS 2 wheels
 exist for), makes `.venv`, and installs the pinned requirements and the four packages of this repository with uv.
-uv itself is taken from PATH or installed with pip into the environment. A second run with unchanged pins does nothing.
+uv itself is taken from PATH or installed with pip into the cache. A second run with unchanged pins does nothing.
 """
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -56,14 +57,28 @@ def fingerprint():
     return digest.hexdigest()
 
 
+def own_uv(python):
+    """Returns the path of a uv in the cache; one checkout after the other makes it, once for each version."""
+    cache = Path.home() / ".cache" / "robot-offload"
+    tools = cache / UV.replace("==", "-")
+    uv = tools / "bin" / "uv"
+    cache.mkdir(parents=True, exist_ok=True)
+    with open(cache / "uv.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not uv.exists():
+            subprocess.run([python, "-m", "venv", "--clear", str(tools)], check=True)
+            subprocess.run([str(tools / "bin" / "pip"), "install", "--quiet", UV], check=True)
+    return str(uv)
+
+
 def install(uv):
-    """Installs the pins and the packages into VENV."""
+    """Installs the pins and the packages into VENV with the program `uv`."""
     env = dict(os.environ, VIRTUAL_ENV=str(VENV))
     subprocess.run(
-        [*uv, "pip", "sync", "--compile-bytecode", "--require-hashes", str(REQUIREMENTS)], check=True, env=env, cwd=ROOT
+        [uv, "pip", "sync", "--compile-bytecode", "--require-hashes", str(REQUIREMENTS)], check=True, env=env, cwd=ROOT
     )
     editable = [word for package in PACKAGES for word in ("-e", package)]
-    command = [*uv, "pip", "install", "--no-deps", "--no-build-isolation", *editable]
+    command = [uv, "pip", "install", "--no-deps", "--no-build-isolation", *editable]
     subprocess.run(command, check=True, env=env, cwd=ROOT)
 
 
@@ -77,16 +92,9 @@ def main():
         sys.stderr.write(HELP)
         return 2
     sys.stderr.write("Setting up .venv (once; downloads about 250 MB when nothing is cached)\n")
-    uv = shutil.which("uv")
-    if uv:
-        subprocess.run([uv, "venv", "--quiet", "--clear", "--python", python, str(VENV)], check=True, cwd=ROOT)
-        install([uv])
-    else:
-        tools = Path.home() / ".cache" / "robot-offload" / "uv"
-        subprocess.run([python, "-m", "venv", "--clear", str(tools)], check=True)
-        subprocess.run([str(tools / "bin" / "pip"), "install", "--quiet", UV], check=True)
-        subprocess.run([python, "-m", "venv", "--clear", "--without-pip", str(VENV)], check=True)
-        install([str(tools / "bin" / "uv")])
+    uv = shutil.which("uv") or own_uv(python)
+    subprocess.run([uv, "venv", "--quiet", "--clear", "--python", python, str(VENV)], check=True, cwd=ROOT)
+    install(uv)
     stamp.write_text(fingerprint())
     return 0
 

@@ -123,7 +123,7 @@ def test_a_preparation_of_the_cloud_grants_a_candidate_and_the_robot_acts_on() -
     assert (robot.phase, robot.epoch, robot.candidate, robot.last_epoch) == (Phase.TO_CLOUD, 3, 4, 4)
     assert robot.preparation is not None
     assert robot.preparation.deadline_s == pytest.approx(NOW_S + DEADLINE_S)
-    assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US)
+    assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US, presence=True)
     assert only(commands, Acting) == Acting(acting=True, outputs_flow=True, in_charge=True)
     assert only(commands, SetGate).gate.current == charge(Site.ROBOT, 3)
     assert only(commands, SetGate).gate.next is None, "the cloud is not ready yet"
@@ -157,7 +157,7 @@ def test_the_cloud_is_in_charge_when_the_collector_says_that_it_has_changed_over
     assert (robot.phase, robot.epoch, robot.candidate) == (Phase.CLOUD, 4, 0)
     assert (robot.failures, robot.retry_s, robot.charged_s) == (0, 0.0, NOW_S)
     assert only(commands, Decided).switched
-    assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US, in_charge=True)
+    assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US, in_charge=True, presence=True)
     assert only(commands, SetGate).gate == Gate(robot.started_us, charge(Site.CLOUD, 4), None, NOW_S)
     assert only(commands, Acting) == Acting(acting=False, outputs_flow=True, in_charge=False)
 
@@ -256,7 +256,7 @@ def test_one_success_makes_the_next_retry_short_again() -> None:
 def test_a_preparation_of_the_robot_wakes_it_and_renews_the_clouds_grant() -> None:
     robot, commands = switcher.step(robot_in(Phase.CLOUD), ASKED_ROBOT, NOW_S)
     assert (robot.phase, robot.epoch, robot.candidate, robot.last_epoch) == (Phase.TO_ROBOT, 4, 5, 5)
-    assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US, in_charge=True)
+    assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US, in_charge=True, presence=True)
     assert only(commands, Acting) == Acting(acting=True, outputs_flow=True, in_charge=False)
     assert only(commands, SetGate).gate.current == charge(Site.CLOUD, 4)
     assert only(commands, SetGate).gate.next is None
@@ -272,7 +272,7 @@ def test_the_robot_is_in_charge_when_the_collector_says_so_and_only_then_the_gra
     robot = robot_in(Phase.TO_ROBOT, armed=True, nodes_ready=True)
     robot, commands = switcher.step(robot, GateReported(gate_report(Site.ROBOT, 5)), NOW_S)
     assert (robot.phase, robot.epoch, robot.charged_s) == (Phase.ROBOT, 5, NOW_S)
-    assert only(commands, Permit).permission == Permission(5, False, CLOUD, LEASE_US)
+    assert only(commands, Permit).permission == Permission(5, False, CLOUD, LEASE_US, presence=True)
     assert only(commands, Decided).switched
     assert only(commands, Decided).silent_s is None, "nothing was lost"
     assert none_of(commands, Reopen)
@@ -282,7 +282,7 @@ def test_a_robot_that_is_not_ready_by_the_deadline_is_called_off_and_the_cloud_g
     robot, commands = switcher.step(robot_in(Phase.TO_ROBOT, deadline_s=NOW_S), Tick(), NOW_S)
     assert (robot.phase, robot.epoch, robot.candidate, robot.failures) == (Phase.CLOUD, 4, 0, 1)
     assert only(commands, Decided).verdict.reason == "RobotNotReady"
-    assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US, in_charge=True)
+    assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US, in_charge=True, presence=True)
     assert only(commands, SetGate).gate.next is None
 
 
