@@ -63,7 +63,7 @@ def own_uv(python):
     tools = cache / UV.replace("==", "-")
     uv = tools / "bin" / "uv"
     cache.mkdir(parents=True, exist_ok=True)
-    with open(cache / "uv.lock", "w") as lock:
+    with (cache / "uv.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not uv.exists():
             subprocess.run([python, "-m", "venv", "--clear", str(tools)], check=True)

@@ -27,12 +27,13 @@ from robot_offload_core.placement import (
 from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import OutputSpec, Settings
 from robot_offload_core.switcher import PREPARE_EXTRA_S, REPORT_BEATS, RETRY_MAX_S
-from robot_offload_core.token import Site
+from robot_offload_core.token import Site, presence
 from tests.unit.core.builders import (
     BEAT_S,
     CLOUD,
     LEASE_US,
     NOW_S,
+    ROBOT,
     SETTINGS,
     acting_report,
     charge,
@@ -158,7 +159,8 @@ def test_the_cloud_is_in_charge_when_the_collector_says_that_it_has_changed_over
     assert (robot.failures, robot.retry_s, robot.charged_s) == (0, 0.0, NOW_S)
     assert only(commands, Decided).switched
     assert only(commands, Permit).permission == Permission(4, True, CLOUD, LEASE_US, in_charge=True, presence=True)
-    assert only(commands, SetGate).gate == Gate(robot.started_us, charge(Site.CLOUD, 4), None, NOW_S)
+    gate = Gate(robot.started_us, charge(Site.CLOUD, 4), None, NOW_S, presence=presence(ROBOT, CLOUD))
+    assert only(commands, SetGate).gate == gate
     assert only(commands, Acting) == Acting(acting=False, outputs_flow=True, in_charge=False)
 
 
