@@ -149,7 +149,7 @@ def test_explain_follows_the_cluster(place: Place, run: Run) -> None:
 
     eventually(available, "workloads that are available", lambda: place.roff().get("status"))
     problems = json.loads(run("explain", "walker", "--json").stdout)["problems"]
-    assert {problem["condition"] for problem in problems} == {"Connected", "ConfigCurrent"}
+    assert {problem["condition"] for problem in problems} == {"Connected", "ConfigCurrent", "CertificateCurrent"}
     # What Flux, Argo CD and scripts wait for must not hang on a person with a power switch.
     kubectl = place.plane.kubectl(place.namespace)
     kubectl("wait", "--for=condition=Ready", "roff/walker", "--timeout=60s")

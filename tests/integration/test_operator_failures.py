@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload.controller import reconcile, steps
+from robot_offload.controller import certify, reconcile, steps
 from robot_offload.controller.failures import Step
 from robot_offload.controller.reconcile import Controller, Result
 from robot_offload.errors import InputError
@@ -26,12 +26,12 @@ BUILD = {"git": {"url": "https://git.example/talker.git"}, "packages": ["talker"
 BROKEN_IN: dict[Step, tuple[Any, str]] = {
     Step.READ: (reconcile, "check"),
     Step.OBSERVE: (steps.observe.Observer, "cluster"),
-    Step.SECRETS: (steps.certificates, "issue"),
+    Step.SECRETS: (certify.certificates, "issue"),
     Step.BUILDS: (steps.Pass, "_builds"),
     Step.DISCOVERY: (steps.discovery, "hosts"),
     Step.RENDER: (steps, "children"),
     Step.APPLY: (steps.Pass, "_prunable"),
-    Step.JUDGE: (steps.agent, "state_of"),
+    Step.JUDGE: (steps.agent, "placement"),
 }
 
 

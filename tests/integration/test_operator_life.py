@@ -192,7 +192,7 @@ def test_a_strangers_object_is_not_taken_over_and_the_condition_says_whose_it_is
     assert "agent.yaml" in place.there(CONFIG_MAP, "walker-agent")["data"]
 
 
-def test_two_resources_whose_children_would_share_a_name_do_not_fight(place: Place) -> None:
+def test_two_resources_whose_names_would_meet_in_a_child_both_get_theirs(place: Place) -> None:
     place.create(ROBOT_OFFLOAD, walker("walker"))
     place.applied("walker")
     other = walker("walker-talker")
@@ -201,9 +201,9 @@ def test_two_resources_whose_children_would_share_a_name_do_not_fight(place: Pla
     place.change({"nodes": [first, {**first, "name": "talker_agent", "outputs": []}]})
     place.applied("walker")
     place.create(ROBOT_OFFLOAD, other)
-    condition = place.wait_condition("ResourcesApplied", "False", "NameTaken", name="walker-talker")
-    assert "belongs to RobotOffload walker" in condition["message"]
-    assert place.condition("ResourcesApplied", "walker")["status"] == "True"
+    place.applied("walker-talker")
+    assert ("Deployment", "walker-talker-agent") in place.children("walker-talker")
+    assert place.applied("walker")["status"]["nodes"][1]["workload"] != "walker-talker-agent"
 
 
 def test_an_invalid_resource_says_every_problem_keeps_its_children_and_recovers(place: Place, proxy: Proxy) -> None:
