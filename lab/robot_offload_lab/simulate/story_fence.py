@@ -12,12 +12,13 @@ from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import Decided, Phase, SetGate
 from robot_offload_core.process.data import InputPlan
-from robot_offload_core.process.messages import ENVELOPE, Carried, CollectorStatus, Speak
+from robot_offload_core.process.messages import ENVELOPE, Carried, CloudTypes, CollectorStatus, Speak
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message
 from robot_offload_lab.simulate.ports import Payload
 from robot_offload_lab.simulate.scenario import UID, Replica
+from robot_offload_lab.simulate.shells import TYPE
 from robot_offload_lab.simulate.stage import CONTROLLER, Stage
 from robot_offload_lab.simulate.world import Host
 
@@ -428,6 +429,7 @@ def restarted_collector() -> None:
     collector.kill(0.01)
     stage.run(0.011)
     stage.until(lambda: collector.state.gate_s is not None, 0.1, "control speaks to the new one")
+    collector.take(CloudTypes((("cmd_vel", TYPE),)))  # without the type nothing passes anyway
     _offer(stage, 0, sequence + 1, ahead_s=-0.1)
     passed = [r for r in ("cmd_vel.cloud.passed",) if collector.process.counters[r]]
     stage.expect(collector.state.charge is not None, "it goes on where the last one was")
