@@ -65,10 +65,6 @@ NOT_YET: Final[dict[str, Word]] = {
         "write Idempotent instead of Race",
         (f"{_IN_NODE}.services", [_PLAN | {"mode": "Race"}]),
     ),
-    "Hold": Word(
-        _ACTION, "onSwitch", "!has(self.onSwitch) || self.onSwitch != 'Hold'", lambda it: it.on_switch == "Hold",
-        "write Abort instead of Hold", (f"{_IN_NODE}.actions", [_FOLLOW | {"onSwitch": "Hold"}]),
-    ),
     "mirror": Word(
         _ACTION, "mirror", "!self.mirror", lambda it: it.mirror, "the robot gets the goal after a loss without it",
         (f"{_IN_NODE}.actions", [_FOLLOW | {"onSwitch": "Resend", "mirror": True}]),
@@ -110,14 +106,6 @@ NOT_YET: Final[dict[str, Word]] = {
     "latest": Word(
         _INPUT, "latest", "!self.latest", lambda it: it.latest, "set maxRate to what the link carries",
         (f"{_IN_INPUT}.latest", True),
-    ),
-    "prepareDeadline": Word(
-        _SWITCHING, "prepareDeadline", _without("prepareDeadline"), lambda it: it.prepare_deadline_ms is not None,
-        "set activationDeadline", (f"{_SWITCHING}.prepareDeadline", "5s"),
-    ),
-    "cancelDeadline": Word(
-        _SWITCHING, "cancelDeadline", "duration(self.cancelDeadline) == duration('2s')",
-        lambda it: it.cancel_deadline_ms != 2_000, "leave it out", (f"{_SWITCHING}.cancelDeadline", "3s"),
     ),
     "settleFor": Word(
         _SWITCHING, "settleFor", "duration(self.settleFor) == duration('10s')", lambda it: it.settle_for_ms != 10_000,
