@@ -3,7 +3,7 @@
 The wheel's QUIC takes a lost packet for a full link (Cubic) and has no setting for anything else: at 10 ms round trip
 0.1 % of lost packets leave it a third of 9 MB/s. The robot's kernel may do better (BBR), and then large messages go
 through its TCP, on the port where the cloud listens for the fallback. They never hold up the small ones: those stay
-where they are. Only where QUIC does not carry them: on a narrow link BBR itself makes the heartbeats late. What was
+where they are. Only where QUIC does not carry them: a narrow link that loses nothing gains nothing. What was
 measured stands in docs/decisions/0010-large-messages.md.
 """
 
