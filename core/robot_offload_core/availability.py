@@ -56,7 +56,7 @@ def _judge(robot: Robot, node: str, state: str, now_s: float) -> Available:
         return Available(node, Reason.CLOUD_NODES_DOWN, f"{node} is {state} in the cloud")
     gate = robot.situation.gate
     own = [(i, o) for i, o in enumerate(robot.outputs) if o.of_cloud and node in o.nodes]
-    stale = [o.name for i, o in own if gate is not None and i in gate.stale]
+    stale = [o.shown for i, o in own if gate is not None and i in gate.stale]
     if stale:
         limit_ms = min((o.max_age_s or robot.settings.max_command_age_s) * 1e3 for o in (o for _, o in own))
         message = f"Results arrive older than {limit_ms:.0f} ms and are left out: {', '.join(stale)}"
@@ -68,4 +68,4 @@ def _judge(robot: Robot, node: str, state: str, now_s: float) -> Available:
 
 
 def _shown(output: OutputSpec) -> str:
-    return f"{output.name} has been silent for more than {output.deadline_s * 1e3:.0f} ms"
+    return f"{output.shown} has been silent for more than {output.deadline_s * 1e3:.0f} ms"

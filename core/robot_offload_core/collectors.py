@@ -192,7 +192,7 @@ class GateReport:
     @staticmethod
     def names(indices: tuple[int, ...], outputs: tuple[OutputSpec, ...]) -> tuple[str, ...]:
         """Returns the names of these outputs, as far as they are known here."""
-        return tuple(outputs[i].name for i in indices if i < len(outputs))
+        return tuple(outputs[i].shown for i in indices if i < len(outputs))
 
 
 def start(outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: float) -> Collector:

@@ -234,6 +234,7 @@ class OutputSpec:
         nodes: resource names of the nodes that publish it.
         hot: sides on which all of these nodes stay Active in standby.
         waits: one of these nodes has used names: its first message comes after the changeover.
+        topic: public topic, by which people know it.
     """
 
     name: str
@@ -247,6 +248,12 @@ class OutputSpec:
     nodes: tuple[str, ...] = ()
     hot: tuple[Site, ...] = ()
     waits: bool = False
+    topic: str = ""
+
+    @property
+    def shown(self) -> str:
+        """Returns how the output is called in sentences: its topic, else its identifier."""
+        return self.topic or self.name
 
     @property
     def rated(self) -> bool:

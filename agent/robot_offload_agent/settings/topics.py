@@ -71,6 +71,7 @@ def output_spec(name: str, values: Mapping[str, Any]) -> OutputSpec:
         (values["node"],) if values["node"] else (),
         tuple(site for site in Site if site.value in values["hot"]),
         values["waits"],
+        values["topic"],
     )
 
 
