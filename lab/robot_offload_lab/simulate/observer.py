@@ -380,7 +380,10 @@ class Observer:
             self._check_released()
         if driver.inhibited or not driver.alive:
             return
-        base_s = max(running_s, driver.running_since_s + INHIBIT_PERIOD_S)
+        collector = self.run.robot.collector
+        resumed_s = collector.state.resumed_s  # a collector that restarts counts silence from then, once
+        resumed_s = -1.0 if resumed_s is None else now - (collector.host.now_s() - resumed_s)
+        base_s = max(running_s, driver.running_since_s + INHIBIT_PERIOD_S, resumed_s)
         for index, deadline_s in self.rated:
             silent_s = now - max(base_s, self.lanes[index].passed_s)
             limit_s = (
