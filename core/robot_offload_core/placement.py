@@ -129,12 +129,14 @@ class Stalls:
         until_s: silence is not judged before this.
         last_s: end of the last stall; None when there was none.
         first_s: end of the first stall of the present row: stalls with less than HEALTHY_S between them.
+        read_s: the last Tick, when all that had arrived was read: silence is judged as of then; None before the first.
     """
 
     stepped_s: float | None = None
     until_s: float = 0.0
     last_s: float | None = None
     first_s: float = 0.0
+    read_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -208,6 +210,15 @@ class Robot:
     def slowest_output_s(self) -> float:
         """The longest deadline of a rated output; 0 when none is rated."""
         return max((o.deadline_s for o in self.outputs if o.rated), default=0.0)
+
+    def judged_s(self, now_s: float) -> float:
+        """Returns as of when silence is judged: the last Tick, or the newest beat that was taken since.
+
+        Between two Ticks the message that ends a silence may still be unread, behind the one that is taken now.
+        """
+        if self.stalls.read_s is None:
+            return now_s
+        return max(self.stalls.read_s, self.link.heard_s or 0.0)
 
 
 @dataclass(frozen=True)

@@ -174,7 +174,7 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
             robot, accepted, message = _by_hand(robot, event.site, now_s)
             commands.append(Answer(event.key, accepted, message))
         case Tick():
-            pass
+            robot = replace(robot, stalls=replace(robot.stalls, read_s=now_s))
         case _:
             assert_never(event)
     return robot
@@ -237,7 +237,8 @@ def frame(robot: Robot, now_s: float) -> Frame:
 
 
 def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
-    fault = cloud_fault(robot.situation, robot.link, frame(robot, now_s), now_s, acting=acting)
+    judged = frame(robot, now_s)
+    fault = cloud_fault(robot.situation, robot.link, judged, robot.judged_s(now_s), acting=acting)
     limits = (v for v in wishes.reported(robot) if v.reason.kind is Kind.LIMIT)
     return fault or next((Verdict(Site.ROBOT, v.reason, v.message) for v in limits), None)
 

@@ -39,7 +39,7 @@ def veto(robot: Robot, now_s: float) -> Verdict | None:
 
 def wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:
     """Precedence: vetoes > pin on the robot > pin in the resource > by hand > policy; hard limits come before all."""
-    fit = fitness(robot.link, robot.settings, now_s)
+    fit = fitness(robot.link, robot.settings, robot.judged_s(now_s))
     policy, verdict = policies.decide(robot.policy, IN_CHARGE[robot.phase], fit, robot.settings, now_s)
     robot = replace(robot, policy=policy)
     forbidden = veto(robot, now_s)

@@ -724,6 +724,17 @@ MUTANTS: dict[str, Mutant] = {
         "slow_outputs_hold_nobody",
         (Edit("switcher", " and not settings.activation_deadline_s < o.deadline_s >= charged_for_s\n", "\n"),),
     ),
+    "S26": Mutant(
+        "silence is judged before all that waits was read",
+        "beat_behind_other_words",
+        (
+            Edit(
+                "placement",
+                "        return max(self.stalls.read_s, self.link.heard_s or 0.0)\n",
+                "        return now_s\n",
+            ),
+        ),
+    ),
     "C19": Mutant(
         "a restarted collector counts as having heard the robot",
         "released_by_messages",
@@ -796,10 +807,17 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
-    "H18": Mutant(
+    "H14+H18": Mutant(
         "a starved control waits for ever",
         "starved_control_and_a_cut",
-        (Edit("limits", "    if view.frame.starved:", "    if False:"),),
+        (
+            Edit("limits", "    if view.frame.starved:", "    if False:"),
+            Edit(
+                "limits",
+                "    if acting and view.silent(view.situation.good_s, view.frame.settings.lease_s):",
+                "    if False:",
+            ),
+        ),
     ),
     "X1": Mutant(
         "the egress does not look at the lease",
@@ -1184,6 +1202,11 @@ MUTANTS: dict[str, Mutant] = {
 """Each is found by its story."""
 
 EQUIVALENT: dict[str, Equivalent] = {
+    "H18": Equivalent(
+        "a starved control waits for ever",
+        "a cloud in charge is left once no good beat came for a lease (H14), whatever the stalls. Removed together: H14+H18",
+        (Edit("limits", "    if view.frame.starved:", "    if False:"),),
+    ),
     "L4": Equivalent(
         "older epoch's grant renews",
         "beats of one sender are taken in the order of their sending twice (P2 in the pulse, L9 in the lease): an older epoch never comes later. Removed together with both: L4+L9+P2",

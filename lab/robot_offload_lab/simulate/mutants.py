@@ -12,7 +12,8 @@ import inspect
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -90,13 +91,31 @@ def _plant(module: ModuleType, defined: dict[str, Any], undo: list[tuple[Any, st
             _swap(old, new, undo)
         elif isinstance(new, type) and new.__module__ == module.__name__:
             for attribute, member in vars(new).items():
-                known = vars(old).get(attribute)
+                mine = vars(old).get(attribute)
                 if isinstance(member, property):
-                    _swap(known.fget if isinstance(known, property) else None, member.fget, undo)
+                    _swap(mine.fget if isinstance(mine, property) else None, member.fget, undo)
                 elif not attribute.startswith("__") or attribute == "__init__":
-                    _swap(known, member, undo)
-        elif isinstance(new, PLAIN) and not name.startswith("__") and new != old:
-            _set_everywhere(name, old, new, undo)
+                    _swap(mine, member, undo)
+        elif isinstance(new, PLAIN) and not name.startswith("__") and (known := _known(new, module)) != old:
+            _set_everywhere(name, old, known, undo)
+
+
+def _known(value: Any, module: ModuleType) -> Any:
+    """Returns a constant of the edited source with the module's own enumerations, records and functions in it.
+
+    Else a table would hold twins of them, which the module's code takes for none of its own.
+    """
+    if isinstance(value, tuple):
+        return tuple(_known(item, module) for item in value)
+    kind = type(value)
+    if kind.__module__ != module.__name__:
+        mine = isinstance(value, FunctionType) and value.__module__ == module.__name__
+        return getattr(module, value.__name__, value) if mine else value
+    if isinstance(value, Enum):
+        return getattr(module, kind.__name__)[value.name]
+    if is_dataclass(value):
+        return getattr(module, kind.__name__)(**{f.name: _known(getattr(value, f.name), module) for f in fields(value)})
+    return value
 
 
 def _swap(old: Any, new: Any, undo: list[tuple[Any, str, Any]]) -> None:

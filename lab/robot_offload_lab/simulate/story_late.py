@@ -5,6 +5,7 @@ from __future__ import annotations
 from robot_offload_core.collectors import Charge, Gate, GateReport
 from robot_offload_core.placement import Phase, SetGate
 from robot_offload_core.process.messages import CollectorStatus
+from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.stage import Stage
 
@@ -74,9 +75,23 @@ def changed_over_just_before_it_was_called_off() -> None:
     stage.expect(stage.site is Site.ROBOT and stage.machine.epoch == candidate, "the robot is in charge and not told")
 
 
+def beat_behind_other_words() -> None:
+    """A control that pauses too shortly for a stall reads the beat that waits before it judges silence, many times."""
+    stage = Stage(settings=Settings(tolerance_s=0.1, lease_s=0.4, max_command_age_s=0.3))  # late is still good enough
+    stage.in_cloud()
+    for attempt in range(12):
+        join = stage.cut("down", "pulse")
+        stage.run(0.050)
+        stage.stall(stage.robot.control, 0.044)
+        stage.run(0.005)
+        join()
+        stage.always(lambda: stage.phase is Phase.CLOUD, 0.3 + 0.007 * attempt, "a beat that waited was not read first")
+
+
 STORIES = (
     old_gate_after_a_fallback,
     old_gate_after_a_restart,
     new_control_while_the_cloud_is_next,
     changed_over_just_before_it_was_called_off,
+    beat_behind_other_words,
 )
