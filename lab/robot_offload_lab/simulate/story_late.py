@@ -88,10 +88,24 @@ def beat_behind_other_words() -> None:
         stage.always(lambda: stage.phase is Phase.CLOUD, 0.3 + 0.007 * attempt, "a beat that waited was not read first")
 
 
+def deaf_control_in_the_cloud() -> None:
+    """A cloud whose control heard nothing until its lease was over acts under the next grant as if nothing had been."""
+    stage = Stage(settings=Settings(hold_down_initial_s=0.1))  # within the second in which the robot counts as live
+    stage.in_cloud()
+    control = stage.cloud.control
+    hears = control.beat
+    setattr(control, "beat", lambda *_beat: None)  # noqa: B010 - a full inbox
+    stage.until_phase(Phase.TO_CLOUD, 1.5, "the robot asks the cloud again")
+    stage.run(0.06)  # what was said before is over
+    setattr(control, "beat", hears)  # noqa: B010
+    stage.until_phase(Phase.CLOUD, 2.0, "the cloud is in charge again")
+
+
 STORIES = (
     old_gate_after_a_fallback,
     old_gate_after_a_restart,
     new_control_while_the_cloud_is_next,
     changed_over_just_before_it_was_called_off,
     beat_behind_other_words,
+    deaf_control_in_the_cloud,
 )
