@@ -63,6 +63,13 @@ class GoalStage(Stage):
         self.until(lambda: bool(self.copies(self.holder, goal)), 3.0, "the goal is executed")
         return goal
 
+    def on_robot(self) -> None:
+        """Starts, and waits until all is calm on a robot that is pinned to itself."""
+        self.start()
+        self.robot_acts()
+        self.pin(Site.ROBOT)
+        self.run(2.0)
+
     @property
     def holder(self) -> Site:
         """Returns who holds, as the collector's memory says."""

@@ -54,10 +54,7 @@ def copy_before_the_change() -> None:
 def goal_that_the_candidate_rejects() -> None:
     """A change is called off when the candidate does not take the goal; the holder goes on (section 8)."""
     stage = GoalStage()
-    stage.start()
-    stage.robot_acts()
-    stage.pin(ROBOT)
-    stage.run(2.0)
+    stage.on_robot()
     goal = stage.goal()
     stage.traits(CLOUD).rejects += 1
     stage.pin(None)
@@ -73,10 +70,7 @@ def goal_that_the_candidate_rejects() -> None:
 def pin_does_not_wait_for_ever() -> None:
     """A pin changes over at the deadline although the goal is not accepted; it is offered there (section 8, rule 3)."""
     stage = GoalStage()
-    stage.start()
-    stage.robot_acts()
-    stage.pin(ROBOT)
-    stage.run(2.0)
+    stage.on_robot()
     goal = stage.goal()
     stage.traits(CLOUD).rejects += 1
     stage.pin(CLOUD)
@@ -129,10 +123,7 @@ def abort_when_deactivated() -> None:
 def nodes_rest_after_their_goals() -> None:
     """The robot's nodes are deactivated only after their copies have ended, at most `cancelDeadline` later (rule 3)."""
     stage = GoalStage()
-    stage.start()
-    stage.robot_acts()
-    stage.pin(ROBOT)
-    stage.run(2.0)
+    stage.on_robot()
     goal = stage.goal()
     stage.traits(ROBOT).deaf += 1
     stage.pin(CLOUD)
@@ -174,10 +165,7 @@ def goals_that_must_not_be_repeated() -> None:
 def change_waits_for_hold() -> None:
     """`onSwitch: Hold`: a change by the policy waits for the goal's end, a switch by hand does not."""
     stage = GoalStage()
-    stage.start()
-    stage.robot_acts()
-    stage.pin(ROBOT)
-    stage.run(2.0)
+    stage.on_robot()
     goal = stage.goal(DOCK)
     stage.pin(None)
     stage.always(lambda: stage.holder is ROBOT, 2.0, "the change waits")
