@@ -49,7 +49,7 @@ def available(robot: Robot, states: Mapping[str, str], now_s: float) -> tuple[Av
 
 def _judge(robot: Robot, node: str, state: str, now_s: float) -> Available:
     judged = frame(robot, now_s)
-    fault = cloud_fault(robot.situation, robot.link, judged, now_s, acting=False, without=NOT_CONCERNED)
+    fault = cloud_fault(robot.situation, robot.link, judged, robot.judged_s(now_s), acting=False, without=NOT_CONCERNED)
     if fault is not None:
         return Available(node, fault.reason, fault.message)
     if state != State.ACTIVE.value:
