@@ -57,6 +57,16 @@ def fingerprint():
     return digest.hexdigest()
 
 
+def uv_on_path():
+    """Returns the uv on PATH that runs, or None: a shim of pyenv is found there too, and may have no uv behind it."""
+    uv = shutil.which("uv")
+    try:
+        runs = uv is not None and subprocess.run([uv, "--version"], capture_output=True, check=False).returncode == 0
+    except OSError:
+        return None
+    return uv if runs else None
+
+
 def own_uv(python):
     """Returns the path of a uv in the cache; one checkout after the other makes it, once for each version."""
     cache = Path.home() / ".cache" / "robot-offload"
@@ -92,7 +102,7 @@ def main():
         sys.stderr.write(HELP)
         return 2
     sys.stderr.write("Setting up .venv (once; downloads about 250 MB when nothing is cached)\n")
-    uv = shutil.which("uv") or own_uv(python)
+    uv = uv_on_path() or own_uv(python)
     subprocess.run([uv, "venv", "--quiet", "--clear", "--python", python, str(VENV)], check=True, cwd=ROOT)
     install(uv)
     stamp.write_text(fingerprint())
