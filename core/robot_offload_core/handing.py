@@ -14,12 +14,19 @@ from robot_offload_core.token import Site
 REASONS = {reason.value: reason for reason in (Reason.GOALS_PENDING, Reason.DIVERGED)}
 
 
+def lacking(robot: Robot) -> Verdict | None:
+    """Returns what other processes found that keeps the policy from the cloud, but no person and nobody in need."""
+    found = (veto for vetoed in robot.vetoes for veto in vetoed.vetoes if not veto.reason.forbids)
+    return next((Verdict(Site.ROBOT, veto.reason, veto.message) for veto in found), None)
+
+
 def pending(robot: Robot, preparation: Preparation) -> Verdict | None:
-    """Returns what the side that gets ready lacks, as the relay says; None when nothing or nothing is declared."""
-    if not robot.handing.served:
-        return None
-    report, preparing = robot.handing.report, robot.epoch
+    """Returns what the side that gets ready lacks, as the relay and the replicas say; None when nothing."""
     candidate = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT
+    lacks = lacking(robot) if candidate is Site.CLOUD else None
+    if lacks is not None or not robot.handing.served:
+        return lacks
+    report, preparing = robot.handing.report, robot.epoch
     if report is None or report.candidate is None or report.candidate.epoch != preparation.candidate:
         return Verdict(candidate.other, Reason.GOALS_PENDING, f"The relay does not know of the change from {preparing}")
     if not report.pending:

@@ -269,10 +269,11 @@ class NodesReported:
 
 @dataclass(frozen=True)
 class Veto:
-    """Something that forbids the cloud, found by another process.
+    """Something that forbids the cloud or hinders the way there, found by another process.
 
     Attributes:
-        reason: of the kind LIMIT (ends a stay in the cloud at once) or VETO (the robot takes over as if pinned).
+        reason: of the kind LIMIT (ends a stay in the cloud at once), VETO (the robot takes over as if pinned) or
+            ATTEMPT (the policy does not begin a stay; pins and switches by hand wait for it, see handing.py).
         message: for people.
         stops: the driver is to be stopped meanwhile, whoever acts (`strict`).
     """

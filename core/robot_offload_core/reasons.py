@@ -43,8 +43,9 @@ class Kind(str, Enum):
 
     LIMIT: a hard limit is broken; it ends a stay in the cloud at once and forbids the next. VETO: the cloud is
     forbidden whatever anybody asks for. PIN: a person fixed the side. HAND: a person asked for the side. ATTEMPT: a
-    changeover that was begun did not succeed. NEED: the robot cannot act. POLICY: the rule weighs the link. PREFERENCE:
-    the resource prefers the robot. STATE: nothing was decided yet.
+    changeover that was begun did not succeed, or is not begun because the other side lacks something. NEED: the robot
+    cannot act. POLICY: the rule weighs the link. PREFERENCE: the resource prefers the robot. STATE: nothing was decided
+    yet.
     """
 
     LIMIT = "hard limit"
@@ -90,9 +91,13 @@ class Reason(Explained):
         return self.kind is not Kind.PIN and (self.kind is not Kind.VETO or self in _YIELDING_VETOES)
 
     @property
-    def ends_stay(self) -> bool:
-        """Ends a stay in the cloud; what does not is judged only while a side gets ready, later it is `Degraded`."""
-        return self not in _JUDGED_BEFORE
+    def forbids(self) -> bool:
+        """Forbids the cloud and ends a stay there, when another process finds it.
+
+        What does not is judged only before a stay: it hinders the policy, delays a pin or a switch by hand, and is
+        otherwise only reported.
+        """
+        return self.kind in (Kind.LIMIT, Kind.VETO)
 
     STARTING = "Starting", Kind.STATE, "The control process has just started", "Wait for the first beat of the cloud"
 
@@ -215,10 +220,6 @@ class Reason(Explained):
         "SecondLifecycleManager", Kind.VETO, "Somebody else changes the lifecycle states of the managed nodes",
         "Take the duplicated nodes out of the other lifecycle manager's list",
     )  # fmt: skip
-    REPLICA_PARAMETERS_DIFFER = (
-        "ReplicaParametersDiffer", Kind.VETO, "A replica has other parameters than the robot's node",
-        "Give both the same parameter file",
-    )  # fmt: skip
     CLOCK_OFFSET = (
         "ClockOffset", Kind.VETO, "The system clocks of the two sides differ by more than `maxClockOffset`",
         "Synchronise them (chrony, ptp)",
@@ -249,6 +250,10 @@ class Reason(Explained):
         "Diverged", Kind.ATTEMPT, "A call that both sides execute (`mode: Both`) failed on the side that gets ready",
         "Look at the service's log there",
     )  # fmt: skip
+    REPLICA_PARAMETERS_DIFFER = (
+        "ReplicaParametersDiffer", Kind.ATTEMPT, "A replica has other parameters than the robot's node",
+        "Give both the same parameters; name those that are to differ in `cloudParameters`",
+    )  # fmt: skip
     ROBOT_UNABLE = (
         "RobotUnable", Kind.NEED, "The robot cannot act, the cloud can", "Look at the robot's nodes and collector"
     )  # fmt: skip
@@ -273,7 +278,6 @@ class Reason(Explained):
 
 _YIELDING_VETOES = frozenset({Reason.POD_STOPPING})
 """Vetoes for which no robot stands still; for all others that is better than to let the cloud act."""
-_JUDGED_BEFORE = frozenset({Reason.REPLICA_PARAMETERS_DIFFER})
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from robot_offload_core import policies
+from robot_offload_core import handing, policies
 from robot_offload_core.change import replace
 from robot_offload_core.health import clock_fault, fitness
 from robot_offload_core.placement import IN_CHARGE, Robot, Veto
@@ -20,10 +20,9 @@ def pin(robot: Robot, now_s: float) -> Site | None:
 
 
 def reported(robot: Robot) -> Iterator[Veto]:
-    """Yields the vetoes that hold now: those that are judged while a side gets ready end no stay."""
-    acting = IN_CHARGE[robot.phase] is Site.CLOUD
+    """Yields what other processes found that forbids the cloud."""
     for vetoed in robot.vetoes:
-        yield from (v for v in vetoed.vetoes if v.reason.ends_stay or not acting)
+        yield from (v for v in vetoed.vetoes if v.reason.forbids)
 
 
 def veto(robot: Robot, now_s: float) -> Verdict | None:
@@ -52,4 +51,7 @@ def wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:
     if robot.manual is not None and robot.manual.holds(now_s):
         asked = robot.manual.site
         return robot, Verdict(asked, Reason.BY_HAND, f"The {asked.value} was asked for by hand")
+    lacking = handing.lacking(robot)
+    if verdict.site is Site.CLOUD and lacking is not None and IN_CHARGE[robot.phase] is Site.ROBOT:
+        return robot, lacking
     return robot, verdict

@@ -285,3 +285,10 @@ def test_both_agents_know_what_only_the_cloud_makes() -> None:
         specs = {it.name: it for it in read_by_agent(agent_config(offload, site(side))).output_specs()}
         assert (specs["objects"].of_cloud, specs["objects"].max_age_s) == (True, 0.4)
         assert not specs["cmd_vel"].of_cloud
+
+
+def test_what_is_to_differ_in_the_cloud_may_differ_between_the_replicas() -> None:
+    own = {"command": ["run"], "cloudParameters": {"rate_hz": 50.0, "plugins": {"speed": 0.6}}}
+    for side in SIDES:
+        parameters = rendered("spec.nodes.1.run", own, side)
+        assert agent.flatten(parameters)["node.controller.may_differ"] == ["rate_hz", "plugins.speed"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 from robot_offload_agent.control.process import ControlShell, start
 from robot_offload_agent.process.bus import Bus
@@ -12,7 +13,7 @@ from robot_offload_agent.settings.cluster_files import ClusterFiles, wall_text
 from robot_offload_agent.settings.notes import NotesError, decode_robot, encode
 from robot_offload_agent.settings.offer import offered_limits
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import lease
+from robot_offload_core import lease, replica_parameters
 from robot_offload_core.lease import Stand
 from robot_offload_core.process.cloud_control import CloudControlProcess
 from robot_offload_core.process.messages import Limits, Notes
@@ -73,6 +74,7 @@ class CloudControlShell(ControlShell):
         except NotesError as error:
             log.warning("Ignoring foreign notes of the robot: %s", error)
             return
+        self.comparison.hear(notes.parameters)
         self.deal(liaison.RobotSaid(notes), now)
 
     def deal(self, event: liaison.Event, now: float) -> None:
@@ -86,7 +88,9 @@ class CloudControlShell(ControlShell):
     def send_notes(self, now: float) -> None:
         """Sends our notes for the robot, and the limits of the inputs that it has accepted."""
         notes, taken = self.noted = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
-        self.bus.send("data", Notes(self.incarnation, encode(notes)))
+        stated = replica_parameters.statements(self.comparison.compared)
+        text = encode(replace(notes, vetoes=self.other_managers, parameters=stated))
+        self.bus.send("data", Notes(self.incarnation, text))
         settings = self.process.settings
         limits = offered_limits(self.configuration, taken)
         self.bus.send("data", Limits(settings.max_command_age_s, settings.lease_s, limits))
@@ -109,6 +113,8 @@ class CloudControlShell(ControlShell):
         process = self.process
         self.report.publish_network_status(process.sustained())
         self.report.note("degraded", process.degraded())
+        differ = replica_parameters.differences(self.comparison.compared, ())
+        self.report.note("parameters", replica_parameters.problem(differ))
         self.send_notes(now)
         reason, message = lease.situation(process.cloud, now)
         statuses = [status for status in (process.data_status, process.relay_status) if status is not None]

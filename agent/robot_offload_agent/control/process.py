@@ -23,11 +23,13 @@ from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.managed_nodes import ManagedNodes
-from robot_offload_agent.ros.report import Report
+from robot_offload_agent.ros.replica_parameters import ReplicaParameters
+from robot_offload_agent.ros.report import Problem, Report
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import beats, guardians
 from robot_offload_core.process.control import ControlProcess
 from robot_offload_core.process.messages import Arrived, Fatal, Lives, Notes, PulseStatus
+from robot_offload_core.reasons import Reason
 
 log = logging.getLogger(__name__)
 
@@ -67,6 +69,9 @@ class ControlShell(ABC):
         context.init(configuration)
         self.report = Report(configuration)
         self.managed = ManagedNodes(configuration, self.report.guardian, self.post_guardian)
+        names = self.managed.duplicated_names()
+        self.comparison = ReplicaParameters(configuration, self.report.guardian, names, self.post)
+        self.other_managers: tuple[Problem, ...] = ()
 
     def run(self) -> None:
         """Runs until it is ended."""
@@ -110,6 +115,7 @@ class ControlShell(ABC):
                 if now >= self.report_due_s:
                     self.report_due_s = now + REPORT_PERIOD_S
                     self.look_at_graph(now)
+                    self.comparison.look(now)
                     self.publish_report(now)
 
     def drain(self) -> None:
@@ -189,14 +195,19 @@ class ControlShell(ABC):
         self.graph_due_s = now + GRAPH_PERIOD_S
         for node, problem in self.managed.strange().items():
             self.report.note(f"strange {node}", problem)
+        found = []
         for node, others in self.managed.other_managers().items():
             message = (
                 f"{others} changes the state of {node} as well: take {node} out of its list (Nav2: `node_names` of the "
                 "lifecycle manager, with `bond_timeout: 0.0`), because two managers undo each other's work"
             )
-            self.report.note(f"manager {node}", ("SecondLifecycleManager", message) if others else None)
-            if others and self.configuration["strict"]:
-                self.fail_start(message)
+            problem = (Reason.SECOND_LIFECYCLE_MANAGER.value, message) if others else None
+            self.report.note(f"manager {node}", problem)
+            if problem is not None:
+                found.append(problem)
+                if self.configuration["strict"]:
+                    self.fail_start(message)
+        self.other_managers = tuple(found)
 
     # -- what the core's process needs --------------------------------------------------------------------------------
 

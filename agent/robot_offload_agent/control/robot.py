@@ -18,7 +18,7 @@ from robot_offload_agent.settings.adopted import RobotSettings
 from robot_offload_agent.settings.liaison import LEAVING_S
 from robot_offload_agent.settings.override import Override
 from robot_offload_agent.settings.parameters import Configuration, too_tight
-from robot_offload_core import links, placement, switcher
+from robot_offload_core import links, placement, replica_parameters, switcher
 from robot_offload_core.availability import Available
 from robot_offload_core.problems import Problem
 from robot_offload_core.process.messages import Arrived, Notes
@@ -95,7 +95,10 @@ class RobotControlShell(ControlShell):
             return
         if self.process.announce_leaving(self.tuned.take(message.text), now + LEAVING_S):
             self.send_notes()
-        self.certificate.hear(self.tuned.heard.signs, self.tuned.heard.answer, now)
+        heard = self.tuned.heard
+        self.certificate.hear(heard.signs, heard.answer, now)
+        self.comparison.hear(heard.parameters)
+        self.process.veto("cloud", heard.vetoes)
 
     def send_notes(self) -> None:
         """Sends our notes for the cloud."""
@@ -103,7 +106,12 @@ class RobotControlShell(ControlShell):
         decided = robot.decided
         message = self.explained(decided.reason, decided.message)
         text = self.tuned.notes(
-            self.process.left[1], switcher.site(robot), decided.reason, message, self.certificate.credential
+            self.process.left[1],
+            switcher.site(robot),
+            decided.reason,
+            message,
+            self.certificate.credential,
+            replica_parameters.statements(self.comparison.compared),
         )
         self.bus.send("data", Notes(self.incarnation, text))
 
@@ -180,11 +188,12 @@ class RobotControlShell(ControlShell):
         if self.explained(decided.reason, decided.message) != self.published:  # why is known a while after what
             self.effects_changed()
         self.report.note("replicas", process.missing_replicas())
-        self.report.note("degraded", process.degraded())
         tight = too_tight(self.tuned.present)
         self.report.note("limits", (Problem.LIMIT_TOO_TIGHT, tight) if tight else None)
         self.report.note("settings", self.tuned.problem)
         self.report.note("certificate", self.certificate.problem)
+        self.compare_parameters()
+        process.veto("managers", self.other_managers)
         self.send_limits()
         self.send_notes()
         undeclared = self.managed.undeclared()
@@ -210,6 +219,16 @@ class RobotControlShell(ControlShell):
             counters=self.counters | self.life_counters(),
             problems=[p for status in statuses if status for p in status.problems],
         )  # fmt: skip
+
+    def compare_parameters(self) -> None:
+        """Reports parameters that differ between the replicas; they hinder the policy's way to the cloud."""
+        process = self.process
+        resting = process.robot.preparation is None  # a side that gets ready may declare some more at any moment
+        alike = [name for name, state in process.node_states() if resting and process.replicas.get(name) == state]
+        found = replica_parameters.problem(replica_parameters.differences(self.comparison.compared, alike))
+        self.report.note("parameters", found)
+        process.veto("parameters", [found] if found else [])
+        self.report.note("degraded", process.degraded())
 
 
 def run(configuration: Configuration) -> None:

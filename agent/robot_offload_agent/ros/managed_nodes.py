@@ -84,6 +84,11 @@ class ManagedNodes:
         full = ros_name(self.configuration.side, spec)
         return full if full.startswith("/") else f"{self.configuration['namespace'].rstrip('/')}/{full}"
 
+    def duplicated_names(self) -> dict[str, str]:
+        """Returns the full ROS name of each duplicated node on this side."""
+        specs = (spec for spec in self.configuration.node_specs() if spec.duplicated)
+        return {spec.name: self._full_name(spec) for spec in specs}
+
     def missing_plain(self) -> dict[str, str]:
         """Returns, for each node without a lifecycle, what of it is not in the graph; "" when all is there."""
         found = {}

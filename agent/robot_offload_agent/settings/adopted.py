@@ -11,6 +11,7 @@ from robot_offload_agent.settings.notes import CloudNotes, Credential, NotesErro
 from robot_offload_agent.settings.offer import Answer, Judgement, Offer, input_limits, judge
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.process.messages import Limits
+from robot_offload_core.replica_parameters import Statement
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
@@ -79,14 +80,17 @@ class RobotSettings:
                 threading.Thread(target=self._keep, args=(offer, judgement), name="keep", daemon=True).start()
         return notes.leaving
 
-    def notes(self, left: str, site: Site, reason: str, message: str, credential: Credential = UNKNOWN) -> str:
-        """What the cloud is told."""
+    def notes(
+        self, left: str, site: Site, reason: str, message: str, credential: Credential = UNKNOWN,
+        parameters: dict[str, Statement] | None = None,
+    ) -> str:  # fmt: skip
+        """Returns the notes for the cloud."""
         judgement = self.judgement
         digest = "" if judgement.reason is Answer.KEEPING else self.judged
         accepted = judgement.configuration is not None
         told = RobotNotes(
             self.generation, digest, accepted, judgement.reason, judgement.message, left, site.value, reason, message,
-            credential,
+            credential, parameters or {},
         )  # fmt: skip
         return encode(told)
 

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from robot_offload_agent.settings.offer import Offer
+from robot_offload_core.replica_parameters import MAX_NAME as MAX_PARAMETER_NAME
+from robot_offload_core.replica_parameters import MAX_NODES, MAX_STATED, Statement
 
 MAX_GENERATION = 2**53
 MAX_NAME = 128
@@ -22,6 +24,8 @@ MAX_ANSWER = 16_384
 SERIAL = re.compile(r"[0-9a-f]{0,40}")
 TIME = re.compile(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ)?")
 REASON = re.compile(r"[A-Za-z]{0,128}")
+DIGEST = re.compile(r"[0-9a-f]{0,64}")
+MAX_VETOES = 16
 
 
 class NotesError(ValueError):
@@ -55,12 +59,16 @@ class CloudNotes:
         answer: to the robot's request for one; "" for none.
         offer: settings that the robot has not answered yet; None otherwise.
         leaving: names the end of pods that was announced last; "" for none.
+        vetoes: (reason, message) of what the cloud found that forbids it.
+        parameters: what the cloud states of its nodes' parameters, by node.
     """
 
     offer: Offer | None = None
     leaving: str = ""
     signs: bool = False
     answer: str = ""
+    vetoes: tuple[tuple[str, str], ...] = ()
+    parameters: dict[str, Statement] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -73,6 +81,7 @@ class RobotNotes:
         left: `leaving` of the cloud that the robot has obeyed: from then on it does not choose this cloud.
         site, decided, decided_message: who is in charge, and why.
         credential: with which the robot dials.
+        parameters: what the robot states of its nodes' parameters, by node.
     """
 
     generation: int = 0
@@ -85,18 +94,22 @@ class RobotNotes:
     decided: str = ""
     decided_message: str = ""
     credential: Credential = field(default_factory=Credential)
+    parameters: dict[str, Statement] = field(default_factory=dict)
 
 
 def encode(notes: CloudNotes | RobotNotes) -> str:
     """The text of notes."""
     if isinstance(notes, RobotNotes):
-        return json.dumps({**vars(notes), "credential": vars(notes.credential)}, separators=(",", ":"))
+        parts = {"credential": vars(notes.credential), "parameters": _stated(notes.parameters)}
+        return json.dumps({**vars(notes), **parts}, separators=(",", ":"))
     offer = notes.offer
     body = {
         "leaving": notes.leaving,
         "offer": [offer.generation, dict(offer.parameters)] if offer else None,
         "signs": notes.signs,
         "answer": notes.answer,
+        "vetoes": notes.vetoes,
+        "parameters": _stated(notes.parameters),
     }
     return json.dumps(body, separators=(",", ":"))
 
@@ -110,14 +123,15 @@ def decode_cloud(text: str) -> CloudNotes:
     signs, answer = body.get("signs") is True, body.get("answer", "")
     if not isinstance(answer, str) or len(answer) > MAX_ANSWER:
         raise NotesError("the answer is no text")
+    rest = _vetoes(body.get("vetoes", [])), _statements(body.get("parameters", {}))
     if offered is None:
-        return CloudNotes(None, leaving, signs, answer)
+        return CloudNotes(None, leaving, signs, answer, *rest)
     if not isinstance(offered, list) or len(offered) != 2:
         raise NotesError("an offer is a generation and parameters")
     generation, parameters = offered
     if type(generation) is not int or not 0 <= generation <= MAX_GENERATION or not isinstance(parameters, dict):
         raise NotesError("an offer is a generation and parameters")
-    return CloudNotes(Offer(generation, parameters), leaving, signs, answer)
+    return CloudNotes(Offer(generation, parameters), leaving, signs, answer, *rest)
 
 
 def decode_robot(text: str) -> RobotNotes:
@@ -125,6 +139,7 @@ def decode_robot(text: str) -> RobotNotes:
     body = _table(text)
     known = {key: value for key, value in body.items() if key in RobotNotes.__dataclass_fields__}
     known["credential"] = _credential(known.get("credential"))
+    known["parameters"] = _statements(known.get("parameters", {}))
     notes = RobotNotes(**known)
     plain = RobotNotes()
     for key, value in vars(notes).items():
@@ -150,6 +165,49 @@ def _credential(value: object) -> Credential:
     if not fine or len(found.request) > MAX_REQUEST:
         return Credential()
     return replace(found, message=found.message[:MAX_MESSAGE])
+
+
+def _stated(parameters: dict[str, Statement]) -> dict[str, list[object]]:
+    return {node: [said.digest, said.has, said.table] for node, said in parameters.items()}
+
+
+def _statements(value: object) -> dict[str, Statement]:
+    """What the other side states of its nodes' parameters; raises NotesError."""
+    if not isinstance(value, dict) or len(value) > MAX_NODES:
+        raise NotesError(f"the parameters are no table of up to {MAX_NODES} nodes")
+    found = {}
+    for node, said in value.items():
+        if len(node) > MAX_PARAMETER_NAME or not isinstance(said, list) or len(said) != 3:
+            raise NotesError("parameters of a node are two digests and a table")
+        digest, has, table = said
+        if not _is_digest(digest) or not _is_digest(has) or not (table is None or _is_table(table)):
+            raise NotesError("a digest has another form")
+        found[node] = Statement(digest, has, table)
+    return found
+
+
+def _is_digest(value: object) -> bool:
+    return isinstance(value, str) and DIGEST.fullmatch(value) is not None
+
+
+def _is_table(value: object) -> bool:
+    return (
+        isinstance(value, dict)
+        and len(value) <= MAX_STATED
+        and all(len(name) <= MAX_PARAMETER_NAME and _is_digest(digest) for name, digest in value.items())
+    )
+
+
+def _vetoes(value: object) -> tuple[tuple[str, str], ...]:
+    """What the cloud found that forbids it; raises NotesError."""
+    if not isinstance(value, list) or len(value) > MAX_VETOES:
+        raise NotesError(f"the vetoes are no list of up to {MAX_VETOES}")
+    found = []
+    for veto in value:
+        if not isinstance(veto, list) or len(veto) != 2 or not all(isinstance(text, str) for text in veto):
+            raise NotesError("a veto is a reason and a message")
+        found.append((veto[0][:MAX_NAME], veto[1][:MAX_MESSAGE]))
+    return tuple(found)
 
 
 def _table(text: str) -> dict[str, Any]:

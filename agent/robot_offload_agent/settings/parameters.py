@@ -120,6 +120,7 @@ NODE: dict[str, Parameter] = {
     "duplicated": Parameter(True, "has a replica on the other side"),
     "core": Parameter(False, "the robot must not move without it"),
     "lifecycle": Parameter(True, "is a managed (lifecycle) node"),
+    "may_differ": Parameter(["none"], "names of parameters that may differ between its replicas; `*` is any text"),
     "standby_robot": Parameter("Warm", "Warm: Inactive while the cloud acts; Hot: Active", choices=("Warm", "Hot")),
     "standby_cloud": Parameter("Warm", "the same for the cloud's replica", choices=("Warm", "Hot")),
 }

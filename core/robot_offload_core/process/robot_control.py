@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from robot_offload_core import guardians, health, placement, switcher
+from robot_offload_core import guardians, handing, health, placement, switcher
 from robot_offload_core.availability import Available, available
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
@@ -32,7 +32,7 @@ VETOES = {
         Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER,
     )
 }  # fmt: skip
-"""Problems of other processes that forbid the cloud."""
+"""Problems that other processes find and that forbid the cloud, or hinder the policy."""
 FROM_CLOUD = 0
 """Key of a switch by hand that was asked for in the cloud."""
 
@@ -155,9 +155,9 @@ class RobotControlProcess(ControlProcess):
             self.step(reported)
 
     def veto(self, source: str, problems: Iterable[tuple[str, str]]) -> None:
-        """Takes the problems, (reason, message), of one source: those that forbid the cloud become vetoes."""
+        """Takes the problems, (reason, message), of one source: those in VETOES reach the machine."""
         vetoes = tuple(
-            placement.Veto(VETOES[reason], message, stops=self.strict)
+            placement.Veto(VETOES[reason], message, stops=self.strict and VETOES[reason].forbids)
             for reason, message in problems
             if reason in VETOES and (self.strict or reason != Reason.UNDECLARED_PUBLISHER)
         )
@@ -213,6 +213,14 @@ class RobotControlProcess(ControlProcess):
         if good_s is None or switcher.site(self.robot) is not Site.CLOUD:
             return float("inf")
         return good_s + self.settings.loss_timeout_s + DEADLINE_MARGIN_S
+
+    def degraded(self) -> tuple[str, str] | None:
+        """Returns a problem for dead nodes that nobody waits for, and for what a stay in the cloud goes on without."""
+        dead, lacks = super().degraded(), handing.lacking(self.robot)
+        if lacks is None or switcher.site(self.robot) is Site.ROBOT:
+            return dead
+        message = f"{lacks.reason}: {lacks.message}"
+        return guardians.NodeEvent.DEGRADED, message if dead is None else f"{dead[1]}; {message}"
 
     def ready_changed(self, ready: bool) -> None:
         """Takes the changed readiness of the robot's nodes."""

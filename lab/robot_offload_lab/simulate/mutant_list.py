@@ -532,6 +532,33 @@ MUTANTS: dict[str, Mutant] = {
         "there_and_back",
         (Edit("wishes", "if robot.manual is not None and robot.manual.holds(now_s):", "if False:"),),
     ),
+    "W4": Mutant(
+        "replicas with other parameters hinder nobody",
+        "other_parameters",
+        (
+            Edit(
+                "wishes",
+                "if verdict.site is Site.CLOUD and lacking is not None and IN_CHARGE[robot.phase] is Site.ROBOT:",
+                "if False:",
+            ),
+        ),
+    ),
+    "W5": Mutant(
+        "replicas with other parameters end a stay",
+        "other_parameters",
+        (
+            Edit(
+                "wishes",
+                " and lacking is not None and IN_CHARGE[robot.phase] is Site.ROBOT:",
+                " and lacking is not None:",
+            ),
+        ),
+    ),
+    "W6": Mutant(
+        "a person gets replicas with other parameters at once",
+        "other_parameters",
+        (Edit("handing", "lacks = lacking(robot) if candidate is Site.CLOUD else None", "lacks = None"),),
+    ),
     "K1": Mutant(
         "echo from the future gives a round trip",
         "echo_from_the_future",

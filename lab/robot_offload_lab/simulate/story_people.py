@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from robot_offload_core import placement
 from robot_offload_core.placement import Phase
 from robot_offload_core.process import probe
+from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.scenario import Replica
@@ -170,6 +172,25 @@ def change_of_mind() -> None:
     stage.expect(stage.longest_gap(start_s) < 0.1, f"a gap of {stage.longest_gap(start_s) * 1e3:.0f} ms")
 
 
+def other_parameters() -> None:
+    """Parameters that differ between the replicas end no stay and keep the policy from the next; a person waits."""
+    stage = Stage()
+    stage.in_cloud()
+    message = "Parameters differ between the two replicas of controller (speed)"
+    differ = placement.Vetoed("parameters", (placement.Veto(Reason.REPLICA_PARAMETERS_DIFFER, message),))
+    control = stage.robot.control
+    control.step(differ)
+    stage.always(lambda: stage.phase is Phase.CLOUD, 2.0, "a stay goes on")
+    mend = stage.cut()
+    stage.until(lambda: stage.phase is Phase.ROBOT, SWITCH_S, "the link is lost")
+    mend()
+    stage.always(lambda: stage.phase is Phase.ROBOT, 5.0, "the policy waits for equal parameters")
+    stage.expect(stage.by_hand(Site.CLOUD), "a person gets the cloud")
+    patience_s = control.robot.settings.preparing_s
+    stage.always(lambda: stage.phase is not Phase.CLOUD, patience_s - 0.05, "and waits as long as nodes may take")
+    stage.until(lambda: stage.phase is Phase.CLOUD, SWITCH_S, "then the cloud acts")
+
+
 STORIES = (
     there_and_back,
     pinned,
@@ -182,4 +203,5 @@ STORIES = (
     observing,
     shorter_limits,
     change_of_mind,
+    other_parameters,
 )

@@ -15,6 +15,7 @@ import yaml
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import Node, Output, QualityOfService, RobotOffload, Switching, TopicToCloud, While
 from robot_offload.api.v1alpha1.names import identifier
+from robot_offload.api.v1alpha1.nodes import flat_parameters
 from robot_offload.objects.site import AgentSite
 from robot_offload.render.agent_names import handed_over, hot_sides, listed
 from robot_offload.render.ros_names import nodes_on, private_topic
@@ -181,6 +182,7 @@ def _node(node: Node) -> dict[str, Any]:
         "duplicated": node.duplicated,
         "core": node.core,
         "lifecycle": node.lifecycle,
+        "may_differ": listed(name for name, _ in flat_parameters(node.run.cloud_parameters if node.run else {})),
         "standby_robot": "Hot" if "robot" in hot else "Warm",
         # A Cold replica that has no pod yet is simply not there; once it runs it is kept as a Warm one.
         "standby_cloud": "Hot" if "cloud" in hot else "Warm",

@@ -56,6 +56,7 @@ COMMON: dict[str, Any] = {
     "inhibit_service": INHIBIT,
     "nodes": ["walker"],
     "node.walker.core": True,
+    "node.walker.may_differ": ["rate_hz", "activation_s", "refuse", "padding"],
     "outputs": ["command"],
     "output.command.topic": COMMAND,
     "output.command.type": "std_msgs/msg/Header",

@@ -1,12 +1,20 @@
 """The user's nodes die, come back, refuse and dawdle; the robot keeps its commands or its driver is inhibited."""
 
 import pytest
+from lifecycle_msgs.srv import ChangeState
 
 from robot_offload_agent.process.clock import now_s
+from tests.ros.agent.ears import Ear
 from tests.ros.agent.harness import World
 from tests.ros.agent.passage import holes, longest_gap_s
 
 GAP_LIMIT_S = 5.0
+
+
+def problem(ear: Ear, reason: str) -> str:
+    """The message of a problem in the diagnostics of the agent on the ear's side, "" while it has none."""
+    status = ear.diagnostics.get("data")
+    return status.values.get(reason, "") if status else ""
 
 
 def test_the_robot_takes_over_when_the_clouds_node_dies_and_gives_back_when_it_is_restarted(world: World) -> None:
@@ -107,3 +115,33 @@ def test_a_heavy_activation_after_a_sudden_loss_inhibits_the_driver_until_the_no
     world.until(lambda: not world.driver.inhibited, "the driver is released")
     assert [inhibit for _, inhibit in world.driver.orders[orders:]][:1] == [True]
     assert world.ear.set_parameter("/walker", "activation_s", 0.0).successful
+
+
+def test_a_parameter_that_differs_is_named_on_both_sides_ends_no_stay_and_hinders_the_next(world: World) -> None:
+    ears = (world.ear, world.cloud_ear())
+    assert ears[1].set_parameter("/remote_walker", "extra_topic", "/other").successful
+    for ear in ears:
+        world.until(lambda ear=ear: "walker (extra_topic)" in problem(ear, "ReplicaParametersDiffer"), "it is named")
+    world.until(lambda: "extra_topic" in problem(world.ear, "Degraded"), "the stay goes on without it")
+    assert world.site == "cloud"
+    world.cut("both")
+    world.goes_to("robot")
+    world.cut(None)
+    world.until(lambda: world.reason == "ReplicaParametersDiffer", "the policy waits for equal parameters")
+    world.place("cloud")
+    world.place("robot")
+    world.until(lambda: world.reason == "ReplicaParametersDiffer", "the policy waits again")
+    assert ears[1].set_parameter("/remote_walker", "extra_topic", "").successful
+    world.goes_to("cloud")
+    for ear in ears:
+        world.until(lambda ear=ear: not problem(ear, "ReplicaParametersDiffer"), "nothing differs any more")
+
+
+@pytest.mark.parametrize("side", ["robot", "cloud"])
+def test_a_second_lifecycle_manager_on_either_side_refuses_the_cloud_while_it_is_there(world: World, side: str) -> None:
+    ear, node = (world.ear, "/walker") if side == "robot" else (world.cloud_ear(), "/remote_walker")
+    client = ear.node.create_client(ChangeState, f"{node}/change_state")
+    world.until(lambda: world.site == "robot" and world.reason == "SecondLifecycleManager", "the robot acts")
+    assert "changes the state of walker as well" in world.message
+    ear.node.destroy_client(client)
+    world.goes_to("cloud")

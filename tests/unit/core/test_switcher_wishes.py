@@ -299,8 +299,32 @@ def test_a_strict_veto_stops_the_driver_whoever_acts() -> None:
         assert only(commands, Acting).stop == SECOND.message
 
 
-def test_replicas_with_other_parameters_hinder_a_preparation_and_end_no_stay() -> None:
-    differ = Vetoed("nodes", (Veto(Reason.REPLICA_PARAMETERS_DIFFER, "planner: speed is 1.0 here, 2.0 there"),))
-    assert after(robot_in(Phase.CLOUD), differ).phase is Phase.CLOUD
-    robot = after(robot_in(pin=Wish(Site.CLOUD)), differ)
-    assert (robot.phase, robot.decided.reason) == (Phase.ROBOT, "ReplicaParametersDiffer")
+DIFFER = Vetoed("parameters", (Veto(Reason.REPLICA_PARAMETERS_DIFFER, "Parameters differ: planner (speed)"),))
+
+
+def test_replicas_with_other_parameters_hinder_the_policy_and_end_no_stay() -> None:
+    for phase in (Phase.CLOUD, Phase.TO_ROBOT):
+        assert after(robot_in(phase), DIFFER).phase is phase
+    story = on_robot()
+    story.tell(DIFFER)
+    story.tell(SetPin(None))
+    story.run(10.0)
+    assert (story.robot.phase, story.reason) == (Phase.ROBOT, "ReplicaParametersDiffer")
+    story.tell(Vetoed("parameters"))
+    story.until_in(Phase.CLOUD)
+
+
+def test_a_person_gets_the_cloud_although_the_parameters_differ_once_getting_ready_has_taken_its_time() -> None:
+    story = on_robot()
+    story.tell(DIFFER)
+    story.tell(SetPin(None))
+    story.tell(SwitchByHand(Site.CLOUD))
+    story.run(story.robot.settings.preparing_s - 0.05)
+    assert story.robot.phase is Phase.TO_CLOUD
+    story.until_in(Phase.CLOUD)
+    assert story.reason == "ByHand"
+
+
+def test_a_robot_that_cannot_act_gets_the_cloud_although_the_parameters_differ() -> None:
+    robot = robot_in(nodes_ready=False, fell_at_s=NOW_S - 60.0, vetoes=(DIFFER,))
+    assert after(robot).phase is Phase.TO_CLOUD

@@ -20,19 +20,24 @@ from robot_offload_agent.settings.notes import (
     encode,
 )
 from robot_offload_agent.settings.offer import Offer
+from robot_offload_core.replica_parameters import MAX_NODES, Statement
 
 values = st.text() | st.booleans() | st.integers(-(2**53), 2**53) | st.lists(st.text())
 offers = st.builds(Offer, st.integers(0, 2**53), st.dictionaries(st.text(), values))
 reasons = st.text("CamelCase", max_size=40)
 names = st.text(max_size=MAX_NAME)
+digests = st.text("0123456789abcdef", max_size=16)
+statements = st.builds(Statement, digests, digests, st.none() | st.dictionaries(names, digests, max_size=5))
+parameters = st.dictionaries(names, statements, max_size=5)
+vetoes = st.lists(st.tuples(reasons, st.text(max_size=80)), max_size=3).map(tuple)
 robots = st.builds(
     RobotNotes, st.integers(0, MAX_GENERATION), names, st.booleans(), reasons, st.text(), names,
-    st.sampled_from(["robot", "cloud"]), reasons, st.text(),
+    st.sampled_from(["robot", "cloud"]), reasons, st.text(), parameters=parameters,
 )  # fmt: skip
 
 
 @settings(deadline=None)
-@given(st.builds(CloudNotes, st.none() | offers, names))
+@given(st.builds(CloudNotes, st.none() | offers, names, vetoes=vetoes, parameters=parameters))
 def test_the_clouds_notes_are_read_back(notes: CloudNotes) -> None:
     read = decode_cloud(encode(notes))
     assert read == notes
@@ -66,6 +71,25 @@ def test_values_that_no_robot_of_ours_would_say_are_refused(notes: RobotNotes) -
         decode_robot(encode(notes))
 
 
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        [], {"walker": 1}, {"walker": ["", ""]}, {"walker": ["xyz", "", None]}, {"walker": ["", "", {"speed": 1}]},
+        {f"node{n}": ["", "", None] for n in range(MAX_NODES + 1)}, {"x" * 999: ["", "", None]},
+    ],
+)  # fmt: skip
+def test_parameters_of_another_form_are_refused_from_either_side(parameters: object) -> None:
+    for plain, decode in ((RobotNotes(), decode_robot), (CloudNotes(), decode_cloud)):
+        with pytest.raises(NotesError):
+            decode(json.dumps({**json.loads(encode(plain)), "parameters": parameters}))
+
+
+@pytest.mark.parametrize("vetoes", [{}, [1], [["a"]], [["a", 1]], [["a", "b"]] * 99])
+def test_vetoes_of_another_form_are_refused(vetoes: object) -> None:
+    with pytest.raises(NotesError):
+        decode_cloud(json.dumps({**json.loads(encode(CloudNotes())), "vetoes": vetoes}))
+
+
 def test_what_a_newer_robot_says_besides_is_left_out() -> None:
     body = {**json.loads(encode(RobotNotes(3))), "news": 1}
     assert decode_robot(json.dumps(body)) == RobotNotes(3)
@@ -93,7 +117,9 @@ def test_what_is_none_of_the_robots_notes_is_refused(text: str) -> None:
     st.text()
     | st.recursive(
         st.none() | st.integers() | st.text(),
-        lambda c: st.lists(c) | st.dictionaries(st.sampled_from(["leaving", "offer", "site"]), c),
+        lambda c: (
+            st.lists(c) | st.dictionaries(st.sampled_from(["leaving", "offer", "site", "parameters", "vetoes"]), c)
+        ),
     ).map(json.dumps)
 )
 def test_no_text_whatever_does_any_harm(text: str) -> None:

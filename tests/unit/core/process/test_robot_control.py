@@ -6,6 +6,7 @@ from typing import Any
 
 from robot_offload_core import guardians, placement
 from robot_offload_core.availability import Available
+from robot_offload_core.change import replace
 from robot_offload_core.placement import SetGate
 from robot_offload_core.process.robot_control import LEVELS_PER_LEASE, RobotControlProcess, RobotPlan
 from robot_offload_core.settings import NodeSpec
@@ -74,3 +75,13 @@ def test_an_undeclared_publisher_is_a_veto_only_when_that_is_wanted() -> None:
         process, _ = control(strict=strict)
         process.veto("nodes", [("UndeclaredPublisher", "controller publishes /debug")])
         assert bool(process.robot.vetoes) is strict
+
+
+def test_parameters_that_differ_stop_no_driver_and_are_degraded_in_a_stay() -> None:
+    process, _ = control(strict=True)
+    process.veto("parameters", [("ReplicaParametersDiffer", "Parameters differ: controller (speed)")])
+    (vetoed,) = process.robot.vetoes
+    assert not any(veto.stops for veto in vetoed.vetoes)
+    assert process.degraded() is None
+    process.robot = replace(process.robot, phase=placement.Phase.CLOUD)
+    assert process.degraded() == ("Degraded", "ReplicaParametersDiffer: Parameters differ: controller (speed)")
