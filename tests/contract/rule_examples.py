@@ -50,6 +50,8 @@ _WRONG_RESOURCES: tuple[tuple[str, Any], ...] = (
 )
 _PEERS = {"type": "StaticPeers", "staticPeers": {"robot": ["10.0.0.1"]}}
 _SPEC: dict[str, Any] = sample()["spec"]
+_ENTRY = {"name": "a", "key": "b"}
+_FROM_SECRET: dict[str, Any] = {"secretKeyRef": _ENTRY}
 _CONTROLLER, _OUTPUT = "spec.nodes.1", "spec.nodes.1.outputs.0"
 
 BUILD = {
@@ -275,6 +277,17 @@ BROKEN: tuple[Example, ...] = (
         (f"{_CONTROLLER}.env", [{"name": "FINE"}, {"name": "ROS_DISCOVERY_SERVER"}]),
     ),
     *_of(
+        "spec.nodes[].env[]",
+        "TwoValues",
+        (f"{_CONTROLLER}.env", [{"name": "A", "value": "b", "valueFrom": _FROM_SECRET}]),
+    ),
+    *_of(
+        "spec.nodes[].env[].valueFrom",
+        "OneSource",
+        (f"{_CONTROLLER}.env", [{"name": "A", "valueFrom": {}}]),
+        (f"{_CONTROLLER}.env", [{"name": "A", "valueFrom": _FROM_SECRET | {"configMapKeyRef": _ENTRY}}]),
+    ),
+    *_of(
         _SWITCHING,
         "TooShort",
         ("spec.switching.lossTimeout", "40ms"),
@@ -372,6 +385,7 @@ KEPT: tuple[tuple[str, Any], ...] = (
     (f"{_CONTROLLER}.run.package", None),
     (f"{_CONTROLLER}.resources", {"limits": {"nvidia.com/gpu": 1, "memory": "1Gi"}, "requests": {"cpu": "500m"}}),
     (f"{_CONTROLLER}.env", [{"name": "OMP_NUM_THREADS", "value": "2"}]),
+    (f"{_CONTROLLER}.env", [{"name": "TOKEN", "valueFrom": _FROM_SECRET}]),
     (f"{_OUTPUT}.deadline", "51ms"),
     (f"{_OUTPUT}.deadline", None),
     ("spec.switching", ...),

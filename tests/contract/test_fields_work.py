@@ -49,6 +49,12 @@ def build(field: str, first: Any, second: Any, **besides: Any) -> tuple[dict[str
     return built(**besides), f"{BUILD}.{field}", first, second
 
 
+def variable(reference: str, second: dict[str, str]) -> tuple[dict[str, Any], str, Any, Any]:
+    """An entry for a field of a variable's source."""
+    first = {"name": "a", "key": "k"}
+    return {}, ENV, *([{"name": "A", "valueFrom": {reference: each}}] for each in (first, second))
+
+
 CONDITION = {"topic": "/a", "within": "1s"}
 FRAME = {"parent": "map", "child": "odom"}
 CALL = {"name": "/a", "type": "a/srv/A"}
@@ -202,6 +208,10 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     "nodes[].imagePullPolicy": ({}, "nodes.1.imagePullPolicy", None, "Always"),
     "nodes[].env": ({}, ENV, [], [{"name": "A"}]),
     "nodes[].env[].name": ({}, ENV, [{"name": "A"}], [{"name": "B"}]),
+    "nodes[].env[].valueFrom.secretKeyRef.name": variable("secretKeyRef", {"name": "b", "key": "k"}),
+    "nodes[].env[].valueFrom.secretKeyRef.key": variable("secretKeyRef", {"name": "a", "key": "l"}),
+    "nodes[].env[].valueFrom.configMapKeyRef.name": variable("configMapKeyRef", {"name": "b", "key": "k"}),
+    "nodes[].env[].valueFrom.configMapKeyRef.key": variable("configMapKeyRef", {"name": "a", "key": "l"}),
     "nodes[].env[].value": ({}, ENV, [{"name": "A"}], [{"name": "A", "value": "b"}]),
     "nodes[].resources.limits": ({}, "nodes.1.resources.limits", {}, {"cpu": 1}),
     "nodes[].resources.requests": ({}, "nodes.1.resources.requests", {}, {"cpu": 1}),

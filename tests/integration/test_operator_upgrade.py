@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import re
 import threading
 import urllib.error
 from collections import Counter
@@ -37,6 +38,8 @@ class PretendedKubelet:
     def __init__(self, place: Place) -> None:
         self._place = place
         self._ended = threading.Event()
+        self.starts_pods = threading.Event()
+        self.starts_pods.set()
         self.counting = False
         self.down: list[frozenset[str]] = []
         self.servers_down: list[int] = []
@@ -53,6 +56,8 @@ class PretendedKubelet:
             if self.counting:
                 self._count(pods)
             for pod in pods:
+                if not self.starts_pods.is_set():
+                    break
                 if not _is_ready(pod) and "deletionTimestamp" not in pod["metadata"]:
                     self._make_ready(pod["metadata"]["name"])
 
@@ -134,3 +139,52 @@ def test_an_upgrade_replaces_few_robots_at_once_and_never_both_discovery_servers
     assert {robot for down in kubelet.down for robot in down} == set(ROBOTS)  # each was seen while it was replaced
     assert max(len(down) for down in kubelet.down) <= AT_ONCE
     assert max(kubelet.servers_down) == 1
+
+
+def passes(operator: Operator) -> float:
+    """How many passes over objects have gone well."""
+    line = re.search(
+        r'^robot_offload_reconciles_total\{result="ok"\} (.*)$', operator.ask("metrics", "/metrics")[1], re.M
+    )
+    return float(line[1]) if line else 0.0
+
+
+def test_a_new_operator_knows_whose_turn_it_was(
+    place: Place, kubelet: PretendedKubelet, control_plane: ControlPlane, tmp_path: Path
+) -> None:
+    more = {"MAX_ROLLING": str(AT_ONCE), "WATCH_NAMESPACE": place.namespace}
+
+    def begin(version: str, log: str) -> Operator:
+        return Operator.start(control_plane.kubeconfig, tmp_path / log, **more, **images(version))
+
+    def waiting() -> list[str]:
+        found = [(robot, place.condition("ResourcesApplied", name=robot)) for robot in ROBOTS]
+        return [robot for robot, condition in found if condition.get("reason") == "WaitingForTurn"]
+
+    operator = begin("1", "before.log")
+    for robot in ROBOTS:
+        place.create(ROBOT_OFFLOAD, walker(robot))
+    for robot in ROBOTS:
+        place.wait_condition("WorkloadsAvailable", "True", name=robot)
+    assert operator.stop() == 0
+    kubelet.starts_pods.clear()
+    kubelet.counting = True
+    operator = begin("2", "killed.log")
+    try:
+        eventually(lambda: len(waiting()) == len(ROBOTS) and len(kubelet.down[-1]) == AT_ONCE, "the first turns")
+        operator.kill()
+        operator = begin("2", "after.log")
+        operator.wait_said("Knows everything")
+        eventually(lambda: passes(operator) >= 2 * len(ROBOTS), "two passes each")
+        counted = len(kubelet.down)
+        eventually(lambda: len(kubelet.down) >= counted + 3, "what became of that")
+        kubelet.starts_pods.set()
+        for robot in ROBOTS:
+            eventually(
+                lambda robot=robot: all(image.endswith(":2") for image in images_of(place, robot)),
+                f"the new images of {robot}",
+            )
+            place.wait_condition("WorkloadsAvailable", "True", name=robot)
+    finally:
+        assert operator.stop() == 0
+    assert max(len(down) for down in kubelet.down) <= AT_ONCE

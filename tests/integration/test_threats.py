@@ -123,6 +123,16 @@ ASKED: tuple[tuple[str, dict[str, Any], tuple[str, str, str]], ...] = (
         ("", "configmaps", "get"),
     ),
     (
+        "a Secret for a variable",
+        with_node(env=[{"name": "TOKEN", "valueFrom": {"secretKeyRef": {"name": "s", "key": "k"}}}]),
+        ("", "secrets", "get"),
+    ),
+    (
+        "a ConfigMap for a variable",
+        with_node(env=[{"name": "MAP", "valueFrom": {"configMapKeyRef": {"name": "c", "key": "k"}}}]),
+        ("", "configmaps", "get"),
+    ),
+    (
         "an issuer",
         changed(transport={"type": "Zenoh", "certificates": {"issuerRef": {"name": "all", "kind": "ClusterIssuer"}}}),
         ("cert-manager.io", "certificates", "create"),

@@ -360,7 +360,8 @@ async def _until(happened: Any) -> None:
     while not happened():
         if time.monotonic() > deadline:
             raise RobotOffloadError("the new operator did not get through all objects in time")
-        await asyncio.sleep(0.1)
+        # Working out the metrics of thousands of objects takes the operator itself tens of milliseconds.
+        await asyncio.sleep(0.5)
 
 
 def _walker(name: str) -> Manifest:

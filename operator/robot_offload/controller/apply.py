@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Final, TypeVar
 
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.store import Store
@@ -19,10 +21,15 @@ from robot_offload.kube.errors import (
     UnauthorizedError,
     UnreachableError,
 )
-from robot_offload.kube.kinds import CERTIFICATE, SECRET, kind_of
+from robot_offload.kube.kinds import CERTIFICATE, DEPLOYMENT, JOB, SECRET, STATEFUL_SET, kind_of
 from robot_offload.kube.port import KubeApi, Manifest
 
-_NO_USE_TO_GO_ON = (UnreachableError, TooManyError, UnauthorizedError)
+AT_ONCE: Final = 8
+"""Writes of one pass that are under way at the same time."""
+_NO_USE_TO_GO_ON: Final = (UnreachableError, TooManyError, UnauthorizedError)
+_PODS_FOLLOW: Final = (DEPLOYMENT, STATEFUL_SET, JOB)
+"""What pods come from is written last: policies, rights and files are there when they start."""
+_Step = TypeVar("_Step")
 
 
 @dataclass(slots=True)
@@ -76,34 +83,58 @@ class Applied:
 async def carry_out(
     api: KubeApi, store: Store, plan: Plan, live: dict[Key, Manifest], history: History, clock: Clock
 ) -> Applied:
-    """Carries out a plan; brings `store`, `live` and `history` up to date."""
+    """Carries out a plan; brings `store`, `live` and `history` up to date.
+
+    What stands in one line of the plan's order is written at once: an object waits for one answer instead of twenty.
+    """
     done = Applied(obstacles=list(plan.obstacles))
-    for step in plan.applies:
-        if done.stopped:
-            return done
-        try:
-            answer = await _write(api, step)
-        except KubeError as error:
-            _note(error, step.manifest, done)
-            continue
-        done.writes += 1
+
+    async def apply(step: Apply) -> None:
+        answer = await _write(api, step)
         key = key_of(step.manifest)
         live[key] = answer
         store.put(key[0], answer)
         history.remember(step, answer, clock.steady_s())
-    for child in plan.deletes:
-        if done.stopped:
-            return done
+
+    async def delete(child: Manifest) -> None:
         metadata = child["metadata"]
-        try:
-            await api.delete(kind_of(child), metadata.get("namespace"), metadata["name"], metadata["uid"])
-        except KubeError as error:
-            _note(error, child, done)
-            continue
-        done.writes += 1
+        await api.delete(kind_of(child), metadata.get("namespace"), metadata["name"], metadata["uid"])
         live.pop(key_of(child), None)
         history.forget(key_of(child))
+
+    first = [step for step in plan.applies if kind_of(step.manifest) not in _PODS_FOLLOW]
+    last = [step for step in plan.applies if kind_of(step.manifest) in _PODS_FOLLOW]
+    for steps in (first, last):
+        await _all(apply, steps, lambda step: step.manifest, done)
+    await _all(delete, plan.deletes, lambda child: child, done)
     return done
+
+
+async def _all(
+    write: Callable[[_Step], Awaitable[None]],
+    steps: Sequence[_Step],
+    about: Callable[[_Step], Manifest],
+    done: Applied,
+) -> None:
+    """Makes writes that need nothing of each other; their errors are noted in the order of the steps."""
+    may = asyncio.Semaphore(AT_ONCE)
+
+    async def one(step: _Step) -> None:
+        async with may:
+            if done.stopped:
+                return
+            try:
+                await write(step)
+            except _NO_USE_TO_GO_ON:
+                done.stopped = True
+                raise
+            done.writes += 1
+
+    for step, result in zip(steps, await asyncio.gather(*map(one, steps), return_exceptions=True), strict=True):
+        if isinstance(result, KubeError):
+            done.errors.append(_explained(result, about(step)))
+        elif result is not None:
+            raise result
 
 
 async def _write(api: KubeApi, step: Apply) -> Manifest:
@@ -117,13 +148,13 @@ async def _write(api: KubeApi, step: Apply) -> Manifest:
     return await api.apply(step.body, force=step.force)
 
 
-def _note(error: KubeError, manifest: Manifest, done: Applied) -> None:
-    if kind_of(manifest) == CERTIFICATE and isinstance(error, NotFoundError | ForbiddenError):
-        help_text = (
-            "install cert-manager or remove spec.transport.certificates.issuerRef"
-            if isinstance(error, NotFoundError)
-            else "give the operator its rights: helm upgrade --set certManager.enabled=true"
-        )
-        error = type(error)(f"{error}; {help_text}", status=error.status)
-    done.errors.append(error)
-    done.stopped = isinstance(error, _NO_USE_TO_GO_ON)
+def _explained(error: KubeError, manifest: Manifest) -> KubeError:
+    """Returns an error with what helps against it, as far as that depends on the object."""
+    if kind_of(manifest) != CERTIFICATE or not isinstance(error, NotFoundError | ForbiddenError):
+        return error
+    help_text = (
+        "install cert-manager or remove spec.transport.certificates.issuerRef"
+        if isinstance(error, NotFoundError)
+        else "give the operator its rights: helm upgrade --set certManager.enabled=true"
+    )
+    return type(error)(f"{error}; {help_text}", status=error.status)

@@ -31,7 +31,7 @@ from robot_offload.decide import conditions, presence, rollouts, status
 from robot_offload.decide.ownership import being_deleted
 from robot_offload.errors import InputError, SpecError
 from robot_offload.kube.errors import KubeError, NotLeaderError
-from robot_offload.kube.kinds import LEASE, ROBOT_OFFLOAD
+from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD, STATEFUL_SET
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.objects.facts import Images
 from robot_offload.objects.names import ROBOT, child_name
@@ -107,6 +107,12 @@ class Controller:
         memory.unchanged = based_on if quiet else None
         memory.due_s = math.inf if result.again_s is None else self._tools.clock.steady_s() + result.again_s
         return result
+
+    def resume(self) -> None:
+        """Learns from the store, which is complete, whose pods an earlier operator has begun to replace."""
+        self._tools.budget.resume(
+            self._tools.store.owners((DEPLOYMENT, STATEFUL_SET), rollouts.under_way), self._tools.clock.steady_s()
+        )
 
     def readers(self, namespace: str, config_map: str) -> frozenset[Name]:
         """Returns the RobotOffloads whose nodes read a ConfigMap of a user."""

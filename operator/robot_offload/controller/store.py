@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -118,6 +118,16 @@ class Store:
         wanted = frozenset(kinds)
         keys = sorted(self._instances.get((namespace, instance), ()), key=lambda key: (key[0].kind, key[1]))
         return {key: self._entries[key[0], namespace, key[1]].manifest() for key in keys if key[0] in wanted}
+
+    def owners(self, kinds: Iterable[Kind], suits: Callable[[Manifest], bool]) -> frozenset[tuple[str, str]]:
+        """Returns namespace and name of the RobotOffloads that have a child of these kinds that suits."""
+        wanted = frozenset(kinds)
+        found: set[tuple[str, str]] = set()
+        for owner, keys in self._instances.items():
+            entries = (self._entries[kind, owner[0], name] for kind, name in keys if kind in wanted)
+            if any(suits(entry.manifest()) for entry in entries):
+                found.add(owner)
+        return frozenset(found)
 
     def versions(self, namespace: str, instance: str, without: Iterable[Kind] = ()) -> frozenset[tuple[Key, str, str]]:
         """Returns key, uid and version of these objects, except of some kinds: the same again means no news."""

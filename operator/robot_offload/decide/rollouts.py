@@ -25,6 +25,8 @@ LOOK_AGAIN_S: Final = 5.0
 AT_ONCE: Final = 10
 """Robots whose pods are replaced at the same time, unless the operator is told another number."""
 WAITING: Final = "WaitingForTurn"
+_ENDED: Final = ("NewReplicaSetAvailable", "ProgressDeadlineExceeded")
+"""What a Deployment's condition Progressing says of a rollout that is complete, and of one that is given up."""
 _ROLLING: Final = (DEPLOYMENT, STATEFUL_SET)
 
 
@@ -75,8 +77,34 @@ def _read_at_start(manifest: Manifest) -> Any:
     )
 
 
+def under_way(child: Manifest) -> bool:
+    """Returns whether the pods of a workload are being replaced, by what its own controller says of it.
+
+    So a new operator knows whose turn it was. Pods that are made for the first time, or return after a scaling, replace
+    none; a rollout past its deadline (ten minutes unless the cluster says otherwise) makes room for others.
+    """
+    status = child.get("status") or {}
+    if not (child.get("spec") or {}).get("replicas", 1) or workload(child).holds:
+        return False
+    if key_of(child)[0] == STATEFUL_SET:
+        return bool(status.get("currentRevision") != status.get("updateRevision"))
+    if key_of(child)[0] != DEPLOYMENT:
+        return False
+    if int(status.get("observedGeneration") or 0) < int(child["metadata"].get("generation") or 0):
+        return bool(_revision(child) > 0)
+    progress: Manifest = next((one for one in status.get("conditions") or () if one.get("type") == "Progressing"), {})
+    return _revision(child) > 1 and progress.get("reason") not in _ENDED
+
+
+def _revision(deployment: Manifest) -> int:
+    """Returns how many pod templates a Deployment has had; 0: its controller has not seen it."""
+    return int((deployment["metadata"].get("annotations") or {}).get("deployment.kubernetes.io/revision") or 0)
+
+
 class Budget(Generic[Name]):
     """At most so many robots whose pods are being replaced; robots that act themselves go first.
+
+    Until `resume` was called nobody gets a turn: an earlier operator may have begun with as many as are allowed.
 
     Args:
         at_once: how many.
@@ -84,6 +112,7 @@ class Budget(Generic[Name]):
 
     def __init__(self, at_once: int) -> None:
         self._at_once = at_once
+        self._resumed = False
         self._turns: dict[Name, float] = {}
         self._waiting: dict[Name, float] = {}
 
@@ -99,6 +128,8 @@ class Budget(Generic[Name]):
         self._waiting = {one: since for one, since in self._waiting.items() if now_s - since < 3 * LOOK_AGAIN_S}
         if name in self._turns:
             return True
+        if not self._resumed:
+            return False
         if not cloud_acts:
             self._waiting[name] = now_s
         others = self._waiting.keys() - {name}
@@ -107,6 +138,11 @@ class Budget(Generic[Name]):
         self._waiting.pop(name, None)
         self._turns[name] = now_s
         return True
+
+    def resume(self, rolling: Iterable[Name], now_s: float) -> None:
+        """Gives turns to those whose pods an earlier operator has begun to replace."""
+        self._turns |= dict.fromkeys(rolling, now_s)
+        self._resumed = True
 
     def done(self, name: Name) -> None:
         """Notes that all pods of a robot are ready, or that it is gone."""

@@ -1,7 +1,7 @@
-"""The adapter to the official client's asynchronous dynamic client; nothing else imports `kubernetes`.
+"""The adapter to the official asynchronous client; nothing else imports `kubernetes`.
 
-Objects stay plain dicts in both directions. The dynamic client's discovery is not used: our kinds are known, and a
-request less at the start is one less that can fail.
+Objects stay plain dicts in both directions, and our kinds are known: neither its models nor its discovery is used. Its
+dynamic client is not either: that one formats a traceback for each object that is not there.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import asyncio
 import json
 import random
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from http import HTTPStatus
 from typing import Any, Final, TypeAlias
 
 import aiohttp
 from kubernetes.aio.client import ApiClient, Configuration
-from kubernetes.aio.client.exceptions import ApiException
-from kubernetes.aio.dynamic import DynamicClient
 
 from robot_offload.kube.errors import (
     KubeError,
@@ -29,6 +29,7 @@ from robot_offload.kube.kinds import Kind, kind_of
 from robot_offload.kube.port import FIELD_MANAGER, Change, Manifest, Selection, Verb
 from robot_offload.kube.retry import RetryPolicy
 
+_JSON: Final = "application/json"
 _MERGE_PATCH: Final = "application/merge-patch+json"
 _APPLY_PATCH: Final = "application/apply-patch+yaml"
 _METADATA: Final = "application/json;as=PartialObjectMetadata;g=meta.k8s.io;v=v1"
@@ -59,7 +60,7 @@ class Client:
         self._manager = manager
         self._guard = guard or _let_pass
         self._retry = retry or RetryPolicy()
-        self._dynamic: DynamicClient | None = None
+        self._http: ApiClient | None = None
         self._opening = asyncio.Lock()
 
     async def get(self, kind: Kind, namespace: str | None, name: str) -> Manifest | None:
@@ -95,9 +96,7 @@ class Client:
                 "get",
                 kind.path(namespace),
                 f"list {kind.plural}{f' in {namespace}' if namespace else ''}",
-                **_asked(selection, _METADATA_LIST),
-                limit=_PAGE,
-                _continue=token,
+                _asked(selection, _METADATA_LIST).with_query(limit=_PAGE, **{"continue": token}),
             )
             # Items of a list carry neither apiVersion nor kind, or those of the form that was asked for.
             own = {"apiVersion": kind.api_version, "kind": kind.kind}
@@ -114,12 +113,14 @@ class Client:
         self._guard("watch")
         doing = f"watch {kind.plural}{f' in {namespace}' if namespace else ''}"
         timeout = aiohttp.ClientTimeout(total=None, sock_connect=self._retry.request_timeout_s, sock_read=idle_s)
-        query = [("allowWatchBookmarks", "true"), ("timeoutSeconds", str(random.randint(*_WATCH_S)))]
-        parameters = {**_asked(selection, _METADATA), "watch": "true", "resource_version": version}
+        asked = _asked(selection, _METADATA).with_query(
+            watch="true",
+            resourceVersion=version,
+            allowWatchBookmarks="true",
+            timeoutSeconds=random.randint(*_WATCH_S),
+        )
         try:
-            answer = await self._request(
-                "get", kind.path(namespace), doing, timeout, {**parameters, "query_params": query}
-            )
+            answer = await self._request("get", kind.path(namespace), doing, timeout, asked)
         except UnreachableError as error:
             if isinstance(error.__cause__, TimeoutError):
                 raise SilentError(f"cannot {doing}: silent for {idle_s:g} s") from error
@@ -144,10 +145,7 @@ class Client:
             "patch",
             kind.path(namespace, name),
             f"apply {_told(kind, namespace, name)}",
-            body=manifest,
-            content_type=_APPLY_PATCH,
-            field_manager=self._manager,
-            force_conflicts="true" if force else None,
+            _Asked({"fieldManager": self._manager, "force": "true" if force else None}, manifest, _APPLY_PATCH),
         )
 
     async def create(self, manifest: Manifest) -> Manifest:
@@ -158,9 +156,8 @@ class Client:
             "post",
             kind.path(namespace),
             f"create {_told(kind, namespace, name)}",
+            _Asked({"fieldManager": self._manager}, manifest),
             idempotent=False,
-            body=manifest,
-            field_manager=self._manager,
         )
 
     async def patch(
@@ -177,9 +174,7 @@ class Client:
             "patch",
             kind.path(namespace, name, subresource),
             f"patch {_told(kind, namespace, name)}",
-            body=dict(patch),
-            content_type=_MERGE_PATCH,
-            field_manager=self._manager,
+            _Asked({"fieldManager": self._manager}, dict(patch), _MERGE_PATCH),
         )
 
     async def delete(self, kind: Kind, namespace: str | None, name: str, uid: str) -> None:
@@ -188,7 +183,10 @@ class Client:
         options = {"propagationPolicy": "Background", "preconditions": {"uid": uid}}
         try:
             await self._send(
-                "delete", kind.path(namespace, name), f"delete {_told(kind, namespace, name)}", body=options
+                "delete",
+                kind.path(namespace, name),
+                f"delete {_told(kind, namespace, name)}",
+                _Asked(body=options),
             )
         except NotFoundError:
             return
@@ -202,18 +200,18 @@ class Client:
 
     async def close(self) -> None:
         """See `KubeApi.close`."""
-        dynamic, self._dynamic = self._dynamic, None
-        if dynamic is not None:
-            await dynamic.client.close()
+        http, self._http = self._http, None
+        if http is not None:
+            await http.close()
 
     async def _send(
-        self, method: str, path: str, doing: str, *, idempotent: bool = True, **parameters: Any
+        self, method: str, path: str, doing: str, asked: _Asked | None = None, *, idempotent: bool = True
     ) -> Manifest:
         """Sends a request, again where that can help, and returns the object in the answer."""
         attempt, renewed = 1, False
         while True:
             try:
-                return await self._send_once(method, path, doing, parameters)
+                return await self._send_once(method, path, doing, asked or _Asked())
             except UnauthorizedError:
                 # Tokens in a cluster are replaced while we run: read them anew, once.
                 if renewed:
@@ -227,15 +225,10 @@ class Client:
                 attempt += 1
                 await asyncio.sleep(pause_s)
 
-    async def _send_once(self, method: str, path: str, doing: str, parameters: dict[str, Any]) -> Manifest:
+    async def _send_once(self, method: str, path: str, doing: str, asked: _Asked) -> Manifest:
         timeout = aiohttp.ClientTimeout(total=self._retry.request_timeout_s)
-        answer = await self._request(method, path, doing, timeout, parameters)
-        try:
-            body = await answer.read()
-        except TimeoutError as error:
-            raise UnreachableError(f"cannot {doing}: no answer within {self._retry.request_timeout_s:g} s") from error
-        except (aiohttp.ClientError, OSError) as error:
-            raise UnreachableError(f"cannot {doing}: {error or type(error).__name__}") from error
+        answer = await self._request(method, path, doing, timeout, asked)
+        body = await self._read(answer, doing)
         try:
             value = json.loads(body)
         except ValueError as error:
@@ -245,37 +238,72 @@ class Client:
         return value if isinstance(value, dict) else {}
 
     async def _request(
-        self, method: str, path: str, doing: str, timeout: aiohttp.ClientTimeout, parameters: dict[str, Any]
+        self, method: str, path: str, doing: str, timeout: aiohttp.ClientTimeout, asked: _Asked
     ) -> aiohttp.ClientResponse:
         """Sends one request once; returns an answer whose content has still to be read."""
-        dynamic = await self._open()
-        given = {"query_params": [], "header_params": {}, **parameters}
+        http = await self._open()
+        query = [(name, str(value)) for name, value in asked.query.items() if value is not None]
+        headers = {"Accept": asked.accept, "Content-Type": asked.content_type}
         try:
-            answer: aiohttp.ClientResponse = await dynamic.request(
-                method, path, serialize=False, _request_timeout=timeout, **given
+            request = await http.param_serialize(
+                method.upper(),
+                path,
+                query_params=query,
+                header_params=headers,
+                body=asked.body,
+                auth_settings=["BearerToken"],
             )
-        except ApiException as error:
-            raise error_of(error.status or 0, _text(error.body), dict(error.headers or {}), doing) from error
+            response = await http.call_api(*request, _request_timeout=timeout)
         except TimeoutError as error:
             raise UnreachableError(f"cannot {doing}: no answer within {self._retry.request_timeout_s:g} s") from error
         except (aiohttp.ClientError, OSError) as error:
             raise UnreachableError(f"cannot {doing}: {error or type(error).__name__}") from error
+        answer: aiohttp.ClientResponse = response.response
+        if answer.status >= HTTPStatus.MULTIPLE_CHOICES:
+            text = (await self._read(answer, doing)).decode(errors="replace")
+            raise error_of(answer.status, text, dict(answer.headers), doing)
         return answer
 
-    async def _open(self) -> DynamicClient:
+    async def _read(self, answer: aiohttp.ClientResponse, doing: str) -> bytes:
+        try:
+            return await answer.read()
+        except TimeoutError as error:
+            raise UnreachableError(f"cannot {doing}: no answer within {self._retry.request_timeout_s:g} s") from error
+        except (aiohttp.ClientError, OSError) as error:
+            raise UnreachableError(f"cannot {doing}: {error or type(error).__name__}") from error
+
+    async def _open(self) -> ApiClient:
         async with self._opening:
-            if self._dynamic is None:
-                self._dynamic = DynamicClient(ApiClient(await self._configure()))
-            return self._dynamic
+            if self._http is None:
+                self._http = ApiClient(await self._configure())
+            return self._http
 
 
-def _asked(selection: Selection, form: str) -> dict[str, Any]:
-    """Returns a selection as the parameters of a request."""
-    asked: dict[str, Any] = {
-        "label_selector": selection.labels or None,
-        "field_selector": selection.fields or None,
-    }
-    return {**asked, "header_params": {"Accept": form}} if selection.metadata_only else asked
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What a request asks beside its path.
+
+    Attributes:
+        query: parameters by name; None: not sent.
+        body: the object that is sent; None: nothing is.
+        content_type: of the body.
+        accept: the form of the answer.
+    """
+
+    query: Mapping[str, object] = field(default_factory=dict)
+    body: Manifest | None = None
+    content_type: str = _JSON
+    accept: str = _JSON
+
+    def with_query(self, **more: object) -> _Asked:
+        """Returns the same with further parameters."""
+        return replace(self, query={**self.query, **more})
+
+
+def _asked(selection: Selection, form: str) -> _Asked:
+    """Returns a selection as what a request asks; `form` is that of metadata alone."""
+    query = {"labelSelector": selection.labels or None, "fieldSelector": selection.fields or None}
+    return _Asked(query, accept=form if selection.metadata_only else _JSON)
 
 
 def _change(event: Any, kind: Kind, doing: str) -> Change | None:
@@ -300,7 +328,3 @@ def _address(manifest: Manifest) -> tuple[Kind, str | None, str]:
 
 def _told(kind: Kind, namespace: str | None, name: str) -> str:
     return f"{kind.kind} {namespace}/{name}" if namespace else f"{kind.kind} {name}"
-
-
-def _text(body: object) -> str:
-    return body.decode(errors="replace") if isinstance(body, bytes) else str(body or "")

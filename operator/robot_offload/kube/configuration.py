@@ -6,6 +6,7 @@ The second module beside `client` that knows the official client.
 from __future__ import annotations
 
 import os
+import urllib.request
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -92,6 +93,8 @@ async def _configuration(access: Access) -> Configuration:
     configuration = Configuration()
     # aiohttp opens as many connections as are needed at once; the limit keeps a burst from drowning the server.
     configuration.connection_pool_maxsize = 32
+    # Without a proxy in the environment aiohttp would still look for a .netrc, in a thread, at each request.
+    configuration.client_session_kwargs = {"trust_env": bool(urllib.request.getproxies_environment())}
     try:
         if access.in_cluster:
             config.load_incluster_config(configuration)

@@ -70,17 +70,30 @@ def container(
     image: str,
     args: Sequence[str],
     *,
-    environment: Mapping[str, str],
+    environment: Mapping[str, str | Manifest],
     mounts: Sequence[Manifest] = (),
     resources: Mapping[str, Any] | None = None,
     extra: Mapping[str, Any] | None = None,
 ) -> Manifest:
-    """A container. `args`, no command: the image's entry point prepares the ROS environment."""
+    """Returns a container. `args`, no command: the image's entry point prepares the ROS environment.
+
+    Args:
+        name: of the container.
+        image: of the container.
+        args: what its entry point runs.
+        environment: values, or where Kubernetes reads them (`valueFrom`), by the variables' names.
+        mounts: beside /tmp.
+        resources: requests and limits.
+        extra: further fields.
+    """
     result: Manifest = {
         "name": name,
         "image": image,
         "args": list(args),
-        "env": [{"name": key, "value": value} for key, value in environment.items()],
+        "env": [
+            {"name": key, "value" if isinstance(value, str) else "valueFrom": value}
+            for key, value in environment.items()
+        ],
         "securityContext": {
             "allowPrivilegeEscalation": False,
             "capabilities": {"drop": ["ALL"]},

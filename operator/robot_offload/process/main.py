@@ -7,6 +7,7 @@ its parts ends. Nothing is repaired inside a process that has lost a part: it en
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import random
 import signal
@@ -169,6 +170,10 @@ class Operator:
             await _first(listed, *workers)
             if listed.done():
                 self._store.fed = True
+                self._controller.resume()
+                # What was listed stays: looking through it for garbage again and again would hold everything up.
+                gc.collect()
+                gc.freeze()
                 _log.info("Knows everything", objects=len(self._store))
             await asyncio.gather(*workers)
         finally:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from robot_offload import transport
-from robot_offload.api.v1alpha1 import Node, RobotOffloadSpec
+from robot_offload.api.v1alpha1 import EnvironmentVariable, Node, RobotOffloadSpec
 from robot_offload.kube.port import Manifest
 from robot_offload.objects import labels, pod
 from robot_offload.objects.facts import Facts
@@ -87,8 +87,8 @@ def _args(parent: Parent, node: Node, params_file: str | None) -> list[str]:
     return [pod.literal(word) for word in words]
 
 
-def _environment(parent: Parent, node: Node) -> dict[str, str]:
-    own = {
+def _environment(parent: Parent, node: Node) -> dict[str, str | Manifest]:
+    own: dict[str, str | Manifest] = {
         **pod.ros_environment(parent.offload),
         **transport.of(parent.spec).node_environment(parent),
         **dds_profile.environment(parent.offload),
@@ -97,7 +97,18 @@ def _environment(parent: Parent, node: Node) -> dict[str, str]:
         own[handover.URL_VARIABLE] = handover.url(child_name(parent.name, AGENT))
     # What decides where the node belongs is ours; everything else, such as HOME, a user may set.
     fixed = {name: value for name, value in own.items() if name not in ("HOME", "ROS_LOG_DIR")}
-    return {**own, **{one.name: pod.literal(one.value) for one in node.env}, **fixed}
+    return {**own, **{one.name: _value(one) for one in node.env}, **fixed}
+
+
+def _value(variable: EnvironmentVariable) -> str | Manifest:
+    """Returns the value of a variable, or where Kubernetes reads it when the pod starts."""
+    source = variable.value_from
+    if source is None:
+        return pod.literal(variable.value)
+    if source.secret_key_ref is not None:
+        return {"secretKeyRef": {"name": source.secret_key_ref.name, "key": source.secret_key_ref.key}}
+    assert source.config_map_key_ref is not None  # a rule sees to that
+    return {"configMapKeyRef": {"name": source.config_map_key_ref.name, "key": source.config_map_key_ref.key}}
 
 
 def _parameter_file(

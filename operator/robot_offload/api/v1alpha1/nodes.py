@@ -135,7 +135,7 @@ class ConfigMapKeyReference(Model):
     """One entry of a ConfigMap in the same Kubernetes namespace."""
 
     name: ObjectName = Field(description="The ConfigMap's name.")
-    key: ConfigKey = Field(description="The key in it, whose value is a ROS 2 parameter file, e.g. nav2.yaml.")
+    key: ConfigKey = Field(description="The key in it, e.g. nav2.yaml for a ROS 2 parameter file.")
 
 
 class ParametersFrom(Model):
@@ -232,12 +232,36 @@ RESERVED_PREFIX: Final = "ROBOT_OFFLOAD_"
 """How the variables begin that the operator sets itself."""
 
 
+class SecretKeyReference(Model):
+    """One entry of a Secret in the same Kubernetes namespace."""
+
+    name: ObjectName = Field(description="The Secret's name.")
+    key: ConfigKey = Field(description="The key in it, whose value the variable gets, e.g. token.")
+
+
+class ValueFrom(Model):
+    """Where the value of an environment variable comes from; read when the pod starts, by Kubernetes itself."""
+
+    secret_key_ref: SecretKeyReference | None = Field(
+        default=None, description="The entry of a Secret. Either this, or configMapKeyRef."
+    )
+    config_map_key_ref: ConfigMapKeyReference | None = Field(
+        default=None, description="The entry of a ConfigMap. Instead of secretKeyRef."
+    )
+
+
 class EnvironmentVariable(Model):
     """An environment variable of a container."""
 
     name: VariableName = Field(description="The variable's name.")
     value: Annotated[str, Field(max_length=4096), AfterValidator(_check_text)] = Field(
-        default="", description="The variable's value. Default: empty."
+        default="",
+        description="The variable's value, which everybody may read who may read this resource. Default: empty.",
+    )
+    value_from: ValueFrom | None = Field(
+        default=None,
+        description="Where the value comes from instead of value: passwords and tokens belong into a Secret. "
+        "Default: value counts.",
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from robot_offload.decide.drift import stamped
 from robot_offload.decide.ownership import Key, key_of
 from robot_offload.decide.plan import Plan, plan
-from robot_offload.decide.rollouts import GIVE_UP_S, LOOK_AGAIN_S, Budget, held_back, in_turn
+from robot_offload.decide.rollouts import GIVE_UP_S, LOOK_AGAIN_S, Budget, held_back, in_turn, under_way
 
 UID = "u-1"
 
@@ -73,8 +73,14 @@ def test_what_replaces_no_pod_is_not_held_back() -> None:
     assert [one.reason for one in steps.obstacles] == ["WaitingForTurn"]
 
 
+def budget_of(at_once: int) -> Budget[str]:
+    budget: Budget[str] = Budget(at_once)
+    budget.resume((), 0.0)
+    return budget
+
+
 def test_no_more_robots_than_the_budget_are_replaced_at_once() -> None:
-    budget: Budget[str] = Budget(2)
+    budget = budget_of(2)
     assert [budget.may_roll(name, 0.0, cloud_acts=False) for name in "abc"] == [True, True, False]
     assert budget.may_roll("a", 1.0, cloud_acts=False), "a turn that was taken is kept"
     budget.done("a")
@@ -84,7 +90,7 @@ def test_no_more_robots_than_the_budget_are_replaced_at_once() -> None:
 
 
 def test_robots_whose_cloud_acts_wait_for_those_that_lose_nothing() -> None:
-    budget: Budget[str] = Budget(1)
+    budget = budget_of(1)
     assert budget.may_roll("idle-1", 0.0, cloud_acts=False)
     assert not budget.may_roll("idle-2", 0.0, cloud_acts=False)
     budget.done("idle-1")
@@ -92,3 +98,39 @@ def test_robots_whose_cloud_acts_wait_for_those_that_lose_nothing() -> None:
     assert budget.may_roll("idle-2", 2.0, cloud_acts=False)
     budget.done("idle-2")
     assert budget.may_roll("acting", 3.0, cloud_acts=True)
+
+
+def test_turns_that_an_earlier_operator_gave_count() -> None:
+    budget: Budget[str] = Budget(2)
+    assert not budget.may_roll("a", 0.0, cloud_acts=False), "nothing is known of the earlier operator yet"
+    budget.resume(["b", "c"], 1.0)
+    assert [budget.may_roll(name, 2.0, cloud_acts=False) for name in "abc"] == [False, True, True]
+    budget.done("b")
+    assert budget.may_roll("a", 3.0, cloud_acts=False)
+
+
+def deployment(reason: str, revision: str, **status: Any) -> dict[str, Any]:
+    manifest = workload("Deployment", "walker-agent")
+    manifest["metadata"] |= {"generation": 2, "annotations": {"deployment.kubernetes.io/revision": revision}}
+    progress = {"type": "Progressing", "status": "True", "reason": reason}
+    return {**manifest, "status": {"observedGeneration": 2, "updatedReplicas": 1, "conditions": [progress], **status}}
+
+
+def test_a_workload_says_itself_whether_its_pods_are_being_replaced() -> None:
+    assert under_way(deployment("ReplicaSetUpdated", "2"))
+    assert under_way(deployment("NewReplicaSetAvailable", "1", observedGeneration=1)), "not seen by its controller yet"
+    assert not under_way(deployment("ReplicaSetUpdated", "1")), "its first pods replace none"
+    assert not under_way(deployment("NewReplicaSetAvailable", "2")), "a pod died, or returns after a scaling"
+    assert not under_way(deployment("ProgressDeadlineExceeded", "2")), "given up"
+    assert not under_way(deployment("ReplicaSetUpdated", "2", readyReplicas=1))
+
+
+def test_a_discovery_server_says_itself_whether_its_pod_is_being_replaced() -> None:
+    def server(current: str, ready: int) -> dict[str, Any]:
+        there = live(workload("StatefulSet", "walker-discovery-0"), ready=bool(ready))
+        there["status"] |= {"currentRevision": current, "updateRevision": "b"}
+        return there
+
+    assert under_way(server("a", 0))
+    assert not under_way(server("b", 0)), "it is only not ready"
+    assert not under_way(server("b", 1))

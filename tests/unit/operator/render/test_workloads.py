@@ -164,6 +164,17 @@ def test_a_users_variables_are_added_and_may_move_the_home_folder() -> None:
     assert len(one["env"]) == len(environment(one))
 
 
+def test_a_variable_is_read_from_a_secret_or_a_config_map_by_kubernetes_itself() -> None:
+    secret, config = {"name": "camera", "key": "token"}, {"name": "maps", "key": "floor"}
+    chosen = [
+        {"name": "TOKEN", "valueFrom": {"secretKeyRef": secret}},
+        {"name": "FLOOR", "valueFrom": {"configMapKeyRef": config}},
+    ]
+    given = container(rendered(offload({"nodes.1.env": chosen})), CONTROLLER)["env"]
+    assert {"name": "TOKEN", "valueFrom": {"secretKeyRef": secret}} in given
+    assert {"name": "FLOOR", "valueFrom": {"configMapKeyRef": config}} in given
+
+
 def test_before_a_duplicated_node_goes_the_robot_takes_over() -> None:
     manifests = rendered()
     one = container(manifests, CONTROLLER)

@@ -51,6 +51,22 @@ RULES: Final[tuple[Rule, ...]] = (
         lambda it: it.name,
     ),
     Rule(
+        "spec.nodes[].env[]",
+        "TwoValues",
+        "!has(self.valueFrom) || !has(self.value) || self.value == ''",
+        lambda it: it.value_from is not None and bool(it.value),
+        "has both value and valueFrom; keep one of the two",
+        "value",
+        lambda it: it.name,
+    ),
+    Rule(
+        "spec.nodes[].env[].valueFrom",
+        "OneSource",
+        "has(self.secretKeyRef) != has(self.configMapKeyRef)",
+        lambda source: (source.secret_key_ref is None) == (source.config_map_key_ref is None),
+        "needs either secretKeyRef or configMapKeyRef, and not both",
+    ),
+    Rule(
         "spec.nodes[]",
         "TwoImages",
         "!has(self.image) || !has(self.build)",
