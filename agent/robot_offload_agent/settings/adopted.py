@@ -7,7 +7,15 @@ import threading
 from collections.abc import Callable
 
 from robot_offload_agent.settings import store
-from robot_offload_agent.settings.notes import CloudNotes, Credential, NotesError, RobotNotes, decode_cloud, encode
+from robot_offload_agent.settings.notes import (
+    MAX_MESSAGE,
+    CloudNotes,
+    Credential,
+    NotesError,
+    RobotNotes,
+    decode_cloud,
+    encode,
+)
 from robot_offload_agent.settings.offer import Answer, Judgement, Offer, input_limits, judge
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.process.messages import Limits
@@ -52,6 +60,12 @@ class RobotSettings:
         """Of what is in force."""
         return int(self.present["generation"])
 
+    @property
+    def dials(self) -> str:
+        """The addresses that the bundle names, with spaces between them; "" where others than the agent dial."""
+        found = dict.fromkeys((*self.local["link.pulse_endpoints"], *self.local["link.data_endpoints"]))
+        return " ".join(each.partition("/")[2] for each in found if "/" in each)[:MAX_MESSAGE]
+
     def limits(self) -> Limits:
         """For the other processes."""
         settings = self.present.settings()
@@ -90,7 +104,7 @@ class RobotSettings:
         accepted = judgement.configuration is not None
         told = RobotNotes(
             self.generation, digest, accepted, judgement.reason, judgement.message, left, site.value, reason, message,
-            credential, parameters or {},
+            credential, parameters or {}, self.dials,
         )  # fmt: skip
         return encode(told)
 

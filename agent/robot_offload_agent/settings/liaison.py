@@ -150,6 +150,7 @@ def state(
         "nodes": [{"name": name, "state": word} for name, word in nodes],
         "settings": _settings(liaison),
         "certificate": vars(liaison.robot.credential if liaison.robot is not None else Credential()),
+        "dials": liaison.robot.dials if liaison.robot is not None else "",
         "handover": liaison.handed_over,
         "ready": ready,
     }

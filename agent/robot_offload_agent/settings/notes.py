@@ -82,6 +82,8 @@ class RobotNotes:
         site, decided, decided_message: who is in charge, and why.
         credential: with which the robot dials.
         parameters: what the robot states of its nodes' parameters, by node.
+        dials: addresses (host:port) of the cloud that its bundle names, with spaces between them; "" where the agent
+            dials none.
     """
 
     generation: int = 0
@@ -95,6 +97,7 @@ class RobotNotes:
     decided_message: str = ""
     credential: Credential = field(default_factory=Credential)
     parameters: dict[str, Statement] = field(default_factory=dict)
+    dials: str = ""
 
 
 def encode(notes: CloudNotes | RobotNotes) -> str:
@@ -152,7 +155,12 @@ def decode_robot(text: str) -> RobotNotes:
     if max(len(notes.digest), len(notes.left)) > MAX_NAME:
         raise NotesError("a name is too long")
     # Texts for people go on to the operator's status, which has limits of its own.
-    return replace(notes, message=notes.message[:MAX_MESSAGE], decided_message=notes.decided_message[:MAX_MESSAGE])
+    return replace(
+        notes,
+        message=notes.message[:MAX_MESSAGE],
+        decided_message=notes.decided_message[:MAX_MESSAGE],
+        dials=notes.dials[:MAX_MESSAGE],
+    )
 
 
 def _credential(value: object) -> Credential:

@@ -30,6 +30,9 @@ UNREADABLE: Final = "Unreadable"
 _REASON: Final = re.compile(r"[A-Za-z]{1,64}")
 _SERIAL: Final = re.compile(r"[0-9a-f]{0,40}")
 _TIME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ")
+_DIALLED: Final = re.compile(r"[0-9A-Za-z.:\[\]-]{3,262}")
+MAX_DIALLED: Final = 16
+"""Addresses of one bundle that are kept: those of a few nodes of the cluster, two ports each."""
 _INT64: Final = range(-(2**63), 2**63)
 _LIVE_FIELDS: Final = ("written", "round_trip_ms")
 """What changes all the time; it is in the metrics and never in the Lease."""
@@ -92,6 +95,8 @@ class AgentState:
         nodes: name and lifecycle state of each node in the cloud.
         settings: what became of the run-time settings on the robot.
         certificate: with which the robot dials.
+        dials: addresses (host:port) of the cloud that the robot's bundle names; none: it has not said, or another
+            program dials.
         ready: whether the agent listens for its robot; no robot need be there.
         handover: the id of the last handover that the agent has finished.
         written: RFC 3339 time at which the agent wrote this.
@@ -109,6 +114,7 @@ class AgentState:
     nodes: tuple[tuple[str, str], ...] = ()
     settings: Settings = Settings()
     certificate: RobotCertificate = RobotCertificate()
+    dials: tuple[str, ...] = ()
     ready: bool = False
     handover: str = ""
     written: str = ""
@@ -147,6 +153,7 @@ def parse_state(text: str) -> AgentState:
             message=_sentence(settings),
         ),
         certificate=_certificate(_part(values, "certificate")),
+        dials=_addresses(values),
         ready=_of(values, "ready", bool, False),
         handover=_of(values, "handover", str, ""),
         written=_of(values, "written", str, ""),
@@ -209,6 +216,12 @@ def _certificate(values: Mapping[str, Any]) -> RobotCertificate:
     if not _SERIAL.fullmatch(serial) or (not_after and not _TIME.fullmatch(not_after)):
         raise StateError("certificate of the agent's state names no serial number and time")
     return RobotCertificate(serial, not_after, _of(values, "request", str, ""), _reason(values), _sentence(values))
+
+
+def _addresses(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Returns the addresses that a robot dials; what has another form is no address."""
+    words = _of(values, "dials", str, "").split()
+    return tuple(dict.fromkeys(word for word in words if _DIALLED.fullmatch(word)))[:MAX_DIALLED]
 
 
 def _shown(value: object) -> str:

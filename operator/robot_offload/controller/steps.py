@@ -266,11 +266,14 @@ class Pass:
                 self._budget.done((self._subject.namespace, self._subject.name))
         else:
             pods = await self._observer.pods()
+        dials = agent.dialled(state, self._subject.status.get("robot") or {})
+        endpoints = self._endpoints()
         self._found.status = status.Found(
             robot=robot,
+            dials=dials,
             robot_generation=state.settings.robot_generation if state is not None else None,
             placement=agent.placement(state, problem, connected=robot.connected),
-            endpoints=self._endpoints(),
+            endpoints=endpoints,
             wanted=wanted,
             live=self._snapshot.children(uid),
             pods=pods,
@@ -279,7 +282,9 @@ class Pass:
         self._found.verdicts |= {
             **workloads.conditions(self._offload, self._found.status.live, pods, wanted.nodes, wanted.verdict),
             "Connected": robot.verdict,
-            "ConfigCurrent": agent.config_current(state, generation, connected=robot.connected),
+            "ConfigCurrent": agent.config_current(
+                state, generation, connected=robot.connected, dials=dials, endpoints=endpoints
+            ),
         }
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 from robot_offload.api.agent_state import ANNOTATION, AgentState, StateError, parse_state
 from robot_offload.decide.verdicts import Verdict, no, unknown, yes
 from robot_offload.kube.port import Manifest
+from robot_offload.objects.facts import Endpoint
 
 Site: TypeAlias = Literal["Robot", "Cloud", "Unknown"]
 _SITES: Final[dict[str, Site]] = {"robot": "Robot", "cloud": "Cloud"}
@@ -48,8 +50,51 @@ def placement(state: AgentState | None, problem: str, *, connected: bool) -> Pla
     return Placement(_SITES.get(state.site, "Unknown"), state.reason, state.message)
 
 
-def config_current(state: AgentState | None, generation: int, *, connected: bool) -> Verdict:
-    """Whether the robot runs the settings of this generation, for the condition ConfigCurrent."""
+def dialled(state: AgentState | None, before: Mapping[str, Any]) -> tuple[str, ...]:
+    """Returns the addresses in the robot's bundle, as it says or has said last; none: it never has.
+
+    Args:
+        state: of the cloud's agent.
+        before: `status.robot` as it was last written.
+    """
+    return (state.dials if state is not None else ()) or tuple(before.get("dials") or ())
+
+
+def lost(dials: Collection[str], endpoints: Iterable[Endpoint]) -> tuple[Endpoint, ...]:
+    """Returns the cloud's endpoints of a purpose that none of the dialled addresses leads to, if there is one."""
+    by_purpose: dict[str, list[Endpoint]] = {}
+    for point in endpoints:
+        if point.purpose in ("pulse", "data"):
+            by_purpose.setdefault(point.purpose, []).append(point)
+    unreached = (them for them in by_purpose.values() if not any(one.address in dials for one in them))
+    return tuple(next(unreached, ())) if dials else ()
+
+
+def config_current(
+    state: AgentState | None,
+    generation: int,
+    *,
+    connected: bool,
+    dials: Collection[str] = (),
+    endpoints: Iterable[Endpoint] = (),
+) -> Verdict:
+    """Whether the robot runs the settings of this generation, and dials the cloud, for the condition ConfigCurrent.
+
+    Args:
+        state: of the cloud's agent.
+        generation: of the specification.
+        connected: whether the robot is.
+        dials: addresses in its bundle.
+        endpoints: where the cloud is reached now.
+    """
+    gone = lost(dials, endpoints)
+    if gone:
+        now = ", ".join(point.address for point in gone)
+        return no(
+            "BundleOutdated",
+            f"The robot's bundle dials {', '.join(dials)}, and the cloud is reached at {now} now: the robot may not "
+            "come back after its next loss of the link. Write its bundle again; with expose.host it dials a name",
+        )
     if not connected:
         return unknown("NotConnected", "Nobody can tell which settings the robot runs until it is connected")
     if state is None or (state.settings.robot_generation is None and state.settings.accepted is None):

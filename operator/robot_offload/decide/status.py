@@ -28,6 +28,7 @@ class Found:
     Attributes:
         robot: whether it is there.
         robot_generation: the generation whose settings the robot runs.
+        dials: addresses of the cloud in the robot's bundle.
         placement: which side acts.
         endpoints: where the robot reaches the cloud.
         wanted: which pods of nodes are wanted.
@@ -46,6 +47,7 @@ class Found:
     pods: tuple[Manifest, ...] = ()
     commits: Mapping[str, str] = field(default_factory=dict)
     certificates: Mapping[str, Any] = field(default_factory=dict)
+    dials: tuple[str, ...] = ()
 
 
 def build(
@@ -112,6 +114,8 @@ def _robot(found: Found) -> dict[str, Any]:
     robot: dict[str, Any] = {"connected": found.robot.connected, "since": conditions.timestamp(found.robot.since)}
     if found.robot_generation is not None:
         robot["generation"] = found.robot_generation
+    if found.dials:
+        robot["dials"] = list(found.dials)
     if found.robot.last_seen is not None:
         robot["lastSeen"] = conditions.timestamp(found.robot.last_seen)
     return robot

@@ -132,6 +132,10 @@ ROBOT: Final[dict[str, Advice]] = {
     "NeedsBundle": Advice(
         "Something changed that the robot reads only at its start.", BUNDLE + " and restart its agent."
     ),
+    "BundleOutdated": Advice(
+        "The cloud's address has changed: none of those in the robot's bundle leads to it any more.",
+        BUNDLE + " and restart its agent; with spec.transport.expose.host it dials a name, which stays.",
+    ),
     "SwitchedOff": Advice(
         "spec.replicas is 0: the cloud side is switched off.",
         "kubectl scale roff/{name} -n {namespace} --replicas=1 switches it on.",

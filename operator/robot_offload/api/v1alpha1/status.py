@@ -26,6 +26,8 @@ Flux, kpt and `kubectl wait` read them (kstatus)."""
 
 Timestamp = Annotated[str, Field(max_length=64, json_schema_extra={"format": "date-time"})]
 Word = Annotated[str, Field(max_length=253)]
+Dialled = Annotated[str, Field(max_length=262)]
+"""`host:port`."""
 Sentence = Annotated[str, Field(max_length=32_768)]
 
 
@@ -58,6 +60,11 @@ class RobotStatus(Model):
     )
     last_seen: Timestamp | None = Field(
         default=None, description="When it was last connected; only while it is not connected."
+    )
+    dials: tuple[Dialled, ...] = Field(
+        default=(),
+        max_length=16,
+        description="Where its bundle looks for the cloud (host:port), as it said last; of transport Zenoh.",
     )
 
 

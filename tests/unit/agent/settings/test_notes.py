@@ -32,7 +32,7 @@ parameters = st.dictionaries(names, statements, max_size=5)
 vetoes = st.lists(st.tuples(reasons, st.text(max_size=80)), max_size=3).map(tuple)
 robots = st.builds(
     RobotNotes, st.integers(0, MAX_GENERATION), names, st.booleans(), reasons, st.text(), names,
-    st.sampled_from(["robot", "cloud"]), reasons, st.text(), parameters=parameters,
+    st.sampled_from(["robot", "cloud"]), reasons, st.text(), parameters=parameters, dials=st.text(),
 )  # fmt: skip
 
 
@@ -51,9 +51,9 @@ def test_the_robots_notes_are_read_back(notes: RobotNotes) -> None:
 
 
 def test_texts_for_people_are_bounded_before_they_reach_the_operator() -> None:
-    notes = RobotNotes(message="x" * 5000, decided_message="y" * 5000)
+    notes = RobotNotes(message="x" * 5000, decided_message="y" * 5000, dials="z" * 5000)
     read = decode_robot(encode(notes))
-    assert (len(read.message), len(read.decided_message)) == (MAX_MESSAGE, MAX_MESSAGE)
+    assert {len(text) for text in (read.message, read.decided_message, read.dials)} == {MAX_MESSAGE}
 
 
 @pytest.mark.parametrize(

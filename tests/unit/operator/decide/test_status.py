@@ -14,6 +14,7 @@ from robot_offload.decide import agent, conditions, status, workloads
 from robot_offload.decide.transitions import transitions
 from robot_offload.decide.verdicts import Verdict, no, unknown, yes
 from robot_offload.findings import Finding
+from robot_offload.objects.facts import Endpoint
 from tests.unit.operator.decide.worlds import NOW, lease
 
 GOOD = {name: yes("Fine", "fine") for name in CONDITION_TYPES if name != "Ready"}
@@ -144,6 +145,33 @@ def test_the_robots_settings_are_current_pending_refused_or_unknown() -> None:
     assert verdict({"robot_generation": 2, "accepted": False, "reason": "NeedsBundle"}) == ("False", "NeedsBundle")
     assert verdict({}) == ("Unknown", "NotReported")
     assert verdict({"robot_generation": 3, "accepted": True}, connected=False) == ("Unknown", "NotConnected")
+
+
+def test_a_bundle_whose_addresses_lead_nowhere_any_more_is_outdated_also_while_the_robot_is_away() -> None:
+    def point(purpose: Any, host: str) -> Endpoint:
+        return Endpoint(purpose, "UDP", host, 7447 if purpose == "pulse" else 7448)
+
+    read, _ = agent.state_of(state(dials="192.0.2.1:7447 192.0.2.1:7448 192.0.2.2:7447 192.0.2.2:7448"))
+    dials = agent.dialled(read, {})
+    assert len(dials) == 4
+    assert agent.dialled(None, {"dials": ["192.0.2.1:7447"]}) == ("192.0.2.1:7447",), "it has said so before"
+
+    def reason(*endpoints: Endpoint, connected: bool = True) -> str:
+        found = agent.config_current(read, 3, connected=connected, dials=dials, endpoints=endpoints)
+        return found.reason
+
+    assert reason(point("pulse", "192.0.2.2"), point("data", "192.0.2.1")) == "NotReported"
+    assert reason(point("pulse", "192.0.2.1"), point("pulse", "192.0.2.9")) == "NotReported", "one of the nodes is left"
+    assert reason(point("pulse", "192.0.2.1"), point("data", "192.0.2.9")) == "BundleOutdated"
+    assert reason(point("pulse", "192.0.2.9"), connected=False) == "BundleOutdated"
+    assert reason(connected=False) == "NotConnected", "the cloud has no address at the moment"
+
+
+def test_what_a_robot_dials_is_bounded_and_nothing_but_addresses() -> None:
+    read, _ = agent.state_of(state(dials=" ".join(["a:1", "<b>", *(f"h{number}:1" for number in range(99))])))
+    assert read is not None
+    assert read.dials[:2] == ("a:1", "h0:1")
+    assert len(read.dials) == 16
 
 
 def deployment(replicas: int = 1, **status_: Any) -> dict[str, Any]:
