@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from operator import is_
 
 from robot_offload_core.change import replace
 from robot_offload_core.checks import require
@@ -254,8 +255,8 @@ def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list
             pass
         case _:
             assert_never(event)
-    nodes = tuple(_expire(node, node.spec.name in guardian.flowing, now_s, commands) for node in guardian.nodes)
-    guardian = _advance(replace(guardian, nodes=nodes), now_s, commands)
+    nodes = tuple([_expire(node, node.spec.name in guardian.flowing, now_s, commands) for node in guardian.nodes])
+    guardian = _advance(_with(guardian, nodes), now_s, commands)
     guardian = _core_rule(guardian, now_s, commands)
     check(before, guardian, event)
     return guardian, commands
@@ -437,7 +438,27 @@ def _advance(guardian: Guardian, now_s: float, commands: list[Command]) -> Guard
         if node.spec.lifecycle and node.reading_until_s is None and now_s >= node.read_due_s:
             commands.append(GetState(name, READ_DEADLINE_S))
             nodes[name] = replace(node, reading_until_s=now_s + READ_DEADLINE_S)
-    return replace(guardian, nodes=tuple(nodes.values()))
+    return _with(guardian, tuple(nodes.values()))
+
+
+def _with(guardian: Guardian, nodes: tuple[Node, ...]) -> Guardian:
+    """Returns the guardian with these nodes: the same one when each of them is the same."""
+    same = all(map(is_, nodes, guardian.nodes))
+    return guardian if same else replace(guardian, nodes=nodes)
+
+
+def due_s(guardian: Guardian, now_s: float) -> float:
+    """Returns before when a Tick changes nothing, once a Tick at `now_s` has changed nothing; infinite for never."""
+    times_s = [guardian.inhibit_due_s]
+    if guardian.fault_since_s is not None:
+        times_s.append(guardian.fault_since_s + guardian.grace_s)
+    for node in guardian.nodes:
+        times_s += (node.retry_s, node.read_due_s)
+        if node.reading_until_s is not None:
+            times_s.append(node.reading_until_s)
+        if node.asked:
+            times_s.append(node.asked_until_s)
+    return min([at_s for at_s in times_s if at_s > now_s], default=float("inf"))
 
 
 def _rises(node: Node) -> bool:
@@ -475,7 +496,7 @@ def _core_rule(guardian: Guardian, now_s: float, commands: list[Command]) -> Gua
         return guardian
     fault = core_fault(guardian) or _unheard(guardian)
     if not fault:
-        guardian = replace(guardian, fault_since_s=None)
+        guardian = guardian if guardian.fault_since_s is None else replace(guardian, fault_since_s=None)
     elif guardian.fault_since_s is None:
         guardian = replace(guardian, fault_since_s=now_s)
     since_s = guardian.fault_since_s

@@ -6,6 +6,7 @@ Is a beat a good one; is the loop fast enough to be worth it; do the clocks agre
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from robot_offload_core import links
 from robot_offload_core.beats import Beat, CloudReport
@@ -41,8 +42,7 @@ class Situation:
     data_s: float | None = None
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """Against what the situation is judged.
 
     Attributes:

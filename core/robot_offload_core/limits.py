@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 from robot_offload_core.beats import CloudReport
 from robot_offload_core.health import Frame, Situation
@@ -21,19 +22,14 @@ DATA_TIMEOUT_S = 0.5
 """Silence of the data session's probes (ten a second) that means it is dead, while rated outputs are judged sooner."""
 
 
-@dataclass(frozen=True)
-class View:
-    """What the limits are held against. Times on the robot's steady clock, seconds."""
+class View(NamedTuple):
+    """What the limits are held against; `report` is the situation's. Times on the robot's steady clock, seconds."""
 
     situation: Situation
     link: Link
     frame: Frame
     now_s: float
-
-    @property
-    def report(self) -> CloudReport | None:
-        """The newest report of the cloud."""
-        return self.situation.report
+    report: CloudReport | None
 
     def silent(self, heard_s: float | None, limit_s: float) -> bool:
         """Returns whether nothing was heard for longer than the limit, or never."""
@@ -82,16 +78,14 @@ def cloud_fault(
         without: limits that are not judged.
     """
     stalled = now_s < frame.stall_until_s
-    view = View(situation, link, frame, now_s)
+    view = View(situation, link, frame, now_s, situation.report)
     if stalled:
         fault = _stalled(view, acting)
         if fault is not None:
             return fault
-    for limit in LIMITS:
-        if limit.reason in without or (limit.only_acting and not acting) or (stalled and limit.basis is Basis.SILENCE):
-            continue
+    for limit in JUDGED[acting][stalled]:
         message = limit.broken(view)
-        if message:
+        if message and limit.reason not in without:
             return Verdict(Site.ROBOT, limit.reason, message)
     return None
 
@@ -269,3 +263,15 @@ LIMITS: tuple[Limit, ...] = (
     Limit(Reason.INPUT_STALE, _R, False, _input_stale),
 )
 """In order: the first broken one is given, causes before what follows from them."""
+JUDGED: tuple[tuple[tuple[Limit, ...], ...], ...] = tuple(
+    tuple(
+        tuple(
+            limit
+            for limit in LIMITS
+            if (acting or not limit.only_acting) and not (stalled and limit.basis is Basis.SILENCE)
+        )
+        for stalled in (False, True)
+    )
+    for acting in (False, True)
+)
+"""What is judged of them: by whether the cloud acts, and by whether our own process has stalled."""

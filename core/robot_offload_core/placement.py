@@ -164,7 +164,7 @@ class Robot:
         stalls: see Stalls. handing: see Handing.
         fell_at_s: when the robot became unable to act; None while able.
         decided, decided_s: the last decision given out, and when.
-        levels, levels_s: the levels last given out, and when.
+        levels, levels_s: what the levels last given out were made of, and when they were.
     """
 
     incarnation: str

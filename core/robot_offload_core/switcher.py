@@ -194,7 +194,7 @@ def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
     control_age_s = None if beat.control_age_us < 0 else beat.control_age_us / 1e6
     robot = replace(robot, situation=replace(robot.situation, report=beat.body, control_age_s=control_age_s))
     epoch = robot.candidate if robot.phase is Phase.TO_CLOUD else robot.epoch
-    if is_good(beat, event.arrived_s, robot.link, replace(frame(robot, now_s), epoch=epoch)):
+    if is_good(beat, event.arrived_s, robot.link, frame(robot, now_s)._replace(epoch=epoch)):
         robot = replace(robot, situation=replace(robot.situation, good_s=event.arrived_s))
     return robot
 
@@ -245,8 +245,10 @@ def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
 
 def _move(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     able = robot.nodes_ready and _outputs_flow(robot, now_s)
-    fell_at_s = now_s if robot.fell_at_s is None else robot.fell_at_s
-    robot = replace(robot, fell_at_s=None if able else fell_at_s, both_silent=robot.both_silent and not able)
+    both_silent = robot.both_silent and not able
+    fell_at_s = None if able else now_s if robot.fell_at_s is None else robot.fell_at_s
+    if fell_at_s != robot.fell_at_s or both_silent is not robot.both_silent:
+        robot = replace(robot, fell_at_s=fell_at_s, both_silent=both_silent)
     robot, verdict = wishes.wanted(robot, now_s)
     if robot.settings.mode is Mode.OBSERVE:
         return _observe_only(robot, verdict, now_s, commands)
@@ -489,27 +491,34 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     epoch = robot.candidate if preparing_cloud else robot.epoch
     in_charge = site(robot) is Site.CLOUD
     cloud = robot.partner if granted else robot.link.peer
+    armed = robot.preparation is not None and robot.preparation.armed
+    gate_told = robot.situation.gate
+    outputs_flow, outputs_heard = _outputs_flow(robot, now_s), _outputs_heard(robot, now_s)
+    stop = next((v.message for v in wishes.reported(robot) if v.stops), "") if robot.vetoes else ""
+    silent = () if gate_told is None else gate_told.names(gate_told.robot_silent, robot.outputs)
+    # All that the three levels are made of: they are put together only when they are given out.
+    levels = (
+        epoch, granted, cloud, settings.lease_s, in_charge, robot.epoch, robot.candidate if armed else 0,
+        robot.phase is Phase.CLOUD, outputs_flow, outputs_heard, stop, silent,
+    )  # fmt: skip
+    if levels == robot.levels and now_s - robot.levels_s < settings.beat_period_s - 1e-6:
+        return robot
     lease_us = round(settings.lease_s * 1e6)
     permission = Permission(epoch, granted, cloud, lease_us, in_charge, presence=bool(cloud))
-    following = None
-    if robot.preparation is not None and robot.preparation.armed:
-        following = _charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate)
+    following = _charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate) if armed else None
     present = presence(robot.incarnation, cloud) if cloud else None
-    gate = Gate(robot.started_us, _charge(robot, site(robot), robot.epoch), following, presence=present)
-    gate_told = robot.situation.gate
+    current = _charge(robot, site(robot), robot.epoch)
+    gate = Gate(robot.started_us, current, following, said_s=now_s, presence=present)
     acting = Acting(
         acting=robot.phase is not Phase.CLOUD,
-        outputs_flow=_outputs_flow(robot, now_s),
+        outputs_flow=outputs_flow,
         in_charge=site(robot) is Site.ROBOT,
-        stop=next((v.message for v in wishes.reported(robot) if v.stops), ""),
-        outputs_heard=_outputs_heard(robot, now_s),
-        silent=() if gate_told is None else gate_told.names(gate_told.robot_silent, robot.outputs),
+        stop=stop,
+        outputs_heard=outputs_heard,
+        silent=silent,
     )
-    levels = (permission, gate, acting)
-    if levels != robot.levels or now_s - robot.levels_s >= settings.beat_period_s - 1e-6:
-        commands += [Permit(permission), SetGate(replace(gate, said_s=now_s)), acting]
-        robot = replace(robot, levels=levels, levels_s=now_s)
-    return robot
+    commands += [Permit(permission), SetGate(gate), acting]
+    return replace(robot, levels=levels, levels_s=now_s)
 
 
 def prepared(robot: Robot) -> Charge | None:

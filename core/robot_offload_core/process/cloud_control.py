@@ -121,10 +121,14 @@ class CloudControlProcess(ControlProcess):
         """Steps the lease and carries out its commands."""
         now_s = self.ports.now_s()
         self.cloud, commands = lease.step(self.cloud, event, now_s)
-        report = next(c.report for c in commands if isinstance(c, lease.SetReport))
-        egress = next(c for c in commands if isinstance(c, lease.SetEgress))
+        egress, _, said = commands[:3]
+        assert isinstance(egress, lease.SetEgress)
+        assert isinstance(said, lease.SetReport)
+        report = said.report
         # Ages change with every step and are worth sending once a beat; everything else at once.
-        level = (replace(report, data_age_us=0, input_ages_us=()), egress, self.request)
+        level = (
+            report.serves, report.epoch, report.acting, report.ready, report.refused, report.rated, egress, self.request
+        )  # fmt: skip
         if level != self.told or now_s - self.told_s >= self.settings.beat_period_s:
             self.told, self.told_s = level, now_s
             self.ports.send("pulse", Speak(self.incarnation, report, now_s))

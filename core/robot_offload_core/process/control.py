@@ -48,6 +48,9 @@ class ControlProcess(ABC):
         self.ports = ports
         self.incarnation = incarnation
         self.guardian = guard
+        self._checked: Guardian | None = None
+        self._idle: Guardian | None = None
+        self._idle_until_s = 0.0
         self.told_ready: bool | None = None
         self.told_sustained = 0
         self._published = tuple(zip(outputs, publishers))  # noqa: B905 - publishers may be unknown
@@ -61,6 +64,9 @@ class ControlProcess(ABC):
 
     def check_ready(self) -> None:
         """Takes the readiness of this side's nodes into account when it changed, and once at the start."""
+        if self.guardian is self._checked:
+            return
+        self._checked = self.guardian
         ready = self.is_ready()
         if ready is not self.told_ready:
             self.told_ready = ready
@@ -92,10 +98,20 @@ class ControlProcess(ABC):
     def turn(self) -> None:
         """Lets time pass: the machine's tick, the guardian's, and the network status."""
         self.tick()
-        self.guard(Tick())
+        self._guard_tick()
         if self.sustained() != self.told_sustained:
             self.told_sustained = 1 - self.told_sustained
             self.ports.network_status(self.told_sustained)
+
+    def _guard_tick(self) -> None:
+        """Lets time pass for the guardian, unless it could do nothing: its last Tick did nothing and nothing is due."""
+        now_s = self.ports.now_s()
+        if self.guardian is self._idle and now_s < self._idle_until_s:
+            return
+        before = self.guardian
+        self.guard(Tick())
+        self._idle = self.guardian if self.guardian is before else None
+        self._idle_until_s = guardians.due_s(self.guardian, now_s)
 
     def next_deadline_s(self) -> float:
         """Returns when a turn is worth more than at the next period; infinite when there is nothing to wait for."""

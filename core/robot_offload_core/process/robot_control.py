@@ -10,6 +10,7 @@ from robot_offload_core import guardians, handing, health, placement, switcher
 from robot_offload_core.availability import Available, available
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
+from robot_offload_core.collectors import Gate
 from robot_offload_core.events import Acting, Tick, assert_never
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
 from robot_offload_core.process.control import ControlPorts, ControlProcess
@@ -105,7 +106,7 @@ class RobotControlProcess(ControlProcess):
         self.strict = plan.strict
         self.data_status: DataStatus | None = None
         self.collector_status: CollectorStatus | None = None
-        self.levels: dict[str, tuple[SetGate | Orders | RelayOrders, float]] = {}
+        self.levels: dict[str, tuple[Gate | Orders | RelayOrders, float]] = {}
         self.has_relay = plan.has_relay
         self.rest = Rest(Site.ROBOT, plan.asked.cancel_deadline_s)
         self.relay_status: RelayStatus | None = None
@@ -262,11 +263,14 @@ class RobotControlProcess(ControlProcess):
         if self.rest.keeps_active(command.acting, self.ports.now_s()):
             command = replace(command, acting=True, in_charge=False)
         guardian = self.guardian
-        known = Acting(
+        known = (
             guardian.acting, guardian.outputs_flow, guardian.in_charge, guardian.stop, guardian.outputs_heard,
             guardian.silent,
         )  # fmt: skip
-        if known != replace(command, in_charge=command.acting and command.in_charge):
+        in_charge = command.acting and command.in_charge
+        if known != (
+            command.acting, command.outputs_flow, in_charge, command.stop, command.outputs_heard, command.silent
+        ):  # fmt: skip
             self.guard(command)
 
     def _order_relay(self) -> None:
@@ -288,11 +292,13 @@ class RobotControlProcess(ControlProcess):
     def _renew(self, process: str, message: SetGate | Orders | RelayOrders) -> None:
         """Sends a level at once when it changed, else five times in a lease: the others live with an older one."""
         now_s = self.ports.now_s()
-        level: SetGate | Orders | RelayOrders = message
+        level: Gate | Orders | RelayOrders
         if isinstance(message, SetGate):
-            level = SetGate(replace(message.gate, said_s=None))
+            level = replace(message.gate, said_s=None)
         elif isinstance(message, RelayOrders):
             level = replace(message, said_s=0.0)
+        else:
+            level = message
         sent, sent_s = self.levels.get(process, (None, 0.0))
         if level != sent or now_s - sent_s >= self.settings.lease_s / LEVELS_PER_LEASE:
             self.levels[process] = level, now_s

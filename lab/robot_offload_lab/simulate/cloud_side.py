@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import replace
 from typing import Any
 
-from robot_offload_core import envelope, lease, pulse
+from robot_offload_core import lease, pulse
 from robot_offload_core.beats import Beat, CloudReport
 from robot_offload_core.guardians import Command, Guardian
 from robot_offload_core.lease import Stand
@@ -15,7 +15,7 @@ from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.messages import Heard, Notes, Speak
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message, Node
-from robot_offload_lab.simulate.ports import Payload, Surroundings
+from robot_offload_lab.simulate.ports import Payload, Surroundings, decoded
 from robot_offload_lab.simulate.scenario import UID
 from robot_offload_lab.simulate.shells import (
     EFFECT_S,
@@ -243,7 +243,7 @@ class CloudData(DataShell):
         """Sends over the data session; what leaves is shown."""
         session = self.around.link.data
         if isinstance(payload, Payload):
-            token = envelope.decode(header).token
+            token = decoded(header).token
             self.around.witness.left_cloud(token)
             payload = payload._replace(header=header)
             self.count += 1

@@ -829,8 +829,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "limits",
-                "(limit.only_acting and not acting) or (stalled and limit.basis is Basis.SILENCE):",
-                "(limit.only_acting and not acting) or stalled:",
+                "and not (stalled and limit.basis is Basis.SILENCE)",
+                "and not stalled",
             ),
         ),
     ),

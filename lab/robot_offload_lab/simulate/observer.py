@@ -15,12 +15,12 @@ from robot_offload_core import placement, policies
 from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat, CloudReport, Permission
 from robot_offload_core.collectors import Charge, Gate
-from robot_offload_core.envelope import Envelope, decode
+from robot_offload_core.envelope import Envelope
 from robot_offload_core.guardians import INHIBIT_PERIOD_S, State
 from robot_offload_core.settings import Mode
 from robot_offload_core.token import Site, Token, presence
 from robot_offload_lab.simulate.nodes import Message
-from robot_offload_lab.simulate.ports import Payload
+from robot_offload_lab.simulate.ports import Payload, decoded
 from robot_offload_lab.simulate.system import System
 from robot_offload_lab.simulate.violations import ViolationError
 
@@ -182,7 +182,7 @@ class Observer:
             return
         now = self.world.now
         site, message, left_s = payload.site, payload.message, payload.left_s
-        envelope = decode(payload.header) if payload.header else None
+        envelope = decoded(payload.header) if payload.header else None
         rank = self._rank_of(envelope)
         if rank < self.rank:
             self._violated("1a", f"a {site.value} message of stay {rank} passed after stay {self.rank}")
@@ -208,7 +208,7 @@ class Observer:
         Under the token of presence of the robot's present control and of a cloud that it addressed at most a lease ago,
         no older than their `maxAge`, and never one before another.
         """
-        envelope, message, lane = decode(payload.header), payload.message, self.lanes[index]
+        envelope, message, lane = decoded(payload.header), payload.message, self.lanes[index]
         spec = self.run.scenario.outputs[index]
         limit_s = (spec.max_age_s or self.settings.max_command_age_s) * (1 + DRIFT)
         age_s = self.world.now - payload.left_s

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple, Protocol
 
 from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat, Permission
 from robot_offload_core.collectors import Charge, Gate
+from robot_offload_core.envelope import decode
 from robot_offload_core.placement import Decided, Robot
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.coverage import Coverage
@@ -21,6 +23,9 @@ from robot_offload_lab.simulate.link_model import Link
 from robot_offload_lab.simulate.nodes import Message
 from robot_offload_lab.simulate.scenario import Scenario
 from robot_offload_lab.simulate.world import World
+
+decoded = lru_cache(maxsize=512)(decode)
+"""Reads a header: the same few are looked at by the egress, the collector and the observer."""
 
 
 class Payload(NamedTuple):

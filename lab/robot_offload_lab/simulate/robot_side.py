@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from robot_offload_core import collectors, envelope, placement, pulse, switcher
+from robot_offload_core import collectors, placement, pulse, switcher
 from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat, Permission
 from robot_offload_core.collectors import Charge, Passage
@@ -18,7 +18,7 @@ from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.coverage import collector_state
 from robot_offload_lab.simulate.nodes import Message, Node
-from robot_offload_lab.simulate.ports import Payload, Surroundings
+from robot_offload_lab.simulate.ports import Payload, Surroundings, decoded
 from robot_offload_lab.simulate.scenario import UID
 from robot_offload_lab.simulate.shells import (
     EFFECT_S,
@@ -375,9 +375,7 @@ class Collector(Shell):
         if isinstance(message, placement.SetGate):
             coverage.gate(self.process.state, message.gate)
         elif isinstance(message, Carried):
-            coverage.cloud_message(
-                self.process.state, message.index, envelope.decode(message.header), self.host.now_s()
-            )
+            coverage.cloud_message(self.process.state, message.index, decoded(message.header), self.host.now_s())
         before = self.process.state.charge
         self.process.handle(message)
         following = message.gate.next if isinstance(message, placement.SetGate) else None

@@ -85,7 +85,7 @@ def reported(**changes: Any) -> Change:
 
 def framed(**changes: Any) -> Change:
     """The frame changed."""
-    return lambda was: replace(was, frame=replace(was.frame, **changes))
+    return lambda was: replace(was, frame=was.frame._replace(**changes))
 
 
 def silent(part: str, for_s: float) -> Change:
