@@ -16,8 +16,8 @@ NAMESPACE = "robot-offload-system"
 HEAD = f"""\
 # Robot Offload, generated from charts/robot-offload (scripts/install_manifest.py). Install or upgrade:
 #   kubectl apply --server-side -f install.yaml
-# Removing it removes the definition of RobotOffload, too, and with it every RobotOffload; to keep them delete the rest
-# only: kubectl delete namespace {NAMESPACE} (and the ClusterRoles and ClusterRoleBindings below).
+# Removing it removes the definition of RobotOffload, too, and with it every RobotOffload. To keep them, delete only the
+# Deployment, the roles and the bindings: in the namespace are the keys of the robots' authorities, too.
 apiVersion: v1
 kind: Namespace
 metadata:

@@ -11,11 +11,14 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from typing import Any, TypeVar
 
-from robot_offload.kube.kinds import CHILD_KINDS, DEPLOYMENT, LEASE, ROBOT_OFFLOAD, Kind
+from robot_offload.decide.authorities import secret_names
+from robot_offload.kube.kinds import CHILD_KINDS, DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET, Kind
 from robot_offload_lab.cluster.control_plane import ControlPlane
 
 Manifest = dict[str, Any]
 Found = TypeVar("Found")
+HOME = "default"
+"""Where the operators of the tests are at home."""
 PATIENCE_S = 60.0  # the machine may stand still for a moment at any time
 
 TALKER: Manifest = {
@@ -124,6 +127,12 @@ class Place:
             return True
 
         eventually(replaced, "the new specification to be taken")
+
+    def authorities(self, uid: str = "", home: str = HOME) -> dict[str, Manifest]:
+        """The Secrets of the authorities of the walker (or of another uid) in the operator's namespace, by role."""
+        names = secret_names(uid or self.roff()["metadata"]["uid"])
+        found = {role: Place(self.plane, home).get(SECRET, name) for role, name in names.items()}
+        return {role: secret for role, secret in found.items() if secret is not None}
 
     def replicas(self, deployment: str) -> int:
         return int(self.there(DEPLOYMENT, deployment)["spec"]["replicas"])

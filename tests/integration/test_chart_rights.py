@@ -73,10 +73,12 @@ def test_an_operator_for_several_namespaces_has_a_role_in_each_and_none_for_all(
     assert of_kind(objects, "ClusterRoleBinding") == []
 
 
-def test_an_operator_beside_its_namespace_gets_one_more_right_its_lease(helm: Helm) -> None:
+def test_an_operator_beside_its_namespaces_has_its_lease_and_the_authorities_keys_at_home(helm: Helm) -> None:
     objects = rendered(helm, {"watchNamespaces": ["robots"]})
     lease = [role for role in of_kind(objects, "Role") if role["metadata"]["name"] == f"{OPERATOR}-leader"]
-    assert granted(*lease) == {("coordination.k8s.io", "leases", verb) for verb in ("get", "create", "patch")}
+    assert {role["metadata"]["namespace"] for role in lease} == {helm.namespace}
+    keys = {("", "secrets", verb) for verb in ("get", "list", "watch", "create", "patch", "delete")}
+    assert granted(*lease) == keys | {("coordination.k8s.io", "leases", verb) for verb in ("get", "create", "patch")}
 
 
 def test_no_role_holds_a_wildcard(helm: Helm) -> None:

@@ -9,11 +9,15 @@ from typing import Any
 
 import pytest
 
+from robot_offload.decide.authorities import AUTHORITIES
+from robot_offload.decide.certificates import LEAVES
+from robot_offload.decide.ownership import APPLIED
 from robot_offload.kube.kinds import CONFIG_MAP, ROBOT_OFFLOAD, SECRET
+from robot_offload.objects.labels import INSTANCE, MANAGED_BY, MANAGER
 from robot_offload_agent.certificates.openssl import look, make_key
 from robot_offload_agent.certificates.wallet import CERTIFICATE, CURRENT, KEY, Wallet
 from robot_offload_agent.settings.parameters import Configuration
-from tests.integration.operator_cluster import Place, eventually, walker
+from tests.integration.operator_cluster import HOME, Manifest, Place, eventually, walker
 from tests.integration.operator_process import Operator
 from tests.integration.operator_proxy import Proxy
 
@@ -86,9 +90,11 @@ def test_a_robots_own_key_is_signed_once_and_a_copy_of_its_bundle_gets_nothing(
 
 
 def test_a_late_write_of_a_leader_that_was_never_puts_another_authority_in_place(place: Place, proxy: Proxy) -> None:
+    at_home = len(proxy.writes_in(HOME))
     place.create(ROBOT_OFFLOAD, walker())
     place.applied()
-    writes = [asked for asked in proxy.writes_in(place.namespace) if "/secrets" in asked.path]
+    asked = [*proxy.writes_in(place.namespace), *proxy.writes_in(HOME)[at_home:]]
+    writes = [one for one in asked if "/secrets" in one.path]
     assert len(writes) == 4
     assert {asked.method for asked in writes} == {"POST"}  # which the API server refuses where there is one already
 
@@ -116,3 +122,78 @@ def test_the_end_of_a_robots_certificate_is_told_in_time_also_while_it_is_away(p
     eventually(lambda: place.roff()["status"]["placementReason"] == "LinkBad", "a further pass")
     assert place.condition("CertificateCurrent")["reason"] == "Expired"
     assert place.roff()["status"]["certificates"]["robot"]["serial"] == "1f"
+
+
+def data_of(place: Place) -> dict[str, Any]:
+    """What is in all Secrets of the walker, by role."""
+    leaves = {role: place.there(SECRET, f"walker-{role}")["data"] for role in LEAVES}
+    return {**leaves, **{role: secret["data"] for role, secret in place.authorities().items()}}
+
+
+def as_before(place: Place, role: str, data: Manifest) -> None:
+    """Puts an authority's Secret where earlier versions of the operator kept it."""
+    uid = place.roff()["metadata"]["uid"]
+    owner = {
+        "apiVersion": ROBOT_OFFLOAD.api_version, "kind": ROBOT_OFFLOAD.kind, "name": "walker", "uid": uid,
+        "controller": True,
+    }  # fmt: skip
+    metadata = {
+        "name": f"walker-{role}",
+        "labels": {INSTANCE: "walker", MANAGED_BY: MANAGER},
+        "annotations": {APPLIED: f"{uid}/0"},
+        "ownerReferences": [owner],
+    }
+    place.create(SECRET, {"metadata": metadata, "type": "kubernetes.io/tls", "data": data})
+
+
+def test_no_key_that_signs_others_is_beside_the_robots_and_it_survives_other_transports(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    before = data_of(place)
+    assert set(before) == {"server-ca", "client-ca", "cloud", "robot"}
+    place.change({"transport": {"type": "Discovery", "expose": None}})
+    place.applied()
+    assert {secret["metadata"]["name"] for secret in place.list(SECRET)} == {"walker-cloud", "walker-robot"}
+    place.change({"transport": {"type": "Zenoh"}})
+    place.applied()
+    assert data_of(place) == before
+    home = Place(place.plane, HOME)
+    home.delete(SECRET, place.authorities()["client-ca"]["metadata"]["name"])  # by hand
+    eventually(lambda: place.authorities().keys() == set(AUTHORITIES), "a new authority")
+    eventually(lambda: data_of(place)["robot"] != before["robot"], "a certificate of it")
+
+
+def test_keys_of_earlier_versions_move_to_the_operators_namespace_and_planted_ones_do_not(
+    place: Place, operator: Operator
+) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    before = data_of(place)
+    operator.stop()
+    home = Place(place.plane, HOME)
+    for role, secret in place.authorities().items():
+        home.delete(SECRET, secret["metadata"]["name"])
+        as_before(place, role, secret["data"])
+    operator.restart()
+    former = {f"walker-{role}" for role in AUTHORITIES}
+    eventually(lambda: not former & {one["metadata"]["name"] for one in place.list(SECRET)}, "the former ones to go")
+    assert data_of(place) == before  # all bundles stay good
+    # Beside a RobotOffload that no operator has seen, such a Secret is somebody else's.
+    operator.stop()
+    place.delete(ROBOT_OFFLOAD, "walker")
+    place.gone(ROBOT_OFFLOAD, "walker")
+    place.create(ROBOT_OFFLOAD, walker())
+    as_before(place, "client-ca", before["client-ca"])
+    operator.restart()
+    place.applied()
+    assert data_of(place)["client-ca"] != before["client-ca"]
+
+
+def test_keys_go_with_their_robotoffload_and_with_no_other(place: Place) -> None:
+    for name in ("walker", "runner"):
+        place.create(ROBOT_OFFLOAD, walker(name))
+        place.applied(name)
+    walkers, runners = (place.roff(name)["metadata"]["uid"] for name in ("walker", "runner"))
+    place.delete(ROBOT_OFFLOAD, "walker")
+    eventually(lambda: not place.authorities(walkers), "the keys to be collected")
+    assert place.authorities(runners).keys() == set(AUTHORITIES)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
+from robot_offload.decide.certificates import LEAVES
 from robot_offload.kube.kinds import (
     CONFIG_MAP,
     DEPLOYMENT,
@@ -34,7 +36,7 @@ def test_a_new_resource_gets_all_its_children_with_its_labels_and_its_owner_refe
         "ServiceAccount", "Role", "RoleBinding", "Secret", "ConfigMap", "Lease", "Service", "NetworkPolicy",
         "StatefulSet", "Deployment",
     }  # fmt: skip
-    assert {"walker-server-ca", "walker-client-ca", "walker-cloud", "walker-robot"} <= {n for _, n in children}
+    assert {"walker-cloud", "walker-robot"} <= {n for _, n in children}
     for child in children.values():
         (owner,) = child["metadata"]["ownerReferences"]
         assert (owner["uid"], owner["controller"], owner["blockOwnerDeletion"]) == (uid, True, True)
@@ -307,28 +309,33 @@ def test_addresses_of_load_balancers_become_endpoints(place: Place) -> None:
     assert ("data-fallback", "TCP", "10.79.0.10") in found
 
 
+def secrets_of(place: Place) -> dict[str, Any]:
+    """What is in all Secrets of the walker: its own, and its authorities' in the operator's namespace."""
+    leaves = {role: place.there(SECRET, f"walker-{role}")["data"] for role in LEAVES}
+    return {**leaves, **{role: secret["data"] for role, secret in place.authorities().items()}}
+
+
 def test_revoking_makes_a_new_client_authority_once_and_rolls_the_agent(place: Place) -> None:
     place.create(ROBOT_OFFLOAD, walker())
     place.applied()
-    names = ("walker-server-ca", "walker-client-ca", "walker-cloud", "walker-robot")
-    before = {name: place.there(SECRET, name)["data"] for name in names}
+    before = secrets_of(place)
     template = place.there(DEPLOYMENT, "walker-agent")["spec"]["template"]["metadata"]["annotations"]
     place.patch(
         ROBOT_OFFLOAD, "walker", {"metadata": {"annotations": {"robotoffload.dev/revoke": "2026-11-21T23:00:00Z"}}}
     )
-    eventually(lambda: place.there(SECRET, "walker-robot")["data"] != before["walker-robot"], "a new certificate")
+    eventually(lambda: place.there(SECRET, "walker-robot")["data"] != before["robot"], "a new certificate")
     eventually(
         lambda: place.there(DEPLOYMENT, "walker-agent")["spec"]["template"]["metadata"]["annotations"] != template,
         "the agent to be rolled",
     )
-    after = {name: place.there(SECRET, name)["data"] for name in names}
-    assert after["walker-server-ca"] == before["walker-server-ca"]
-    assert after["walker-client-ca"] != before["walker-client-ca"]
-    assert after["walker-cloud"]["ca.crt"] == after["walker-client-ca"]["tls.crt"]
+    after = secrets_of(place)
+    assert after["server-ca"] == before["server-ca"]
+    assert after["client-ca"] != before["client-ca"]
+    assert after["cloud"]["ca.crt"] == after["client-ca"]["tls.crt"]
     place.patch(ROBOT_OFFLOAD, "walker", {"metadata": {"annotations": {"poke": "1"}}})
     place.change({"replicas": 0})
     place.applied()
-    assert {name: place.there(SECRET, name)["data"] for name in names} == after
+    assert secrets_of(place) == after
 
 
 def test_an_issuer_without_cert_manager_is_told_and_everything_else_is_made(place: Place) -> None:

@@ -13,11 +13,13 @@ from robot_offload import transport
 from robot_offload.api.agent_state import AgentState
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.controller.apply import Applied
+from robot_offload.controller.authorities import Authorities
 from robot_offload.controller.memory import Certified, Memory
 from robot_offload.controller.observe import Observer, Snapshot
 from robot_offload.controller.subject import Subject
 from robot_offload.controller.tools import Tools
 from robot_offload.decide import certificates, issuer, presented
+from robot_offload.decide.authorities import AUTHORITIES
 from robot_offload.decide.ownership import Key
 from robot_offload.decide.renewal import Answer
 from robot_offload.decide.verdicts import Verdict, yes
@@ -60,11 +62,19 @@ class Certifying:
         memory: what is remembered of it.
         observer: reads for this pass.
         snapshot: what was read.
-        apply: writes.
+        apply: writes beside the robot.
+        authorities: reads and writes the authorities' keys, in the operator's namespace.
     """
 
     def __init__(
-        self, tools: Tools, subject: Subject, memory: Memory, observer: Observer, snapshot: Snapshot, apply: Apply
+        self,
+        tools: Tools,
+        subject: Subject,
+        memory: Memory,
+        observer: Observer,
+        snapshot: Snapshot,
+        apply: Apply,
+        authorities: Authorities,
     ) -> None:
         self._store = tools.store
         self._clock = tools.clock
@@ -73,58 +83,62 @@ class Certifying:
         self._observer = observer
         self._snapshot = snapshot
         self._apply = apply
+        self._authorities = authorities
 
     async def run(self, parent: Parent, state: AgentState | None) -> Secrets:
         """Brings the Secrets up to date; `state` is that of the cloud's agent."""
         keys = certificates.secret_keys(parent.name)
+        kept = await self._authorities.take_over(parent) | frozenset(keys.values())
         if not transport.needs_certificates(parent.spec):
             # What robots carry in their bundles stays good while somebody tries another transport.
-            return Secrets(yes("NotNeeded", "This transport uses no certificates"), frozenset(keys.values()))
+            return Secrets(yes("NotNeeded", "This transport uses no certificates"), kept)
         revoke = self._subject.annotation(certificates.REVOKE)
         asked = state.certificate.request if state is not None else ""
         based_on = self._based_on(keys.values(), revoke, asked)
         known, now_s = self._memory.secrets, self._clock.steady_s()
         if known is not None and based_on is not None and known.based_on == based_on and now_s < known.renewal_s:
             left_s = known.renewal_s - now_s
-            return Secrets(
-                known.verdict, frozenset(keys.values()), known.hash, left_s, answer=known.answer, ends=known.ends
-            )
+            return Secrets(known.verdict, kept, known.hash, left_s, answer=known.answer, ends=known.ends)
         await self._observer.confirm(self._snapshot, keys.values())
-        live = {role: self._snapshot.ours(*key, self._subject.uid) for role, key in keys.items()}
+        leaves: dict[certificates.Role, Manifest | None] = {
+            role: self._snapshot.ours(*key, self._subject.uid) for role, key in keys.items()
+        }
         if parent.spec.transport.certificates.issuer_ref is not None:
             # The leaves are cert-manager's then; our authorities stay for whoever only tries an issuer.
-            content = certificates.content_hash(live["cloud"])
+            content = certificates.content_hash(leaves["cloud"])
             return Secrets(
-                issuer.verdict(live),
-                frozenset(keys.values()),
+                issuer.verdict(leaves),
+                kept,
                 content,
                 issuer=issuer.certificates(parent),
                 answer=issuer.answer(asked) if asked else None,
-                ends=_ends(live),
+                ends=_ends(leaves),
             )
+        live = {**await self._authorities.read(), **leaves}
         issued = certificates.issue(parent, live, revoke, self._clock.wall(), asked)
         for role, why in issued.made:
             _log.info("Made certificate", **self._subject.words, role=role, reason=why.reason)
-        applied = await self._apply(issued.secrets)
+        applied = await self._authorities.apply(issued.authorities)
+        if applied.complete:  # a leaf of an authority that is not kept would be worthless
+            applied = await self._apply(issued.leaves)
         content = certificates.content_hash(self._snapshot.ours(*keys["cloud"], self._subject.uid))
         if not applied.complete:
             # What is not kept must not be handed out: the next pass would sign another one.
-            return Secrets(applied.verdict, frozenset(keys.values()), content)
-        ends = _ends(dict(zip(certificates.ROLES, issued.secrets, strict=True)))
+            return Secrets(applied.verdict, kept, content)
+        ends = _ends(dict(zip(certificates.LEAVES, issued.leaves, strict=True)))
         based_on = self._based_on(keys.values(), revoke, asked)
         self._memory.secrets = Certified(
             based_on, issued.verdict, content, now_s + issued.recheck_s, issued.answer, ends
         )
-        return Secrets(
-            issued.verdict, frozenset(keys.values()), content, issued.recheck_s, answer=issued.answer, ends=ends
-        )
+        return Secrets(issued.verdict, kept, content, issued.recheck_s, answer=issued.answer, ends=ends)
 
     def _based_on(self, keys: Iterable[Key], revoke: str, asked: str) -> object:
         """Returns all that the certificates follow from; None: the store does not know."""
         entries = [self._store.entry(kind, self._subject.namespace, name) for kind, name in keys]
         known = [(entry.uid, entry.version) for entry in entries if entry is not None]
-        complete = self._store.fed and len(known) == len(entries)
-        return (self._subject.generation, revoke, asked, *known) if complete else None
+        signing = self._authorities.known()
+        complete = self._store.fed and len(known) == len(entries) and len(signing) == len(AUTHORITIES)
+        return (self._subject.generation, revoke, asked, *signing, *known) if complete else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,6 +68,7 @@ class Memory:
     Attributes:
         uid: whose memory it is; another uid under the same name starts anew.
         history: what earlier passes have learnt about the children.
+        authorities: the same about the Secrets in the operator's namespace.
         sighting: the robot's Lease.
         configs: the ConfigMaps of users that it reads, by name.
         lease: what the robot's Lease said when it was last read (`presence.meaning`); None: there was none.
@@ -82,6 +83,7 @@ class Memory:
 
     uid: str
     history: History = field(default_factory=History)
+    authorities: History = field(default_factory=History)
     sighting: Sighting | None = None
     configs: dict[str, CachedConfig] = field(default_factory=dict)
     lease: tuple[Any, ...] | None = None

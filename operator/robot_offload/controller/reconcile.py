@@ -27,11 +27,11 @@ from robot_offload.controller.steps import Findings, Pass
 from robot_offload.controller.store import Store
 from robot_offload.controller.subject import Subject
 from robot_offload.controller.tools import Policy, Tools
-from robot_offload.decide import conditions, presence, rollouts, status
+from robot_offload.decide import authorities, conditions, presence, rollouts, status
 from robot_offload.decide.ownership import being_deleted
 from robot_offload.errors import InputError, SpecError
 from robot_offload.kube.errors import KubeError, NotLeaderError
-from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD, STATEFUL_SET
+from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET, STATEFUL_SET
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.objects.facts import Images
 from robot_offload.objects.names import ROBOT, child_name
@@ -132,13 +132,19 @@ class Controller:
             (config, self._tools.store.config_versions.get((name[0], config))) for config in sorted(memory.configs)
         )
         versions = self._tools.store.versions(*name, without=(LEASE,))
+        home = self._tools.policy.home
+        signing = tuple(
+            (secret, None if entry is None else (entry.uid, entry.version))
+            for secret in authorities.secret_names(raw["metadata"]["uid"]).values()
+            for entry in (self._tools.store.entry(SECRET, home, secret),)
+        )
         # The Lease moves every few seconds; only what it says beside that counts.
         lease = self._tools.store.get(LEASE, name[0], child_name(name[1], ROBOT))
         said = None if lease is None else str(presence.meaning(lease))
         # While a robot is away each move of its Lease may be its return; after our start the first one is.
         connected = (memory.status.get("robot") or {}).get("connected")
         seen = memory.sighting.first if memory.sighting and connected else memory.sighting
-        return raw["metadata"]["resourceVersion"], versions, configs, said, seen
+        return raw["metadata"]["resourceVersion"], versions, signing, configs, said, seen
 
     def saw_lease(self, name: Name, lease: Manifest) -> float | None:
         """Notes that a robot's Lease has moved.

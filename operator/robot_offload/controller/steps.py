@@ -14,6 +14,7 @@ from robot_offload.api.agent_state import AgentState
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.controller import observe
 from robot_offload.controller.apply import Applied, carry_out
+from robot_offload.controller.authorities import Authorities
 from robot_offload.controller.certify import Certifying, Secrets, judge
 from robot_offload.controller.failures import Step
 from robot_offload.controller.memory import Memory
@@ -124,7 +125,8 @@ class Pass:
 
         found.step = Step.SECRETS  # the first wave
         state, problem = agent.state_of(lease)
-        certifying = Certifying(self._tools, self._subject, self._memory, self._observer, self._snapshot, self._apply)
+        seen = (self._tools, self._subject, self._memory, self._observer, self._snapshot)
+        certifying = Certifying(*seen, self._apply, Authorities(*seen, self._note))
         secrets = await certifying.run(parent, state)
         found.verdicts["CertificatesReady"] = secrets.verdict
 
@@ -178,6 +180,7 @@ class Pass:
             user_configs=self._snapshot.config_texts,
             load_balancer_node_ports=self._policy.load_balancer_node_ports,
             network=self._policy.network,
+            home=self._policy.home,
         )
 
     def _endpoints(self) -> tuple[Endpoint, ...]:
@@ -231,12 +234,16 @@ class Pass:
             steps = plan(manifests, live, uid, prunable=may_go, history=history, now_s=now_s)
             steps = self._in_turn(steps)
         applied = await carry_out(self._api, self._store, steps, live, history, self._clock)
+        self._note(applied)
+        return applied
+
+    def _note(self, applied: Applied) -> None:
+        """Notes what became of writes, for the status and for the log."""
         self._found.applied.add(applied)
         if applied.writes:
             _log.info("Applied", **self._subject.words, writes=applied.writes)
         for error in applied.errors:
             _log.warning("Refused", **self._subject.words, reason=error.reason, error=str(error))
-        return applied
 
     def _in_turn(self, steps: Plan) -> Plan:
         """Leaves out what would replace too many pods at once. What a person has just changed waits for nobody."""

@@ -113,6 +113,14 @@ class Store:
         entry = self.entry(kind, namespace, name)
         return None if entry is None else entry.manifest()
 
+    def entries(self, kind: Kind, namespace: str) -> list[tuple[str, Entry]]:
+        """Returns the names of all objects of a kind in a namespace, with the objects."""
+        return [(place[2], entry) for place, entry in self._entries.items() if place[:2] == (kind, namespace)]
+
+    def uids(self, kind: Kind) -> frozenset[str]:
+        """Returns the uids of all objects of a kind."""
+        return frozenset(entry.uid for place, entry in self._entries.items() if place[0] == kind)
+
     def children(self, namespace: str, instance: str, kinds: Iterable[Kind] = CHILD_KINDS) -> dict[Key, Manifest]:
         """Returns the objects that carry the label of a RobotOffload."""
         wanted = frozenset(kinds)

@@ -8,7 +8,7 @@ from robot_offload.controller.clock import Clock
 from robot_offload.controller.store import Store
 from robot_offload.decide import rollouts
 from robot_offload.kube.port import KubeApi
-from robot_offload.objects.facts import Images, Network
+from robot_offload.objects.facts import HOME, Images, Network
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,11 +19,13 @@ class Policy:
         max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
+        home: the operator's own namespace; the keys of the robots' authorities are there.
     """
 
     max_rolling: int = rollouts.AT_ONCE
     load_balancer_node_ports: bool = True
     network: Network = field(default_factory=Network)
+    home: str = HOME
 
 
 @dataclass(frozen=True, slots=True)

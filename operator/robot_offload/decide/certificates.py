@@ -25,7 +25,8 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.x509.oid import NameOID
 
 from robot_offload.api.v1alpha1 import RobotOffload
-from robot_offload.decide import renewal
+from robot_offload.decide import authorities, renewal
+from robot_offload.decide.authorities import Authority
 from robot_offload.decide.ownership import Key
 from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.kinds import SECRET
@@ -37,15 +38,17 @@ from robot_offload.render import pki
 REVOKE: Final = "robotoffload.dev/revoke"
 """Annotation on the RobotOffload: any new text in it asks for a new client authority."""
 REVOKED: Final = "robotoffload.dev/revoked"
-"""Annotation on the client authority's Secret: the text that it answers."""
+"""Annotation on the Secrets of the client authority and of the cloud: the text that they answer."""
 SPENT: Final = "robotoffload.dev/used-certificates"
 """Annotation on the robot's Secret: serial numbers that were used to get another certificate, with their ends."""
 RENEWED: Final = "renewed.crt"
 """Entry of the robot's Secret: the certificate that was signed last for the robot's own key."""
 AUTHORITY_DAYS: Final = 3650
 
-Role: TypeAlias = Literal["server-ca", "client-ca", "cloud", "robot"]
-ROLES: Final[tuple[Role, ...]] = ("server-ca", "client-ca", "cloud", "robot")
+Leaf: TypeAlias = Literal["cloud", "robot"]
+LEAVES: Final[tuple[Leaf, ...]] = ("cloud", "robot")
+Role: TypeAlias = Authority | Leaf
+ROLES: Final[tuple[Role, ...]] = (*authorities.AUTHORITIES, *LEAVES)
 """In the order in which they are made."""
 
 
@@ -54,18 +57,25 @@ class Issued:
     """What is wanted of the certificates, after those that had to be made were made.
 
     Attributes:
-        secrets: all Secrets, new and kept, in the order of `ROLES`.
+        authorities: the Secrets for the operator's namespace, new and kept, in the order of `AUTHORITIES`.
+        leaves: the Secrets beside the robot, in the order of `LEAVES`.
         made: which were made anew, and why: (role, verdict).
         verdict: for the condition CertificatesReady.
         recheck_s: seconds until the first of them is to be renewed.
         answer: to the robot's request for a certificate; None: it has none.
     """
 
-    secrets: tuple[Manifest, ...]
+    authorities: tuple[Manifest, ...]
+    leaves: tuple[Manifest, ...]
     made: tuple[tuple[Role, Verdict], ...]
     verdict: Verdict
     recheck_s: float
     answer: renewal.Answer | None = None
+
+    @property
+    def secrets(self) -> tuple[Manifest, ...]:
+        """Returns all Secrets in the order of `ROLES`."""
+        return (*self.authorities, *self.leaves)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,14 +101,14 @@ class _Pair:
     annotations: Mapping[str, str] = field(default_factory=dict)
 
 
-def secret_name(offload: str, role: Role) -> str:
-    """The name of the Secret of a role."""
+def secret_name(offload: str, role: Leaf) -> str:
+    """Returns the name of the Secret of a leaf."""
     return names.child_name(offload, role)
 
 
-def secret_keys(offload: str) -> dict[Role, Key]:
-    """Returns where the Secret of each role is."""
-    return {role: (SECRET, secret_name(offload, role)) for role in ROLES}
+def secret_keys(offload: str) -> dict[Leaf, Key]:
+    """Returns where the Secret of each leaf is."""
+    return {role: (SECRET, secret_name(offload, role)) for role in LEAVES}
 
 
 def content_hash(secret: Manifest | None) -> str:
@@ -157,16 +167,19 @@ def issue(
     why = _unusable_leaf(robot, client, life) or _other_robot(robot, name) or _used(robot, own)
     if decide("robot", why) or robot is None:
         robot = _pair(pki.issue_robot(client.pem, robot=name, now=now, days=life.days))
-    answered = {REVOKED: revoke or client.annotations.get(REVOKED, "")}
-    secrets = (
-        _secret(parent, "server-ca", server, b"", {}),
-        _secret(parent, "client-ca", client, b"", answered if answered[REVOKED] else {}),
-        _secret(parent, "cloud", cloud, client.pem.certificate, {}),
+    answered = revoke or client.annotations.get(REVOKED, "")
+    noted = {REVOKED: answered} if answered else {}
+    signing = (
+        authorities.secret(parent, "server-ca", _data(server), {}),
+        authorities.secret(parent, "client-ca", _data(client), noted),
+    )
+    leaves = (
+        _leaf_secret(parent, "cloud", cloud, {"ca.crt": client.pem.certificate}, noted),
         _robot_secret(parent, robot, server, own),
     )
     renewals = [life.renewal(pair.certificate) for pair in (server, client, cloud, robot)]
     recheck_s = max(60.0, (min(renewals) - now).total_seconds())
-    return Issued(secrets, tuple(made), _issued(cloud, robot), recheck_s, answer)
+    return Issued(signing, leaves, tuple(made), _issued(cloud, robot), recheck_s, answer)
 
 
 def _issued(cloud: _Pair, robot: _Pair) -> Verdict:
@@ -312,26 +325,19 @@ def _robot_secret(parent: Parent, robot: _Pair, server: _Pair, own: _Own) -> Man
     spent = {f"{serial:x}": end.isoformat() for serial, end in sorted(own.spent.items())}
     further = {RENEWED: own.newest.public_bytes(pki.PEM)} if own.newest is not None else {}
     noted = {SPENT: json.dumps(spent)} if spent else {}
-    return _secret(parent, "robot", robot, server.pem.certificate, noted, further)
+    return _leaf_secret(parent, "robot", robot, {"ca.crt": server.pem.certificate, **further}, noted)
 
 
-def _secret(
-    parent: Parent,
-    role: Role,
-    pair: _Pair,
-    trusted: bytes,
-    annotations: Mapping[str, str],
-    further: Mapping[str, bytes] | None = None,
+def _leaf_secret(
+    parent: Parent, role: Leaf, pair: _Pair, further: Mapping[str, bytes], annotations: Mapping[str, str]
 ) -> Manifest:
+    body: Manifest = {"type": "kubernetes.io/tls", "data": _data(pair, further)}
+    return parent.child(SECRET, Part(secret_name(parent.name, role), "certificates"), body, annotations)
+
+
+def _data(pair: _Pair, further: Mapping[str, bytes] | None = None) -> dict[str, str]:
     data = {"tls.crt": pair.pem.certificate, "tls.key": pair.pem.private_key, **(further or {})}
-    if trusted:
-        data["ca.crt"] = trusted
-    body: Manifest = {
-        "type": "kubernetes.io/tls",
-        "data": {key: base64.b64encode(value).decode() for key, value in data.items()},
-    }
-    name = secret_name(parent.name, role)
-    return parent.child(SECRET, Part(name, "certificates"), body, annotations)
+    return {key: base64.b64encode(value).decode() for key, value in data.items()}
 
 
 def _date(pair: _Pair) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from robot_offload.decide.certificates import Role, host_names, secret_name
+from robot_offload.decide.certificates import Leaf, Role, host_names, secret_name
 from robot_offload.decide.ownership import APPLIED
 from robot_offload.decide.renewal import Answer, digest
 from robot_offload.decide.verdicts import Verdict, no, yes
@@ -59,7 +59,7 @@ def verdict(secrets: Mapping[Role, Manifest | None]) -> Verdict:
     return yes("IssuedByIssuer", "The certificates come from the named issuer, which renews them")
 
 
-def _certificate(parent: Parent, role: Role, usage: Mapping[str, Any]) -> Manifest:
+def _certificate(parent: Parent, role: Leaf, usage: Mapping[str, Any]) -> Manifest:
     settings = parent.spec.transport.certificates
     assert settings.issuer_ref is not None
     name = secret_name(parent.name, role)

@@ -9,6 +9,9 @@ from typing import Final, Literal, TypeAlias
 BUILDER: Final = "quay.io/buildah/stable:v1.42.2"
 """buildah as its makers publish it, with a user of its own (uid 1000) that may use further user ids."""
 
+HOME: Final = "robot-offload-system"
+"""The operator's own namespace, where nobody has said otherwise."""
+
 Purpose: TypeAlias = Literal["pulse", "data", "pulse-fallback", "data-fallback", "discovery", "router"]
 
 
@@ -97,6 +100,7 @@ class Facts:
         user_configs: what is in them, by `name/key`; replicas get a copy in which they find their own names.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
+        home: the operator's own namespace; the keys of the robots' authorities are there.
         built: the images of nodes that are built in the cluster, by node; one that is not there yet is missing.
     """
 
@@ -114,6 +118,7 @@ class Facts:
     user_configs: Mapping[str, str] = field(default_factory=dict)
     load_balancer_node_ports: bool = True
     network: Network = field(default_factory=Network)
+    home: str = HOME
     built: Mapping[str, str] = field(default_factory=dict)
 
     def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:

@@ -29,6 +29,7 @@ from robot_offload.kube.kinds import ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi, Manifest, Selection
 from robot_offload.kube.retry import RetryPolicy
 from robot_offload.process import logs, triggers
+from robot_offload.process.collector import Collector
 from robot_offload.process.health import Limit, WatchSight
 from robot_offload.process.http import serving
 from robot_offload.process.informer import Informer
@@ -60,12 +61,15 @@ class Operator:
         self._leadership = leadership
         self._api = api
         self._store = Store()
-        policy = Policy(settings.max_rolling, settings.load_balancer_node_ports, settings.network)
+        policy = Policy(
+            settings.max_rolling, settings.load_balancer_node_ports, settings.network, settings.pod_namespace
+        )
         self._controller = Controller(self._api, settings.images, self._clock, self._store, policy)
         self.metrics = Metrics()
         self._queue: Queue[Name] = Queue(self._clock.steady_s, waited=self.metrics.waited.observe)
         self._sight = WatchSight()
-        self._triggers = Triggers(self._controller, self._store, self._queue, self._sight)
+        self._collector = Collector(api, self._store, settings.watch_namespaces, settings.pod_namespace)
+        self._triggers = Triggers(self._controller, self._store, self._queue, self._sight, self._collector.wake)
         self._others = OthersConfigMaps(self._controller, self._store, self._queue)
         self._probed_s = self._clock.steady_s()
         self._watching = False
@@ -119,7 +123,13 @@ class Operator:
         """Watches, becomes the leader, and then works; who waits for leadership has read everything by then."""
         places, idle_s = self._settings.watch_namespaces, self._settings.inactivity_s
         informers = triggers.informers(
-            self._api, self._triggers, self._others, namespaces=places, idle_s=idle_s, clock=self._clock
+            self._api,
+            self._triggers,
+            self._others,
+            namespaces=places,
+            home=self._settings.pod_namespace,
+            idle_s=idle_s,
+            clock=self._clock,
         )
         parts = [asyncio.create_task(informer.run()) for informer in informers]
         stopped = asyncio.create_task(stop.wait())
@@ -139,6 +149,7 @@ class Operator:
         parts.append(asyncio.create_task(self._feed(informers)))
         parts.append(asyncio.create_task(self._probe()))
         parts.append(asyncio.create_task(self._resync()))
+        parts.append(asyncio.create_task(self._collector.run(self._settings.resync_s)))
         self._watching = True
 
     async def _end(self, parts: Sequence[asyncio.Task[Any]]) -> None:

@@ -6,12 +6,13 @@ the echo of our own writes leads to nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.reconcile import Controller, Name
 from robot_offload.controller.store import Store
+from robot_offload.decide import authorities
 from robot_offload.kube.kinds import CHILD_KINDS, CONFIG_MAP, LEASE, POD, ROBOT_OFFLOAD, SECRET, Kind
 from robot_offload.kube.port import KubeApi, Manifest, Selection
 from robot_offload.objects import labels
@@ -28,11 +29,19 @@ _OTHERS: Final = Selection(f"{labels.MANAGED_BY}!={labels.MANAGER}", "metadata.n
 class Triggers:
     """Takes in events of RobotOffloads, their children and their pods (see `informer.Sink`)."""
 
-    def __init__(self, controller: Controller, store: Store, queue: Queue[Name], sight: WatchSight) -> None:
+    def __init__(
+        self,
+        controller: Controller,
+        store: Store,
+        queue: Queue[Name],
+        sight: WatchSight,
+        gone: Callable[[], None] = lambda: None,
+    ) -> None:
         self._controller = controller
         self._store = store
         self._queue = queue
         self._sight = sight
+        self._gone = gone
 
     def seen(self, kind: Kind, manifest: Manifest) -> None:
         """See `Sink.seen`."""
@@ -57,6 +66,7 @@ class Triggers:
         self._store.drop(kind, metadata["namespace"], metadata["name"], metadata["uid"])
         if kind == ROBOT_OFFLOAD:
             self._sight.delivered(manifest, gone=True)
+            self._gone()
             self._queue.add((metadata["namespace"], metadata["name"]))
         elif (name := owner(manifest)) is not None:
             self._queue.add(name, SETTLE_S)
@@ -118,6 +128,7 @@ def informers(
     others: OthersConfigMaps,
     *,
     namespaces: Sequence[str],
+    home: str,
     idle_s: float,
     clock: Clock,
 ) -> list[Informer]:
@@ -128,12 +139,16 @@ def informers(
         triggers: what becomes of events of our own kinds.
         others: what becomes of events of other ConfigMaps.
         namespaces: those to watch; empty: all.
+        home: the operator's own namespace, where the keys of authorities are.
         idle_s: seconds after which a silent watch is opened again; API servers send a bookmark each minute.
         clock: both clocks.
     """
     # Keys of certificates are none of the store's business.
     kinds = [(kind, Selection(_OURS, metadata_only=kind == SECRET)) for kind in (*CHILD_KINDS, POD)]
     found: list[Informer] = []
+    if namespaces and home not in namespaces:
+        secrets = Selection(_OURS, metadata_only=True)
+        found.append(Informer(api, SECRET, triggers, secrets, namespace=home, idle_s=idle_s, clock=clock))
     for place in namespaces or (None,):
         sinks: list[tuple[Kind, Selection, Sink]] = [
             (ROBOT_OFFLOAD, Selection(), triggers),
@@ -148,7 +163,10 @@ def informers(
 
 
 def owner(manifest: Manifest) -> Name | None:
-    """Returns the RobotOffload that an object belongs to by its label."""
+    """Returns the RobotOffload that an object belongs to by its label, or that an authority's Secret serves."""
     metadata = manifest["metadata"]
+    served = authorities.serves(manifest)
+    if served is not None:
+        return served
     instance = (metadata.get("labels") or {}).get(labels.INSTANCE)
     return (metadata["namespace"], instance) if instance and metadata.get("namespace") else None

@@ -28,7 +28,7 @@ from robot_offload.cli.app import example_text
 from robot_offload.cli.bundle import folder
 from robot_offload.cli.cluster import Context, Kubeconfig, Name, Namespace, Target, find
 from robot_offload.cli.own_images import images_in_use
-from robot_offload.decide.certificates import REVOKE, REVOKED, secret_name
+from robot_offload.decide.certificates import LEAVES, REVOKE, REVOKED, secret_name
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload.insight.observed import Observed, observe
 from robot_offload.kube.errors import ForbiddenError
@@ -177,15 +177,12 @@ async def _gather(api: KubeApi, where: str, name: str) -> Material:
     secrets, revoking = None, False
     if transport.needs_certificates(offload.spec):
         try:
-            robot, authority = await asyncio.gather(
-                *(api.get(SECRET, where, secret_name(name, role)) for role in ("robot", "client-ca"))
-            )
+            cloud, robot = await asyncio.gather(*(api.get(SECRET, where, secret_name(name, role)) for role in LEAVES))
         except ForbiddenError as error:
             raise RobotOffloadError(f"{error}. The bundle holds the robot's key: you need get on secrets") from error
         secrets = secrets_of(robot)
-        revoking = revocation_pending(manifest, authority)
-        if offload.spec.transport.certificates.issuer_ref is None and secrets is not None:
-            revoking = revoking or not signed_by(authority, secrets)
+        if offload.spec.transport.certificates.issuer_ref is None:
+            revoking = revocation_pending(manifest, cloud) or not (secrets is None or trusted_by(cloud, secrets))
     deployments = await api.list(DEPLOYMENT, where, {INSTANCE: name})
     return Material(observe(manifest), offload, secrets, revoking, tuple(deployments))
 
@@ -198,20 +195,20 @@ def secrets_of(secret: Manifest | None) -> BundleSecrets | None:
     return BundleSecrets(*(base64.b64decode(data[key]) for key in KEYS))
 
 
-def revocation_pending(manifest: Mapping[str, Any], authority: Manifest | None) -> bool:
-    """Whether a revocation was asked for and not carried out yet."""
+def revocation_pending(manifest: Mapping[str, Any], cloud: Manifest | None) -> bool:
+    """Returns whether a revocation was asked for that the Secret of the cloud's certificate does not answer yet."""
     asked = (manifest["metadata"].get("annotations") or {}).get(REVOKE, "")
-    answered = ((authority or {}).get("metadata", {}).get("annotations") or {}).get(REVOKED, "")
+    answered = ((cloud or {}).get("metadata", {}).get("annotations") or {}).get(REVOKED, "")
     return bool(asked) and asked != answered
 
 
-def signed_by(authority: Manifest | None, secrets: BundleSecrets) -> bool:
-    """Whether a robot's certificate comes from the present client authority.
+def trusted_by(cloud: Manifest | None, secrets: BundleSecrets) -> bool:
+    """Returns whether the cloud accepts a robot's certificate: the Secret of its own holds the authority for robots.
 
     While certificates are being replaced, the authority is new for a moment and the robot's certificate is not.
     """
     try:
-        issuer = x509.load_pem_x509_certificate(base64.b64decode((authority or {})["data"]["tls.crt"]))
+        issuer = x509.load_pem_x509_certificate(base64.b64decode((cloud or {})["data"]["ca.crt"]))
         x509.load_pem_x509_certificate(secrets.certificate).verify_directly_issued_by(issuer)
     except (KeyError, ValueError, TypeError, InvalidSignature):
         return False

@@ -15,8 +15,8 @@ from robot_offload.cli.bundle.command import (
     facts_of,
     revocation_pending,
     secrets_of,
-    signed_by,
     told,
+    trusted_by,
     waiting_for,
 )
 from robot_offload.cli.own_images import default_images, images_in_use
@@ -81,7 +81,7 @@ def test_a_secret_counts_when_it_is_complete() -> None:
         assert secrets_of({"data": {**encoded, key: ""}}) is None
 
 
-def test_a_revocation_is_pending_until_the_authority_answers_it() -> None:
+def test_a_revocation_is_pending_until_the_clouds_secret_answers_it() -> None:
     asked = {"metadata": {"annotations": {REVOKE: "2026-11-21T10:00:00Z"}}}
     old = {"metadata": {"annotations": {REVOKED: "2026-01-01T00:00:00Z"}}}
     answer = {"metadata": {"annotations": {REVOKED: "2026-11-21T10:00:00Z"}}}
@@ -112,9 +112,9 @@ def test_a_certificate_of_the_authority_before_is_not_handed_out() -> None:
     old, new = (build_certificates(robot="wheelchair-7", host_names=["cloud"], now=NOW) for _ in range(2))
     secrets = BundleSecrets(b"", old.robot.certificate, b"")
 
-    def authority(made: CertificateSet) -> dict[str, Any]:
-        return {"data": {"tls.crt": base64.b64encode(made.client_ca.certificate).decode()}}
+    def cloud(made: CertificateSet) -> dict[str, Any]:
+        return {"data": {"ca.crt": base64.b64encode(made.client_ca.certificate).decode()}}
 
-    assert signed_by(authority(old), secrets)
-    assert not signed_by(authority(new), secrets)
-    assert not signed_by(None, secrets)
+    assert trusted_by(cloud(old), secrets)
+    assert not trusted_by(cloud(new), secrets)
+    assert not trusted_by(None, secrets)

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from cryptography import x509
 
+from robot_offload.decide.authorities import AUTHORITIES, serves
 from robot_offload.decide.certificates import REVOKED, ROLES, Issued, content_hash, issue
 from robot_offload.objects.parent import Parent
 from tests.unit.operator.decide.worlds import FACTS, NOW, offload
@@ -41,7 +42,19 @@ def test_at_first_everything_is_made_and_then_nothing_more() -> None:
     second = again(first)
     assert made(second) == {}
     assert second.secrets == first.secrets
-    assert [secret["metadata"]["name"] for secret in first.secrets] == [f"walker-{role}" for role in ROLES]
+    assert [secret["metadata"]["name"] for secret in first.leaves] == ["walker-cloud", "walker-robot"]
+
+
+def test_keys_that_sign_further_ones_are_in_the_operators_namespace_and_only_there() -> None:
+    issued = again()
+    assert {secret["metadata"]["namespace"] for secret in issued.authorities} == {FACTS.home}
+    for secret, role in zip(issued.authorities, AUTHORITIES, strict=True):
+        assert secret["metadata"]["name"] == f"{role}-{FACTS.uid}"
+        assert serves(secret) == (FACTS.namespace, "walker")
+        assert "ownerReferences" not in secret["metadata"]  # none reaches into another namespace
+    for secret in issued.leaves:
+        found = x509.load_pem_x509_certificate(base64.b64decode(secret["data"]["tls.crt"]))
+        assert not found.extensions.get_extension_for_class(x509.BasicConstraints).value.ca
 
 
 def test_each_side_trusts_the_authority_of_the_other() -> None:
@@ -80,7 +93,8 @@ def test_revoking_makes_a_client_authority_and_the_robots_certificate_once_for_e
     first = again()
     revoked = again(first, revoke="monday")
     assert made(revoked) == {"client-ca": "Revoked", "robot": "OtherAuthority"}
-    assert revoked.secrets[1]["metadata"]["annotations"] == {REVOKED: "monday"}
+    for secret in (revoked.secrets[1], revoked.secrets[2]):  # the operator's, and what the command line looks at
+        assert secret["metadata"]["annotations"][REVOKED] == "monday"
     assert revoked.secrets[2]["data"]["ca.crt"] == revoked.secrets[1]["data"]["tls.crt"]
     assert made(again(revoked, revoke="monday")) == {}
     assert made(again(revoked, revoke="")) == {}

@@ -1,0 +1,102 @@
+"""Reads and writes the keys of one RobotOffload's authorities, in the operator's own namespace."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+
+import structlog
+
+from robot_offload.controller.apply import Applied, carry_out
+from robot_offload.controller.memory import Memory
+from robot_offload.controller.observe import Observer, Snapshot
+from robot_offload.controller.subject import Subject
+from robot_offload.controller.tools import Tools
+from robot_offload.decide import authorities
+from robot_offload.decide.certificates import REVOKED, Role
+from robot_offload.decide.ownership import Key, belongs, key_of
+from robot_offload.decide.plan import plan
+from robot_offload.kube.kinds import SECRET
+from robot_offload.kube.port import Manifest
+from robot_offload.objects.parent import Parent
+
+_log = structlog.get_logger("robot_offload.controller")
+
+
+class Authorities:
+    """The authorities of one pass.
+
+    Args:
+        tools: what every pass works with.
+        subject: whose pass it is.
+        memory: what is remembered of it.
+        observer: reads for this pass.
+        snapshot: what was read beside the robot.
+        note: is given what became of each write.
+    """
+
+    def __init__(
+        self,
+        tools: Tools,
+        subject: Subject,
+        memory: Memory,
+        observer: Observer,
+        snapshot: Snapshot,
+        note: Callable[[Applied], None],
+    ) -> None:
+        self._tools = tools
+        self._subject = subject
+        self._memory = memory
+        self._observer = observer
+        self._snapshot = snapshot
+        self._note = note
+        self._home = tools.policy.home
+        self._names = authorities.secret_names(subject.uid)
+        self._live: dict[Key, Manifest] = {}
+
+    def known(self) -> list[tuple[str, str]]:
+        """Returns uid and version of those that the watch has brought."""
+        entries = [self._tools.store.entry(SECRET, self._home, name) for name in self._names.values()]
+        return [(entry.uid, entry.version) for entry in entries if entry is not None]
+
+    async def read(self) -> dict[Role, Manifest | None]:
+        """Reads them from the API server: the store keeps no keys."""
+        found = await asyncio.gather(*(self._tools.api.get(SECRET, self._home, name) for name in self._names.values()))
+        self._live = {key_of(one): one for one in found if one is not None}
+        uid = self._subject.uid
+        return {
+            role: one if one is not None and belongs(one, uid) else None
+            for role, one in zip(self._names, found, strict=True)
+        }
+
+    async def apply(self, wanted: Iterable[Manifest]) -> Applied:
+        """Writes those that differ from what was read."""
+        history, clock = self._memory.authorities, self._tools.clock
+        steps = plan(wanted, self._live, self._subject.uid, history=history, now_s=clock.steady_s())
+        applied = await carry_out(self._tools.api, self._tools.store, steps, self._live, history, clock)
+        self._note(applied)
+        return applied
+
+    async def take_over(self, parent: Parent) -> frozenset[Key]:
+        """Copies what an earlier version has kept beside the robot; returns the Secrets there that must stay.
+
+        Only of a RobotOffload that an operator has dealt with before: beside a new one they are somebody else's.
+        """
+        former = authorities.former_keys(parent.name)
+        uid = self._subject.uid
+        there = {role: key for role, key in former.items() if self._snapshot.ours(*key, uid) is not None}
+        if not there or not self._subject.status.get("observedGeneration"):
+            return frozenset()
+        await self._observer.confirm(self._snapshot, there.values())
+        here, copies = await self.read(), []
+        for role, key in there.items():
+            old = self._snapshot.ours(*key, uid)
+            if here[role] is None and old is not None:
+                annotations = old["metadata"].get("annotations") or {}
+                noted = {REVOKED: annotations[REVOKED]} if REVOKED in annotations else {}
+                copies.append(authorities.secret(parent, role, old.get("data") or {}, noted))
+        applied = await self.apply(copies)
+        if not applied.complete:
+            return frozenset(there.values())
+        _log.info("Moved authorities to the operator's namespace", **self._subject.words, copied=len(copies))
+        return frozenset()

@@ -1,0 +1,92 @@
+"""Deletes the keys of authorities whose RobotOffload is gone: owner references do not reach into other namespaces.
+
+A key that is deleted too early makes every bundle worthless, so the API server itself is asked first, by a list: where
+the kind is not served at all (404 as well) nothing is deleted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Collection
+
+import structlog
+
+from robot_offload.controller.store import Entry, Store
+from robot_offload.decide import authorities
+from robot_offload.decide.ownership import APPLIED, being_deleted
+from robot_offload.kube.errors import KubeError
+from robot_offload.kube.kinds import ROBOT_OFFLOAD, SECRET
+from robot_offload.kube.port import KubeApi, Selection
+
+_SETTLE_S = 1.0
+"""Seconds for which a sweep waits for further RobotOffloads to go."""
+_log = structlog.get_logger("robot_offload.process.collector")
+
+
+class Collector:
+    """Sweeps the operator's own namespace.
+
+    Args:
+        api: asks and deletes.
+        store: what the watches have brought.
+        served: namespaces whose RobotOffloads this operator serves; empty: all.
+        home: the operator's own namespace.
+    """
+
+    def __init__(self, api: KubeApi, store: Store, served: Collection[str], home: str) -> None:
+        self._api = api
+        self._store = store
+        self._served = served
+        self._home = home
+        self._asked = asyncio.Event()
+
+    def wake(self) -> None:
+        """Asks for a sweep soon: a RobotOffload has gone."""
+        self._asked.set()
+
+    async def run(self, every_s: float) -> None:
+        """Sweeps when asked, and each `every_s` seconds, until cancelled."""
+        while True:
+            try:
+                async with asyncio.timeout(every_s):
+                    await self._asked.wait()
+            except TimeoutError:
+                pass
+            await asyncio.sleep(min(_SETTLE_S, every_s))
+            self._asked.clear()
+            try:
+                await self.sweep()
+            except KubeError as error:
+                _log.warning("Could not collect what is left of gone RobotOffloads", error=str(error))
+
+    async def sweep(self) -> int:
+        """Deletes what is left of RobotOffloads that are gone; returns how many Secrets that was.
+
+        Raises:
+            KubeError: the API server refuses or is silent.
+        """
+        if not self._store.fed:
+            return 0
+        alive = self._store.uids(ROBOT_OFFLOAD)
+        deleted = 0
+        for name, entry in self._store.entries(SECRET, self._home):
+            uid = authorities.uid_of(name)
+            if uid and uid not in alive and await self._gone(entry, uid):
+                await self._api.delete(SECRET, self._home, name, entry.uid)
+                deleted += 1
+        return deleted
+
+    async def _gone(self, entry: Entry, uid: str) -> bool:
+        secret = entry.manifest()
+        served = authorities.serves(secret)
+        applied = str((secret["metadata"].get("annotations") or {}).get(APPLIED, ""))
+        if served is None or applied.partition("/")[0] != uid or being_deleted(secret):
+            return False  # not ours
+        if self._served and served[0] not in self._served:
+            return False  # another operator's, or one that is served again some day
+        selection = Selection(fields=f"metadata.name={served[1]}", metadata_only=True)
+        async for page, _ in self._api.pages(ROBOT_OFFLOAD, served[0], selection):
+            if any(found["metadata"]["uid"] == uid for found in page):
+                return False
+        _log.info("Deletes the keys of a RobotOffload that is gone", namespace=served[0], name=served[1])
+        return True
