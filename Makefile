@@ -2,6 +2,7 @@
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 ARGS ?=
+REGISTRY ?=
 .DEFAULT_GOAL := help
 # Many processes of the demo and the tests start the same modules: without cached bytecode each compiles them anew.
 unexport PYTHONDONTWRITEBYTECODE
@@ -78,12 +79,15 @@ bench-operator: venv ## 200 RobotOffloads on a real API server; ARGS="--objects 
 	$(PYTHON) -m robot_offload_lab.bench.operator_scale $(ARGS)
 
 ##@ Build
-.PHONY: images dist
+.PHONY: images dist release
 dist: venv ## Wheels of all packages and a constraints file, into dist/
 	$(PYTHON) -m scripts.dist $(ARGS)
 
-images: venv ## Build our own images; ARGS="--wheels" where no container registry can be reached
-	$(PYTHON) -m robot_offload_lab.images.ours $(ARGS)
+release: venv ## Everything that a release publishes, into dist/: wheels, chart, plugin, images' digests, SBOM, checksums
+	$(PYTHON) -m scripts.release $(if $(REGISTRY),--registry $(REGISTRY)) $(ARGS)
+
+images: venv ## Build our own images; REGISTRY=... ARGS="--push"; ARGS="--wheels" where no registry can be reached
+	$(PYTHON) -m robot_offload_lab.images.ours $(if $(REGISTRY),--registry $(REGISTRY)) $(ARGS)
 
 ##@ Maintain
 .PHONY: venv generate golden install-manifest cluster-binaries pins clean

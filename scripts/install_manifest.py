@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from robot_offload_lab.cluster import programs
 
@@ -27,9 +29,10 @@ metadata:
 """
 
 
-def rendered(helm: Path) -> str:
-    """Returns the text of the file."""
+def rendered(helm: Path, values: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Returns the text of the file, with other values (by their dotted names) where they are given."""
     command = [str(helm), "template", "robot-offload", str(CHART), "--namespace", NAMESPACE]
+    command += [part for key, value in values.items() for part in ("--set-string", f"{key}={value}")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"helm template failed: {done.stderr}")

@@ -11,6 +11,7 @@ from importlib.metadata import version
 
 import pytest
 
+from robot_offload.render.build_scripts import FETCH, SCRATCH
 from tests.integration import images_machine
 from tests.integration.images_machine import Container, Machine, figure
 
@@ -84,7 +85,7 @@ PROGRAMS = (
     ),
     Program("discovery", (), "fast-discovery-server -i 0", "grep -q :2E23 /proc/net/udp"),
 )  # fmt: skip
-IMAGES = sorted({program.image for program in PROGRAMS})
+IMAGES = sorted({"git", *(program.image for program in PROGRAMS)})
 
 
 @pytest.fixture(scope="module")
@@ -136,6 +137,25 @@ def test_it_runs_without_root_on_a_read_only_root_and_ends_in_order(machine: Mac
         words = container.run("cat", "/proc/1/cmdline").stdout.replace("\0", " ")
         assert words.startswith(program.process), "process 1 is the program itself, no shell"
         assert container.end() == 0, container.said()
+
+
+def test_the_image_of_git_fetches_a_source_as_the_operator_asks_for_it(machine: Machine) -> None:
+    """The operator's own script, with a repository in a folder: the test of the chain has a server."""
+    work = ("git", "-c", "user.name=a", "-c", "user.email=a@b.example", "-C")
+    source = "cd /tmp && git init -q r && echo hello > r/a && git -C r add a && " + " ".join(
+        (*work, "r", "commit", "-qm", "a")
+    )
+    scratch = {"GIT_URL": "file:///tmp/r", "GIT_REF": "HEAD", "GIT_PATHS": ""}
+    with machine.running(named("git"), "sleep", "600", environment=scratch) as container:
+        assert is_not_root(container)
+        assert container.run("git", "--version").returncode == 0
+        assert "OpenSSH" in container.run("ssh", "-V").stderr
+        assert container.run("sh", "-c", "test -s /etc/ssl/certs/ca-certificates.crt").returncode == 0
+        assert container.run("touch", "/usr/x").returncode != 0, "the root file system is read-only"
+        fetched = container.run("sh", "-c", f"{source} && {FETCH.replace(SCRATCH, '/tmp/scratch')}")
+        assert fetched.returncode == 0, fetched.stderr
+        assert "Fetched commit" in fetched.stdout
+        assert container.run("cat", "/tmp/scratch/context/src/a").stdout == "hello\n"
 
 
 def is_not_root(container: Container) -> bool:

@@ -22,6 +22,7 @@ from tests.integration.operator_process import Operator
 from tests.integration.operator_proxy import Proxy
 
 pytestmark = pytest.mark.api
+STATIC_PEERS = {"type": "StaticPeers", "staticPeers": {"robot": ["10.0.0.1"], "cloud": ["10.0.0.2"]}}
 FAR = "2099-01-01T00:00:00Z"
 
 
@@ -151,10 +152,10 @@ def test_no_key_that_signs_others_is_beside_the_robots_and_it_survives_other_tra
     place.applied()
     before = data_of(place)
     assert set(before) == {"server-ca", "client-ca", "cloud", "robot"}
-    place.change({"transport": {"type": "Discovery", "expose": None}})
+    place.replace_spec(walker(transport=STATIC_PEERS)["spec"])
     place.applied()
     assert {secret["metadata"]["name"] for secret in place.list(SECRET)} == {"walker-cloud", "walker-robot"}
-    place.change({"transport": {"type": "Zenoh"}})
+    place.replace_spec(walker()["spec"])
     place.applied()
     assert data_of(place) == before
     home = Place(place.plane, HOME)

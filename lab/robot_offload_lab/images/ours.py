@@ -6,8 +6,10 @@ The Dockerfiles are in `images/`; README.md there says what each image holds.
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import subprocess
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -39,12 +41,19 @@ class OwnImage:
     """One of our images.
 
     Attributes:
-        name: its folder in `images/` and its name in the registry.
+        name: in the registry.
         wheels_stage: the stage of `images/wheels-base` that can be its base; empty: it cannot stand on it.
+        example: whose nodes it holds; empty: it is none of an example.
     """
 
     name: str
     wheels_stage: wheels_base.Stage | None
+    example: str = ""
+
+    @property
+    def folder(self) -> Path:
+        """Returns where its Dockerfile is."""
+        return ROOT / "images" / ("example" if self.example else self.name)
 
 
 OURS: Final = (
@@ -53,6 +62,8 @@ OURS: Final = (
     OwnImage("discovery", "ros-core"),
     OwnImage("router", None),
     OwnImage("git", "system"),
+    OwnImage("examples/talker", "ros-core", example="talker"),
+    OwnImage("examples/wheelchair", "ros-core", example="wheelchair"),
 )
 
 
@@ -82,13 +93,15 @@ class BuildSettings:
 def request(image: OwnImage, settings: BuildSettings, base: str | None = None) -> Request:
     """Returns how one of our images is built; `base` replaces the base image that its Dockerfile names."""
     arguments = {"VERSION": settings.version, "REVISION": settings.revision}
+    if image.example:
+        arguments["EXAMPLE"] = image.example
     return Request(
         tag=f"{settings.registry}/{image.name}:{settings.version}",
         context=ROOT,
         platforms=settings.platforms,
         push=settings.push,
-        dockerfile=str(ROOT / "images" / image.name / "Dockerfile"),
-        ignore_file=ROOT / "images" / image.name / "Dockerfile.dockerignore",
+        dockerfile=str(image.folder / "Dockerfile"),
+        ignore_file=image.folder / "Dockerfile.dockerignore",
         build_arguments=({"BASE": base} if base else {}) | arguments,
         source_date_epoch=settings.source_date_epoch,
         extra=settings.extra,
@@ -100,6 +113,16 @@ def build(
     *,
     registry: Annotated[str, typer.Option(help="Where they belong.")] = REGISTRY,
     push: Annotated[bool, typer.Option("--push", help="Push them after the build.")] = False,
+    digests: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="With --push: write the digest of each image there, for `make release`."),
+    ] = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Write an archive of each, for `kind load image-archive` or `ctr images import`."
+        ),
+    ] = None,
     platform: Annotated[list[str] | None, typer.Option(metavar="OS/ARCH", help="May be repeated.")] = None,
     base: Annotated[
         list[str] | None, typer.Option(metavar="NAME=IMAGE", help="Another base of one image; may be repeated.")
@@ -134,17 +157,62 @@ def build(
     )
     if wheels and not dry_run:
         wheels_base.build(tool, ROOT, extra, {image.wheels_stage for image in chosen if image.wheels_stage})
-    failed = []
+    failed, pushed = [], {}
     for image in chosen:
         stand_in = wheels_base.tag(image.wheels_stage) if wheels and image.wheels_stage else None
         wanted = request(image, settings, bases.get(image.name, stand_in))
         try:
             _build_one(tool, wanted, dry_run)
+            if push and digests and not dry_run:
+                pushed[image.name] = registry_digest(tool, wanted.tag)
+            if save:
+                _save_one(tool, wanted.tag, save / f"{image.name.replace('/', '-')}.tar", dry_run)
         except BuildError as error:
             typer.echo(str(error), err=True)
             failed.append(image.name)
+    if digests and pushed:
+        digests.parent.mkdir(parents=True, exist_ok=True)
+        digests.write_text("".join(f"{name} {digest}\n" for name, digest in sorted(pushed.items())), encoding="utf-8")
     if failed:
         raise BuildError(f"not built: {', '.join(failed)}")
+
+
+def registry_digest(tool: Tool, tag: str) -> str:
+    """Returns the digest by which a registry has an image that was pushed just now.
+
+    Raises:
+        BuildError: it cannot be found out.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "digest"
+        command = {
+            # What is there already is not sent again.
+            "buildah": ("buildah", "push", "--quiet", "--digestfile", str(file), tag),
+            "podman": ("podman", "push", "--quiet", "--digestfile", str(file), tag),
+            "docker": ("docker", "buildx", "imagetools", "inspect", "--format", "{{.Manifest.Digest}}", tag),
+        }[tool]
+        asked = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600.0)
+        found = (file.read_text(encoding="utf-8") if file.exists() else asked.stdout).strip()
+    if asked.returncode != 0 or re.fullmatch(r"sha256:[0-9a-f]{64}", found) is None:
+        raise BuildError(f"{tag}: its digest is not known: {asked.stderr.strip() or found}")
+    return found
+
+
+def _save_one(tool: Tool, tag: str, archive: Path, dry_run: bool) -> None:
+    command = {
+        "buildah": ("buildah", "push", "--quiet", tag, f"docker-archive:{archive}:{tag}"),
+        "podman": ("podman", "save", "--quiet", "--output", str(archive), tag),
+        "docker": ("docker", "save", "--output", str(archive), tag),
+    }[tool]
+    if dry_run:
+        typer.echo(shlex.join(command))
+        return
+    archive.parent.mkdir(parents=True, exist_ok=True)
+    archive.unlink(missing_ok=True)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600.0)
+    if done.returncode != 0:
+        raise BuildError(f"{tag}: cannot be written to {archive}: {done.stderr.strip()}")
+    typer.echo(f"{archive}")
 
 
 def _build_one(tool: Tool, wanted: Request, dry_run: bool) -> None:

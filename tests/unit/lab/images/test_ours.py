@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tarfile
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ from tests.unit.operator.images import parsed
 
 SETTINGS = BuildSettings(registry="registry.example", version="1.2.3", revision="abc")
 NAMES = [image.name for image in OURS]
+FOLDERS = list(dict.fromkeys(image.folder.name for image in OURS))
 
 
 def text_of(name: str) -> str:
@@ -32,10 +34,20 @@ def test_there_is_an_image_for_everything_that_a_cluster_runs_of_ours() -> None:
     images = default_images("1.2.3")
     wanted = {images.agent, images.operator, images.discovery, images.router, images.git}
     settings = BuildSettings(registry=ours.REGISTRY, version="1.2.3", revision="abc")
-    assert {request(image, settings).tag for image in OURS} == wanted
+    assert {request(image, settings).tag for image in OURS if not image.example} == wanted
 
 
-@pytest.mark.parametrize("name", NAMES)
+def test_there_is_an_image_for_every_example_that_stands_in_the_repository() -> None:
+    folders = {path.parent.name for path in (ROOT / "examples").glob("*/robotoffload.yaml")}
+    assert {image.example for image in OURS if image.example} == folders
+    arguments = request(OURS[-1], SETTINGS).build_arguments
+    assert arguments["EXAMPLE"] == OURS[-1].example
+    for sample in ("talker", "wheelchair"):
+        text = (ROOT / "manifests" / "samples" / f"{sample}.yaml").read_text(encoding="utf-8")
+        assert f"{ours.REGISTRY}/examples/{sample}:" in text
+
+
+@pytest.mark.parametrize("name", FOLDERS)
 def test_no_image_runs_as_root_or_writes_outside_of_tmp(name: str) -> None:
     instructions = parsed.instructions(text_of(name))
     last_from = max(index for index, (kind, _) in enumerate(instructions) if kind == "FROM")
@@ -45,7 +57,7 @@ def test_no_image_runs_as_root_or_writes_outside_of_tmp(name: str) -> None:
     assert not any(kind == "VOLUME" for kind, _ in final)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FOLDERS)
 def test_process_1_is_the_program_and_gets_sigterm(name: str) -> None:
     instructions = dict(parsed.instructions(text_of(name)))
     assert instructions["STOPSIGNAL"] == "SIGTERM"
@@ -56,20 +68,20 @@ def test_process_1_is_the_program_and_gets_sigterm(name: str) -> None:
         assert start.stat().st_mode & 0o111
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FOLDERS)
 def test_no_image_has_a_machine_id(name: str) -> None:
     final = text_of(name).rsplit("\nFROM ", 1)[1]
     assert ": > /etc/machine-id" in final
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FOLDERS)
 def test_every_image_says_what_it_is(name: str) -> None:
     labels = dict(re.findall(r'org\.opencontainers\.image\.(\w+)="([^"]*)"', text_of(name)))
     assert labels["title"] == f"robot-offload-{name}"
     assert {"description", "licenses", "vendor", "version", "revision"} <= set(labels)
 
 
-@pytest.mark.parametrize("name", [*NAMES, "wheels-base"])
+@pytest.mark.parametrize("name", [*FOLDERS, "wheels-base"])
 def test_the_linter_finds_nothing(name: str) -> None:
     ignores = [word for rule in IGNORED for word in ("--ignore", rule)]
     command = [parsed.program("hadolint"), "--no-color", *ignores, str(ROOT / "images" / name / "Dockerfile")]
@@ -156,13 +168,23 @@ def test_a_dry_run_prints_one_command_for_each_image() -> None:
     done = run("--builder", "podman", "--dry-run", "--base", "agent=mine:1")
     assert done.returncode == 0
     lines = done.stdout.splitlines()
-    assert [line.split("--tag ")[1].split()[0].split("/")[1].split(":")[0] for line in lines] == NAMES
+    assert [line.split("--tag ")[1].split()[0].split("/", 1)[1].split(":")[0] for line in lines] == NAMES
     assert "--build-arg BASE=mine:1" in lines[0]
+
+
+def test_images_are_saved_for_clusters_that_load_archives() -> None:
+    lines = run("git", "examples/talker", "--builder", "buildah", "--dry-run", "--save", "out").stdout.splitlines()
+    saved = [line.split()[-1] for line in lines if "docker-archive:" in line]
+    version = metadata.version("robot-offload")
+    assert saved == [
+        f"docker-archive:out/{file}.tar:{ours.REGISTRY}/{name}:{version}"
+        for file, name in (("git", "git"), ("examples-talker", "examples/talker"))
+    ]
 
 
 def test_without_a_registry_the_bases_are_made_of_wheels_and_the_router_is_left_out() -> None:
     lines = run("--builder", "podman", "--dry-run", "--wheels").stdout.splitlines()
-    assert ["wheels-ros-core" in line for line in lines] == [True, False, True, False]
+    assert ["wheels-ros-core" in line for line in lines] == [True, False, True, False, True, True]
     assert not any("/router:" in line for line in lines)
 
 

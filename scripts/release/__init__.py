@@ -1,0 +1,1 @@
+"""Makes everything that a release publishes: `python -m scripts.release`, also `make release`."""
