@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """ROS node `wheelchair_base`: the simulated wheelchair, its laser scanner and the driver of its wheels.
 
-Publishes `odom` (50 Hz), `scan` (20 Hz), `goal_pose` (latched) and `wheelchair/state` (JSON, 10 Hz); obeys `cmd_vel`
-and the service `wheels_control/inhibit`. The run begins with the first command (plus `start_delay_s`).
+Publishes `odom` (50 Hz), `scan` (20 Hz), `marker` (where it is, below each marker), `goal_pose` (latched) and
+`wheelchair/state` (JSON, 10 Hz); obeys `cmd_vel` and the service `wheels_control/inhibit`. The run begins with the
+first command (plus `start_delay_s`).
 """
 
 import json
@@ -13,6 +14,7 @@ from pathlib import Path
 from types import FrameType
 
 import rclpy
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
@@ -23,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
-from world import BEAMS, LIDAR_RANGE_M, Driver, World  # type: ignore[import-not-found]  # beside this script
+from world import BEAMS, LIDAR_RANGE_M, Driver, Markers, WheelOdometry, World  # type: ignore[import-not-found]  # beside this script
 
 STEP_S = 0.02
 # After a longer pause of this process the world goes on from where it was.
@@ -31,16 +33,24 @@ MAX_CATCH_UP_S = 0.1
 
 
 class Wheelchair(Node):
-    """Parameters: `seed`, `corridor_length` [m], `start_delay_s`, `log_file` (JSON lines; empty for none)."""
+    """The robot and its surroundings.
+
+    Parameters: `seed`, `corridor_length` [m], `odom_drift` (see `WheelOdometry`), `announce_goal` (whether `goal_pose`
+    is published), `start_delay_s`, `log_file` (JSON lines; empty for none).
+    """
 
     def __init__(self) -> None:
         super().__init__("wheelchair_base")
         seed = self.declare_parameter("seed", 0).value
         length_m = self.declare_parameter("corridor_length", 46.0).value
+        drift = self.declare_parameter("odom_drift", 0.0).value
+        announces = self.declare_parameter("announce_goal", True).value
         self._start_delay_s = self.declare_parameter("start_delay_s", 0.0).value
         log_file = self.declare_parameter("log_file", "").value
         self._log_file = Path(log_file) if log_file else None
         self._world = World(seed, length_m)
+        self._odometry = WheelOdometry(self._world, drift)
+        self._markers = Markers()
         self._driver = Driver()
         self._wall = Clock(clock_type=ClockType.SYSTEM_TIME)
         self._ran_s = 0.0
@@ -54,13 +64,15 @@ class Wheelchair(Node):
         self._odom = self.create_publisher(Odometry, "odom", 10)
         self._scan = self.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
         self._state = self.create_publisher(String, "wheelchair/state", 10)
-        self._goal = self.create_publisher(PoseStamped, "goal_pose", latched)
+        self._marker = self.create_publisher(PoseStamped, "marker", 10)
         self.create_subscription(TwistStamped, "cmd_vel", self._on_command, reliable)
         self.create_service(SetBool, "wheels_control/inhibit", self._on_inhibit)
         self.create_timer(STEP_S, self._tick)
         self.create_timer(0.05, self._publish_scan)
         self.create_timer(0.1, self._publish_state)
-        self._publish_goal()
+        if announces:
+            self._goal = self.create_publisher(PoseStamped, "goal_pose", latched)
+            self._goal.publish(self._pose("odom", *self._world.goal, 0.0))
 
     def _on_command(self, command: TwistStamped) -> None:
         now_s = time.monotonic()
@@ -84,18 +96,22 @@ class Wheelchair(Node):
             steps = math.ceil(elapsed_s / STEP_S)
             for _ in range(steps):
                 self._world.step(elapsed_s / steps, *self._driver.wanted(now_s, self._world.speed_mps))
-        self._publish_odom()
-
-    def _publish_odom(self) -> None:
+                self._odometry.follow(self._world)
+        stamp = self._wall.now().to_msg()
+        self._publish_odom(stamp)
         world = self._world
+        if self._markers.passed(world.x_m):
+            marker = self._pose("map", world.x_m, world.y_m, world.yaw_rad)
+            marker.header.stamp = stamp  # that of the odometry of the same moment
+            self._marker.publish(marker)
+
+    def _publish_odom(self, stamp: Time) -> None:
+        world, believed = self._world, self._odometry
         odom = Odometry()
-        odom.header.stamp = self._wall.now().to_msg()
+        odom.header.stamp = stamp
         odom.header.frame_id = "odom"
         odom.child_frame_id = "base_link"
-        odom.pose.pose.position.x = world.x_m
-        odom.pose.pose.position.y = world.y_m
-        odom.pose.pose.orientation.z = math.sin(world.yaw_rad / 2)
-        odom.pose.pose.orientation.w = math.cos(world.yaw_rad / 2)
+        odom.pose.pose = self._pose("", believed.x_m, believed.y_m, believed.yaw_rad).pose
         odom.twist.twist.linear.x = world.speed_mps
         odom.twist.twist.angular.z = world.yaw_rate_radps
         self._odom.publish(odom)
@@ -114,13 +130,13 @@ class Wheelchair(Node):
         scan.ranges = self._world.scan().tolist()
         self._scan.publish(scan)
 
-    def _publish_goal(self) -> None:
-        goal = PoseStamped()
-        goal.header.stamp = self._wall.now().to_msg()
-        goal.header.frame_id = "odom"
-        goal.pose.position.x, goal.pose.position.y = self._world.goal
-        goal.pose.orientation.w = 1.0
-        self._goal.publish(goal)
+    def _pose(self, frame: str, x_m: float, y_m: float, yaw_rad: float) -> PoseStamped:
+        posed = PoseStamped()
+        posed.header.stamp = self._wall.now().to_msg()
+        posed.header.frame_id = frame
+        posed.pose.position.x, posed.pose.position.y = x_m, y_m
+        posed.pose.orientation.z, posed.pose.orientation.w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+        return posed
 
     def _publish_state(self) -> None:
         world = self._world

@@ -35,6 +35,7 @@ _INPUTS: Final = (
     "operator",
     "lab",
     "examples",
+    "state",
     "requirements/all.txt",
     "tests/e2e/apps",
 )
@@ -53,6 +54,7 @@ CHOSEN: Final = "ROBOT_OFFLOAD_E2E_IMAGES"
 """Environment variable: the key of images that were built before, or `newest`; nothing is built then."""
 
 Say = Callable[[str], None]
+_compiled: Final = shutil.ignore_patterns("__pycache__")
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +166,7 @@ def _fill_app(context: Path) -> None:
     for source in ("examples/talker", "examples/wheelchair", "tests/e2e/apps"):
         for path in (ours.ROOT / source).glob("*.py"):
             shutil.copy2(path, context)
+    shutil.copytree(ours.ROOT / "state" / "robot_offload_state", context / "robot_offload_state", ignore=_compiled)
     for name in _OF_BENCH:
         (context / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ours.ROOT / "lab" / name, context / name)

@@ -197,6 +197,35 @@ def test_the_inhibit_service_brakes_and_releases(wheelchair: tuple[Processes, Ob
     assert observer.until(lambda: state()["speed"] > 0.2)
 
 
+def test_the_passengers_goal_is_reached_where_the_localiser_says_that_it_is(
+    wheelchair: tuple[Processes, Observer],
+) -> None:
+    processes, observer = wheelchair
+    accounts = observer.record(String, "/passenger/account")
+    began = observer.record(String, "/localiser/account")
+    states = observer.record(String, "/wheelchair/state")
+    processes.start("wheelchair/wheelchair.py", "-p", "odom_drift:=0.2", "-p", "announce_goal:=false")
+    processes.start("wheelchair/localiser.py")
+    processes.start("wheelchair/controller.py", "-r", "odom:=/pose")
+    for node in ("localiser", "controller"):
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            observer.change_state(node, transition)
+    assert observer.until(lambda: bool(began))
+    assert json.loads(began[-1].data) == {"node": "localiser", "restored_age_s": None}
+    processes.start("wheelchair/passenger.py", "-p", "goals_m:=[4.0, 4.5]")
+
+    def goals() -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = json.loads(accounts[-1].data)["goals"] if accounts else []
+        return found
+
+    assert observer.until(lambda: [goal["ending"] for goal in goals()] == ["succeeded"] * 2)
+    assert [(goal["results"], goal["servers"], goal["backwards"]) for goal in goals()] == [(1, 1, 0)] * 2
+    assert all(goal["accepted_ms"] is not None and goal["feedback"] > 0 for goal in goals())
+    assert json.loads(accounts[-1].data)["calls"]["answered"] > 0
+    # Odometry alone would be wrong by 0.7 m here; the marker at 3 m has said so.
+    assert abs(json.loads(states[-1].data)["x"] - goals()[-1]["x_m"]) < 0.45
+
+
 def test_a_replica_runs_under_another_name_and_topic_and_can_be_configured_again(
     wheelchair: tuple[Processes, Observer],
 ) -> None:
@@ -242,6 +271,8 @@ def test_every_example_node_ends_cleanly_on_a_signal(
     scripts = {
         "wheelchair_base": "wheelchair/wheelchair.py",
         "controller": "wheelchair/controller.py",
+        "localiser": "wheelchair/localiser.py",
+        "passenger": "wheelchair/passenger.py",
         "talker": "talker/talker.py",
         "listener": "talker/listener.py",
     }
@@ -249,8 +280,8 @@ def test_every_example_node_ends_cleanly_on_a_signal(
     assert observer.until(lambda: set(scripts) <= set(observer.node.get_node_names()))
     observer.spin(1.0)
 
-    assert [processes.stop(name, number) for name in names] == [0, 0, 0, 0]
-    assert [processes.output(name) for name in names] == ["", "", "", ""]
+    assert [processes.stop(name, number) for name in names] == [0] * len(names)
+    assert [processes.output(name) for name in names] == [""] * len(names)
 
 
 def test_the_listener_prints_what_an_active_talker_says(talker: tuple[Processes, Observer]) -> None:

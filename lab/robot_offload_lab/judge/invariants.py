@@ -15,6 +15,8 @@ reported beside them: they depend on the application too. Each violation is a se
   robot is counted in the report). Not judged when the switch was commanded because the agents found the loop too slow:
   a busy computer delays like a bad link, and what is too old must not pass.
 * `Epoch`: every change of the side in charge has a higher epoch.
+
+What is promised about goals, calls and state stands in `handed`.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from robot_offload_core.reasons import Reason
+from robot_offload_lab.judge import handed
 from robot_offload_lab.judge.measures import SWITCH_WINDOW_S, Interval, Measures, link_was_good
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Recording
 from robot_offload_lab.judge.streams import Gap, Stream
@@ -61,6 +64,7 @@ def violations(measures: Measures) -> tuple[Violation, ...]:
         found += _gaps(measures, stream)
     found += _lost(measures)
     found += _epochs(measures)
+    found += _handed(measures)
     return tuple(sorted(found, key=lambda violation: violation.t_s))
 
 
@@ -247,6 +251,13 @@ def _epochs(measures: Measures) -> Iterator[Violation]:
                 f"The switch from {before.site} to {switch.site} at {t_s:.3f} s went from epoch {before.epoch} to "
                 f"{switch.epoch}; every changeover must have a higher one.",
             )
+
+
+def _handed(measures: Measures) -> Iterator[Violation]:
+    recording = measures.recording
+    held = [(interval.start_s, interval.end_s) for interval in inhibited(recording)]
+    for t_s, kind, text in handed.broken(recording, gap_limit_ms(recording), held):
+        yield Violation(_since_start(measures, t_s), kind, text)
 
 
 def _switches_with_predecessor(recording: Recording) -> Iterator[tuple[PlacementChange, PlacementChange]]:

@@ -31,7 +31,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int32, String
 
-from robot_offload_lab.judge import translate
+from robot_offload_lab.judge import accounts, translate
 from robot_offload_lab.judge.lines import Record
 from robot_offload_lab.judge.recording import (
     LINES,
@@ -41,6 +41,7 @@ from robot_offload_lab.judge.recording import (
     Obstacle,
     PlacementChange,
     RecordingWriter,
+    Restored,
     RunInfo,
 )
 from robot_offload_lab.wire.loop import steady_s
@@ -52,6 +53,8 @@ DIAGNOSTICS = "robot_offload robot: "
 ATTEND_S = 0.02
 RESOLVE_S = 0.25
 MEMORY_S = 2.0
+_STATES = PlacementChange | NetworkStatus | Inhibit | Restored
+"""What holds until it changes, so that the recording begins with it."""
 """How long records are kept before the start: the word that it has started comes a little later."""
 LATCHED = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 OUTPUT = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
@@ -61,7 +64,7 @@ class ConsumerRecorder:
     """Subscriptions, the recording and the live stream. One thread, and one that reads commands."""
 
     def __init__(
-        self, path: Path, topics: dict[str, str], schedule: Schedule | None, commands: int, state: str = ""
+        self, path: Path, topics: dict[str, str], schedule: Schedule | None, commands: int, said: accounts.Topics
     ) -> None:
         """Subscribes to everything that is known already.
 
@@ -70,7 +73,7 @@ class ConsumerRecorder:
             topics: public topics and their types; an empty type is read from the graph.
             schedule: of the emulated link, None without one.
             commands: file descriptor to read commands from.
-            state: topic of the application's own account of its drive, see `translate.drive`; empty: there is none.
+            said: topics of the application's own accounts.
         """
         self._path = path
         self._schedule = schedule
@@ -79,6 +82,7 @@ class ConsumerRecorder:
         self._start_s = 0.0
         self._sampled_s = 0.0
         self._drive: translate.Drive | None = None
+        self._restored: Restored | None = None
         self._recent: deque[tuple[float, Record]] = deque()
         self._state: dict[type, Record] = {}
         self._arrivals = {topic: translate.Arrivals(topic) for topic in topics}
@@ -88,8 +92,10 @@ class ConsumerRecorder:
         self._node.create_subscription(String, "/offload/placement", self._on_placement, LATCHED)
         self._node.create_subscription(Int32, "/network_status", self._on_network_status, LATCHED)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
-        if state:
-            self._node.create_subscription(String, state, self._on_drive, 10)
+        heard = ((said.state, self._on_drive), (said.account, self._on_account), (said.restored, self._on_restored))
+        for topic, hear in heard:
+            if topic:
+                self._node.create_subscription(String, topic, hear, 10)
         self._resolve_timer = self._node.create_timer(RESOLVE_S, self._resolve)
         self._resolve()
         threading.Thread(target=self._read, args=(commands,), name="commands", daemon=True).start()
@@ -166,6 +172,19 @@ class ConsumerRecorder:
         self._drive = drive
         self._tell({"drive": dataclasses.asdict(dataclasses.replace(drive, obstacles=()))})
 
+    def _on_account(self, message: String, info: Any) -> None:
+        account = accounts.account(_received_s(info), message.data)
+        for record in account.records() if account is not None else ():
+            self._take(record.t_s, record)
+
+    def _on_restored(self, message: String, info: Any) -> None:
+        restored = accounts.restored(_received_s(info), message.data)
+        before = self._restored
+        if restored is None or (before and (before.node, before.age_s) == (restored.node, restored.age_s)):
+            return
+        self._restored = restored
+        self._take(restored.t_s, restored)
+
     # -- what becomes of it -------------------------------------------------------------------------------------------
 
     def _take(self, t_s: float, record: Record) -> None:
@@ -177,7 +196,7 @@ class ConsumerRecorder:
         self._recent.append((t_s, record))
         while self._recent[0][0] < t_s - MEMORY_S:
             _, old = self._recent.popleft()
-            if isinstance(old, PlacementChange | NetworkStatus | Inhibit):
+            if isinstance(old, _STATES):
                 self._state[type(old)] = old
 
     def _tell(self, message: dict[str, Any]) -> None:
@@ -227,7 +246,7 @@ class ConsumerRecorder:
         self._writer = RecordingWriter(self._path.open("w", encoding="utf-8"), run)
         recent = list(self._recent)
         for t_s, record in recent:
-            if t_s < run.start_s and isinstance(record, PlacementChange | NetworkStatus | Inhibit):
+            if t_s < run.start_s and isinstance(record, _STATES):
                 self._state[type(record)] = record
         for record in (*self._state.values(), *(self._drive.obstacles if self._drive else ())):
             self._writer.write(record)
@@ -284,6 +303,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("output", type=Path, help="the recording to write")
     parser.add_argument("--topic", action="append", default=[], metavar="TOPIC=TYPE", help="an output; TYPE or nothing")
     parser.add_argument("--state", default="", metavar="TOPIC", help="topic of the application's account of its drive")
+    parser.add_argument("--account", default="", metavar="TOPIC", help="topic of a client's account of goals and calls")
+    parser.add_argument("--restored", default="", metavar="TOPIC", help="topic of a node's account of its state")
     parser.add_argument("--link", default="", metavar="JSON", help="options of the emulated link")
     options = parser.parse_args(arguments)
     topics = dict(text.partition("=")[::2] for text in options.topic)
@@ -291,7 +312,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.set_blocking(sys.stdout.fileno(), False)
     # Own handlers: with those of rclpy the context can vanish under a callback.
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    recorder = ConsumerRecorder(options.output, topics, schedule, sys.stdin.fileno(), options.state)
+    said = accounts.Topics(state=options.state, account=options.account, restored=options.restored)
+    recorder = ConsumerRecorder(options.output, topics, schedule, sys.stdin.fileno(), said)
     signal.signal(signal.SIGTERM, lambda *_: recorder.end(steady_s()))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     recorder.run()

@@ -171,6 +171,64 @@ class Obstacle(Record):
 
 
 @dataclass(frozen=True)
+class Errand(Record):
+    """A goal of an action, as its client on the robot knows it.
+
+    Attributes:
+        t_s: when the client said so; it says it again some times a second.
+        goal: its number, from 1.
+        ending: succeeded, canceled, aborted, rejected; empty while it is on the way.
+        accepted_ms: how long its acceptance took; None while it is not accepted.
+        feedback: messages so far.
+        servers: how often another replica went on with it, the first one included.
+        backwards: feedback out of order so far.
+        silence_ms: longest silence of its feedback since the client said so before.
+        results: how many came.
+        x_m, y_m: where the replica that drives believes to be; None: not said.
+    """
+
+    t_s: float
+    goal: int
+    ending: str
+    accepted_ms: float | None
+    feedback: int
+    servers: int
+    backwards: int
+    silence_ms: float
+    results: int
+    x_m: float | None = None
+    y_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Calls(Record):
+    """Calls of a service by a client on the robot so far: answers with and without success, and none at all."""
+
+    t_s: float
+    asked: int
+    answered: int
+    failed: int
+    unanswered: int
+    longest_ms: float
+
+
+@dataclass(frozen=True)
+class Restored(Record):
+    """With which state the acting replica of a node has begun.
+
+    Attributes:
+        node: the replica, e.g. `remote_localiser`.
+        site: its side.
+        age_s: of that state, when the replica took it; None: the replica began clean.
+    """
+
+    t_s: float
+    node: str
+    site: Site
+    age_s: float | None
+
+
+@dataclass(frozen=True)
 class Ending(Record):
     """How it ended; what comes later is not judged. Without an account of the drive there is only an end.
 
@@ -196,6 +254,9 @@ _KINDS: Final[Mapping[str, type[Record]]] = {
     "inhibit": Inhibit,
     "path": PathPoint,
     "obstacle": Obstacle,
+    "goal": Errand,
+    "calls": Calls,
+    "restored": Restored,
     "outcome": Ending,
 }
 LINES: Final = Lines(_KINDS)
@@ -219,6 +280,9 @@ class Recording:
     inhibits: tuple[Inhibit, ...] = ()
     path: tuple[PathPoint, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
+    goals: tuple[Errand, ...] = ()
+    calls: tuple[Calls, ...] = ()
+    restored: tuple[Restored, ...] = ()
     outcome: Ending | None = None
 
     @property
@@ -278,6 +342,9 @@ def assemble(records: Iterable[Record], source: str = "recording") -> Recording:
         inhibits=tuple(by_kind[Inhibit]),
         path=tuple(by_kind[PathPoint]),
         obstacles=tuple(dict.fromkeys(by_kind[Obstacle])),
+        goals=tuple(by_kind[Errand]),
+        calls=tuple(by_kind[Calls]),
+        restored=tuple(by_kind[Restored]),
         outcome=by_kind[Ending][-1] if by_kind[Ending] else None,
     )
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import jinja2
 
-from robot_offload_lab.judge import drawing
+from robot_offload_lab.judge import drawing, handed
 from robot_offload_lab.judge import report_figures as figures
 from robot_offload_lab.judge.invariants import Violation, violations
 from robot_offload_lab.judge.measures import Measures, Switch, measure, median_period_ms
@@ -69,6 +69,9 @@ def build(measures: Measures) -> dict[str, Any]:
         "detector_alarms": measures.alarms,
         "false_alarms": measures.false_alarms,
         "link": _link(measures),
+        "goals": [_goal(figures, recording) for figures in handed.goals(recording)],
+        "calls": _calls(recording),
+        "state": [_taking(taking, recording) for taking in handed.takings(recording)],
         "violations": [_violation(violation) for violation in violations(measures)],
     }
 
@@ -136,6 +139,39 @@ def _link(measures: Measures) -> dict[str, Any]:
             "p99": _round(quantile(latencies, 0.99)),
             "max": _round(max(latencies, default=None)),
         },
+    }
+
+
+def _goal(figures: handed.GoalFigures, recording: Recording) -> dict[str, Any]:
+    last = figures.last
+    return {
+        "goal": figures.goal,
+        "ending": figures.ending,
+        "t_s": _round(last.t_s - recording.run.start_s),
+        "results": last.results,
+        "accepted_ms": _round(last.accepted_ms),
+        "restarts": figures.restarts,
+        "feedback": last.feedback,
+        "backwards": last.backwards,
+        "silence_ms": _round(figures.silence_ms),
+        "error_m": _round(figures.error_m),
+    }
+
+
+def _calls(recording: Recording) -> dict[str, Any] | None:
+    last = handed.calls(recording)
+    if last is None:
+        return None
+    counts = {name: getattr(last, name) for name in ("asked", "answered", "failed", "unanswered")}
+    return {**counts, "longest_ms": _round(last.longest_ms)}
+
+
+def _taking(taking: handed.Taking, recording: Recording) -> dict[str, Any]:
+    age_s = taking.restored.age_s
+    return {
+        "t_s": _round(taking.change.t_s - recording.run.start_s),
+        "node": taking.restored.node,
+        "age_ms": None if age_s is None else _round(age_s * 1e3),
     }
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
+from robot_offload_lab.judge import handed
 from robot_offload_lab.judge.drawing import INK, SILVER, SITE_COLOURS, style
 from robot_offload_lab.judge.invariants import gap_limit_ms, inhibited
 from robot_offload_lab.judge.measures import Interval, Measures
@@ -20,6 +21,7 @@ from robot_offload_lab.judge.recording import SITES, Site
 _LINES: Final[Mapping[Site, Literal["dashed", "solid"]]] = {"robot": "dashed", "cloud": "solid"}
 _HELD: Final = "#AA3377"
 _OBSTACLE: Final = "#555555"
+_GOAL: Final = "#117733"
 WIDTH_IN: Final = 10.0
 _TITLES: Final = (
     "The link between robot and cloud",
@@ -128,16 +130,39 @@ def draw_placement(axes: Axes, measures: Measures) -> None:
         )
     for outage in measures.outages:
         _shade(axes, outage, start_s)
+    lanes = _draw_goals(axes, measures)
     held = inhibited(measures.recording)
     for interval in held:
         since_s, until_s = interval.start_s - start_s, interval.end_s - start_s
         axes.axvspan(max(0.0, since_s), until_s, facecolor=_HELD, edgecolor="white", hatch="xx", linewidth=0.0)
     if held:
         _legend(axes, [Patch(facecolor=_HELD, edgecolor="white", hatch="xx", label="nobody can steer: wheels held")])
-    axes.set_ylim(0, 2)
-    axes.set_yticks([0.5, 1.5], labels=SITES)
+    axes.set_ylim(0, 2 + len(lanes))
+    axes.set_yticks([row + 0.5 for row in range(2 + len(lanes))], labels=[*SITES, *lanes])
     axes.tick_params(axis="y", length=0)
     axes.set_xlim(0, max(measures.duration_s, 1e-3))
+
+
+def _draw_goals(axes: Axes, measures: Measures) -> list[str]:
+    """Draws a lane for the goals on their way and the age of the state at each switch; returns the lane's name."""
+    recording = measures.recording
+    figures = handed.goals(recording)
+    start_s = recording.run.start_s
+    for goal in figures:
+        since_s, until_s = goal.first.t_s - start_s, goal.last.t_s - start_s
+        axes.broken_barh([(since_s, until_s - since_s)], (2.1, 0.8), facecolor=_GOAL, edgecolor="white")
+        if goal.last.ending:
+            mark = "\N{CHECK MARK}" if goal.last.ending == handed.SUCCEEDED else "\N{MULTIPLICATION SIGN}"
+            axes.annotate(
+                mark, (until_s, 2.5), (-4, 0), textcoords="offset points", ha="right", va="center", color="white"
+            )
+    if figures:
+        for taking in handed.takings(recording):
+            age_s = taking.restored.age_s
+            text = "clean" if age_s is None else f"{age_s * 1e3:.0f} ms"
+            place = (taking.change.t_s - start_s, 2.5)
+            axes.annotate(text, place, (2, 0), textcoords="offset points", va="center", fontsize=7, color="white")
+    return ["goal, age of\nthe state taken"] if figures else []
 
 
 def _band(site: Site) -> tuple[float, float]:

@@ -57,6 +57,8 @@ RECORDER_GRACE_S: Final = 5.0
 _LOOK_S: Final = 0.05
 _REST_S: Final = 0.5
 """The run goes on for this long after the goal is reached, so that the stop is seen."""
+_RESULT_S: Final = 5.0
+"""A client's result comes at the latest so long after that: else the run ends without it."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ def _system(options: DemoOptions, offload: RobotOffload, temporary: Path) -> Sys
         realtime=options.realtime,
         dialled=dialled,
         served=served,
-        state=showcase(options.spec).state,
+        said=showcase(options.spec),
     )
 
 
@@ -310,7 +312,7 @@ class Demo:
         """Follows the run until the goal, the duration, a signal or the death of a process; returns the last."""
         assert self._watch.start_s is not None
         end_s = self._watch.start_s + (LONGEST_S if duration_s is None else duration_s)
-        resting = False
+        resting, ended_s = False, 0.0
         while not self._stop and steady_s() < end_s:
             self._look()
             ended = self._programs.processes.first_ended()
@@ -318,7 +320,10 @@ class Demo:
                 self._view.say(f"{ended.describe()}; see {ended.log}")
                 return ended.describe()
             if duration_s is None and self._watch.goal_reached and not resting:
-                resting, end_s = True, min(end_s, steady_s() + _REST_S)
+                resting, end_s = True, min(end_s, steady_s() + _RESULT_S)
+            if resting and not ended_s and not self._watch.under_way:
+                ended_s = steady_s()
+                end_s = min(end_s, ended_s + _REST_S)
         return ""
 
     def _look(self) -> None:

@@ -19,11 +19,15 @@ class Showcase(BaseModel):
     Attributes:
         state: topic on which the application gives an account of its drive (`judge.translate.drive`); empty: it does
             not, and the report has nothing of collisions, stops and goal.
+        account: topic on which a client on the robot says what became of its goals and calls (`judge.accounts`).
+        restored: topic on which the acting replica of a node with state says how old the state was that it began with.
     """
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
     state: str = ""
+    account: str = ""
+    restored: str = ""
 
 
 def showcase(spec: Path) -> Showcase:

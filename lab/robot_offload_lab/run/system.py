@@ -13,7 +13,7 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Final
@@ -28,6 +28,7 @@ from robot_offload_lab.run import routed
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from robot_offload_lab.run.free import HOST
 from robot_offload_lab.run.processes import Program
+from robot_offload_lab.run.showcase import Showcase
 from robot_offload_lab.wire.dds_options import DdsWireConfig, carried
 from robot_offload_lab.wire.options import Forward, LinkOptions, WireConfig
 from robot_offload_lab.wire.process import REALTIME_PRIORITY
@@ -67,7 +68,7 @@ class System:
         link: what the wire does.
         seed: of everything random.
         realtime: whether everything runs under real-time priority, where that is permitted.
-        state: topic of the application's account of its drive; empty: there is none.
+        said: topics of the application's own accounts.
         dialled, served: ports of pulse and data session, as the robot dials and the cloud serves them.
     """
 
@@ -83,7 +84,7 @@ class System:
     realtime: bool
     dialled: tuple[int, int]
     served: tuple[int, int]
-    state: str = ""
+    said: Showcase = field(default_factory=Showcase)
 
     @property
     def uid(self) -> str:
@@ -102,8 +103,10 @@ class System:
 
     @property
     def outputs(self) -> dict[str, str]:
-        """The collected outputs with their types; an empty type is read from the running system."""
-        return {output.topic: output.type or "" for _, output in self.spec.collected_outputs}
+        """The collected outputs but the accounts, with their types; an empty type is read from the running system."""
+        accounts = dict(self.said).values()
+        outputs = [output for _, output in self.spec.collected_outputs if output.topic not in accounts]
+        return {output.topic: output.type or "" for output in outputs}
 
     @property
     def managed_on_robot(self) -> tuple[str, ...]:
@@ -252,8 +255,8 @@ def recorder(system: System) -> Program:
     command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(system.recording)]
     for topic, type_name in system.outputs.items():
         command += ["--topic", f"{topic}={type_name}"]
-    if system.state:
-        command += ["--state", system.state]
+    for name, topic in system.said:
+        command += [f"--{name}", topic] if topic else []
     if system.wired:
         command += ["--link", json.dumps(dataclasses.asdict(system.link))]
     priority = RECORDER_PRIORITY if system.realtime else 0

@@ -15,6 +15,7 @@ def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
         *(f"  {_output(topic, output)}" for topic, output in report["outputs"].items()),
         f"  switches: {_switches(report['switches'])}",
         *(f"  {line}" for line in _placement(report)),
+        *(f"  {line}" for line in _handed(report)),
         *_verdict(report["violations"]),
         f"Report: {out / 'report.html'} (also report.json, run.png, recording.jsonl, logs)",
     )
@@ -58,6 +59,22 @@ def _placement(report: Mapping[str, Any]) -> Iterator[str]:
     if report["cloud_share_of_good_time"] is not None:
         text += f", {report['cloud_share_of_good_time']:.0%} of the time with a good link"
     yield f"{text}; detector alarms: {report['detector_alarms']}, false: {report['false_alarms']}"
+
+
+def _handed(report: Mapping[str, Any]) -> Iterator[str]:
+    for goal in report["goals"]:
+        yield (
+            f"goal {goal['goal']}: {goal['ending']}, {_count(goal['results'], 'result')}, {goal['feedback']} feedback "
+            f"messages from {_count(goal['restarts'] + 1, 'turn')}, longest silence {goal['silence_ms']:.0f} ms"
+        )
+    ages_ms = [taking["age_ms"] for taking in report["state"] if taking["age_ms"] is not None]
+    if report["state"]:
+        oldest = f", at most {max(ages_ms):.0f} ms old" if ages_ms else ""
+        yield f"state taken over: {len(ages_ms)} of {_count(len(report['state']), 'time')}{oldest}"
+    calls = report["calls"]
+    if calls is not None:
+        late = f", the longest wait {calls['longest_ms']:.0f} ms" if calls["asked"] else ""
+        yield f"calls: {calls['asked']}, answered {calls['answered']}, failed {calls['failed']}{late}"
 
 
 def _verdict(violations: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -126,6 +126,8 @@ def picture(watch: LiveRun, now_s: float, title: str) -> RenderableType:
     if watch.drive:
         rows.add_row("corridor", _corridor(watch))
         rows.add_row("speed", _speed(watch))
+    for goal in watch.goals.values():
+        rows.add_row("goal", Text(f"{goal.ending or 'on the way'}, {goal.feedback} feedback, turns: {goal.servers}"))
     for topic, received in watch.received.items():
         rows.add_row("output", Text(f"{topic}: {received} messages"))
     return Panel(Group(rows, Text(), _switches(watch)), title=title, title_align="left", border_style="dim")

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from robot_offload_lab.judge.recording import LINES, Arrival, Inhibit, LinkSample, PlacementChange, Site
+from robot_offload_lab.judge.recording import LINES, Arrival, Calls, Errand, Inhibit, LinkSample, PlacementChange, Site
 
 GAP_WINDOW_S: Final = 0.5
 """Half the window around a switch in which its silence is looked for; the report does the same."""
@@ -61,6 +61,8 @@ class LiveRun:
         nodes: lifecycle states of the robot's nodes, as its agent sees them.
         received: messages by topic.
         switches: since the start.
+        goals: the newest word about each goal, by its number.
+        calls: the newest word about calls of services; None without any.
     """
 
     threshold_ms: float
@@ -74,6 +76,8 @@ class LiveRun:
     nodes: dict[str, str] = field(default_factory=dict)
     received: dict[str, int] = field(default_factory=dict)
     switches: list[SwitchSeen] = field(default_factory=list)
+    goals: dict[int, Errand] = field(default_factory=dict)
+    calls: Calls | None = None
     _times: dict[str, deque[float]] = field(default_factory=dict)
     _events: list[Event] = field(default_factory=list)
     _link_word: str = ""
@@ -116,6 +120,11 @@ class LiveRun:
         """Whether there is a goal and the robot is there."""
         return bool(self.drive.get("goal_reached"))
 
+    @property
+    def under_way(self) -> bool:
+        """Whether a client still waits for the result of a goal."""
+        return any(not goal.ending for goal in self.goals.values())
+
     def missing(self) -> tuple[str, ...]:
         """Returns the outputs that were not heard yet."""
         return tuple(topic for topic in self.outputs if not self.received.get(topic))
@@ -145,12 +154,26 @@ class LiveRun:
             self._times.setdefault(record.topic, deque(maxlen=_KEPT)).append(record.t_s)
         elif isinstance(record, PlacementChange):
             self._take_placement(record)
+        elif isinstance(record, Errand):
+            self._take_goal(record)
+        elif isinstance(record, Calls):
+            self.calls = record
         elif isinstance(record, LinkSample):
             self.link = record
             self._tell_link(record)
         elif isinstance(record, Inhibit):
             text = "the driver is inhibited: no core node is able to steer" if record.inhibited else "driver released"
             self._events.append(Event(record.t_s, text))
+
+    def _take_goal(self, goal: Errand) -> None:
+        before = self.goals.get(goal.goal)
+        self.goals[goal.goal] = goal
+        if goal.accepted_ms is not None and (before is None or before.accepted_ms is None):
+            self._events.append(Event(goal.t_s, f"goal {goal.goal} is accepted after {goal.accepted_ms:.1f} ms"))
+        if before is not None and goal.servers > max(1, before.servers):
+            self._events.append(Event(goal.t_s, f"goal {goal.goal} goes on with another replica"))
+        if goal.ending and not (before is not None and before.ending):
+            self._events.append(Event(goal.t_s, f"goal {goal.goal}: {goal.ending}"))
 
     def _take_placement(self, change: PlacementChange) -> None:
         before, self.placement = self.placement, change

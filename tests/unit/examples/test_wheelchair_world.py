@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from examples.wheelchair.controller import Planner, Pose
+from examples.wheelchair.planning import Planner, Pose
 from examples.wheelchair.world import (
     BEAMS,
     COMMAND_TIMEOUT_S,

@@ -12,8 +12,13 @@ from robot_offload_lab.run.showcase import showcase
 ROOT = Path(__file__).parents[4]
 
 
-def test_the_wheelchair_names_the_topic_of_its_account() -> None:
-    assert showcase(ROOT / "examples/wheelchair/robotoffload.yaml").state == "/wheelchair/state"
+def test_the_wheelchair_names_the_topics_of_its_accounts() -> None:
+    said = showcase(ROOT / "examples/wheelchair/robotoffload.yaml")
+    assert (said.state, said.account, said.restored) == (
+        "/wheelchair/state",
+        "/passenger/account",
+        "/localiser/account",
+    )
 
 
 def test_an_example_that_says_nothing_has_no_account() -> None:

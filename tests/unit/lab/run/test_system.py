@@ -58,15 +58,19 @@ def test_both_sides_run_with_a_replica_each(tmp_path: Path) -> None:
         "recorder",
         "robot-agent",
         "robot-wheelchair_base",
+        "robot-passenger",
+        "robot-localiser",
         "robot-controller",
         "cloud-agent",
+        "cloud-remote_localiser",
         "cloud-remote_controller",
     }
 
 
 def test_robot_only_has_no_cloud_side_and_is_pinned(tmp_path: Path) -> None:
     robot_only = system(tmp_path, Mode.ROBOT_ONLY)
-    assert names(robot_only) == {"recorder", "robot-agent", "robot-wheelchair_base", "robot-controller"}
+    nodes = {f"robot-{name}" for name in ("wheelchair_base", "passenger", "localiser", "controller")}
+    assert names(robot_only) == {"recorder", "robot-agent", *nodes}
     assert robot_only.spec.switching.pin == "Robot"
     assert not robot_only.wired
 
@@ -135,6 +139,9 @@ def test_only_declared_topics_cross_a_link_of_topics(tmp_path: Path) -> None:
         "/connectivity_test_remote",
         "/offload/link/cloud/probe",
         "/offload/link/cloud/out_cmd_vel",
+        "/offload/link/cloud/out_localiser__account",
+        "/offload/link/cloud/state_localiser_1",
+        "/offload/link/cloud/relay",
     }
     assert ("/scan", "up") in crossing
     assert ("/cmd_vel", "up") in crossing

@@ -1,0 +1,157 @@
+"""Goals, calls and state in a run: figures, and the promises about them. Pure.
+
+* `GoalLost`: a goal that its client did not cancel succeeds. Not judged where one side was left out on purpose: then
+  nobody can go on with it.
+* `GoalTwice`: a goal has one result.
+* `GoalBackwards`: feedback only goes forward.
+* `Gap`: feedback is silent no longer than an output may be, not counting the time in which the driver was inhibited.
+* `CallLost`: each call of a service is answered.
+* `StateLost`: after a switch the side that takes over begins with the state of the other.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from robot_offload_lab.judge.recording import Calls, Errand, PathPoint, PlacementChange, Recording, Restored
+
+SUCCEEDED: Final = "succeeded"
+ON_THE_WAY: Final = "on the way"
+ONE_SIDED: Final = "cloud-only"
+"""The mode in which the robot has no replicas."""
+
+
+@dataclass(frozen=True)
+class GoalFigures:
+    """One goal.
+
+    Attributes:
+        goal: its number.
+        first, last: the first and the last word about it.
+        silence_ms: longest silence of its feedback within the run.
+        silent_s: when that silence was reported, steady clock.
+        error_m: largest distance between where the acting replica believed to be and where the robot was; None: not
+            said.
+    """
+
+    goal: int
+    first: Errand
+    last: Errand
+    silence_ms: float
+    silent_s: float
+    error_m: float | None
+
+    @property
+    def ending(self) -> str:
+        """How it ended, or that it is on the way."""
+        return self.last.ending or ON_THE_WAY
+
+    @property
+    def restarts(self) -> int:
+        """How often another replica went on with it."""
+        return max(0, self.last.servers - 1)
+
+
+@dataclass(frozen=True)
+class Taking:
+    """A switch and the state with which the side began that took over."""
+
+    change: PlacementChange
+    restored: Restored
+
+
+def goals(recording: Recording) -> tuple[GoalFigures, ...]:
+    """Returns the figures of each goal, in the order of their numbers."""
+    by_goal: dict[int, list[Errand]] = {}
+    for errand in recording.goals:
+        if errand.t_s <= recording.end_s or errand.ending:
+            by_goal.setdefault(errand.goal, []).append(errand)
+    return tuple(_figures(recording, number, said) for number, said in sorted(by_goal.items()))
+
+
+def _figures(recording: Recording, number: int, said: Sequence[Errand]) -> GoalFigures:
+    silent = max(said, key=lambda errand: errand.silence_ms)
+    errors = [error for errand in said if (error := _error_m(recording.path, errand)) is not None]
+    return GoalFigures(number, said[0], said[-1], silent.silence_ms, silent.t_s, max(errors, default=None))
+
+
+def _error_m(path: Sequence[PathPoint], errand: Errand) -> float | None:
+    """Returns how far the belief is from the way around that moment: the account comes some ten milliseconds late."""
+    if errand.x_m is None or errand.y_m is None or errand.ending:
+        return None
+    near = [point for point in path if abs(point.t_s - errand.t_s) <= 0.2]
+    return min((math.dist((errand.x_m, errand.y_m), (point.x_m, point.y_m)) for point in near), default=None)
+
+
+def calls(recording: Recording) -> Calls | None:
+    """Returns the last word about calls; None: nobody calls."""
+    return recording.calls[-1] if recording.calls else None
+
+
+def takings(recording: Recording) -> tuple[Taking, ...]:
+    """Returns the state with which each side began that took over, where a node says so before the next switch."""
+    found = []
+    changes = [change for change in recording.placements if change.t_s <= recording.end_s]
+    switches = [after for before, after in itertools.pairwise(changes) if before.site != after.site]
+    for index, change in enumerate(switches):
+        end_s = switches[index + 1].t_s if index + 1 < len(switches) else math.inf
+        said = [it for it in recording.restored if it.site == change.site and _within(it, change, end_s)]
+        found += [Taking(change, said[0])] if said else []
+    return tuple(found)
+
+
+def _within(restored: Restored, change: PlacementChange, end_s: float) -> bool:
+    """Returns whether a word belongs to a stay; an announcement comes a little before or after the messages."""
+    return change.t_s - _ANNOUNCED_S <= restored.t_s < end_s
+
+
+_ANNOUNCED_S: Final = 0.3
+
+
+def broken(
+    recording: Recording, limit_ms: float, held: Iterable[tuple[float, float]]
+) -> Iterator[tuple[float, str, str]]:
+    """Yields (steady clock, kind, sentence) of each broken promise about goals, calls and state.
+
+    Args:
+        recording: of the run.
+        limit_ms: longest silence that the run's settings explain.
+        held: when the driver was inhibited, steady clock.
+    """
+    pauses = tuple(held)
+    for figures in goals(recording):
+        yield from _of_goal(figures, recording, limit_ms, pauses)
+    counted = calls(recording)
+    if counted is not None and counted.unanswered:
+        yield counted.t_s, "CallLost", f"{counted.unanswered} of {counted.asked} calls of a service had no answer."
+    for taking in takings(recording):
+        if taking.restored.age_s is None:
+            at_s = taking.change.t_s - recording.run.start_s
+            said = (
+                f"{taking.restored.node} began clean after the switch at {at_s:.3f} s: the other side's state was lost."
+            )
+            yield taking.change.t_s, "StateLost", said
+
+
+def _of_goal(
+    figures: GoalFigures, recording: Recording, limit_ms: float, pauses: Sequence[tuple[float, float]]
+) -> Iterator[tuple[float, str, str]]:
+    last, name = figures.last, f"Goal {figures.goal}"
+    if last.ending not in ("", SUCCEEDED) and recording.run.mode != ONE_SIDED:
+        yield last.t_s, "GoalLost", f"{name} ended {last.ending}, and nobody had canceled it."
+    if last.results > 1:
+        yield last.t_s, "GoalTwice", f"{name} had {last.results} results."
+    if last.backwards:
+        said = f"{last.backwards} of {last.feedback} feedback messages of goal {figures.goal} came out of order."
+        yield last.t_s, "GoalBackwards", said
+    silent_s = figures.silent_s - figures.silence_ms / 1e3
+    paused = any(since_s < figures.silent_s and until_s > silent_s for since_s, until_s in pauses)
+    if figures.silence_ms > limit_ms and silent_s >= recording.run.start_s and not paused:
+        at_s = silent_s - recording.run.start_s
+        said = f"The feedback of goal {figures.goal} was silent for {figures.silence_ms:.0f} ms from {at_s:.3f} s on"
+        explained = f"more than the {limit_ms:.0f} ms that detection, activation and one period explain."
+        yield silent_s, "Gap", f"{said}, {explained}"
