@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.utilities import get_rmw_implementation_identifier
 
 from robot_offload_agent.relay import cdr
 from robot_offload_agent.relay.inherited import Inherited
@@ -23,6 +24,8 @@ FEEDBACK_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 STATUS_QOS = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )  # fmt: skip
+SHOWS_SERVICES = "fastrtps" in get_rmw_implementation_identifier()
+"""The graph shows the topics behind a service; not every middleware has any."""
 SEND, CANCEL, RESULT = "send_goal", "cancel_goal", "get_result"
 MOST_OPEN = 4096
 """Callers of one service that are waiting at once; of more the oldest counts as gone."""
@@ -219,8 +222,8 @@ def endpoints(clients: Sequence[RawClient]) -> str:
     for client in clients:
         infos = client.node.get_subscriptions_info_by_topic(f"rq{client.name}Request", no_mangle=True)
         found.append(",".join(sorted(bytes(info.endpoint_gid).hex() for info in infos)))
-    if not any(found):
-        return "seen"  # not every middleware shows the topics behind a service
+    if not any(found) and not SHOWS_SERVICES:
+        return "seen"
     return " ".join(found) if all(found) else ""  # what the graph shows is not complete yet
 
 

@@ -158,13 +158,13 @@ class RelayShell:
         return min(self.process.due_s, self.look_due_s, inherited_due_s)
 
     def look(self) -> bool:
-        """Reports the servers in the graph; returns whether all are there.
+        """Reports the servers in the graph; returns whether those of the group are all there.
 
         A successor waits until all are found: a server that it had found and lost would have forgotten its goals.
         """
         clients: dict[tuple[Face, str], ServiceClient | ActionClient] = {**self.service_clients, **self.action_clients}
         seen = [(face, name, client.endpoints()) for (face, name), client in clients.items()]
-        complete = all(endpoints for _, _, endpoints in seen)
+        complete = all(endpoints for face, _, endpoints in seen if face is Face.GROUP)
         if complete or not self.succeeds or now_s() > self.hurried_s:
             self.process.servers_seen([server for server in seen if server[2]])
         return complete

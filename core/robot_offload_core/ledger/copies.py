@@ -8,6 +8,7 @@ from __future__ import annotations
 from robot_offload_core.change import replace
 from robot_offload_core.declared import OnSwitch
 from robot_offload_core.ledger.goals import (
+    MIRROR_S,
     RETRY_S,
     Attempt,
     Cancel,
@@ -18,11 +19,9 @@ from robot_offload_core.ledger.goals import (
     Resume,
     View,
     Why,
-    able,
-    copy_of,
-    overtaken,
 )
 from robot_offload_core.ledger.ports import GoalStatus
+from robot_offload_core.ledger.questions import able, copy_of, mirrored, overtaken, there
 from robot_offload_core.ledger.work import Work
 from robot_offload_core.token import Site, Token
 
@@ -35,8 +34,11 @@ def settle(work: Work) -> None:
         else:
             _settle_holder(work, goal)
     for goal in work.live():
+        mirror = _mirror_at(work, goal)
         if _is_copied(work, goal):
             _settle_candidate(work, goal)
+        elif mirror is not None:
+            _settle_mirror(work, goal, *mirror)
     for goal in work.all():
         _resume(work, goal)
     for goal in work.all():
@@ -48,20 +50,24 @@ def settle(work: Work) -> None:
 
 def _settle_cancelled(work: Work, goal: Goal) -> None:
     """Never offers again; ends when the holder has no copy whose own end could be waited for (rule 7)."""
-    on_holder = [a for a in goal.attempts if a.site is work.holding.site and a.phase.live]
+    site, _ = work.acts(goal)
+    on_holder = [a for a in goal.attempts if a.site is site and a.phase.live]
     late = work.now_s >= work.offers_until_s(goal) and all(a.phase is Phase.OFFERED for a in on_holder)
-    if not on_holder or late:
+    if not on_holder or late or _away(work, goal):
         work.end(goal, GoalStatus.CANCELED, why=Why.CANCELED)
 
 
 def _settle_holder(work: Work, goal: Goal) -> None:
     """Sees that the holder has a copy or gets one, and ends the goal when that takes too long (rules 1, 3, 12)."""
-    holding = work.holding
-    is_able = able(work.view, holding.site, goal.action)
+    site, token = work.acts(goal)
+    if token is None or _away(work, goal):
+        work.end(goal, GoalStatus.ABORTED, why=Why.CLOUD_AWAY)
+        return
+    is_able = work.spec(goal).of_cloud or able(work.view, site, goal.action)
     if goal.able_s is None and is_able:
         goal = replace(goal, able_s=work.now_s)
         work.put(goal)
-    copy = copy_of(goal, holding.site, holding.token)
+    copy = copy_of(goal, site, token)
     if copy is not None and copy.phase is Phase.ACCEPTED:
         _show_executing(work, goal)
         return
@@ -70,8 +76,15 @@ def _settle_holder(work: Work, goal: Goal) -> None:
         return
     if copy is not None or _renew(work, goal):
         return
-    if is_able and work.now_s >= goal.retry_s and _slot_free(work, goal, holding.site):
-        _offer(work, goal, holding.site, holding.token)
+    if is_able and work.now_s >= goal.retry_s and _slot_free(work, goal, site):
+        _offer(work, goal, site, token)
+
+
+def _away(work: Work, goal: Goal) -> bool:
+    """Returns whether a goal of a node with placement Cloud has lost its cloud, or its cloud is another one now."""
+    if not work.spec(goal).of_cloud:
+        return False
+    return not there(work.view, goal.action) or any(a.token != work.view.present for a in goal.attempts)
 
 
 def _show_executing(work: Work, goal: Goal) -> None:
@@ -83,11 +96,22 @@ def _show_executing(work: Work, goal: Goal) -> None:
 
 def _renew(work: Work, goal: Goal) -> bool:
     """Takes an attempt of the cloud into a newer epoch of the same side; returns whether there was one."""
-    for attempt in goal.attempts:
-        if attempt.site is work.holding.site and attempt.phase.live and not attempt.cancel:
-            work.attempt(goal, replace(attempt, token=work.holding.token, resume=True))
-            return True
-    return False
+    return not work.spec(goal).of_cloud and _adopt(work, goal, work.holding.site, work.holding.token)
+
+
+def _adopt(work: Work, goal: Goal, site: Site, token: Token) -> bool:
+    """Takes a live attempt of a side, if there is one, under another token; returns whether there was one."""
+    attempt = _live_at(goal, site)
+    if attempt is None:
+        return False
+    if attempt.token != token:
+        work.attempt(goal, replace(attempt, token=token, resume=True))
+    return True
+
+
+def _live_at(goal: Goal, site: Site) -> Attempt | None:
+    found = (a for a in reversed(goal.attempts) if a.site is site and a.phase.live and not a.cancel)
+    return next(found, None)
 
 
 def _slot_free(work: Work, goal: Goal, site: Site) -> bool:
@@ -99,9 +123,9 @@ def _slot_free(work: Work, goal: Goal, site: Site) -> bool:
     )
 
 
-def _offer(work: Work, goal: Goal, site: Site, token: Token) -> None:
+def _offer(work: Work, goal: Goal, site: Site, token: Token, *, mirror: bool = False) -> None:
     attempt = work.new_attempt(goal, site, token)
-    work.commands.append(Offer(site, goal.action, attempt.id, goal.payload, token))
+    work.commands.append(Offer(site, goal.action, attempt.id, goal.payload, token, mirror))
 
 
 # -- the candidate's copy ---------------------------------------------------------------------------------------------
@@ -116,6 +140,34 @@ def _is_copied(work: Work, goal: Goal) -> bool:
         and spec.on_switch is OnSwitch.RESEND
         and spec.core
         and not goal.cancel
+    )
+
+
+def _mirror_at(work: Work, goal: Goal) -> tuple[Site, Token] | None:
+    """Returns the Hot standby that executes the goal too (rule 9); None where it is prepared, or for none."""
+    found = None if goal.cancel else mirrored(work.view, work.spec(goal))
+    return None if found is None or _is_copied(work, goal) else found
+
+
+def _settle_mirror(work: Work, goal: Goal, site: Site, token: Token) -> None:
+    """Keeps a copy at the Hot standby. One that has ended is not begun again while the goal runs at the holder."""
+    if _adopt(work, goal, site, token) or any(_ended_itself(a, site) for a in goal.attempts):
+        return
+    if work.now_s >= goal.copy_retry_s and able(work.view, site, goal.action) and _slot_free(work, goal, site):
+        _offer(work, goal, site, token, mirror=True)
+
+
+def _ended_itself(attempt: Attempt, site: Site) -> bool:
+    return attempt.site is site and attempt.phase is Phase.ENDED and not attempt.cancel
+
+
+def unfit(ledger: Ledger, view: View, now_s: float) -> bool:
+    """Returns whether a mirror ended although its goal has run on at the holder for another second (rule 9)."""
+    found = ((goal, mirrored(view, ledger.actions[goal.action])) for goal in ledger.goals.values())
+    return any(
+        goal.ended_s is None and at is not None and _ended_itself(a, at[0]) and now_s >= a.ended_s + MIRROR_S
+        for goal, at in found
+        for a in goal.attempts
     )
 
 
@@ -138,6 +190,9 @@ def preempted(ledger: Ledger, goal: Goal, site: Site, token: Token) -> bool:
 def _settle_candidate(work: Work, goal: Goal) -> None:
     assert work.view.candidate is not None
     site, token = work.view.candidate
+    if work.spec(goal).mirror:
+        _adopt(work, goal, site, token)
+        goal = work.goals[goal.id]
     copy = _copy_at(goal, site, token)
     if copy is not None:
         late_s = copy.offered_s + work.spec(goal).timeout_s
@@ -189,7 +244,8 @@ def _resume(work: Work, goal: Goal) -> None:
             continue
         phase, rank = attempt.phase, attempt.rank
         if phase.live:
-            work.commands.append(Resume(attempt.site, goal.action, attempt.id, attempt.token))
+            mirror = _mirror_at(work, goal) == (attempt.site, attempt.token)
+            work.commands.append(Resume(attempt.site, goal.action, attempt.id, attempt.token, mirror))
             rank = rank or work.count()
             phase = Phase.ACCEPTED
             if attempt.cancel:
@@ -212,10 +268,12 @@ def _end_unwanted(work: Work, goal: Goal) -> None:
 def _wanted(work: Work, goal: Goal) -> set[bytes]:
     if goal.ended_s is not None or goal.cancel:
         return set()
-    found = [copy_of(goal, work.holding.site, work.holding.token)]
+    found = [copy_of(goal, *work.acts(goal))]
     if _is_copied(work, goal):
         assert work.view.candidate is not None
         found.append(_copy_at(goal, *work.view.candidate))
+    elif (mirror := _mirror_at(work, goal)) is not None:
+        found.append(_live_at(goal, mirror[0]))
     return {attempt.id for attempt in found if attempt is not None}
 
 

@@ -33,6 +33,7 @@ class Run:
         accepted: the server has accepted it, or nobody knows and its result is asked for.
         cancel: it is to end. cancel_due_s: when the server is asked for that (again).
         sequence: of its newest feedback.
+        named_until_s: it is a mirror and needs no lease; -inf: none.
         unasked_until_s: resumed, and its server is not in the graph yet; its result is to be asked for by then.
     """
 
@@ -43,6 +44,7 @@ class Run:
     cancel_due_s: float = float("inf")
     sequence: int = 0
     unasked_until_s: float | None = None
+    named_until_s: float = float("-inf")
 
 
 @dataclass(frozen=True)
@@ -91,11 +93,11 @@ class Executor:
 
     # -- orders -------------------------------------------------------------------------------------------------------
 
-    def offer(self, action: str, attempt: bytes, payload: bytes, token: Token) -> None:
+    def offer(self, action: str, attempt: bytes, payload: bytes, token: Token, *, mirror: bool = False) -> None:
         """Offers a goal under an id; an id that is known is never offered again."""
         if attempt in self.runs or attempt in self.done:
             return
-        self.runs[attempt] = Run(action, token)
+        self.runs[attempt] = Run(action, token, named_until_s=_named(mirror))
         self.ports.offer(self.face, action, with_goal_id(payload, attempt))
 
     def cancel(self, attempt: bytes) -> None:
@@ -107,18 +109,18 @@ class Executor:
             run.cancel, run.cancel_due_s = True, self.ports.now_s()
             self._ask_to_cancel(attempt, run)
 
-    def resume(self, action: str, attempt: bytes, token: Token) -> None:
+    def resume(self, action: str, attempt: bytes, token: Token, *, mirror: bool = False) -> None:
         """Takes an attempt of a predecessor, or of an earlier epoch: the server says whether it knows it."""
         if attempt in self.done:
             self.report(self.done[attempt] or RunGone(attempt))
             return
         run = self.runs.get(attempt)
         if run is not None:
-            run.token = token
+            run.token, run.named_until_s = token, _named(mirror)
             if run.accepted:
                 self.report(OfferAnswered(attempt, True))
             return
-        run = self.runs[attempt] = Run(action, token, accepted=True)
+        run = self.runs[attempt] = Run(action, token, accepted=True, named_until_s=_named(mirror))
         run.unasked_until_s = self.ports.now_s() + SEEN_WITHIN_S
         self._ask_for_result(attempt, run)
 
@@ -212,3 +214,7 @@ class Executor:
         while len(self.done) > MAX_DONE or size > MAX_RESULTS_BYTES:
             _, oldest = self.done.popitem(last=False)
             size -= len(oldest.result) if oldest is not None else 0
+
+
+def _named(mirror: bool) -> float:
+    return float("inf") if mirror else float("-inf")

@@ -16,6 +16,8 @@ MAX_KEPT_BYTES = 16 * 1024 * 1024
 """Results kept for clients that have not asked yet; the oldest goes first."""
 RETRY_S = 0.5
 """Distance of two offers of a goal that was refused or ended while a side gets ready, or after a change."""
+MIRROR_S = 1.0
+"""A mirror may end so long before the holder's copy; later its replica does not do what the holder does."""
 ASK_AGAIN_S = 0.020
 """After a `NotHolder`, while our own view of the holder is the same."""
 
@@ -33,6 +35,7 @@ class Why(str, Enum):
     TOO_MANY = "TooManyGoals"
     KNOWN_ID = "GoalIdKnown"
     JOURNAL_FULL = "JournalFull"
+    CLOUD_AWAY = "CloudAway"
 
 
 class Phase(Enum):
@@ -131,6 +134,8 @@ class View:
         able: sides whose CORE nodes are Active.
         up: (site, action) whose server is seen and whose node is Active.
         heard: the cloud's relay is heard.
+        present: token under which nodes with placement Cloud act; None while no cloud is served.
+        standby: newest token that the robot has named: what goes to a standby carries it.
     """
 
     holding: Holding
@@ -138,6 +143,8 @@ class View:
     able: frozenset[Site] = frozenset()
     up: frozenset[tuple[Site, str]] = frozenset()
     heard: bool = False
+    present: Token | None = None
+    standby: Token | None = None
 
 
 @dataclass(frozen=True)
@@ -290,13 +297,14 @@ class PublishStatus:
 
 @dataclass(frozen=True)
 class Offer:
-    """To a side's server. The payload is the client's, the goal id is to be the attempt's."""
+    """To a side's server. The payload is the client's, the goal id is to be the attempt's. `mirror`: to a standby."""
 
     site: Site
     action: str
     attempt: bytes
     payload: bytes
     token: Token
+    mirror: bool = False
 
 
 @dataclass(frozen=True)
@@ -310,12 +318,13 @@ class Cancel:
 
 @dataclass(frozen=True)
 class Resume:
-    """To a side: the attempt goes on, under this token; what became of it is to be said again."""
+    """To a side: the attempt goes on, under this token, or as a mirror; what became of it is to be said again."""
 
     site: Site
     action: str
     attempt: bytes
     token: Token
+    mirror: bool = False
 
 
 @dataclass(frozen=True)
@@ -329,58 +338,3 @@ class GoalClosed:
 
 
 Command = AnswerGoal | AnswerCancel | AnswerResult | PublishStatus | Offer | Cancel | Resume | GoalClosed
-
-# -- questions --------------------------------------------------------------------------------------------------------
-
-
-def able(view: View, site: Site, action: str) -> bool:
-    """Returns whether a side's server can take a goal: CORE nodes Active, its own node Active, its server seen."""
-    reachable = site is Site.ROBOT or view.heard
-    return reachable and site in view.able and (site, action) in view.up
-
-
-def copy_of(goal: Goal, site: Site, token: Token) -> Attempt | None:
-    """Returns the attempt that counts on a side: the newest that lives and is not to end.
-
-    In the cloud only under this very token. On the robot under any: nothing stands between its relay and its server.
-    """
-    for attempt in reversed(goal.attempts):
-        if attempt.site is site and attempt.phase.live and not attempt.cancel:
-            return attempt if site is Site.ROBOT or attempt.token == token else None
-    return None
-
-
-def overtaken(ledger: Ledger, goal: Goal, attempt: Attempt) -> bool:
-    """Returns whether a later goal of the action was accepted at the same server after this attempt was: preempted."""
-    return any(
-        other.action == goal.action and other.order > goal.order and a.site is attempt.site and a.rank > attempt.rank
-        for other in ledger.goals.values()
-        for a in other.attempts
-    )
-
-
-def executing(ledger: Ledger, site: Site) -> tuple[str, ...]:
-    """Returns the actions of which a side executes an accepted attempt."""
-    found = {
-        goal.action
-        for goal in ledger.goals.values()
-        for a in goal.attempts
-        if a.site is site and a.phase is Phase.ACCEPTED
-    }
-    return tuple(sorted(found))
-
-
-def passes_feedback(ledger: Ledger, attempt: bytes, view: View) -> Goal | None:
-    """Returns the goal whose client may hear the attempt's feedback: the holder's copy's only; None else."""
-    goal = ledger.goals.get(ledger.index.get(attempt, b""))
-    if goal is None or goal.ended_s is not None:
-        return None
-    copy = copy_of(goal, view.holding.site, view.holding.token)
-    return goal if copy is not None and copy.id == attempt else None
-
-
-def busy(ledger: Ledger, site: Site, now_s: float) -> bool:
-    """Returns whether a side that no longer holds has attempts to end, within `cancel_deadline_s` of the change."""
-    if ledger.holding.site is site or now_s >= ledger.changed_s + ledger.cancel_deadline_s:
-        return False
-    return any(a.site is site and a.phase.live for g in ledger.goals.values() for a in g.attempts)

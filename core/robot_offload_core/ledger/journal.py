@@ -16,6 +16,7 @@ from typing import Any
 
 from robot_offload_core.change import replace
 from robot_offload_core.ledger.goals import Attempt, Goal, Ledger, Phase, Why
+from robot_offload_core.ledger.near import NearGoal
 from robot_offload_core.ledger.ports import GoalStatus, Holding
 from robot_offload_core.token import Site, Token
 
@@ -28,6 +29,19 @@ class JournalError(ValueError):
     """A record that is none of ours."""
 
 
+@dataclass(frozen=True)
+class UsedKept:
+    """A goal at an action outside the group, see `used_goals.UsedGoal`. `stay`: None while it waited."""
+
+    id: bytes
+    action: str
+    site: Site
+    token: Token | None
+    stay: int | None
+    relay: str
+    payload: bytes
+
+
 @dataclass
 class Replayed:
     """What a journal says.
@@ -35,12 +49,15 @@ class Replayed:
     Attributes:
         goals: in the client's order. holding: the newest stay that was taken into account.
         calls: open service calls, caller -> service. dropped: records that were none of ours.
+        used: goals at actions outside. near: goals of the robot's own nodes there, as their clients see them.
     """
 
     goals: dict[bytes, Goal] = field(default_factory=dict)
     holding: Holding | None = None
     calls: dict[bytes, str] = field(default_factory=dict)
     dropped: int = 0
+    used: dict[bytes, UsedKept] = field(default_factory=dict)
+    near: dict[bytes, NearGoal] = field(default_factory=dict)
 
 
 # -- frames -----------------------------------------------------------------------------------------------------------
@@ -104,6 +121,34 @@ def call_closed(caller: bytes) -> bytes:
     return _record({"k": "done", "c": caller.hex()})
 
 
+def used_kept(goal: UsedKept) -> bytes:
+    """Returns the record of a goal at an action outside the group."""
+    words = {
+        "k": "used", "id": goal.id.hex(), "a": goal.action, "at": goal.site.value,
+        "token": None if goal.token is None else _token_words(goal.token), "stay": goal.stay, "relay": goal.relay,
+    }  # fmt: skip
+    return _record(words, goal.payload)
+
+
+def used_ended(goal_id: bytes) -> bytes:
+    """Returns the record of its end."""
+    return _record({"k": "unused", "id": goal_id.hex()})
+
+
+def near_kept(goal: NearGoal) -> bytes:
+    """Returns the record of what a client of the robot's group knows of its goal outside."""
+    words = {
+        "k": "near", "id": goal.id.hex(), "a": goal.action, "t": goal.stamp_ns, "s": int(goal.status),
+        "x": goal.cancel, "e": goal.ended_s, "r": [caller.hex() for caller in goal.waiting],
+    }  # fmt: skip
+    return _record(words, goal.result)
+
+
+def near_forgotten(goal_id: bytes) -> bytes:
+    """Returns the record that nobody asks for a goal's result any more."""
+    return _record({"k": "far", "id": goal_id.hex()})
+
+
 def replay(records: Iterable[bytes]) -> Replayed:
     """Reads records in order; one that is none of ours is left out."""
     said = Replayed()
@@ -162,6 +207,28 @@ def _take(said: Replayed, record: bytes) -> None:
         said.calls[bytes.fromhex(words["c"])] = str(words["s"])
     elif kind == "done":
         said.calls.pop(bytes.fromhex(words["c"]), None)
+    else:
+        _take_used(said, words, payload)
+
+
+def _take_used(said: Replayed, words: dict[str, Any], payload: bytes) -> None:
+    kind, goal_id = words["k"], bytes.fromhex(words["id"])
+    if kind == "used":
+        token = None if words["token"] is None else _token(words["token"])
+        stay = None if words["stay"] is None else int(words["stay"])
+        said.used[goal_id] = UsedKept(
+            goal_id, str(words["a"]), Site(words["at"]), token, stay, str(words["relay"]), payload
+        )
+    elif kind == "unused":
+        said.used.pop(goal_id, None)
+    elif kind == "near":
+        said.near[goal_id] = NearGoal(
+            goal_id, str(words["a"]), int(words["t"]), GoalStatus(words["s"]), bool(words["x"]),
+            [bytes.fromhex(caller) for caller in words["r"]], payload,
+            None if words["e"] is None else float(words["e"]),
+        )  # fmt: skip
+    elif kind == "far":
+        said.near.pop(goal_id, None)
     else:
         raise JournalError(f"{kind!r} is no kind of record")
 

@@ -11,7 +11,8 @@ from enum import Enum
 
 from robot_offload_core.declared import ServiceMode, ServiceSpec
 from robot_offload_core.ledger.goals import ASK_AGAIN_S, View
-from robot_offload_core.token import Site, Token
+from robot_offload_core.ledger.questions import there
+from robot_offload_core.token import Site
 
 MAX_WAITING = 64
 """Requests of one service that wait for a holder; a further one fails at once."""
@@ -37,6 +38,7 @@ class Failure(str, Enum):
     TOO_LARGE = "TooLarge"
     REFUSED = "Standby"
     RELAY_RESTARTED = "RelayRestarted"
+    CLOUD_AWAY = "CloudAway"
 
 
 SENTENCES = {
@@ -46,6 +48,7 @@ SENTENCES = {
     Failure.TOO_LARGE: "the request is larger than 1 MiB; send less at once",
     Failure.REFUSED: "this side is standby: only the side that acts may call; nothing needs to be done",
     Failure.RELAY_RESTARTED: "the agent's relay was started again while the call was open; look, then ask again",
+    Failure.CLOUD_AWAY: "the cloud is away, and only its node can answer; ask again when /offload/available says so",
 }
 
 
@@ -202,6 +205,8 @@ class Desk:
 
     def _settle(self, request: Request, view: View, now_s: float) -> list[Order]:
         holding, spec = view.holding, request.spec
+        if spec.of_cloud:
+            return self._settle_of_cloud(request, view, now_s)
         for ask in request.asks:
             if ask.fate is Fate.OPEN and now_s >= ask.until_s:
                 ask.fate = Fate.UNKNOWN
@@ -220,6 +225,20 @@ class Desk:
             late = bool(unknown) and now_s >= max(ask.until_s for ask in unknown) + spec.timeout_s
             return self._give_up(request, Failure.UNKNOWN) if late else []
         return [*self._ask(request, holding.site, holding.stay, False, now_s), *self._race(request, view, now_s)]
+
+    def _settle_of_cloud(self, request: Request, view: View, now_s: float) -> list[Order]:
+        """A node with placement Cloud has no replica: it is asked whoever holds, and fails at once while it is away."""
+        executed = any(ask.fate is Fate.UNKNOWN or now_s >= ask.until_s for ask in request.asks)
+        asked = any(ask.fate is Fate.OPEN for ask in request.asks)
+        if executed or (asked and not there(view, request.spec.name)):
+            return self._give_up(request, Failure.UNKNOWN)
+        if not there(view, request.spec.name):
+            return self._give_up(request, Failure.CLOUD_AWAY)
+        if now_s >= request.until_s:
+            return self._give_up(request, Failure.TIMEOUT)
+        if asked or now_s < request.retry_s:
+            return []
+        return self._ask(request, Site.CLOUD, view.holding.stay, False, now_s)
 
     def _race(self, request: Request, view: View, now_s: float) -> list[Order]:
         """Asks the standby too: the first answer wins."""
@@ -307,11 +326,6 @@ def able(view: View, site: Site, service: str) -> bool:
     """Returns whether a side's server can take a call: CORE nodes Active, its own node Active, its server seen."""
     reachable = site is Site.ROBOT or view.heard
     return reachable and site in view.able and (site, service) in view.up
-
-
-def standby_token(token: Token, robot: str, newest: int) -> bool:
-    """Returns whether a word for the standby counts: of the robot that is served, and of its newest epoch."""
-    return token.robot == robot and token.epoch >= newest
 
 
 def _open(request: Request) -> bool:

@@ -35,9 +35,9 @@ from robot_offload_core.ledger.goals import (
     ResultRequested,
     View,
     Why,
-    overtaken,
 )
 from robot_offload_core.ledger.ports import CancelCode, GoalStatus, Holding
+from robot_offload_core.ledger.questions import meant, overtaken, there
 from robot_offload_core.ledger.wire_ids import NO_GOAL
 from robot_offload_core.ledger.work import Work
 from robot_offload_core.token import Site
@@ -113,6 +113,8 @@ def _notice_change(work: Work) -> None:
         return
     work.holding, work.changed_s = holding, work.now_s
     for goal in work.live():
+        if work.spec(goal).of_cloud:
+            continue
         offered = any(a.phase is not Phase.REFUSED for a in goal.attempts)
         if goal.cancel:
             work.end(goal, GoalStatus.CANCELED, why=Why.CANCELED)
@@ -141,6 +143,8 @@ def _goal_requested(work: Work, event: GoalRequested) -> None:
         why = Why.KNOWN_ID
     elif sum(1 for _ in work.live()) >= MAX_LIVE:
         why = Why.TOO_MANY
+    elif spec.of_cloud and not there(work.view, spec.name):
+        why = Why.CLOUD_AWAY
     if why is not None:
         work.commands.append(AnswerGoal(event.action, event.caller, False, 0, why))
         return
@@ -159,7 +163,11 @@ def _cancel_requested(work: Work, event: CancelRequested) -> None:
     """Answers from the ledger at once, goal by goal (rule 7)."""
     known = work.goals.get(event.goal_id)
     named = known if known is not None and known.action == event.action and not known.caller else None
-    chosen = [goal for goal in work.live() if goal.action == event.action and not goal.caller and _meant(goal, event)]
+    chosen = [
+        goal
+        for goal in work.live()
+        if goal.action == event.action and not goal.caller and meant(event, goal.id, goal.stamp_ns)
+    ]
     code = CancelCode.NONE
     if event.goal_id != NO_GOAL and not chosen:
         code = CancelCode.UNKNOWN_GOAL if named is None else CancelCode.TERMINATED
@@ -168,12 +176,6 @@ def _cancel_requested(work: Work, event: CancelRequested) -> None:
     entries = tuple(work.goals[goal.id].entry for goal in chosen)
     work.commands.append(AnswerCancel(event.action, event.caller, code, entries))
     work.shown.add(event.action)
-
-
-def _meant(goal: Goal, event: CancelRequested) -> bool:
-    if event.goal_id == NO_GOAL and event.stamp_ns == 0:
-        return True
-    return goal.id == event.goal_id or (event.stamp_ns > 0 and goal.stamp_ns <= event.stamp_ns)
 
 
 def _result_requested(work: Work, event: ResultRequested) -> None:
@@ -198,7 +200,7 @@ def _answered(work: Work, event: Answered) -> None:
         return
     wait_s = ASK_AGAIN_S if event.answer is Answer.NOT_HOLDER else RETRY_S
     goal = work.attempt(goal, replace(attempt, phase=Phase.REFUSED, ended_s=work.now_s))
-    if not _counts(work, attempt):
+    if not _counts(work, goal, attempt):
         work.put(replace(goal, copy_retry_s=work.now_s + wait_s))
     elif event.answer is Answer.NOT_HOLDER or goal.moved:
         work.put(replace(goal, retry_s=work.now_s + wait_s))
@@ -208,7 +210,7 @@ def _answered(work: Work, event: Answered) -> None:
 
 def _accepted(work: Work, goal: Goal, attempt: Attempt) -> None:
     goal = work.attempt(goal, replace(attempt, phase=Phase.ACCEPTED, rank=work.count()))
-    if goal.ended_s is not None or not _counts(work, attempt):
+    if goal.ended_s is not None or not _counts(work, goal, attempt):
         return
     status = GoalStatus.CANCELING if goal.cancel else GoalStatus.EXECUTING
     caller, goal = goal.caller, replace(goal, status=status, caller=b"")
@@ -218,12 +220,12 @@ def _accepted(work: Work, goal: Goal, attempt: Attempt) -> None:
         work.commands.append(AnswerGoal(goal.action, caller, True, goal.stamp_ns))
 
 
-def _counts(work: Work, attempt: Attempt) -> bool:
+def _counts(work: Work, goal: Goal, attempt: Attempt) -> bool:
     """Returns whether an attempt is the holder's copy: on its side, under its token, not called back by us."""
-    holding = work.holding
-    if attempt.site is not holding.site or attempt.cancel:
+    site, token = work.acts(goal)
+    if attempt.site is not site or attempt.cancel:
         return False
-    return attempt.site is Site.ROBOT or attempt.token == holding.token
+    return attempt.site is Site.ROBOT or attempt.token == token
 
 
 def _ended(work: Work, event: Ended) -> None:
@@ -233,7 +235,7 @@ def _ended(work: Work, event: Ended) -> None:
     if event.status is GoalStatus.UNKNOWN:
         _gone(work, Gone(event.attempt))
         return
-    counts = _counts(work, attempt) or (goal.cancel and attempt.site is work.holding.site)
+    counts = _counts(work, goal, attempt) or (goal.cancel and attempt.site is work.acts(goal)[0])
     goal = work.attempt(goal, replace(attempt, phase=Phase.ENDED, status=event.status, ended_s=work.now_s))
     if goal.ended_s is not None:
         return
@@ -273,7 +275,7 @@ def _gone(work: Work, event: Gone) -> None:
     goal, attempt = work.find(event.attempt)
     if goal is None or attempt is None or not attempt.phase.live:
         return
-    counts = _counts(work, attempt)
+    counts = _counts(work, goal, attempt)
     goal = work.attempt(goal, replace(attempt, phase=Phase.GONE, ended_s=work.now_s))
     if goal.ended_s is not None:
         return

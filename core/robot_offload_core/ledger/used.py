@@ -21,7 +21,7 @@ class Admission(Enum):
     REFUSE = 3
 
 
-def admit(view: View, effects: Site | None, site: Site, token: Token | None) -> Admission:
+def admit(view: View, effects: Site | None, site: Site, token: Token | None, of_cloud: bool = False) -> Admission:
     """Returns what becomes of a call of `site`; `token`: under which a cloud's call was made, None on the robot.
 
     Args:
@@ -29,7 +29,10 @@ def admit(view: View, effects: Site | None, site: Site, token: Token | None) -> 
         effects: whose calls control admits; None: nobody's.
         site: whose replica calls.
         token: of the call.
+        of_cloud: of a node with placement Cloud: it acts by presence, whoever holds.
     """
+    if of_cloud and site is Site.CLOUD:
+        return Admission.ADMIT if token is not None and token == view.present else Admission.REFUSE
     ours = site is Site.ROBOT or token == view.holding.token
     if view.holding.site is site and ours:
         return Admission.ADMIT if effects is site else Admission.WAIT
@@ -72,7 +75,9 @@ class UsedCalls:
         """Returns the calls that are decided now; those that are to be made stay known until they are answered."""
         decided: list[tuple[UsedCall, Verdicts]] = []
         for call in list(self.calls):
-            admission = Admission.ADMIT if call.number else admit(view, effects, call.site, call.token)
+            admission = (
+                Admission.ADMIT if call.number else admit(view, effects, call.site, call.token, call.spec.of_cloud)
+            )
             if admission is Admission.REFUSE:
                 self.calls.remove(call)
                 decided.append((call, Verdicts.REFUSED))

@@ -72,12 +72,13 @@ class Ack:
 
 @dataclass(frozen=True)
 class OfferWord:
-    """A goal for a server of the reader's side."""
+    """A goal for a server of the reader's side. `mirror`: needs no lease, only the newest epoch."""
 
     face: Face
     action: str
     attempt: bytes
     token: Token
+    mirror: bool
     payload: bytes
 
 
@@ -92,12 +93,13 @@ class CancelWord:
 
 @dataclass(frozen=True)
 class ResumeWord:
-    """An attempt goes on under this token; the reader says again what became of it."""
+    """An attempt goes on under this token, or as a mirror; the reader says again what became of it."""
 
     face: Face
     action: str
     attempt: bytes
     token: Token
+    mirror: bool
 
 
 @dataclass(frozen=True)

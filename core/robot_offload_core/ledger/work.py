@@ -21,6 +21,7 @@ from robot_offload_core.ledger.goals import (
     Why,
 )
 from robot_offload_core.ledger.ports import GoalStatus
+from robot_offload_core.ledger.questions import acts
 from robot_offload_core.ledger.wire_ids import attempt_id
 from robot_offload_core.token import Site, Token
 
@@ -53,6 +54,10 @@ class Work:
     def all(self) -> Iterator[Goal]:
         """Returns all goals, in the client's order."""
         return iter(list(self.goals.values()))
+
+    def acts(self, goal: Goal) -> tuple[Site, Token | None]:
+        """Returns who executes the goal, and under which token."""
+        return acts(self.view, self.spec(goal))
 
     def spec(self, goal: Goal) -> ActionSpec:
         """Returns what is declared of the goal's action."""

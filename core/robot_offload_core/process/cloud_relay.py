@@ -6,10 +6,11 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from robot_offload_core.declared import ActionSpec, ServiceSpec, UsedAction, UsedService
 from robot_offload_core.guardians import State
-from robot_offload_core.ledger.executor import Executor, OfferAnswered, Outcome, RunEnded, RunGone
+from robot_offload_core.ledger.executor import SEEN_WITHIN_S, Executor, OfferAnswered, Outcome, Run, RunEnded, RunGone
+from robot_offload_core.ledger.goals import CancelRequested
 from robot_offload_core.ledger.ports import CancelCode, CloudRelayPorts, Face, GoalStatus
-from robot_offload_core.ledger.requests import SENTENCES, Failure
 from robot_offload_core.ledger.wire_ids import goal_id_of
 from robot_offload_core.ledger.words import (
     CalledWord,
@@ -24,6 +25,7 @@ from robot_offload_core.ledger.words import (
     Verdict,
     Word,
 )
+from robot_offload_core.process.cloud_used import CloudUsed
 from robot_offload_core.process.messages import Egress, Letters, RelayStatus
 from robot_offload_core.process.relay import MAX_PAYLOAD, STATUS_S, RelayPlan, RelayProcess, status_problems
 from robot_offload_core.process.relay_post import Post
@@ -35,19 +37,11 @@ ORPHAN_S = 1.0
 
 @dataclass(frozen=True)
 class Pending:
-    """A call at a server here: `key` of the robot's relay `peer`, or `caller` of a replica here."""
+    """A call at a server here: `key` of the robot's relay `peer`. `of_cloud`: its node has placement Cloud."""
 
     peer: str
     key: int
-
-
-@dataclass(frozen=True)
-class UsedOut:
-    """A replica's call at a used name, which the robot's relay decides."""
-
-    service: str
-    caller: bytes
-    until_s: float
+    of_cloud: bool = False
 
 
 class CloudRelay(RelayProcess):
@@ -57,7 +51,7 @@ class CloudRelay(RelayProcess):
         egress: what control says may leave, and until when.
         ends: end of the lease of each token that something was admitted under.
         newest: epoch of the newest word for the standby.
-        calls: at servers here. used: calls of the replicas here at used names.
+        calls: at servers here. used: calls and goals of the replicas here at used names.
     """
 
     def __init__(self, plan: RelayPlan, ports: CloudRelayPorts, incarnation: str) -> None:
@@ -71,13 +65,14 @@ class CloudRelay(RelayProcess):
         self.newest = 0
         self.services: dict[str, str] = {}
         self.calls: dict[int, Pending] = {}
-        self.used: dict[int, UsedOut] = {}
         self.number = 0
         self.counters: Counter[str] = Counter()
         self.status: RelayStatus | None = None
         self.status_due_s = ports.now_s()
         self._of = {s.name: s.node for s in plan.services} | {a.name: a.node for a in plan.actions}
-        self._used = {spec.name: spec for spec in plan.used_services}
+        served: tuple[ServiceSpec | ActionSpec, ...] = (*plan.services, *plan.actions)
+        self._of_cloud = {spec.name for spec in served if spec.of_cloud}
+        self.used = CloudUsed(plan, ports, self.post, self.acts_under, self.counters)
 
     # -- who may ------------------------------------------------------------------------------------------------------
 
@@ -85,6 +80,20 @@ class CloudRelay(RelayProcess):
         """Returns whether something may begin under a token: exactly the one that this side may act under, now."""
         egress = self.egress.egress if self.egress is not None else None
         return egress is not None and egress.token == token and self.ports.now_s() < egress.lease_end_s
+
+    def admits_present(self, token: Token) -> bool:
+        """Returns whether a node with placement Cloud may begin something under a token: exactly that of presence."""
+        egress = self.egress.egress if self.egress is not None else None
+        return egress is not None and egress.presence == token and self.ports.now_s() < egress.presence_end_s
+
+    def _admits_word(self, name: str, token: Token, *, standby: bool) -> bool:
+        if name in self._of_cloud:
+            return self.admits_present(token)
+        if not standby:
+            return self.admits(token)
+        admitted = self.admits_standby(token)
+        self.newest = max(self.newest, token.epoch) if admitted else self.newest
+        return admitted
 
     def admits_standby(self, token: Token) -> bool:
         """Returns whether a word for the standby counts: of the robot that is served, and of no older epoch."""
@@ -98,6 +107,8 @@ class CloudRelay(RelayProcess):
         if before is not None and before != after:
             self.ends[before] = min(self.ends.get(before, now_s), now_s)
             self.ended_s = now_s
+        if egress.egress.presence is not None:
+            self.ends[egress.egress.presence] = egress.egress.presence_end_s
         if after is not None:
             self.ends[after] = egress.egress.lease_end_s
             self.newest = max(self.newest, after.epoch) if self.egress is not None else after.epoch
@@ -111,18 +122,15 @@ class CloudRelay(RelayProcess):
     @property
     def due_s(self) -> float:
         """Returns when `turn` has something to do."""
-        runs = [self.ends.get(run.token, 0.0) + ORPHAN_S for run in self.own.runs.values() if not run.cancel]
-        waits = [call.until_s for call in self.used.values()]
-        return min([self.post.due_s(), self.status_due_s, self.own.due_s(), *runs, *waits])
+        runs = [self._runs_until_s(run) for run in self.own.runs.values() if not run.cancel]
+        return min([self.post.due_s(), self.status_due_s, self.own.due_s(), self.used.due_s(), *runs])
 
     def turn(self) -> None:
         """Does what is due."""
         now_s = self.ports.now_s()
         self._cancel_orphans(now_s)
         self.own.turn()
-        for key, call in list(self.used.items()):
-            if now_s >= call.until_s:
-                self._fail_used(key, Failure.TIMEOUT)
+        self.used.turn()
         self.post.turn(self._hello())
         self._report(now_s)
 
@@ -134,8 +142,8 @@ class CloudRelay(RelayProcess):
             word, met = self.post.take(message.data)
             if met:
                 self.calls.clear()
-                for key in list(self.used):
-                    self._fail_used(key, Failure.UNKNOWN)
+                self._unname()
+                self.used.robot_relay_met()
             if word is not None:
                 self._take(word)
 
@@ -155,34 +163,39 @@ class CloudRelay(RelayProcess):
             case CancelWord():
                 self.own.cancel(word.attempt)
             case ResumeWord():
-                self.own.resume(word.action, word.attempt, word.token)
+                self._resume(word)
             case CallWord():
                 self._call(word)
             case CalledWord():
-                self._used_answered(word)
+                self.used.answered(word)
+            case OfferedWord() | EndedWord() | FeedbackWord():
+                self.used.take(word)
             case _:
                 pass
 
     def _offer(self, word: OfferWord) -> None:
-        if not self.admits(word.token) or word.action not in self.own.seen:
+        if not self._admits_word(word.action, word.token, standby=word.mirror) or word.action not in self.own.seen:
             self.counters["offers.not_holder"] += 1
             self.own.done[word.attempt] = None
             self.post.write(OfferedWord(Face.GROUP, word.attempt, Verdict.NOT_HOLDER))
             return
-        self.own.offer(word.action, word.attempt, word.payload, word.token)
+        self.own.offer(word.action, word.attempt, word.payload, word.token, mirror=word.mirror)
+
+    def _resume(self, word: ResumeWord) -> None:
+        """Goes on with an attempt; the grant of its token may come a little later than the word."""
+        self.own.resume(word.action, word.attempt, word.token, mirror=word.mirror)
+        run = self.own.runs.get(word.attempt)
+        if run is not None:
+            run.named_until_s = max(run.named_until_s, self.ports.now_s() + ORPHAN_S)
 
     def _call(self, word: CallWord) -> None:
-        if word.standby:
-            admitted = self.admits_standby(word.token)
-            self.newest = max(self.newest, word.token.epoch) if admitted else self.newest
-        else:
-            admitted = self.admits(word.token)
+        admitted = self._admits_word(word.service, word.token, standby=word.standby)
         if not admitted or word.service not in self.services or word.service not in self._of:
             self.counters["calls.not_holder"] += 1
             self.post.write(CalledWord(Face.GROUP, word.key, Verdict.NOT_HOLDER, b""))
             return
         self.number += 1
-        self.calls[self.number] = Pending(self.post.courier.peer, word.key)
+        self.calls[self.number] = Pending(self.post.courier.peer, word.key, word.service in self._of_cloud)
         self.ports.call(Face.GROUP, word.service, self.number, word.payload)
 
     def _outcome(self, outcome: Outcome) -> None:
@@ -209,7 +222,7 @@ class CloudRelay(RelayProcess):
     def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
         """Takes a result, and whether this side was still allowed to act."""
         run = self.own.runs.get(goal_id)
-        leased = run is not None and self.admits(run.token)
+        leased = run is not None and (self.admits(run.token) or self.admits_present(run.token))
         if len(payload) > MAX_PAYLOAD:
             self.counters[f"{name}.too_large"] += 1
             payload = b""
@@ -235,57 +248,51 @@ class CloudRelay(RelayProcess):
 
     # -- replicas here, as clients of used names ----------------------------------------------------------------------
 
-    def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
-        """Passes a replica's call at a used name to the robot's relay; a standby's fails at once."""
-        spec = self._used[name]
+    def acts_under(self, spec: UsedService | UsedAction) -> Token | None:
+        """Returns the token under which the node of a used name may act now; None while it stands by."""
         egress = self.egress.egress if self.egress is not None else None
-        token = egress.token if egress is not None else None
-        self.number += 1
-        self.used[self.number] = UsedOut(name, caller, self.ports.now_s() + spec.timeout_s)
-        if len(payload) > MAX_PAYLOAD:
-            self._fail_used(self.number, Failure.TOO_LARGE)
-        elif token is None or not self.admits(token) or not self.post.courier.peer:
-            self._fail_used(self.number, Failure.REFUSED)
-        else:
-            self.post.write(CallWord(Face.PUBLIC, name, self.number, token, False, payload))
+        if egress is None:
+            return None
+        if spec.of_cloud:
+            return egress.presence if self.ports.now_s() < egress.presence_end_s else None
+        return egress.token if egress.token is not None and self.admits(egress.token) else None
 
-    def _used_answered(self, word: CalledWord) -> None:
-        call = self.used.get(word.key)
-        if call is None:
-            return
-        if word.verdict in (Verdict.DONE, Verdict.FAILED):
-            del self.used[word.key]
-            self.ports.answer_call(Face.GROUP, call.service, call.caller, word.payload)
-        else:
-            self._fail_used(word.key, Failure.REFUSED if word.verdict is Verdict.NOT_HOLDER else Failure.TIMEOUT)
-
-    def _fail_used(self, key: int, why: Failure) -> None:
-        call = self.used.pop(key)
-        self.counters[f"{call.service}.{why.value}"] += 1
-        self.ports.fail_call(Face.GROUP, call.service, call.caller, why.value, SENTENCES[why])
+    def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
+        """Takes a replica's call at a used name."""
+        self.used.called(name, caller, payload)
 
     def goal_requested(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
-        """Refuses: used actions are not relayed yet, and validation refuses them."""
-        self.ports.answer_goal(face, name, caller, False, 0)
+        """Takes a replica's goal at a used action."""
+        self.used.goal_requested(name, caller, payload)
 
     def cancel_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes, stamp_ns: int) -> None:
-        """Knows no goal, see `goal_requested`."""
-        self.ports.answer_cancel(face, name, caller, CancelCode.UNKNOWN_GOAL, ())
+        """Takes a replica's cancel."""
+        self.used.cancel_requested(CancelRequested(name, caller, goal_id, stamp_ns))
 
     def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
-        """Knows no goal, see `goal_requested`."""
-        self.ports.answer_result(face, name, caller, GoalStatus.UNKNOWN, b"")
+        """Takes a replica's question for a result."""
+        self.used.near.ask_result(name, caller, goal_id)
 
     # -- levels -------------------------------------------------------------------------------------------------------
 
     def _cancel_orphans(self, now_s: float) -> None:
         """Cancels attempts of a token that ended a second ago (rule 4)."""
         for attempt, run in list(self.own.runs.items()):
-            if now_s >= self.ends.get(run.token, 0.0) + ORPHAN_S:
+            if now_s >= self._runs_until_s(run):
                 self.own.cancel(attempt)
         tokens = {run.token for run in self.own.runs.values()}
-        current = self.egress.egress.token if self.egress is not None else None
-        self.ends = {token: end for token, end in self.ends.items() if token in tokens or token == current}
+        egress = self.egress.egress if self.egress is not None else None
+        current = {egress.token, egress.presence} if egress is not None else set()
+        self.ends = {token: end for token, end in self.ends.items() if token in tokens or token in current}
+
+    def _unname(self) -> None:
+        """Lets mirrors run on for as long as a new relay of the robot may take to name them again."""
+        until_s = self.ports.now_s() + SEEN_WITHIN_S
+        for run in self.own.runs.values():
+            run.named_until_s = min(run.named_until_s, until_s)
+
+    def _runs_until_s(self, run: Run) -> float:
+        return max(self.ends.get(run.token, 0.0) + ORPHAN_S, run.named_until_s)
 
     def _up(self) -> tuple[str, ...]:
         nodes = dict(self.egress.nodes) if self.egress is not None else {}
@@ -304,9 +311,11 @@ class CloudRelay(RelayProcess):
     def _busy(self, now_s: float) -> bool:
         """Returns whether the nodes still have goals or calls of an ended token, for `cancelDeadline`."""
         token = self.egress.egress.token if self.egress is not None else None
-        ended_s = max((self.ends.get(run.token, 0.0) for run in self.own.runs.values()), default=self.ended_s)
+        runs = [r for r in self.own.runs.values() if r.action not in self._of_cloud and r.named_until_s <= now_s]
+        ended_s = max((self.ends.get(run.token, 0.0) for run in runs), default=self.ended_s)
         held = token is not None and self.admits(token)
-        return not held and bool(self.own.runs or self.calls) and now_s < ended_s + self.plan.cancel_deadline_s
+        waits = bool(runs) or any(not call.of_cloud for call in self.calls.values())
+        return not held and waits and now_s < ended_s + self.plan.cancel_deadline_s
 
     def _report(self, now_s: float) -> None:
         token = self.egress.egress.token if self.egress is not None else None

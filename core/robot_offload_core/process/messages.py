@@ -231,6 +231,7 @@ class RelayStatus:
         holder: who holds, as the relay last saw (in the cloud: CLOUD while it may act).
         busy: this side's nodes still have goals or requests to end: they are not to be deactivated yet.
         executing: actions that this side executes, by public name.
+        unfit: a mirror here has ended long before its goal: this side must not take over by silence (robot only).
         problems, counters: for diagnostics, once a second; else empty.
     """
 
@@ -241,6 +242,7 @@ class RelayStatus:
     executing: tuple[str, ...]
     hold_for_s: float = 0.0
     holder: Site | None = None
+    unfit: bool = False
     problems: tuple[tuple[str, str], ...] = ()
     counters: tuple[tuple[str, int], ...] = ()
 

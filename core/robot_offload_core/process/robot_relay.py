@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable
 
-from robot_offload_core.ledger import copies, goals, journal, steps
+from robot_offload_core.ledger import copies, goals, journal, questions, steps
 from robot_offload_core.ledger.executor import Executor, OfferAnswered, Outcome, RunEnded, RunGone
 from robot_offload_core.ledger.goals import Command, Event, Why
 from robot_offload_core.ledger.ports import CancelCode, Face, GoalStatus, RobotRelayPorts
@@ -27,7 +27,8 @@ from robot_offload_core.process.messages import Letters, RelayOrders, RelayStatu
 from robot_offload_core.process.relay import MAX_PAYLOAD, STATUS_S, RelayPlan, RelayProcess, status_problems
 from robot_offload_core.process.relay_post import Post
 from robot_offload_core.process.robot_requests import RobotRequests
-from robot_offload_core.token import Site
+from robot_offload_core.process.robot_used import RobotUsed
+from robot_offload_core.token import Site, Token, presence
 
 LOOK_S = 0.02
 """While anything is open the holder is looked at this often: the collector's memory wakes nobody."""
@@ -58,6 +59,7 @@ class RobotRelay(RelayProcess):
         self.fed: dict[bytes, int] = {}
         self.counters: Counter[str] = Counter()
         self.requests = RobotRequests(plan, ports, self.post, self.view, self._keep, self.counters)
+        self.used = RobotUsed(plan, ports, self.post, self.view, self._keep, self.counters)
         self.status: RelayStatus | None = None
         self.status_due_s = self.look_due_s = ports.now_s()
         self.queue: deque[Event] = deque()
@@ -75,8 +77,9 @@ class RobotRelay(RelayProcess):
         self.counters["journal.dropped"] += said.dropped
         self.ledger = journal.restored(self.ledger, said)
         self.requests.fail_open(said.calls)
+        self.used.succeed(said)
         if records:
-            self.ports.compact(journal.whole(self.ledger, {}))
+            self.ports.compact(self._whole())
             self.step(goals.Replaced())
 
     # -- the machines -------------------------------------------------------------------------------------------------
@@ -86,7 +89,11 @@ class RobotRelay(RelayProcess):
         orders = self.orders
         candidate = orders.candidate if orders is not None else None
         able = frozenset(orders.able) if orders is not None else frozenset()
-        return goals.View(self.ports.holder(), candidate, able, self.up, self.post.heard())
+        present = presence(orders.robot, orders.cloud) if orders is not None and orders.cloud else None
+        standby = (
+            Token(orders.robot, orders.epoch, orders.cloud) if present is not None and orders is not None else None
+        )
+        return goals.View(self.ports.holder(), candidate, able, self.up, self.post.heard(), present, standby)
 
     def step(self, event: Event) -> None:
         """Steps the ledger; what its commands lead to at once follows behind."""
@@ -120,7 +127,10 @@ class RobotRelay(RelayProcess):
         if self.ports.keep(record):
             return True
         self.counters["journal.compacted"] += 1
-        return self.ports.compact(journal.whole(self.ledger, self.requests.calls)) and self.ports.keep(record)
+        return self.ports.compact(self._whole()) and self.ports.keep(record)
+
+    def _whole(self) -> list[bytes]:
+        return journal.whole(self.ledger, self.requests.calls) + self.used.records()
 
     def _carry_out(self, command: Command) -> None:
         ports = self.ports
@@ -150,7 +160,7 @@ class RobotRelay(RelayProcess):
                 self.own.offer(action, attempt, command.payload, command.token)
             case goals.Offer():
                 payload = with_goal_id(command.payload, attempt)
-                self.post.write(OfferWord(face, action, attempt, command.token, payload))
+                self.post.write(OfferWord(face, action, attempt, command.token, command.mirror, payload))
             case goals.Cancel() if local:
                 self.own.cancel(attempt)
             case goals.Cancel():
@@ -158,7 +168,7 @@ class RobotRelay(RelayProcess):
             case goals.Resume() if local:
                 self.own.resume(action, attempt, command.token)
             case goals.Resume():
-                self.post.write(ResumeWord(face, action, attempt, command.token))
+                self.post.write(ResumeWord(face, action, attempt, command.token, command.mirror))
 
     def _outcome(self, outcome: Outcome) -> None:
         match outcome:
@@ -177,13 +187,15 @@ class RobotRelay(RelayProcess):
         """Returns when `turn` has something to do."""
         if self.dirty:
             return float("-inf")
-        return min(self.post.due_s(), self.status_due_s, self.look_due_s, self.own.due_s(), self.requests.due_s())
+        parts = (self.post, self.own, self.requests, self.used)
+        return min(self.status_due_s, self.look_due_s, *(part.due_s() for part in parts))
 
     def turn(self) -> None:
         """Does what is due."""
         now_s = self.ports.now_s()
         self.dirty = False
         self.own.turn()
+        self.used.out.turn()
         self._look(now_s)
         self.post.turn(self._hello())
         self._report(now_s)
@@ -192,15 +204,16 @@ class RobotRelay(RelayProcess):
         """Looks at the holder and at deadlines: often while anything is open."""
         self.step(goals.Looked())
         self.requests.settle()
+        self.used.settle()
         live = any(goal.ended_s is None for goal in self.ledger.goals.values())
-        idle = self.requests.idle() and not live
+        idle = self.requests.idle() and self.used.idle() and not live
         self.look_due_s = now_s + (STATUS_S if idle else LOOK_S)
         self.fed = {attempt: n for attempt, n in self.fed.items() if attempt in self.ledger.index}
 
     def handle(self, message: object) -> None:
         """Takes control's orders and the cloud relay's words."""
         if isinstance(message, RelayOrders):
-            self.orders = self.requests.orders = message
+            self.orders = self.requests.orders = self.used.orders = message
             self.post.agent = message.cloud
             self._see()
             self._look(self.ports.now_s())
@@ -210,11 +223,14 @@ class RobotRelay(RelayProcess):
                 self.counters["relay.met"] += 1
                 self.requests.desk.lost(Site.CLOUD)
                 self.step(goals.Replaced(Site.CLOUD))
+                self.used.cloud_relay_met()
             if word is not None:
                 self._take(word)
 
     def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
         """Takes the servers in the graph."""
+        servers = list(servers)
+        self.used.servers_seen(servers)
         seen = {name: endpoints for face, name, endpoints in servers if face is Face.GROUP}
         before, self.services = self.services, seen
         for name in self.requests.desk.services:
@@ -247,7 +263,9 @@ class RobotRelay(RelayProcess):
             case FeedbackWord():
                 self._feedback(word.action, word.payload, word.sequence)
             case CallWord():
-                self.requests.used_in_cloud(word)
+                self.used.called_in_cloud(word)
+            case OfferWord() | CancelWord() | ResumeWord():
+                self.used.take(word)
             case _:
                 pass
 
@@ -256,7 +274,7 @@ class RobotRelay(RelayProcess):
         attempt = goal_id_of(payload)
         if attempt is None or sequence <= self.fed.get(attempt, 0):
             return
-        goal = goals.passes_feedback(self.ledger, attempt, self.view())
+        goal = questions.passes_feedback(self.ledger, attempt, self.view())
         if goal is None or goal.action != action:
             self.counters[f"{action}.feedback_left_out"] += 1
             return
@@ -267,21 +285,24 @@ class RobotRelay(RelayProcess):
 
     def offer_answered(self, face: Face, name: str, goal_id: bytes, accepted: bool) -> None:
         """Takes the answer to an offer."""
-        self.own.offer_answered(goal_id, accepted)
+        self._at(face).offer_answered(goal_id, accepted)
 
     def cancel_answered(self, face: Face, name: str, goal_id: bytes, code: CancelCode) -> None:
         """Takes the answer to a cancel."""
-        self.own.cancel_answered(goal_id, code)
+        self._at(face).cancel_answered(goal_id, code)
 
     def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
         """Takes a result."""
         if len(payload) > MAX_PAYLOAD:
             self.counters[f"{name}.too_large"] += 1
             payload = b""
-        self.own.result_arrived(goal_id, status, payload)
+        self._at(face).result_arrived(goal_id, status, payload)
 
     def feedback_arrived(self, face: Face, name: str, payload: bytes) -> None:
-        """Takes feedback of the robot's replica."""
+        """Takes feedback of the robot's replica, or of a server outside the group."""
+        if face is Face.PUBLIC:
+            self.used.feedback_arrived(name, payload)
+            return
         attempt = goal_id_of(payload)
         sequence = self.own.feedback_arrived(attempt) if attempt is not None else 0
         if sequence:
@@ -289,46 +310,49 @@ class RobotRelay(RelayProcess):
 
     def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
         """Takes the answer of a served service, or of a used one (their keys are negative)."""
-        self.requests.answered(key, payload, success)
+        (self.requests if key > 0 else self.used).answered(key, payload, success)
+
+    def _at(self, face: Face) -> Executor:
+        return self.own if face is Face.GROUP else self.used.out
 
     # -- clients ------------------------------------------------------------------------------------------------------
 
     def goal_requested(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
-        """Takes a client's goal. Those of the group at used actions are refused, validation refuses used actions."""
+        """Takes a goal: of a client at a served action, or of the robot's group at a used one."""
         goal_id = goal_id_of(payload)
-        if face is not Face.PUBLIC or goal_id is None or len(payload) > MAX_PAYLOAD:
+        if face is Face.GROUP:
+            self.used.goal_requested(name, caller, payload)
+        elif goal_id is None or len(payload) > MAX_PAYLOAD:
             self.counters[f"{name}.{Why.TOO_LARGE.value}"] += 1
             self.ports.answer_goal(face, name, caller, False, 0)
-            return
-        self.step(goals.GoalRequested(name, caller, goal_id, payload, self.ports.wall_ns()))
+        else:
+            self.step(goals.GoalRequested(name, caller, goal_id, payload, self.ports.wall_ns()))
 
     def cancel_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes, stamp_ns: int) -> None:
         """Takes a client's cancel."""
-        if face is Face.PUBLIC:
-            self.step(goals.CancelRequested(name, caller, goal_id, stamp_ns))
+        asked = goals.CancelRequested(name, caller, goal_id, stamp_ns)
+        if face is Face.GROUP:
+            self.used.cancel_requested(asked)
         else:
-            self.ports.answer_cancel(face, name, caller, CancelCode.UNKNOWN_GOAL, ())
+            self.step(asked)
 
     def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
         """Takes a client's question for a result."""
-        if face is Face.PUBLIC:
-            self.step(goals.ResultRequested(name, caller, goal_id))
+        if face is Face.GROUP:
+            self.used.near.ask_result(name, caller, goal_id)
         else:
-            self.ports.answer_result(face, name, caller, GoalStatus.UNKNOWN, b"")
+            self.step(goals.ResultRequested(name, caller, goal_id))
 
     def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
         """Takes a call: of a client at a served service, or of the robot's group at a used one."""
-        if face is Face.GROUP:
-            self.requests.used_here(name, caller, payload)
-        else:
-            self.requests.called(name, caller, payload)
+        (self.used if face is Face.GROUP else self.requests).called(name, caller, payload)
 
     # -- levels -------------------------------------------------------------------------------------------------------
 
     def _hello(self) -> Hello:
         holding = self.ports.holder()
         agent = self.orders.robot if self.orders is not None else ""
-        return Hello(agent, holding.site, holding.stay, (), goals.executing(self.ledger, Site.ROBOT))
+        return Hello(agent, holding.site, holding.stay, (), questions.executing(self.ledger, Site.ROBOT))
 
     def _pending(self, view: goals.View) -> tuple[tuple[str, str], ...]:
         found = []
@@ -349,9 +373,10 @@ class RobotRelay(RelayProcess):
             and self.requests.desk.busy(Site.ROBOT)
             and now_s < self.ledger.changed_s + self.plan.cancel_deadline_s
         )
-        busy = waits or goals.busy(self.ledger, Site.ROBOT, now_s)
-        executing = goals.executing(self.ledger, Site.ROBOT)
-        status = RelayStatus(token, self._pending(view), hold, busy, executing, hold_for_s, view.holding.site)
+        busy = waits or questions.busy(self.ledger, Site.ROBOT, now_s)
+        executing = questions.executing(self.ledger, Site.ROBOT)
+        unfit = copies.unfit(self.ledger, view, now_s)
+        status = RelayStatus(token, self._pending(view), hold, busy, executing, hold_for_s, view.holding.site, unfit)
         if status == self.status and now_s < self.status_due_s:
             return
         self.status, self.status_due_s = status, now_s + STATUS_S

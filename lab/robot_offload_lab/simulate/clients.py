@@ -271,7 +271,9 @@ class Clients:
         node = self.servers[site].nodes[self.servers[site].of[execution.action]]
         orders = self.relay.process.orders
         candidate = orders is not None and orders.candidate is not None and orders.candidate[0] is site
-        ends = execution.status.ended or execution.asked_s is not None
+        spec = self.actions[execution.action]
+        named = spec.of_cloud or (spec.mirror and site in spec.hot)
+        ends = execution.status.ended or execution.asked_s is not None or named
         key = site, execution.attempt
         if ends or site is self.holding.site or candidate or not (relay.running and node.running):
             self.unnamed.pop(key, None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from robot_offload_core.declared import Accept, ActionSpec, OnSwitch, ServiceMode, ServiceSpec, UsedService
+from robot_offload_core.declared import Accept, ActionSpec, OnSwitch, ServiceMode, ServiceSpec, UsedAction, UsedService
 from robot_offload_core.ledger.ports import GoalStatus
 from robot_offload_core.process.relay import RelayPlan
 from robot_offload_core.settings import OutputSpec, Settings
@@ -15,7 +15,7 @@ from robot_offload_lab.simulate.servers import Execution, Traits
 from robot_offload_lab.simulate.stage import Stage
 
 FOLLOW, SPIN, DOCK = "/follow_path", "/spin", "/dock"
-PLAN, COUNT, CLEAR, LAMP = "/make_plan", "/count", "/clear", "/lamp"
+PLAN, COUNT, CLEAR, LAMP, LIFT = "/make_plan", "/count", "/clear", "/lamp", "/lift"
 RELAY = RelayPlan(
     services=(
         ServiceSpec(PLAN, "nav_msgs/srv/GetPlan", "controller", core=True),
@@ -28,6 +28,7 @@ RELAY = RelayPlan(
         ActionSpec(DOCK, "nav2_msgs/action/Dock", OnSwitch.HOLD, "controller", Accept.HOLDER, 3.0, core=True),
     ),
     used_services=(UsedService(LAMP, "std_srvs/srv/SetBool", "controller"),),
+    used_actions=(UsedAction(LIFT, "test_msgs/action/Fibonacci", "controller"),),
 )
 SETTINGS = Settings(hold_down_initial_s=1.0, flap_window_s=3.0, hold_down_max_s=4.0, prepare_deadline_s=5.0)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate import scenario as scenarios
 from robot_offload_lab.simulate.chunk import Chunk, Outcome
-from robot_offload_lab.simulate.goal_stage import CLEAR, COUNT, DOCK, FOLLOW, LAMP, PLAN, RELAY, SPIN
+from robot_offload_lab.simulate.goal_stage import CLEAR, COUNT, DOCK, FOLLOW, LAMP, LIFT, PLAN, RELAY, SPIN
 from robot_offload_lab.simulate.handing import Handing
 from robot_offload_lab.simulate.scenario import Scenario
 from robot_offload_lab.simulate.violations import ViolationError
@@ -45,6 +45,7 @@ class Demands:
                 traits.takes_s = dice.choice((0.5, 3.0, 8.0))
                 traits.single = dice.random() < 0.5
                 traits.accept_s = dice.choice((0.0, 0.0, 0.3))
+        handing.outside.servers.traits[LIFT].takes_s = dice.choice((0.5, 3.0, 8.0))
         world.after(2.0, self._act)
 
     def _act(self) -> None:
@@ -78,6 +79,7 @@ class Demands:
         site = self.dice.choice(list(Site))
         if (self.handing.robot if site is Site.ROBOT else self.handing.cloud).alive:
             self.handing.clients.use(site, LAMP)
+            self.handing.outside.send(site, LIFT)
 
     def _kill(self) -> None:
         self.dice.choice(self.handing.processes).kill(RESTART_S)

@@ -6,6 +6,7 @@ from robot_offload_core.process.relay import RelayPlan
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.clients import Clients
 from robot_offload_lab.simulate.cloud_side import CloudSide
+from robot_offload_lab.simulate.outside import Outside
 from robot_offload_lab.simulate.ports import Surroundings
 from robot_offload_lab.simulate.relays import CloudRelayShell, RobotRelayShell
 from robot_offload_lab.simulate.robot_side import RobotSide
@@ -17,6 +18,7 @@ class Handing:
 
     Attributes:
         robot, cloud: the relays. servers: of each side. clients: on the robot, with what they were promised.
+        outside: the action server outside the group, and its clients in the group.
     """
 
     def __init__(self, around: Surroundings, robot: RobotSide, cloud: CloudSide, plan: RelayPlan) -> None:
@@ -33,6 +35,8 @@ class Handing:
             self.servers[site].feed = relay.feed
         self.clients = Clients(around.world, plan, self.robot, self.cloud, self.servers)
         self.robot.clients = self.cloud.clients = self.clients
+        self.outside = Outside(around.world, robot.host, plan, self.robot, self.cloud)
+        self.robot.beyond = self.cloud.beyond = self.outside
         self.processes = (self.robot, self.cloud)
 
     def start(self) -> None:
@@ -42,3 +46,4 @@ class Handing:
         for servers in self.servers.values():
             servers.start()
         self.clients.start()
+        self.outside.start()

@@ -29,7 +29,7 @@ HANDOVER: dict[str, Mutant] = {
     "N3": Mutant(
         "feedback of the standby passes",
         "copy_before_the_change",
-        (Edit("ledger.goals", "return goal if copy is not None and copy.id == attempt else None", "return goal"),),
+        (Edit("ledger.questions", "return goal if copy is not None and copy.id == attempt else None", "return goal"),),
     ),
     "N4": Mutant(
         "a cancel while a side gets ready is lost",
@@ -249,5 +249,63 @@ HANDOVER: dict[str, Mutant] = {
         "`Both` is not played after a loss",
         "both_after_a_loss",
         (Edit("ledger.requests", "sites = [view.holding.site]", "sites: list[Site] = []"),),
+    ),
+    "N32": Mutant(
+        "the old side's goal at a used action runs on",
+        "used_goal_over_a_change",
+        (Edit("ledger.used_goals", "if goal.stay != view.holding.stay and not goal.spec.of_cloud:", "if False:"),),
+    ),
+    "N33": Mutant(
+        "a candidate's goal at a used action is offered before the change",
+        "used_goal_over_a_change",
+        (Edit("ledger.used_goals", "if admission is Admission.WAIT or goal.spec.name", "if goal.spec.name"),),
+    ),
+    "N34": Mutant(
+        "the old side's goal at a used action ends before it has a successor",
+        "used_goal_over_a_change",
+        (Edit("ledger.used_goals", "            if self._followed(goal, view):\n", "            if True:\n"),),
+    ),
+    "N35": Mutant(
+        "a new relay on the robot ends the goals of the cloud at used actions",
+        "relays_die_with_used_goals",
+        (Edit("ledger.used_goals", "goal.site is Site.CLOUD and goal.relay != relay", "goal.site is Site.CLOUD"),),
+    ),
+    "N36": Mutant(
+        "mirrors are cancelled at a closed egress",
+        "mirror_in_the_cloud",
+        (
+            Edit(
+                "process.cloud_relay",
+                "max(self.ends.get(run.token, 0.0) + ORPHAN_S, run.named_until_s)",
+                "self.ends.get(run.token, 0.0) + ORPHAN_S",
+            ),
+        ),
+    ),
+    "N37": Mutant(
+        "a mirror is not taken for the copy of the side that gets ready",
+        "mirror_over_changes",
+        (Edit("ledger.copies", "    if work.spec(goal).mirror:\n", "    if False:\n"),),
+    ),
+    "N38": Mutant(
+        "a mirror that ended is begun again beside its goal",
+        "mirror_ends_early",
+        (
+            Edit(
+                "ledger.copies",
+                "if _adopt(work, goal, site, token) or any(_ended_itself(a, site) for a in goal.attempts):",
+                "if _adopt(work, goal, site, token):",
+            ),
+        ),
+    ),
+    "N39": Mutant(
+        "a node with placement Cloud counts as reachable without its cloud",
+        "node_of_the_cloud_serves",
+        (
+            Edit(
+                "ledger.questions",
+                "return view.present is not None and view.heard and (Site.CLOUD, name) in view.up",
+                "return view.present is not None",
+            ),
+        ),
     ),
 }

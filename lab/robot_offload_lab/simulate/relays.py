@@ -28,6 +28,7 @@ class RelayShell(Shell):
     Attributes:
         servers: of this side. clients: who gets what the relay answers (the robot's only).
         outside: takes a call at a used service outside the group: (site, service, payload).
+        beyond: the action server outside, and its clients in the group.
     """
 
     process: RelayProcess
@@ -38,6 +39,7 @@ class RelayShell(Shell):
         self.servers: Servers
         self.clients: Any = None
         self.outside: Any = None
+        self.beyond: Any = None
 
     def make(self, incarnation: str) -> RelayProcess:
         """Returns the core's process of this side."""
@@ -50,7 +52,14 @@ class RelayShell(Shell):
         self.once(0.0, self._turn)
 
     def _look(self) -> None:
-        self.process.servers_seen(self.servers.seen())
+        self.process.servers_seen(self.servers.seen() + self._seen_beyond())
+
+    def _seen_beyond(self) -> list[tuple[Face, str, str]]:
+        return []
+
+    def _at(self, face: Face) -> Servers:
+        servers: Servers = self.servers if face is Face.GROUP else self.beyond.servers
+        return servers
 
     def _turn(self) -> None:
         self.process.turn()
@@ -82,17 +91,17 @@ class RelayShell(Shell):
 
     def offer(self, face: Face, action: str, payload: bytes) -> None:
         """Calls send_goal."""
-        self.servers.offer(
+        self._at(face).offer(
             self, action, payload, partial(self._then, "offer_answered", face, action, goal_id_of(payload))
         )
 
     def cancel(self, face: Face, action: str, goal_id: bytes) -> None:
         """Calls cancel_goal."""
-        self.servers.cancel(self, action, goal_id, partial(self._then, "cancel_answered", face, action, goal_id))
+        self._at(face).cancel(self, action, goal_id, partial(self._then, "cancel_answered", face, action, goal_id))
 
     def ask_result(self, face: Face, action: str, goal_id: bytes) -> None:
         """Calls get_result."""
-        self.servers.ask_result(self, action, goal_id, partial(self._then, "result_arrived", face, action, goal_id))
+        self._at(face).ask_result(self, action, goal_id, partial(self._then, "result_arrived", face, action, goal_id))
 
     def call(self, face: Face, service: str, key: int, payload: bytes) -> None:
         """Calls a service of this side's replica, or one outside the group."""
@@ -113,21 +122,28 @@ class RelayShell(Shell):
 
     def answer_goal(self, face: Face, action: str, caller: bytes, accepted: bool, stamp_ns: int) -> None:
         """Answers a client."""
-        self.clients.accepted(caller, accepted, stamp_ns)
+        if face is Face.GROUP:
+            self.beyond.accepted(caller, accepted)
+        else:
+            self.clients.accepted(caller, accepted, stamp_ns)
 
     def answer_cancel(
         self, face: Face, action: str, caller: bytes, code: CancelCode, goals: Sequence[GoalEntry]
     ) -> None:
         """Answers a client."""
-        self.clients.cancelled(caller, code, tuple(goals))
+        if face is Face.PUBLIC:
+            self.clients.cancelled(caller, code, tuple(goals))
 
     def answer_result(self, face: Face, action: str, caller: bytes, status: GoalStatus, payload: bytes) -> None:
         """Answers a client."""
-        self.clients.result(caller, status, payload)
+        if face is Face.GROUP:
+            self.beyond.result(caller, status)
+        else:
+            self.clients.result(caller, status, payload)
 
     def publish_feedback(self, face: Face, action: str, payload: bytes) -> None:
         """Publishes to the clients."""
-        self.clients.fed(payload)
+        (self.beyond if face is Face.GROUP else self.clients).fed(payload)
 
     def publish_status(self, face: Face, action: str, goals: Sequence[GoalEntry]) -> None:
         """Clients here read no status."""
@@ -150,6 +166,9 @@ class RobotRelayShell(RelayShell):
         super().__init__(around, host, peers, plan)
         self.journal: list[bytes] = []
         self.memory: Any = lambda: None
+
+    def _seen_beyond(self) -> list[tuple[Face, str, str]]:
+        return [(Face.PUBLIC, name, text) for _, name, text in self.beyond.servers.seen()]
 
     def make(self, incarnation: str) -> RobotRelay:
         """Returns the relay, with the journal of the one before."""

@@ -12,12 +12,14 @@ from robot_offload_lab.simulate import (
     story_inhibit,
     story_late,
     story_link,
+    story_mirrors,
     story_nodes,
     story_people,
     story_plain,
     story_processes,
     story_results,
     story_shared,
+    story_used,
 )
 
 STORIES: dict[str, Callable[[], None]] = {
@@ -36,6 +38,8 @@ STORIES: dict[str, Callable[[], None]] = {
         story_goals,
         story_calls,
         story_shared,
+        story_used,
+        story_mirrors,
     )
     for story in module.STORIES
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robot_offload_core.declared import Accept, ActionSpec, OnSwitch, ServiceMode, ServiceSpec, UsedService
+from robot_offload_core.declared import Accept, ActionSpec, OnSwitch, ServiceMode, ServiceSpec, UsedAction, UsedService
 from robot_offload_core.lease import SetEgress
 from robot_offload_core.ledger.ports import CancelCode, Face, GoalEntry, GoalStatus, Holding
 from robot_offload_core.ledger.wire_ids import goal_id_of, with_goal_id
@@ -13,11 +13,11 @@ from robot_offload_core.process.cloud_relay import CloudRelay
 from robot_offload_core.process.messages import Egress, Letters, RelayOrders, RelayStatus
 from robot_offload_core.process.relay import RelayPlan, RelayProcess
 from robot_offload_core.process.robot_relay import RobotRelay
-from robot_offload_core.token import Site, Token
+from robot_offload_core.token import Site, Token, presence
 
 ROBOT, CLOUD = "a1" * 16, "c1" * 16
 FOLLOW, SPIN, WAIT = "/follow_path", "/spin", "/wait"
-PLAN, COUNT, CLEAR, LAMP = "/make_plan", "/count", "/clear", "/lamp"
+PLAN, COUNT, CLEAR, LAMP, LIFT = "/make_plan", "/count", "/clear", "/lamp", "/lift"
 ALL = RelayPlan(
     services=(
         ServiceSpec(PLAN, "nav_msgs/srv/GetPlan", "controller"),
@@ -30,6 +30,7 @@ ALL = RelayPlan(
         ActionSpec(WAIT, "nav2_msgs/action/Wait", OnSwitch.HOLD, "controller", Accept.HOLDER, core=True),
     ),
     used_services=(UsedService(LAMP, "std_srvs/srv/SetBool", "controller"),),
+    used_actions=(UsedAction(LIFT, "test_msgs/action/Fibonacci", "controller"),),
 )
 
 
@@ -158,20 +159,22 @@ class Side:
 
     # -- what its servers do ------------------------------------------------------------------------------------------
 
-    def end(self, index: int, status: GoalStatus = GoalStatus.SUCCEEDED, words: bytes = b"") -> None:
+    def end(
+        self, index: int, status: GoalStatus = GoalStatus.SUCCEEDED, words: bytes = b"", face: Face = Face.GROUP
+    ) -> None:
         """The server ends its attempt number `index`."""
         attempt = self.offered[index]
         action, _ = self.payloads[attempt]
         assert self.relay is not None
-        self.relay.result_arrived(Face.GROUP, action, attempt, status, result(status, words))
+        self.relay.result_arrived(face, action, attempt, status, result(status, words))
         self.pair.settle()
 
-    def feed(self, index: int, words: bytes = b"") -> None:
+    def feed(self, index: int, words: bytes = b"", face: Face = Face.GROUP) -> None:
         """The server publishes feedback."""
         attempt = self.offered[index]
         assert self.relay is not None
         self.relay.feedback_arrived(
-            Face.GROUP, self.payloads[attempt][0], with_goal_id(bytes(20), attempt) + words
+            face, self.payloads[attempt][0], with_goal_id(bytes(20), attempt) + words
         )  # fmt: skip
         self.pair.settle()
 
@@ -180,7 +183,7 @@ class Pair:
     """Both relays, the wire between them, and what the controls say.
 
     Attributes:
-        holding: what the collector's memory says. candidate: whom control prepares.
+        holding: what the collector's memory says. candidate: whom control prepares. present: `presence` is granted.
         lose: words to that side are lost.
     """
 
@@ -191,6 +194,7 @@ class Pair:
         self.candidate: tuple[Site, Token] | None = None
         self.granted: Token | None = None
         self.effects: Site | None = Site.ROBOT
+        self.present = True
         self.able = (Site.ROBOT, Site.CLOUD)
         self.wire: list[tuple[Site, Letters]] = []
         self.lose: set[Site] = set()
@@ -225,7 +229,10 @@ class Pair:
         """All servers of a side are in the graph."""
         assert side.relay is not None
         names = [spec.name for spec in (*self.plan.services, *self.plan.actions)]
-        side.relay.servers_seen([(Face.GROUP, name, endpoints) for name in names if endpoints])
+        seen = [(Face.GROUP, name, endpoints) for name in names if endpoints]
+        if side is self.robot:
+            seen += [(Face.PUBLIC, spec.name, endpoints) for spec in self.plan.used_actions if endpoints]
+        side.relay.servers_seen(seen)
         self.settle()
 
     def say(self) -> None:
@@ -237,8 +244,10 @@ class Pair:
         robot.handle(
             RelayOrders(ROBOT, CLOUD, epoch, self.candidate, self.able, ("controller",), self.effects, self.now)
         )  # fmt: skip
-        egress = SetEgress(self.granted, self.now + 0.25 if self.granted else 0.0)
-        cloud.handle(Egress(CLOUD, ROBOT, egress, (("controller", "active"),)))
+        present = presence(ROBOT, CLOUD) if self.present else None
+        ends_s = [self.now + 0.25 if token else 0.0 for token in (self.granted, present)]
+        egress = SetEgress(self.granted, ends_s[0], presence=present, presence_end_s=ends_s[1])
+        cloud.handle(Egress(CLOUD, ROBOT, egress, (("controller", "active"), ("planner", "active"))))
 
     def settle(self) -> None:
         """Lets both relays and the wire do all that needs no time."""

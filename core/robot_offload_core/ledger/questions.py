@@ -1,0 +1,85 @@
+"""What may be asked of a ledger and of the view of a moment; nothing here changes anything."""
+
+from __future__ import annotations
+
+from robot_offload_core.declared import ActionSpec
+from robot_offload_core.ledger.goals import Attempt, CancelRequested, Goal, Ledger, Phase, View
+from robot_offload_core.ledger.wire_ids import NO_GOAL
+from robot_offload_core.token import Site, Token
+
+
+def meant(asked: CancelRequested, goal_id: bytes, stamp_ns: int) -> bool:
+    """Returns whether a cancel means the goal with this id, accepted at `stamp_ns`."""
+    if asked.goal_id == NO_GOAL and asked.stamp_ns == 0:
+        return True
+    return goal_id == asked.goal_id or (asked.stamp_ns > 0 and stamp_ns <= asked.stamp_ns)
+
+
+def able(view: View, site: Site, action: str) -> bool:
+    """Returns whether a side's server can take a goal: CORE nodes Active, its own node Active, its server seen."""
+    reachable = site is Site.ROBOT or view.heard
+    return reachable and site in view.able and (site, action) in view.up
+
+
+def there(view: View, name: str) -> bool:
+    """Returns whether a server with placement Cloud can be asked: its cloud is served and heard, and it is seen."""
+    return view.present is not None and view.heard and (Site.CLOUD, name) in view.up
+
+
+def acts(view: View, spec: ActionSpec) -> tuple[Site, Token | None]:
+    """Returns who executes goals of an action, under which token: the holder, or always the cloud by presence."""
+    return (Site.CLOUD, view.present) if spec.of_cloud else (view.holding.site, view.holding.token)
+
+
+def mirrored(view: View, spec: ActionSpec) -> tuple[Site, Token] | None:
+    """Returns the Hot standby that gets goals of an action too (`mirror`), and its token; None for none."""
+    site = view.holding.site.other
+    token = view.standby if site is Site.CLOUD else view.holding.token
+    return (site, token) if spec.mirror and site in spec.hot and token is not None else None
+
+
+def copy_of(goal: Goal, site: Site, token: Token | None) -> Attempt | None:
+    """Returns the attempt that counts on a side: the newest that lives and is not to end.
+
+    In the cloud only under this very token. On the robot under any: nothing stands between its relay and its server.
+    """
+    for attempt in reversed(goal.attempts):
+        if attempt.site is site and attempt.phase.live and not attempt.cancel:
+            return attempt if site is Site.ROBOT or attempt.token == token else None
+    return None
+
+
+def overtaken(ledger: Ledger, goal: Goal, attempt: Attempt) -> bool:
+    """Returns whether a later goal of the action was accepted at the same server after this attempt was: preempted."""
+    return any(
+        other.action == goal.action and other.order > goal.order and a.site is attempt.site and a.rank > attempt.rank
+        for other in ledger.goals.values()
+        for a in other.attempts
+    )
+
+
+def executing(ledger: Ledger, site: Site) -> tuple[str, ...]:
+    """Returns the actions of which a side executes an accepted attempt."""
+    found = {
+        goal.action
+        for goal in ledger.goals.values()
+        for a in goal.attempts
+        if a.site is site and a.phase is Phase.ACCEPTED
+    }
+    return tuple(sorted(found))
+
+
+def passes_feedback(ledger: Ledger, attempt: bytes, view: View) -> Goal | None:
+    """Returns the goal whose client may hear the attempt's feedback: the holder's copy's only; None else."""
+    goal = ledger.goals.get(ledger.index.get(attempt, b""))
+    if goal is None or goal.ended_s is not None:
+        return None
+    copy = copy_of(goal, *acts(view, ledger.actions[goal.action]))
+    return goal if copy is not None and copy.id == attempt else None
+
+
+def busy(ledger: Ledger, site: Site, now_s: float) -> bool:
+    """Returns whether a side that no longer holds has attempts to end, within `cancel_deadline_s` of the change."""
+    if ledger.holding.site is site or now_s >= ledger.changed_s + ledger.cancel_deadline_s:
+        return False
+    return any(a.site is site and a.phase.live and a.cancel for g in ledger.goals.values() for a in g.attempts)
