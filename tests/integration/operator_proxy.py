@@ -76,6 +76,7 @@ class Proxy:
         self._plane = plane
         self._watches: set[asyncio.Task[Any]] = set()
         self._loop = asyncio.new_event_loop()
+        self._alone = asyncio.Lock()
         self._stopping = asyncio.Event()
         self._started = threading.Event()
         self._port = 0
@@ -171,10 +172,24 @@ class Proxy:
             return web.json_response(answer.body, status=answer.status, headers=dict(answer.headers))
         if watch:
             return await self._watch(request)
+        if asking.write and self.after_write:
+            return await self._forward_alone(request, body, asking, self.after_write)
         status, headers, content = await self._forward(request, body)
         self._note(asking, status)
-        if asking.write and status < 300 and self.after_write:
-            self.after_write(asking)
+        return web.Response(status=status, body=content, headers=headers)
+
+    async def _forward_alone(
+        self, request: web.Request, body: bytes, asking: Asked, after: Callable[[Asked], None]
+    ) -> web.StreamResponse:
+        """One write after the other; those of an operator that has died meanwhile never arrive."""
+        async with self._alone:
+            if request.transport is None or request.transport.is_closing():
+                return web.Response(status=499)
+            status, headers, content = await self._forward(request, body)
+            self._note(asking, status)
+            if status < 300:
+                after(asking)
+                await asyncio.sleep(0.1)  # until its connections are seen to be closed
         return web.Response(status=status, body=content, headers=headers)
 
     def _note(self, asking: Asked, status: int) -> None:

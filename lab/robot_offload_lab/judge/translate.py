@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from robot_offload.api.v1alpha1.names import REMOTE_PREFIX
+from robot_offload.api.v1alpha1.name_rules import REMOTE_PREFIX
 from robot_offload_lab.judge.recording import Arrival, Inhibit, LinkSample, Obstacle, PathPoint, PlacementChange, Site
 from robot_offload_lab.wire.schedule import Schedule
 

@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffloadSpec, Run
-from robot_offload.api.v1alpha1.names import REMOTE_PREFIX, Side
+from robot_offload.api.v1alpha1.name_rules import REMOTE_PREFIX
+from robot_offload.api.v1alpha1.names import Side
 
 ACTION_PARTS: Final = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
 """The hidden services and topics of an action: rclpy and rclcpp make the same five."""

@@ -15,6 +15,19 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, WithJsonSchema
 
+from robot_offload.api.v1alpha1.name_rules import (
+    DOUBLED,
+    OUR_NODE,
+    OURS_ABSOLUTE,
+    OURS_ANYWHERE,
+    OURS_NAMESPACE,
+    RENAMED,
+    REPLICA,
+    NameRule,
+    keeps,
+    shown,
+)
+
 Side: TypeAlias = Literal["robot", "cloud"]
 """The two sides."""
 SIDES: Final[tuple[Side, Side]] = ("robot", "cloud")
@@ -62,23 +75,6 @@ _VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
 _CONFIG_KEY = r"^([-_a-zA-Z0-9][-._a-zA-Z0-9]*|\.[-_a-zA-Z0-9][-._a-zA-Z0-9]*)$"
 _REMAPPED = rf"^(~/)?/?{_WORD}(/{_WORD})*$"
 
-OWN_NODES: Final = ("network_monitor", "cloud_switcher", "guardian")
-"""The agent's nodes on the robot; in the cloud they carry the prefix."""
-REMOTE_PREFIX: Final = "remote_"
-OWN_TOPICS: Final = (
-    "/connectivity_test_local",
-    "/connectivity_test_remote",
-    "/network_status",
-    "/remote_network_status",
-)
-OWN_TOPIC_PREFIX: Final = "/offload/"
-
-
-_RENAMED: Final = (
-    "holds two underscores in a row, as __node and __ns do; the agents find a node by its name and namespace, so these "
-    "stay as they are"
-)
-
 
 def identifier(topic: str) -> str:
     """A topic as a name without slashes, for parameters, channels and metrics: `/a/b` -> `a__b`."""
@@ -87,48 +83,41 @@ def identifier(topic: str) -> str:
 
 def _check_topic(text: str) -> str:
     if not text.startswith("/"):
-        raise ValueError(f"{_shown(text)} must start with a slash, as `ros2 topic list` shows it")
+        raise ValueError(f"{shown(text)} must start with a slash, as `ros2 topic list` shows it")
     if len(text) > MAX_TOPIC_LENGTH:
         raise ValueError(f"is {len(text)} characters long; at most {MAX_TOPIC_LENGTH} fit")
-    if text in OWN_TOPICS or text.startswith(OWN_TOPIC_PREFIX):
-        raise ValueError(f"{_shown(text)} belongs to the agents; use another name")
-    if "__" in text:
-        raise ValueError(f"{_shown(text)} holds two underscores in a row; ROS 2 keeps them for itself")
+    keeps(text, OURS_ABSOLUTE, DOUBLED)
     if not re.fullmatch(_TOPIC, text):
         raise ValueError(
-            f"{_shown(text)} is not a full name; write /word/word with letters, digits and underscores, "
+            f"{shown(text)} is not a full name; write /word/word with letters, digits and underscores, "
             "no word starting with a digit and no slash at the end"
         )
     return text
 
 
 def _check_namespace(text: str) -> str:
-    if len(text) > MAX_TOPIC_LENGTH or not re.fullmatch(_NAMESPACE, text) or "__" in text:
-        raise ValueError(f"{_shown(text)} is not a namespace; write / or /word, with a slash first and none last")
-    if f"{text}/".startswith(OWN_TOPIC_PREFIX):
-        raise ValueError(f"{_shown(text)} belongs to the agents; use another namespace")
+    if len(text) > MAX_TOPIC_LENGTH or not re.fullmatch(_NAMESPACE, text):
+        raise ValueError(f"{shown(text)} is not a namespace; write / or /word, with a slash first and none last")
+    keeps(text, DOUBLED, OURS_NAMESPACE)
     return text
 
 
 def _check_node(text: str) -> str:
     if "/" in text:
-        raise ValueError(f"{_shown(text)} holds a slash; give the name without its namespace")
+        raise ValueError(f"{shown(text)} holds a slash; give the name without its namespace")
     if len(text) > MAX_NAME_LENGTH or not re.fullmatch(_NODE, text):
         raise ValueError(
-            f"{_shown(text)} is not a node name; use letters, digits and underscores, no digit first, "
+            f"{shown(text)} is not a node name; use letters, digits and underscores, no digit first, "
             f"at most {MAX_NAME_LENGTH}"
         )
-    if text.startswith(REMOTE_PREFIX):
-        raise ValueError(f"{_shown(text)} carries the prefix of cloud replicas ({REMOTE_PREFIX}); leave it out")
-    if text in OWN_NODES:
-        raise ValueError(f"{_shown(text)} is the name of one of the agent's own nodes; choose another one")
+    keeps(text, REPLICA, OUR_NODE)
     return text
 
 
 def _check_resource(text: str) -> str:
     if len(text) > MAX_NAME_LENGTH or not re.fullmatch(RESOURCE_PATTERN, text):
         raise ValueError(
-            f"{_shown(text)} is not a Kubernetes name; use lower-case letters, digits and dashes, "
+            f"{shown(text)} is not a Kubernetes name; use lower-case letters, digits and dashes, "
             f"no dash first or last, at most {MAX_NAME_LENGTH}"
         )
     return text
@@ -136,7 +125,7 @@ def _check_resource(text: str) -> str:
 
 def _check_message_type(text: str) -> str:
     if not re.fullmatch(_MESSAGE_TYPE, text):
-        raise ValueError(f"{_shown(text)} is not a message type; write package/msg/Type, e.g. std_msgs/msg/String")
+        raise ValueError(f"{shown(text)} is not a message type; write package/msg/Type, e.g. std_msgs/msg/String")
     return text
 
 
@@ -149,7 +138,7 @@ def _check_action(text: str) -> str:
 def _matching(pattern: str, what: str, max_length: int = 255) -> Callable[[str], str]:
     def check(text: str) -> str:
         if len(text) > max_length or not re.fullmatch(pattern, text):
-            raise ValueError(f"{_shown(text)} is not {what}")
+            raise ValueError(f"{shown(text)} is not {what}")
         return text
 
     return check
@@ -157,120 +146,76 @@ def _matching(pattern: str, what: str, max_length: int = 255) -> Callable[[str],
 
 def _check_address(text: str) -> str:
     _matching(_ADDRESS, "an address; write an IP address or a DNS name, without a port", 253)(text)
-    return _check_ip(text) if re.fullmatch(_LOOKS_LIKE_IP, text) else text
+    keeps(text, _REACHABLE)
+    return text
 
 
 def _check_host(text: str) -> str:
     _matching(_DNS_NAME, "a DNS name; write it in lower case and without a port, with at most 63 characters between "
               "two dots", 253)(text)  # fmt: skip
-    return _check_ip(text) if re.fullmatch(_LOOKS_LIKE_IP, text) else text
+    keeps(text, _REACHABLE)
+    return text
 
 
-def _check_ip(text: str) -> str:
+def _no_machine(text: str) -> bool:
+    """Whether a text is no IP address by which one machine can be reached."""
     try:
         address = ipaddress.ip_address(text)
     except ValueError:
-        raise ValueError(f"{_shown(text)} is not an IP address; write e.g. 192.0.2.10 or 2001:db8::10") from None
+        return True
     mapped = isinstance(address, ipaddress.IPv6Address) and (address.ipv4_mapped or address.scope_id)
-    if mapped or address.is_unspecified or address.is_multicast:
-        raise ValueError(f"{_shown(text)} is an address that nobody can be reached by; write that of one machine")
+    return bool(mapped or address.is_unspecified or address.is_multicast)
+
+
+def _no_range(text: str) -> bool:
+    """Whether a text is no range of addresses; the library takes one address for a range of one."""
+    try:
+        ipaddress.ip_network(text)
+    except ValueError:
+        return True
+    return "/" not in text
+
+
+def _check_ip(text: str) -> str:
+    keeps(text, _IS_IP)
     return text
 
 
 def _check_range(text: str) -> str:
-    try:
-        if "/" not in text:  # the library takes one address for a range of one
-            raise ValueError
-        ipaddress.ip_network(text)
-    except ValueError:
-        raise ValueError(
-            f"{_shown(text)} is not a range of addresses; write its first address and its length, e.g. 198.51.100.0/24"
-        ) from None
+    keeps(text, _IS_RANGE)
     return text
 
 
 def _check_remapped(text: str) -> str:
-    if "__" in text:
-        raise ValueError(f"{_shown(text)} {_RENAMED}")
+    keeps(text, RENAMED)
     if len(text) > 255 or not re.fullmatch(_REMAPPED, text):
-        raise ValueError(f"{_shown(text)} is not a ROS name; write /name, name or ~/name")
-    if own_topic(text):
-        raise ValueError(f"{_shown(text)} belongs to the agents; use another name")
+        raise ValueError(f"{shown(text)} is not a ROS name; write /name, name or ~/name")
+    keeps(text, OURS_ANYWHERE)
     return text
 
 
-def own_topic(name: str) -> bool:
-    """Whether a topic, absolute or relative to the root, is one of the agents' own."""
-    absolute = f"/{name.lstrip('/')}"
-    return absolute in OWN_TOPICS or absolute.startswith(OWN_TOPIC_PREFIX)
-
-
-def _shown(text: str) -> str:
-    """`text` quoted on one line, cut to a readable length; what only looks like Latin letters is spelled out."""
-    quoted = ascii(text)
-    return quoted if len(quoted) <= 60 else f"{quoted[:56]}...'"
-
-
-def _schema(pattern: str, max_length: int = 255, rules: tuple[tuple[str, str], ...] = ()) -> WithJsonSchema:
-    """What the API server holds a name against: a pattern, a length, and (CEL rule, message) for the rest."""
+def _schema(pattern: str, max_length: int = 255, rules: tuple[NameRule, ...] = ()) -> WithJsonSchema:
+    """What the API server holds a name against: a pattern, a length, and rules for the rest."""
     schema: dict[str, Any] = {"type": "string", "minLength": 1, "maxLength": max_length, "pattern": pattern}
     if rules:
-        schema["x-kubernetes-validations"] = [{"rule": rule, "message": message} for rule, message in rules]
+        schema["x-kubernetes-validations"] = [{"rule": rule.cel, "message": rule.text} for rule in rules]
     return WithJsonSchema(schema)
 
 
-def _cel_list(words: tuple[str, ...]) -> str:
-    return f"[{', '.join(repr(word) for word in words)}]"
-
-
-_RELATIVE_OWN_TOPICS = tuple(topic[1:] for topic in OWN_TOPICS)
-_NOT_OURS = (
-    (
-        f"!self.startsWith('{OWN_TOPIC_PREFIX}') && !self.startsWith('{OWN_TOPIC_PREFIX[1:]}') && "
-        f"!(self in {_cel_list(OWN_TOPICS + _RELATIVE_OWN_TOPICS)})"
-    ),
-    "belongs to the agents; use another name",
-)
-_NOT_RENAMED = ("!self.contains('__')", _RENAMED)
-_NO_DOUBLE_UNDERSCORE = ("!self.contains('__')", "holds two underscores in a row; ROS 2 keeps them for itself")
-_PUBLIC = (
-    _NO_DOUBLE_UNDERSCORE,
-    (
-        f"!self.startsWith('{OWN_TOPIC_PREFIX}') && !(self in {_cel_list(OWN_TOPICS)})",
-        "belongs to the agents; use another name",
-    ),
-)
-_TOPIC_SCHEMA = _schema(_TOPIC, MAX_TOPIC_LENGTH, _PUBLIC)
+_TOPIC_SCHEMA = _schema(_TOPIC, MAX_TOPIC_LENGTH, (DOUBLED, OURS_ABSOLUTE))
 
 TopicName = Annotated[str, AfterValidator(_check_topic), _TOPIC_SCHEMA]
 ServiceName = Annotated[str, AfterValidator(_check_topic), _TOPIC_SCHEMA]
-ActionName = Annotated[str, AfterValidator(_check_action), _schema(_TOPIC, MAX_ACTION_LENGTH, _PUBLIC)]
+ActionName = Annotated[str, AfterValidator(_check_action), _schema(_TOPIC, MAX_ACTION_LENGTH, (DOUBLED, OURS_ABSOLUTE))]
 Namespace = Annotated[
     str,
     AfterValidator(_check_namespace),
-    _schema(
-        _NAMESPACE,
-        MAX_TOPIC_LENGTH,
-        (
-            _NO_DOUBLE_UNDERSCORE,
-            (f"!(self + '/').startsWith('{OWN_TOPIC_PREFIX}')", "belongs to the agents; use another namespace"),
-        ),
-    ),
+    _schema(_NAMESPACE, MAX_TOPIC_LENGTH, (DOUBLED, OURS_NAMESPACE)),
 ]
 NodeName = Annotated[
     str,
     AfterValidator(_check_node),
-    _schema(
-        _NODE,
-        MAX_NAME_LENGTH,
-        (
-            (
-                f"!self.startsWith('{REMOTE_PREFIX}')",
-                f"carries the prefix of cloud replicas ({REMOTE_PREFIX}); leave it out",
-            ),
-            (f"!(self in {_cel_list(OWN_NODES)})", "is the name of one of the agent's own nodes; choose another one"),
-        ),
-    ),
+    _schema(_NODE, MAX_NAME_LENGTH, (REPLICA, OUR_NODE)),
 ]
 ResourceName = Annotated[str, AfterValidator(_check_resource), _schema(RESOURCE_PATTERN, MAX_NAME_LENGTH)]
 MessageType = Annotated[str, AfterValidator(_check_message_type), _schema(_MESSAGE_TYPE)]
@@ -333,10 +278,12 @@ RmwName = Annotated[
 _ONE_MACHINE = (
     "isIP(self) && !ip(self).isUnspecified() && !self.matches('^(2(2[4-9]|3[0-9])[.]|[fF][fF][0-9A-Fa-f]{2}:)')"
 )
-_IS_IP = (_ONE_MACHINE, "must be the IP address of one machine, e.g. 192.0.2.10 or 2001:db8::10")
-_REACHABLE = (
+_MACHINE = "IP address of one machine, e.g. 192.0.2.10 or 2001:db8::10"
+_IS_IP = NameRule(_ONE_MACHINE, _no_machine, f"must be the {_MACHINE}")
+_REACHABLE = NameRule(
     f"!self.matches('{_LOOKS_LIKE_IP.replace(chr(92) + '.', '[.]')}') || ({_ONE_MACHINE})",
-    "must be the IP address of one machine, e.g. 192.0.2.10 or 2001:db8::10, or a DNS name",
+    lambda text: bool(re.fullmatch(_LOOKS_LIKE_IP, text)) and _no_machine(text),
+    f"must be the {_MACHINE}, or a DNS name",
 )
 DNSName = Annotated[str, AfterValidator(_check_host), _schema(_DNS_NAME, 253, (_REACHABLE,))]
 ObjectName = Annotated[
@@ -347,18 +294,18 @@ ObjectName = Annotated[
     _schema(_OBJECT_NAME, 253),
 ]
 IPAddress = Annotated[str, AfterValidator(_check_ip), _schema(r"^[0-9A-Fa-f:.]+$", 45, (_IS_IP,))]
+_IS_RANGE = NameRule(
+    "isCIDR(self) && cidr(self).masked() == cidr(self)",
+    _no_range,
+    "must be a range of addresses that begins with its first one, e.g. 198.51.100.0/24",
+)
 AddressRange = Annotated[
     str,
     AfterValidator(_check_range),
     _schema(
         r"^[0-9A-Fa-f:.]+/[0-9]{1,3}$",
         49,
-        (
-            (
-                "isCIDR(self) && cidr(self).masked() == cidr(self)",
-                "must be a range of addresses that begins with its first one, e.g. 198.51.100.0/24",
-            ),
-        ),
+        (_IS_RANGE,),
     ),
 ]
 Address = Annotated[str, AfterValidator(_check_address), _schema(_ADDRESS, 253, (_REACHABLE,))]
@@ -377,7 +324,7 @@ VariableName = Annotated[
     AfterValidator(_matching(_VARIABLE, "the name of an environment variable; use letters, digits and underscores")),
     _schema(_VARIABLE),
 ]
-RemappedName = Annotated[str, AfterValidator(_check_remapped), _schema(_REMAPPED, 255, (_NOT_RENAMED, _NOT_OURS))]
+RemappedName = Annotated[str, AfterValidator(_check_remapped), _schema(_REMAPPED, 255, (RENAMED, OURS_ANYWHERE))]
 """A name in a remapping: absolute, relative or private."""
 ConfigKey = Annotated[
     str,

@@ -86,7 +86,7 @@ def test_all_problems_are_told_at_once() -> None:
         ("spec.nodes.1.env", [{"name": "A-B"}], "'A-B' is not the name of an environment variable"),
         ("spec.nodes.1.run.parametersFrom", {"configMapKeyRef": {"name": "a"}}, "is missing (The key in it"),
         ("spec.transport.expose", {"host": "Edge.example:80"}, "is not a DNS name; write it in lower case"),
-        ("spec.transport.expose", {"address": "edge"}, "'edge' is not an IP address; write e.g. 192.0.2.10"),
+        ("spec.transport.expose", {"address": "edge"}, "'edge' must be the IP address of one machine, e.g. 192.0.2.10"),
         ("spec.cloud.imagePullSecrets", [{"name": "x"}] * 17, "has 17 entries; at most 16 fit"),
         ("spec.cloud.runAsUser", 0, "must be at least 1, found the number 0"),
         ("spec.nodes.1.run.command", ["x" * 5000], "is longer than 4096 characters"),

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from robot_offload.api.v1alpha1.name_rules import cel_list
 from robot_offload.api.v1alpha1.nodes import RESERVED_PREFIX, RESERVED_VARIABLES, Node
 from robot_offload.api.v1alpha1.robotoffload import FAST_DDS, RobotOffloadSpec
 from robot_offload.api.v1alpha1.rules.findings import repeated
-from robot_offload.api.v1alpha1.rules.rule import Rule, cel_list
+from robot_offload.api.v1alpha1.rules.rule import Rule
 from robot_offload.findings import Finding
 
 

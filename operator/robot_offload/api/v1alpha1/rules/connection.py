@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1.model import yaml_name
+from robot_offload.api.v1alpha1.name_rules import cel_list
 from robot_offload.api.v1alpha1.quantities import format_duration as text
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
-from robot_offload.api.v1alpha1.rules.rule import Rule, cel_list
+from robot_offload.api.v1alpha1.rules.rule import Rule
 from robot_offload.api.v1alpha1.transport import BLOCKS, ONE_DOMAIN, Expose, TransportType
 from robot_offload.findings import Finding
 

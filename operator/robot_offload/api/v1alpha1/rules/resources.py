@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from robot_offload.api.v1alpha1.name_rules import cel_list
 from robot_offload.api.v1alpha1.quantities import amount
 from robot_offload.api.v1alpha1.resources import Resources
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
-from robot_offload.api.v1alpha1.rules.rule import Rule, cel_list, parts_at
+from robot_offload.api.v1alpha1.rules.rule import Rule, parts_at
 from robot_offload.findings import Finding
 
 _DIVISIBLE: Final = ("cpu", "memory", "ephemeral-storage")

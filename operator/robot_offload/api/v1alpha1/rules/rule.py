@@ -74,8 +74,3 @@ def parts_at(spec: RobotOffloadSpec, path: str) -> Iterator[tuple[str, Any]]:
 def _attribute(model: type[Model], name: str) -> str:
     """The Python name of the field of a model that is called `name` in YAML."""
     return next(attribute for attribute, field in model.model_fields.items() if field.alias == name)
-
-
-def cel_list(words: tuple[str, ...]) -> str:
-    """A list of texts in CEL."""
-    return f"[{', '.join(repr(word) for word in words)}]"
