@@ -107,11 +107,6 @@ class BuildPod:
         """The termination message."""
         return self._moved[_TERMINATION_LOG].read_text()
 
-    @property
-    def driver(self) -> str:
-        """How layers were kept: overlay or vfs."""
-        return (self._moved[scripts.SCRATCH] / "driver").read_text().strip()
-
     def file(self, name: str) -> str:
         """A file of the folder that the containers share."""
         return (self._moved[scripts.SCRATCH] / name).read_text().strip()

@@ -136,6 +136,21 @@ def test_source_becomes_an_image_in_the_registry_and_commit_and_digest_are_told(
     assert tag.endswith(f"-{told['commit'][:12]}")
 
 
+def test_what_a_build_leaves_beside_its_image_counts_for_nothing_where_the_credentials_are(
+    folder: Path, registry: PretendedRegistry
+) -> None:
+    job = pod(folder, registry)
+    assert job.run("build").returncode == 0
+    for left in ("build", "layers", "run"):  # as a step that has left its chroot would have changed them
+        place = folder / "scratch" / left
+        shutil.rmtree(place, ignore_errors=True)
+        place.symlink_to("/etc")
+    pushed = job.run("push", auth(registry))
+    assert pushed.returncode == 0, pushed.stderr
+    digest = json.loads(job.told)["digest"]
+    assert files_in(registry, f"robots/planner@{digest}")["result"] == "built hello\n"
+
+
 @pytest.mark.parametrize(
     "rights",
     [{"allowPrivilegeEscalation": False}, {"capabilities": {"drop": ["ALL"]}}, {"capabilities": {"add": ["SETUID"]}}],
@@ -152,7 +167,7 @@ def test_what_is_in_the_registry_already_is_not_built_again(folder: Path, regist
     assert job.run("build", auth(registry)).returncode == 0
     assert job.run("push", auth(registry)).returncode == 0
     first = json.loads(job.told)["digest"]
-    shutil.rmtree(folder / "scratch" / "layers")
+    shutil.rmtree(folder / "scratch" / "build" / "layers")
     again = job.run("build", auth(registry))
     assert "is in the registry already" in again.stdout
     assert job.run("push", auth(registry)).returncode == 0

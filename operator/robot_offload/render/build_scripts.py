@@ -62,41 +62,44 @@ git log -1 --format=%ct > {SCRATCH}/time
 rm -rf .git
 echo "Fetched commit $(cat {SCRATCH}/commit)"
 """
+ARCHIVE: Final = f"{SCRATCH}/image.tar"
+"""The image on its way from build to push: nothing else of what the build has left is read there."""
 _BUILDAH: Final = f"""
-export CONTAINERS_REGISTRIES_CONF={FILES_DIR}/{REGISTRIES} BUILDAH_ISOLATION=chroot
+export CONTAINERS_REGISTRIES_CONF={FILES_DIR}/{REGISTRIES} BUILDAH_ISOLATION=chroot STORAGE_DRIVER=overlay
 [ ! -f {REGISTRY_SECRET_DIR}/{AUTH_FILE} ] || export REGISTRY_AUTH_FILE={REGISTRY_SECRET_DIR}/{AUTH_FILE}
 commit="$(cat {SCRATCH}/commit)"
 image="$REPOSITORY:$KEY-$(printf '%.12s' "$commit")"
-run() {{ buildah --root {SCRATCH}/layers --runroot {SCRATCH}/run "$@"; }}
+run() {{ buildah --root "$HOME/layers" --runroot "$HOME/run" "$@"; }}
+if ! run info > /dev/null 2>&1; then
+  echo "No overlay file system for builds here: whole copies of each layer instead, slower and larger"
+  rm -rf "$HOME/layers" "$HOME/run"
+  export STORAGE_DRIVER=vfs
+fi
 """
 BUILD: Final = f"""set -eu
 export HOME={SCRATCH}/build TMPDIR={SCRATCH}/temporary
 mkdir -p "$HOME" "$TMPDIR"
+rm -f {ARCHIVE}
 {_BUILDAH}
-export STORAGE_DRIVER=overlay
-if ! run info > /dev/null 2>&1; then
-  echo "No overlay file system for builds here: whole copies of each layer instead, slower and larger"
-  rm -rf {SCRATCH}/layers {SCRATCH}/run
-  export STORAGE_DRIVER=vfs
-fi
-echo "$STORAGE_DRIVER" > {SCRATCH}/driver
 if run pull --quiet "$image" > /dev/null 2>&1; then
   echo "$image is in the registry already"
 else
   run build --layers=false --timestamp "$(cat {SCRATCH}/time)" \\
     --label "org.opencontainers.image.revision=$commit" \\
     --tag "$image" --file {FILES_DIR}/{DOCKERFILE} {SCRATCH}/context
+  run push --quiet "$image" "oci-archive:{ARCHIVE}"
 fi
 """
-# A home of its own: no settings that a build step could have left count for who has the credentials.
+# A home that nobody could prepare: no settings or layers that a build step could have left count for who has the
+# credentials.
 PUSH: Final = f"""set -eu
 {_TRY}
-export HOME=/tmp/push TMPDIR=/tmp/push
-rm -rf "$HOME"
-mkdir -p "$HOME"
+HOME="$(mktemp -d /tmp/push.XXXXXX)"
+export HOME TMPDIR="$HOME"
 {_BUILDAH}
-STORAGE_DRIVER="$(cat {SCRATCH}/driver)"
-export STORAGE_DRIVER
-attempt run push --quiet --digestfile /tmp/push/digest "$image"
-printf '{{"commit":"%s","digest":"%s"}}' "$commit" "$(cat /tmp/push/digest)" > /dev/termination-log
+from="$image"
+[ ! -f {ARCHIVE} ] || from="oci-archive:{ARCHIVE}"
+made="$(run pull --quiet "$from")"
+attempt run push --quiet --digestfile "$HOME/digest" "$made" "docker://$image"
+printf '{{"commit":"%s","digest":"%s"}}' "$commit" "$(cat "$HOME/digest")" > /dev/termination-log
 """
