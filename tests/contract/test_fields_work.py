@@ -75,6 +75,8 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     "robot.rmw": ({}, "robot.rmw", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp"),
     "robot.domainID": ({}, "robot.domainID", 1, 2),
     "robot.namespace": ({}, "robot.namespace", "/", "/seven"),
+    "robot.interfaces.setup": ({}, "robot.interfaces", None, {"setup": "/opt/ws/install/setup.bash"}),
+    "cloud.agent.image": ({}, "cloud.agent", {}, {"image": "registry.example/agent:mine"}),
     "cloud.domainID": ({}, "cloud.domainID", 1, 2),
     "cloud.rmw": ({}, "cloud.rmw", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp"),
     "cloud.discoveryServers": ({}, "cloud.discoveryServers", 1, 2),

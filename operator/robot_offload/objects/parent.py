@@ -70,6 +70,11 @@ class Parent:
         """Returns the uid of the RobotOffload, by which children are known as its own."""
         return self.facts.uid
 
+    @property
+    def agent_image(self) -> str:
+        """Returns the image of the agent: the declared one, or else the one that the operator was given."""
+        return self.spec.cloud.agent.image or self.facts.images.agent
+
     def certificate_name(self, side: Side) -> str:
         """Returns the common name in the certificate of a side: what its other side insists on.
 

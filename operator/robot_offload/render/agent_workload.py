@@ -129,7 +129,7 @@ def _agent(parent: Parent) -> Manifest:
         ]
     return pod.container(
         "agent",
-        parent.facts.images.agent,
+        parent.agent_image,
         ["robot-offload-agent", "cloud", "--params", f"{CONFIG_DIR}/{CONFIG_KEY}"],
         environment={
             **pod.ros_environment(parent.offload),

@@ -189,7 +189,7 @@ def _compose(parent: Parent, folder: str) -> str:
 def agent_container(parent: Parent, command: Sequence[str], folder: str) -> dict[str, Any]:
     """A service that may ask for real-time priority and read the private key, which is root's alone."""
     return {
-        "image": parent.facts.images.agent,
+        "image": parent.agent_image,
         "user": "root",
         "command": list(command),
         **container(folder),

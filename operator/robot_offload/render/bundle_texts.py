@@ -70,7 +70,13 @@ def runtime_dir(name: str) -> str:
 
 
 def setup_file(offload: RobotOffload) -> str:
-    """The script that makes ROS 2 known in a shell."""
+    """Returns the script, on the robot, that makes ROS 2 and the robot's own message packages known in a shell."""
+    own = offload.spec.robot.interfaces
+    return distro_setup_file(offload) if own is None else own.setup
+
+
+def distro_setup_file(offload: RobotOffload) -> str:
+    """Returns the script that makes the distribution alone known in a shell."""
     return f"/opt/ros/{offload.spec.robot.ros_distro}/setup.bash"
 
 
@@ -201,8 +207,7 @@ sudo systemctl daemon-reload
 sudo systemctl enable --now {enable}
 ```
 
-Your own message types must be known to the agent: write the setup script of your workspace behind `{SETUP_VARIABLE}=`
-in `{folder}/environment`.
+{_messages(offload, folder)}
 
 Or start it in containers: copy the folder with the first three commands, then
 `cd {folder} && sudo docker compose up -d`. There your message types come with the agent's image.
@@ -213,6 +218,16 @@ Look at it:
   is the configuration good?
 - `ros2 topic echo --qos-durability transient_local /offload/placement`: which side acts, and why?
 - `journalctl -u robot-offload-agent`: the rest."""
+
+
+def _messages(offload: RobotOffload, folder: str) -> str:
+    own = offload.spec.robot.interfaces
+    if own is not None:
+        return f"The agent takes your message types from `{own.setup}`, as the RobotOffload says."
+    return (
+        "Your own message types must be known to the agent: write the setup script of your workspace behind "
+        f"`{SETUP_VARIABLE}=`\nin `{folder}/environment`."
+    )
 
 
 def _nodes(offload: RobotOffload, folder: str) -> str:

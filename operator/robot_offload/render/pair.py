@@ -149,7 +149,7 @@ def _workstation(parent: Parent, folder: str) -> dict[str, bytes]:
     environment = {
         "ROS_DOMAIN_ID": str(parent.spec.cloud_domain_id),
         "RMW_IMPLEMENTATION": parent.spec.cloud_rmw,
-        texts.SETUP_VARIABLE: texts.setup_file(parent.offload),
+        texts.SETUP_VARIABLE: texts.distro_setup_file(parent.offload),
     }
     own = {"HOME": TMP, "ROS_LOG_DIR": TMP}
     return {

@@ -54,6 +54,7 @@ _TOPIC_GLOB = rf"^(/?{_WORD}(/{_WORD})*(/\*\*?)?|\*\*)$"
 _EXECUTABLE = r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$"
 PORT_PATTERN: Final = r"(6553[0-5]|655[0-2][0-9]|65[0-4][0-9]{2}|6[0-4][0-9]{3}|[1-5][0-9]{4}|[1-9][0-9]{0,3})"
 _PATH_PART: Final = r"[a-z0-9]+((\.|_|__|-+)[a-z0-9]+)*"
+_SETUP: Final = r"^(/[A-Za-z0-9_+-][A-Za-z0-9._+-]*)+\.(ba)?sh$"
 IMAGE_PATTERN: Final = (
     rf"^([A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?(\.[A-Za-z0-9]([A-Za-z0-9-]*[A-Za-z0-9])?)*(:{PORT_PATTERN})?/)?"
     rf"{_PATH_PART}(/{_PATH_PART})*(:[A-Za-z0-9_][A-Za-z0-9._-]{{0,127}})?(@sha256:[0-9a-f]{{64}})?$"
@@ -268,6 +269,11 @@ ImageName = Annotated[
         )
     ),
     _schema(IMAGE_PATTERN, MAX_IMAGE_LENGTH),
+]
+SetupFile = Annotated[
+    str,
+    AfterValidator(_matching(_SETUP, "a setup script; write its whole path, e.g. /opt/ws/install/setup.bash", 255)),
+    _schema(_SETUP, 255),
 ]
 RmwName = Annotated[
     str,

@@ -9,6 +9,7 @@ from pydantic import Field
 from robot_offload.api.v1alpha1.build import Registry
 from robot_offload.api.v1alpha1.model import Model, map_list
 from robot_offload.api.v1alpha1.names import (
+    ImageName,
     LabelKey,
     LabelValue,
     Namespace,
@@ -16,6 +17,7 @@ from robot_offload.api.v1alpha1.names import (
     ResourceName,
     RmwName,
     ServiceName,
+    SetupFile,
 )
 from robot_offload.api.v1alpha1.nodes import Node
 from robot_offload.api.v1alpha1.outputs import Output
@@ -40,6 +42,15 @@ class ObjectMeta(Model):
     annotations: dict[LabelKey, str] = Field(default_factory=dict, description="Annotations of the object.")
 
 
+class Interfaces(Model):
+    """Where the robot has message packages of your own."""
+
+    setup: SetupFile = Field(
+        description="The setup script, on the robot, of the workspace with the message packages that the agent must "
+        "import, e.g. /opt/ws/install/setup.bash. The bundle starts the agent with it."
+    )
+
+
 class RobotSide(Model):
     """ROS 2 on the robot."""
 
@@ -55,6 +66,10 @@ class RobotSide(Model):
     )
     namespace: Namespace = Field(
         default="/", description="The ROS namespace of the robot's nodes and of their replicas. Default /."
+    )
+    interfaces: Interfaces | None = Field(
+        default=None,
+        description="Where the robot has message packages of your own. Default: those of the distribution alone.",
     )
 
 
@@ -83,6 +98,16 @@ class Toleration(Model):
     )
 
 
+class CloudAgent(Model):
+    """The agent in the cloud."""
+
+    image: ImageName | None = Field(
+        default=None,
+        description="The agent's image, with your message packages and distribution: `robot-offload build --agent` "
+        "makes one. The container of the bundle is the same. Default: the image that the operator was given.",
+    )
+
+
 class CloudSide(Model):
     """ROS 2 in the cloud, and what all pods there have in common."""
 
@@ -107,6 +132,7 @@ class CloudSide(Model):
         description="Secrets with which the pods' images are fetched, at most 16. Default: none.",
         json_schema_extra=map_list("name"),
     )
+    agent: CloudAgent = Field(default_factory=CloudAgent, description="The agent in the cloud.")
     registry: Registry | None = Field(
         default=None,
         description="Where images that are built in the cluster are pushed to. Nodes with a build block need it. "
