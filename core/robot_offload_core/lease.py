@@ -196,6 +196,12 @@ def holds_lease(cloud: Cloud, now_s: float) -> bool:
     return cloud.granted and now_s < cloud.lease_end_s
 
 
+def called_off(before: Cloud, after: Cloud) -> bool:
+    """Whether the robot has ended a preparation of this side, which was ready and never in charge."""
+    prepared = before.granted and before.ready and not before.in_charge
+    return prepared and not after.granted and after.robot == before.robot and after.epoch > before.epoch
+
+
 def token(cloud: Cloud) -> Token:
     """The token that this side would act under."""
     return Token(cloud.robot, cloud.epoch, cloud.incarnation)

@@ -21,7 +21,7 @@ from robot_offload_core.ledger.goals import (
     Why,
 )
 from robot_offload_core.ledger.ports import GoalStatus
-from robot_offload_core.ledger.questions import able, copy_of, mirrored, overtaken, there
+from robot_offload_core.ledger.questions import able, acts, copy_of, mirrored, overtaken, there
 from robot_offload_core.ledger.work import Work
 from robot_offload_core.token import Site, Token
 
@@ -221,6 +221,17 @@ def pending(ledger: Ledger, view: View) -> tuple[str, ...]:
         if (copy is None or copy.phase is not Phase.ACCEPTED) and not preempted(ledger, goal, site, token):
             lacking.append(goal.action)
     return tuple(sorted(set(lacking)))
+
+
+def waiting(ledger: Ledger, view: View, now_s: float) -> tuple[str, ...]:
+    """Returns the actions with a goal that the side that acts has not accepted for a while."""
+    lacking = set()
+    for goal in ledger.goals.values():
+        copy = copy_of(goal, *acts(view, ledger.actions[goal.action]))
+        late = goal.ended_s is None and not goal.cancel and now_s >= goal.need_s + RETRY_S
+        if late and (copy is None or copy.phase is not Phase.ACCEPTED):
+            lacking.add(goal.action)
+    return tuple(sorted(lacking))
 
 
 def held(ledger: Ledger) -> tuple[str, float]:

@@ -311,6 +311,12 @@ class Desk:
         site = view.candidate[0]
         return tuple(sorted(n for n, r in self.replays.items() if r.played.get(site, 0) < r.version))
 
+    def refused(self, view: View) -> tuple[str, ...]:
+        """Returns the `Both` services whose newest request the side that acts has refused."""
+        site = view.holding.site
+        found = (n for n, r in self.replays.items() if site in r.failed and r.played.get(site, 0) < r.version)
+        return tuple(sorted(found))
+
     def busy(self, site: Site) -> bool:
         """Returns whether a side has calls to answer."""
         return any(a.site is site and a.fate is Fate.OPEN for r in self.requests for a in r.asks)

@@ -119,8 +119,10 @@ class CloudControlProcess(ControlProcess):
 
     def step(self, event: lease.Event) -> None:
         """Steps the lease and carries out its commands."""
-        now_s = self.ports.now_s()
-        self.cloud, commands = lease.step(self.cloud, event, now_s)
+        now_s, before = self.ports.now_s(), self.cloud
+        self.cloud, commands = lease.step(before, event, now_s)
+        if self.has_relay and lease.called_off(before, self.cloud):
+            self.rest.settle(now_s + self.settings.settle_for_s)
         egress, _, said = commands[:3]
         assert isinstance(egress, lease.SetEgress)
         assert isinstance(said, lease.SetReport)

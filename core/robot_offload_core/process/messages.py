@@ -232,6 +232,7 @@ class RelayStatus:
         busy: this side's nodes still have goals or requests to end: they are not to be deactivated yet.
         executing: actions that this side executes, by public name.
         unfit: a mirror here has ended long before its goal: this side must not take over by silence (robot only).
+        lacking: what the side that acts has not got, (reason, message): it goes on without them, Degraded.
         problems, counters: for diagnostics, once a second; else empty.
     """
 
@@ -243,6 +244,7 @@ class RelayStatus:
     hold_for_s: float = 0.0
     holder: Site | None = None
     unfit: bool = False
+    lacking: tuple[tuple[str, str], ...] = ()
     problems: tuple[tuple[str, str], ...] = ()
     counters: tuple[tuple[str, int], ...] = ()
 

@@ -1,6 +1,8 @@
 """When the nodes of a side that no longer acts may be deactivated: after their goals and requests have ended.
 
 A deactivated server aborts what it executes and answers nobody any more, so the relay lets go first (handover, rule 3).
+A side that was called off while it got ready, for its goals or state, stays Active for `settleFor`: what it collects
+meanwhile (a costmap, a pose) is what it lacked.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ class Rest:
     Attributes:
         site: ours. deadline_s: nodes are never held back for longer (`cancelDeadline`).
         status, status_s: newest of the relay, and its arrival; None while none ever spoke.
-        acted_s: when this side was last seen acting.
+        acted_s: when this side was last seen acting. settles_until_s: it was called off, and stays Active until then.
     """
 
     def __init__(self, site: Site, deadline_s: float) -> None:
@@ -28,7 +30,11 @@ class Rest:
         self.deadline_s = deadline_s
         self.status: RelayStatus | None = None
         self.status_s = 0.0
-        self.acted_s = float("-inf")
+        self.acted_s = self.settles_until_s = float("-inf")
+
+    def settle(self, until_s: float) -> None:
+        """Notes that this side was called off although its nodes were Active: they stay so until `until_s`."""
+        self.settles_until_s = until_s
 
     def take(self, status: RelayStatus, now_s: float) -> None:
         """Takes a status of the relay."""
@@ -37,8 +43,10 @@ class Rest:
     def keeps_active(self, acting: bool, now_s: float) -> bool:
         """Returns whether the nodes stay Active although the side does not act any more."""
         if acting:
-            self.acted_s = now_s
+            self.acted_s, self.settles_until_s = now_s, float("-inf")
             return False
+        if now_s < self.settles_until_s:
+            return True
         status = self.status
         if status is None or now_s - self.status_s > RELAY_SILENT_S or now_s >= self.acted_s + self.deadline_s:
             return False

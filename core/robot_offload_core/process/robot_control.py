@@ -218,10 +218,12 @@ class RobotControlProcess(ControlProcess):
     def degraded(self) -> tuple[str, str] | None:
         """Returns a problem for dead nodes that nobody waits for, and for what a stay in the cloud goes on without."""
         dead, lacks = super().degraded(), handing.lacking(self.robot)
-        if lacks is None or switcher.site(self.robot) is Site.ROBOT:
-            return dead
-        message = f"{lacks.reason}: {lacks.message}"
-        return guardians.NodeEvent.DEGRADED, message if dead is None else f"{dead[1]}; {message}"
+        found = [dead[1]] if dead is not None else []
+        if lacks is not None and switcher.site(self.robot) is Site.CLOUD:
+            found.append(f"{lacks.reason}: {lacks.message}")
+        if self.relay_status is not None:
+            found += [f"{reason}: {message}" for reason, message in self.relay_status.lacking]
+        return (guardians.NodeEvent.DEGRADED, "; ".join(found)) if found else None
 
     def ready_changed(self, ready: bool) -> None:
         """Takes the changed readiness of the robot's nodes."""
@@ -254,9 +256,15 @@ class RobotControlProcess(ControlProcess):
                 else:
                     self.ports.answer(command.key, command.accepted, command.message)
             case Decided():
+                self._note_called_off(command)
                 self.ports.decided(command)
             case _:
                 assert_never(command)
+
+    def _note_called_off(self, decided: Decided) -> None:
+        """Lets the robot's nodes stay Active for a while when their preparation ended for goals or state."""
+        if decided.phase is placement.Phase.CLOUD and decided.verdict.reason in handing.REASONS.values():
+            self.rest.settle(self.ports.now_s() + self.settings.settle_for_s)
 
     def _act(self, command: Acting) -> None:
         """Has the guardian follow; nodes whose goals still end are kept Active meanwhile."""

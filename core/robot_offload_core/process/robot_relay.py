@@ -363,6 +363,15 @@ class RobotRelay(RelayProcess):
             found.append((DIVERGED, f"Calls not executed yet by the side that gets ready: {', '.join(differing)}"))
         return tuple(found)
 
+    def _lacking(self, view: goals.View, now_s: float) -> tuple[tuple[str, str], ...]:
+        found = []
+        waiting, refused = copies.waiting(self.ledger, view, now_s), self.requests.desk.refused(view)
+        if waiting:
+            found.append((GOALS_PENDING, f"Goals that no server of the acting side has accepted: {', '.join(waiting)}"))
+        if refused:
+            found.append((DIVERGED, f"Calls that the acting side has refused: {', '.join(refused)}"))
+        return tuple(found)
+
     def _report(self, now_s: float) -> None:
         view = self.view()
         token = view.candidate[1] if view.candidate is not None else None
@@ -375,8 +384,10 @@ class RobotRelay(RelayProcess):
         )
         busy = waits or questions.busy(self.ledger, Site.ROBOT, now_s)
         executing = questions.executing(self.ledger, Site.ROBOT)
-        unfit = copies.unfit(self.ledger, view, now_s)
-        status = RelayStatus(token, self._pending(view), hold, busy, executing, hold_for_s, view.holding.site, unfit)
+        status = RelayStatus(
+            token, self._pending(view), hold, busy, executing, hold_for_s, view.holding.site,
+            copies.unfit(self.ledger, view, now_s), self._lacking(view, now_s),
+        )  # fmt: skip
         if status == self.status and now_s < self.status_due_s:
             return
         self.status, self.status_due_s = status, now_s + STATUS_S

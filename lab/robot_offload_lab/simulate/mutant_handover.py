@@ -308,4 +308,9 @@ HANDOVER: dict[str, Mutant] = {
             ),
         ),
     ),
+    "N40": Mutant(
+        "a side that was called off for its goals is put to sleep at once",
+        "called_off_side_settles",
+        (Edit("lease", "prepared = before.granted and before.ready and not before.in_charge", "prepared = False"),),
+    ),
 }

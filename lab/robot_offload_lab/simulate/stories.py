@@ -10,6 +10,7 @@ from robot_offload_lab.simulate import (
     story_goals,
     story_graphs,
     story_inhibit,
+    story_lacks,
     story_late,
     story_link,
     story_mirrors,
@@ -40,6 +41,7 @@ STORIES: dict[str, Callable[[], None]] = {
         story_shared,
         story_used,
         story_mirrors,
+        story_lacks,
     )
     for story in module.STORIES
 }

@@ -89,3 +89,14 @@ def test_a_relay_that_died_holds_nothing_back() -> None:
     rest.keeps_active(True, 10.0)
     rest.take(status(busy=True), 10.0)
     assert not rest.keeps_active(False, 10.1 + RELAY_SILENT_S)
+
+
+def test_a_side_that_was_called_off_for_its_goals_settles_and_then_sleeps() -> None:
+    rest = Rest(Site.ROBOT, 2.0)
+    rest.keeps_active(True, 10.0)
+    rest.settle(20.0)
+    assert rest.keeps_active(False, 19.9)
+    assert not rest.keeps_active(False, 20.0)
+    rest.settle(40.0)
+    rest.keeps_active(True, 30.0)
+    assert not rest.keeps_active(False, 30.1), "it acted meanwhile"

@@ -357,3 +357,21 @@ def test_an_offer_under_a_token_that_ended_is_not_admitted_and_asked_again_under
     assert len(pair.cloud.offered) == 1
     pair.cloud.end(0)
     assert pair.result_of(wants) == [SUCCEEDED]
+
+
+def test_a_goal_that_the_acting_side_does_not_accept_is_said() -> None:
+    """A pin changes over when its patience ends: the stay goes on Degraded until the goal has found its server."""
+    pair = Pair()
+    pair.goal(1)
+    pair.cloud.auto = False
+    pair.prepare(Site.CLOUD, 2)
+    pair.change(Site.CLOUD, 2)
+    assert not pair.robot.statuses[-1].lacking
+    pair.run(0.6)
+    ((reason, message),) = pair.robot.statuses[-1].lacking
+    assert (reason, FOLLOW in message) == (GOALS_PENDING, True)
+    assert pair.cloud.relay is not None
+    for attempt in pair.cloud.offered:
+        pair.cloud.relay.offer_answered(Face.GROUP, FOLLOW, attempt, True)
+    pair.run(0.1)
+    assert not pair.robot.statuses[-1].lacking

@@ -256,3 +256,14 @@ def test_a_request_larger_than_a_mebibyte_fails_and_says_so() -> None:
     caller = pair.call(PLAN, 1, bytes(MAX_PAYLOAD + 1))
     assert pair.robot.failures == [(caller, "TooLarge")]
     assert ALL.services[0].name == PLAN
+
+
+def test_a_call_of_both_that_the_acting_side_refuses_is_said() -> None:
+    pair = Pair()
+    pair.call(CLEAR, 1)
+    answer(pair.robot)
+    pair.in_cloud()
+    answer(pair.cloud, success=False)
+    pair.run(0.2)
+    ((reason, message),) = pair.robot.statuses[-1].lacking
+    assert (reason, CLEAR in message) == (DIVERGED, True)

@@ -107,10 +107,6 @@ NOT_YET: Final[dict[str, Word]] = {
         _INPUT, "latest", "!self.latest", lambda it: it.latest, "set maxRate to what the link carries",
         (f"{_IN_INPUT}.latest", True),
     ),
-    "settleFor": Word(
-        _SWITCHING, "settleFor", "duration(self.settleFor) == duration('10s')", lambda it: it.settle_for_ms != 10_000,
-        "leave it out", (f"{_SWITCHING}.settleFor", "3s"),
-    ),
     "maxMessageSize": Word(
         _SWITCHING, "maxMessageSize", "quantity(self.maxMessageSize).compareTo(quantity('8Mi')) == 0",
         lambda it: it.max_message_size != 8 * 1024 * 1024, "leave it out", (f"{_SWITCHING}.maxMessageSize", "1Mi"),
