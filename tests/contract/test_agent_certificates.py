@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from robot_offload.api.agent_state import parse_state
+from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.decide import renewal as operator
 from robot_offload.decide.certificates import ROLES, Issued, issue
 from robot_offload.objects.parent import Parent
@@ -22,21 +23,22 @@ from robot_offload_agent.link.choice import check_link
 from robot_offload_agent.settings import liaison
 from robot_offload_agent.settings.notes import Credential, RobotNotes, decode_robot, encode
 from robot_offload_agent.settings.parameters import Configuration, load
-from tests.unit.operator.render.given import EVERY_ENDPOINT, facts, offload
+from robot_offload_agent.tunnel import configuration as tunnel
+from robot_offload_agent.tunnel.ends import context, newest
+from tests.unit.operator.render.given import EVERY_ENDPOINT, TRANSPORTS, facts, offload
 
 DAY = datetime.timedelta(days=1)
 RESOURCE = offload()
 NOW = datetime.datetime.now(datetime.UTC)
 
 
-def written(folder: Path, secrets: BundleSecrets) -> Configuration:
+def written(folder: Path, secrets: BundleSecrets, resource: RobotOffload = RESOURCE) -> Configuration:
     """Writes a bundle to a robot's disk and reads it as the agent does."""
-    files = bundle(Parent(RESOURCE, facts(endpoints=EVERY_ENDPOINT)), secrets, folder=str(folder))
+    files = bundle(Parent(resource, facts(endpoints=EVERY_ENDPOINT)), secrets, folder=str(folder))
     (folder / "certificates").mkdir(parents=True, exist_ok=True)
+    lasting = b"/var/lib/robot-offload/wheelchair-7"
     for name, content in files.items():
-        (folder / name).write_bytes(content)
-    text = (folder / "agent.yaml").read_text().replace("/var/lib/robot-offload/wheelchair-7", str(folder / "state"))
-    (folder / "agent.yaml").write_text(text)
+        (folder / name).write_bytes(content.replace(lasting, str(folder / "state").encode()))
     return load(folder / "agent.yaml")
 
 
@@ -81,6 +83,21 @@ def test_a_robot_gets_its_own_key_signed_and_dials_with_it_from_then_on(tmp_path
     assert later.answer is not None
     assert wallet.keep(later.answer.certificate).serial != kept.serial
     assert len(list((tmp_path / "state/certificates").iterdir())) == 3  # bundle, current, one own pair
+
+
+def test_the_tunnel_dials_with_what_the_agent_of_a_robot_on_ddsrouter_has_renewed(tmp_path: Path) -> None:
+    issued = again(None)
+    wallet = Wallet(
+        with_own_certificate(written(tmp_path, secrets_of(issued), offload(transport=TRANSPORTS["DDSRouter"])))
+    )
+    given = tunnel.read(tmp_path / "tunnel.yaml")
+    assert Path(newest(given).certificate).resolve() == tmp_path / "certificates/robot.pem"
+    signed = again(issued, wallet.request())
+    assert signed.answer is not None
+    wallet.keep(signed.answer.certificate)
+    renewed = newest(given)
+    assert openssl.look(Path(renewed.certificate)) == wallet.present()[0] != openssl.look(Path(given.certificate))
+    context(renewed)
 
 
 def test_a_newer_bundle_comes_before_an_own_certificate(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """The robot's certificates on its disk, below the folder for what outlives a reboot.
 
-    certificates/current -> bundle, or the serial number of the newest own one; what the links read
+    certificates/current -> bundle, or the serial number of the newest own one; what the links read, and the tunnel
     certificates/bundle/robot.pem, robot.key -> the files of the bundle
     certificates/1f3a.../robot.pem, robot.key    an own key and its certificate
     certificates/next/robot.key, request         an own key that has no certificate yet
@@ -142,7 +142,7 @@ class Wallet:
 def with_own_certificate(configuration: Configuration) -> Configuration:
     """Returns the robot's configuration with the files of its newest certificate; as it was where that cannot be."""
     bundled, key = configuration["link.certificate"], configuration["link.private_key"]
-    if configuration["side"] != "robot" or configuration["link.type"] != "zenoh" or not (bundled and key):
+    if configuration["side"] != "robot" or not (bundled and key):
         return configuration
     try:
         certificate, own_key = Wallet(configuration).choose(Path(bundled), Path(key))

@@ -52,6 +52,7 @@ class TunnelConfiguration:
         private_key: PEM file of its key.
         verify_name: whether the robot checks that the cloud's certificate names the host that it dials.
         peer_name: the common name that the other side's certificate must carry; empty: any that its authority signed.
+        own: folder in which the agent keeps the robot's newest pair, `robot.pem` and `robot.key`; empty: none ever.
         realtime: whether this process asks for real-time priority.
     """
 
@@ -63,6 +64,7 @@ class TunnelConfiguration:
     private_key: str
     verify_name: bool = False
     peer_name: str = ""
+    own: str = ""
     realtime: bool = False
 
 
@@ -105,6 +107,7 @@ def parse(document: Any) -> TunnelConfiguration:
         private_key=_text("private_key", document.get("private_key")),
         verify_name=_flag("verify_name", document.get("verify_name", False)),
         peer_name=str(document.get("peer_name", "")),
+        own=str(document.get("own", "")),
         realtime=_flag("realtime", document.get("realtime", False)),
     )
 

@@ -13,7 +13,8 @@ import socket
 import ssl
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from robot_offload_agent.errors import ConfigurationError
@@ -72,6 +73,14 @@ def context(configuration: TunnelConfiguration) -> ssl.SSLContext:
         files = f"{configuration.ca}, {configuration.certificate}, {configuration.private_key}"
         raise ConfigurationError(f"certificates ({files}): {error}; write the bundle again") from error
     return result
+
+
+def newest(configuration: TunnelConfiguration) -> TunnelConfiguration:
+    """Returns the configuration with the pair that the agent has renewed; as it is while there is none."""
+    certificate, key = (Path(configuration.own) / name for name in ("robot.pem", "robot.key"))
+    if not configuration.own or not (certificate.exists() and key.exists()):
+        return configuration
+    return replace(configuration, certificate=str(certificate), private_key=str(key))
 
 
 class Tunnel:
@@ -175,7 +184,7 @@ class Tunnel:
             connection.setblocking(False)
             await asyncio.wait_for(loop.sock_connect(connection, (host, address.port)), ANSWER_S)
             opening = asyncio.open_connection(
-                sock=connection, ssl=self._context, server_hostname=address.host, ssl_handshake_timeout=HANDSHAKE_S
+                sock=connection, ssl=self._proof(), server_hostname=address.host, ssl_handshake_timeout=HANDSHAKE_S
             )
             # A cut in the middle of the handshake must not cost its whole time limit.
             reader, writer = await asyncio.wait_for(opening, 3 * ANSWER_S)
@@ -188,6 +197,17 @@ class Tunnel:
             raise
         tune(writer)
         return Stream(reader, writer)
+
+    def _proof(self) -> ssl.SSLContext:
+        """Returns with what to dial: the robot's newest pair, and the bundle's at every other try after a failure."""
+        chosen = newest(self._configuration)
+        if chosen is self._configuration or self._failed % 2:
+            return self._context
+        try:
+            return context(chosen)
+        except ConfigurationError as error:
+            log.warning("Dialling with the bundle's certificate: %s", error)
+            return self._context
 
     async def _router(self) -> Stream:
         """Returns a connection to the router beside this end; it may be just starting."""

@@ -96,7 +96,7 @@ def site(parent: Parent) -> AgentSite:
         generation=parent.facts.generation,
         state_file=STATE_FILE,
         settings_file=SETTINGS_FILE,
-        certificate_file=ANSWER_FILE if transport.of(parent.spec).traits.agent_needs_certificates else "",
+        certificate_file=ANSWER_FILE if transport.needs_certificates(parent.spec) else "",
         handover_file=HANDOVER_FILE,
     )
 

@@ -87,7 +87,7 @@ def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -
         "robot-offload-agent.service": texts.agent_unit(
             parent.offload, place, REALTIME_PRIORITY, _agent_environment(parent)
         ).encode(),
-        **chosen.robot_files(parent.offload, parent.facts.endpoints, place),
+        **chosen.robot_files(parent.offload, parent.facts.endpoints, place, texts.state_dir(parent.name)),
         **_certificates(parent.offload, secrets),
     }
     if parent.spec.transport.type == "DDSRouter":
@@ -110,7 +110,7 @@ def robot_site(parent: Parent, folder: str) -> AgentSite:
     """Where the robot's agent runs."""
     name = parent.name
     pulse = parent.facts.endpoints_for("pulse")
-    certified = transport.of(parent.spec).traits.agent_needs_certificates
+    certified = transport.needs_certificates(parent.spec)  # with DDSRouter the agent renews them for the tunnel
     return AgentSite(
         side="robot",
         host=pulse[0].host if pulse else "",
@@ -181,7 +181,9 @@ def _compose(parent: Parent, folder: str) -> str:
         command = ["ddsrouter", "-c", f"{folder}/{dds_router.ROBOT_FILE}"]
         services["router"] = {"image": parent.facts.images.router, "command": command, **container(folder)}
         command = [tunnel.PROGRAM, "--params", f"{folder}/{tunnel.FILE}"]
-        services["tunnel"] = agent_container(parent, command, folder)
+        # The agent renews the robot's certificate in its state folder.
+        volumes = [f".:{folder}:ro", f"state:{texts.state_dir(name)}:ro"]
+        services["tunnel"] = {**agent_container(parent, command, folder), "volumes": volumes}
     document = {"name": f"robot-offload-{name}", "services": services, "volumes": {"state": {}}}
     return yaml.safe_dump(document, sort_keys=False, width=1000)
 

@@ -53,7 +53,9 @@ class Transport:
         """Returns the environment of nodes and agent on the robot; empty: they find each other as they always did."""
         return {}
 
-    def robot_files(self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str) -> Mapping[str, bytes]:
+    def robot_files(
+        self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str, state_dir: str
+    ) -> Mapping[str, bytes]:
         """Returns files of the bundle beside those of every transport; it lies in `folder` on the robot."""
         return {}
 

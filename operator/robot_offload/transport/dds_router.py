@@ -161,12 +161,14 @@ class DDSRouter(Transport):
             ),
         )
 
-    def robot_files(self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str) -> Mapping[str, bytes]:
+    def robot_files(
+        self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str, state_dir: str
+    ) -> Mapping[str, bytes]:
         """Returns the configurations of the router and of the tunnel on the robot."""
         addresses = [one for one in endpoints if one.purpose == "router"]
         # Without a declared name the address may change; the authority serves this robot alone and is enough.
         named = offload.spec.transport.expose.host is not None
-        dialled = tunnel.on_the_robot(addresses, f"{folder}/certificates", verify_name=named)
+        dialled = tunnel.on_the_robot(addresses, f"{folder}/certificates", state_dir, verify_name=named)
         return {ROBOT_FILE: text(robot_config(offload)).encode(), tunnel.FILE: text(dialled).encode()}
 
     def observed_endpoints(

@@ -30,11 +30,13 @@ class Proof:
         ca: PEM file of the authority of the other side.
         certificate: PEM file of this side's certificate.
         private_key: PEM file of its key.
+        own: folder with a newer pair, once there is one; empty: none ever.
     """
 
     ca: str
     certificate: str
     private_key: str
+    own: str = ""
 
 
 def cloud_end(listen: str, router: str, proof: Proof, robot: str) -> dict[str, Any]:
@@ -46,7 +48,8 @@ def cloud_end(listen: str, router: str, proof: Proof, robot: str) -> dict[str, A
         proof: the cloud's files.
         robot: the robot's name in its certificate; an issuer may sign for many robots.
     """
-    return {"side": "cloud", "listen": listen, "connect": [router], **asdict(proof), "peer_name": robot}
+    proved = {"ca": proof.ca, "certificate": proof.certificate, "private_key": proof.private_key}
+    return {"side": "cloud", "listen": listen, "connect": [router], **proved, "peer_name": robot}
 
 
 def robot_end(
@@ -82,18 +85,26 @@ def in_the_cloud(robot: str) -> dict[str, Any]:
     )
 
 
-def on_the_robot(endpoints: Sequence[Endpoint], certificates: str, *, verify_name: bool) -> dict[str, Any]:
+def on_the_robot(
+    endpoints: Sequence[Endpoint], certificates: str, state_dir: str, *, verify_name: bool
+) -> dict[str, Any]:
     """Returns the file of the robot's end in the bundle.
 
     Args:
         endpoints: where the cloud's end is reached.
         certificates: the folder of the bundle's certificates.
+        state_dir: where the agent keeps what outlives a reboot: the pairs that it renews.
         verify_name: whether the cloud's certificate must carry the dialled name.
     """
     return robot_end(
         address(wan.HOST, wan.MEETING),
         [one.address for one in endpoints],
-        Proof(f"{certificates}/ca.pem", f"{certificates}/robot.pem", f"{certificates}/robot.key"),
+        Proof(
+            f"{certificates}/ca.pem",
+            f"{certificates}/robot.pem",
+            f"{certificates}/robot.key",
+            f"{state_dir}/certificates/current",
+        ),
         verify_name=verify_name,
     )
 

@@ -158,3 +158,26 @@ def test_missing_certificates_are_named(rig: Rig) -> None:
     (rig.folder / "robot" / "own.key").unlink()
     with pytest.raises(ConfigurationError, match=r"own\.key"):
         Tunnel(rig.robot())
+
+
+def test_the_robot_dials_with_the_pair_that_was_renewed_and_with_its_bundles_where_that_is_refused(rig: Rig) -> None:
+    """The bundle's certificate is a stranger's here, then the renewed one is: what counts is who is let in."""
+
+    def keeps(certificates: str) -> str:
+        place = rig.folder / f"kept-{certificates}"
+        place.mkdir()
+        for name in ("pem", "key"):
+            (place / f"robot.{name}").symlink_to(rig.folder / certificates / f"own.{name}")
+        return str(place)
+
+    async def story(bundled: str, renewed: str) -> bytes:
+        configuration = replace(rig.robot(bundled), own=renewed)
+        async with Router(rig.router), running(rig.cloud()), running(configuration):
+            for _ in range(5):
+                if found := await ask(rig, within_s=1.0):
+                    return found
+            return b""
+
+    assert asyncio.run(story("foreign", keeps("robot"))) == b"HELLO"
+    assert asyncio.run(story("robot", keeps("foreign"))) == b"HELLO"
+    assert asyncio.run(story("robot", str(rig.folder / "nothing-yet"))) == b"HELLO"
