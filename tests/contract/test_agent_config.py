@@ -291,4 +291,4 @@ def test_what_is_to_differ_in_the_cloud_may_differ_between_the_replicas() -> Non
     own = {"command": ["run"], "cloudParameters": {"rate_hz": 50.0, "plugins": {"speed": 0.6}}}
     for side in SIDES:
         parameters = rendered("spec.nodes.1.run", own, side)
-        assert agent.flatten(parameters)["node.controller.may_differ"] == ["rate_hz", "plugins.speed"]
+        assert agent.flatten(parameters)["node.controller.may_differ"] == ["plugins.speed", "rate_hz"]

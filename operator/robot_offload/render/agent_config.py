@@ -182,7 +182,10 @@ def _node(node: Node) -> dict[str, Any]:
         "duplicated": node.duplicated,
         "core": node.core,
         "lifecycle": node.lifecycle,
-        "may_differ": listed(name for name, _ in flat_parameters(node.run.cloud_parameters if node.run else {})),
+        # In order, because the order in which a person writes them is no change.
+        "may_differ": listed(
+            sorted(name for name, _ in flat_parameters(node.run.cloud_parameters if node.run else {}))
+        ),
         "standby_robot": "Hot" if "robot" in hot else "Warm",
         # A Cold replica that has no pod yet is simply not there; once it runs it is kept as a Warm one.
         "standby_cloud": "Hot" if "cloud" in hot else "Warm",

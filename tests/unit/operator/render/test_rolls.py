@@ -69,7 +69,8 @@ START = {
     "nodes.1.core": (False, {AGENT}),
     "nodes.1.outputs": ([{"topic": "/cmd_vel", "rate": 10}], {AGENT}),
     "nodes.1.image": ("registry.example/controller:2", {CONTROLLER}),
-    "nodes.1.run.cloudParameters": ({"rate_hz": 40.0}, {CONTROLLER}),
+    "nodes.1.run.cloudParameters": ({"rate_hz": 40.0}, {CONTROLLER, AGENT}),  # names say what may differ
+    "nodes.1.run.cloudParameters.rate_hz": (40.0, {CONTROLLER}),
     "nodes.1.run.remap": ({"cmd_vel_nav": "/cmd_vel", "scan": "/scan_front"}, {CONTROLLER}),
     "nodes.1.env": ([{"name": "RCUTILS_COLORIZED_OUTPUT", "value": "0"}], {CONTROLLER}),
     "nodes.2.resources": ({"limits": {"nvidia.com/gpu": 1}}, {PLANNER}),
