@@ -173,8 +173,8 @@ def test_the_plugin_installs_from_its_archive_and_runs_as_kubectl_offload(
 
     assert plugin("--version").stdout.strip() == f"robot-offload {version()}"
     assert "talker is valid" in plugin("validate", str(SAMPLE)).stdout
-    said = plugin("status")  # asks the API server: the libraries for clusters are there as well
-    assert "robotoffloads" in said.stdout + said.stderr or said.returncode == 0, said.stderr
+    said = plugin("status")  # asks the API server, which may not have the kind: the libraries for clusters are there
+    assert said.returncode == 0 or "the cluster does not know RobotOffload" in said.stderr, said.stderr
 
 
 def test_digests_that_cannot_be_read_end_with_2_and_name_the_line(tmp_path: Path) -> None:
