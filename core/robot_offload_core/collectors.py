@@ -6,15 +6,21 @@ rated), changes over between two messages for all outputs at once, and never goe
 only. When control falls silent for as long as a lease lasts it passes the robot and refuses the cloud until control
 names a new epoch. What it does for the cloud it does on control's word alone, and that word counts from when control
 said it, not from when it was read.
+
+Of Hot replicas on the robot it knows the newest message, which passes when the robot takes over; and it says at once
+when a message of the cloud does not come although such a replica has spoken (lateness.py).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+from robot_offload_core import occasions, standby
 from robot_offload_core.change import replace
 from robot_offload_core.checks import require
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.lateness import UNHEARD, Lateness
 from robot_offload_core.reasons import Explained
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
@@ -46,6 +52,7 @@ class Gate:
         said_s: when control said so, on this host's steady clock; None: now. A gate may have waited in the inbox of a
             collector that was stopped.
         presence: token of the outputs of nodes with placement Cloud (results.py); None: none of them passes.
+        robot_while, cloud_while: the outputs, by index, whose `while` is true on that side.
     """
 
     started_us: int
@@ -53,6 +60,8 @@ class Gate:
     next: Charge | None = None
     said_s: float | None = None
     presence: Token | None = None
+    robot_while: tuple[int, ...] = ()
+    cloud_while: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,7 +70,10 @@ class OutputState:
 
     `next_*` is about the newest message of the side that gets ready, which is held until the changeover: its sequence,
     its arrival, and from when its age counts. `present` is the newest message that passed of a node with placement
-    Cloud: its token and sequence; `stale` that its newest message was too old to pass.
+    Cloud: its token and sequence; `stale` that its newest message was too old to pass. `standby_s` is when the newest
+    message of a Hot replica on the robot came, `standby_new` that consumers have not heard it, or have heard the cloud
+    since. `late`: how late the cloud's messages come. `robot_while_s`, `cloud_while_s`: since when `while` is true on
+    that side; None while it is not.
     """
 
     spec: OutputSpec
@@ -73,6 +85,11 @@ class OutputState:
     cloud_s: float | None = None
     present: tuple[Token, int] | None = None
     stale: bool = False
+    standby_s: float | None = None
+    standby_new: bool = False
+    late: Lateness = UNHEARD
+    robot_while_s: float | None = None
+    cloud_while_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -94,6 +111,8 @@ class Collector:
         presence: see Gate.
         turned_s: the last turn of this process. judged_from_s: silence is not reported before, see `turn`.
         stay: grows by one with each change of the side that passes, over restarts of this process.
+        loss_timeout_s: longest margin with which a message of the cloud is waited for; 0: none is.
+        activation_s: by when an output speaks whose `while` became true.
         paused_s: end of the last pause of this process. first_pause_s: of the first pause of the present row, with less
             than HEALTHY_S between them.
     """
@@ -115,6 +134,8 @@ class Collector:
     paused_s: float | None = None
     first_pause_s: float = 0.0
     stay: int = 0
+    loss_timeout_s: float = 0.0
+    activation_s: float = 0.0
 
 
 class Ruling(Explained):
@@ -124,6 +145,7 @@ class Ruling(Explained):
     CURRENT = "Current", "The cloud is in charge and the message carries its token"
     PRESENT = "Present", "It is of a node with placement Cloud, which passes whoever is in charge"
     CHANGED_OVER = "ChangedOver", "With this message the new side took over"
+    RELEASED = "Released", "The robot took over: the newest message of its Hot replica, kept until then, passes"
     NOT_ALL_READY = (
         "NotAllReady",
         "The side that gets ready published, other rated outputs of it do not flow yet: kept, the newest per output",
@@ -141,7 +163,7 @@ class Ruling(Explained):
         return self in _PASSES
 
 
-_PASSES = frozenset({Ruling.ROBOT_IN_CHARGE, Ruling.CURRENT, Ruling.PRESENT, Ruling.CHANGED_OVER})
+_PASSES = frozenset({Ruling.ROBOT_IN_CHARGE, Ruling.CURRENT, Ruling.PRESENT, Ruling.CHANGED_OVER, Ruling.RELEASED})
 
 
 @dataclass(frozen=True)
@@ -177,6 +199,9 @@ class GateReport:
             nodes with placement Cloud.
         stale: the outputs of nodes with placement Cloud, by index, whose newest message was too old to pass.
         robot_silent, cloud_silent: the rated outputs, by index, that do not flow.
+        idle: the rated outputs, by index, that need not speak on the robot now (`while`).
+        missed: outputs of which the cloud's next message has not come in time, while the robot's Hot replica spoke:
+            index, and when the message was due.
     """
 
     charge: Charge | None
@@ -188,6 +213,8 @@ class GateReport:
     stale: tuple[int, ...] = ()
     robot_silent: tuple[int, ...] = ()
     cloud_silent: tuple[int, ...] = ()
+    idle: tuple[int, ...] = ()
+    missed: tuple[tuple[int, float], ...] = ()
 
     @staticmethod
     def names(indices: tuple[int, ...], outputs: tuple[OutputSpec, ...]) -> tuple[str, ...]:
@@ -197,9 +224,13 @@ class GateReport:
         return tuple(outputs[i].shown for i in indices if i < len(outputs))
 
 
-def start(outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: float) -> Collector:
+def start(
+    outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: float,
+    loss_timeout_s: float = 0.0, activation_s: float = 0.0,
+) -> Collector:  # fmt: skip
     """A collector that passes the robot until control speaks."""
-    return Collector(max_age_s, gate_timeout_s, tuple(OutputState(spec) for spec in outputs))
+    states = tuple(OutputState(spec) for spec in outputs)
+    return Collector(max_age_s, gate_timeout_s, states, loss_timeout_s=loss_timeout_s, activation_s=activation_s)
 
 
 def set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
@@ -227,13 +258,14 @@ def check(before: Collector, after: Collector, event: object) -> None:
 
 
 def _change_over_idle(collector: Collector, now_s: float) -> Collector:
-    """Changes over on control's word when no rated output is to be waited for.
+    """Changes over on control's word when no output is to be waited for.
 
     An idle robot must be able to change: where nobody need speak there is nothing to pass twice and nothing to lose.
     """
-    if collector.next is None or any(o.spec.rated for o in collector.outputs):
+    following = collector.next
+    if following is None or any(occasions.awaited(o, following.site) for o in collector.outputs):
         return collector
-    return _enter(collector, collector.next, None, now_s)
+    return _enter(collector, following, None, now_s)
 
 
 def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
@@ -241,7 +273,10 @@ def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
         return collector
     same_control = gate.started_us == collector.started_us
     said_s = now_s if gate.said_s is None else min(gate.said_s, now_s)
-    collector = replace(collector, started_us=gate.started_us, gate_s=said_s, presence=gate.presence)
+    collector = replace(
+        collector, started_us=gate.started_us, gate_s=said_s, presence=gate.presence,
+        outputs=occasions.note(collector.outputs, gate, now_s),
+    )  # fmt: skip
     ours, theirs = collector.charge, gate.current
     if ours is None or not same_control:
         return _enter(collector, theirs, gate.next, now_s)
@@ -254,9 +289,18 @@ def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
     return _enter(collector, theirs, gate.next, now_s)
 
 
-def limit(collector: Collector, max_age_s: float, gate_timeout_s: float) -> Collector:
-    """Limits that were changed at run time; safe at any moment, they only say what is refused."""
-    return replace(collector, max_age_s=max_age_s, gate_timeout_s=gate_timeout_s)
+def limit(
+    collector: Collector,
+    max_age_s: float,
+    gate_timeout_s: float,
+    loss_timeout_s: float = 0.0,
+    activation_s: float = 0.0,
+) -> Collector:
+    """Limits that were changed at run time; safe at any moment, they only say what is refused or taken for lost."""
+    return replace(
+        collector, max_age_s=max_age_s, gate_timeout_s=gate_timeout_s, loss_timeout_s=loss_timeout_s,
+        activation_s=activation_s,
+    )  # fmt: skip
 
 
 def turn(collector: Collector, now_s: float) -> Collector:
@@ -303,8 +347,10 @@ def resume(
 def offer_robot(collector: Collector, index: int, sequence: int, now_s: float) -> tuple[Collector, Passage]:
     """The robot's replica has published on output `index`; `sequence` grows with each of its messages."""
     collector = tick(collector, now_s)
-    collector = _output(collector, index, robot_s=now_s)
-    if collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back:
+    passes = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
+    hot = Site.ROBOT in collector.outputs[index].spec.hot
+    collector = _output(collector, index, robot_s=now_s, standby_s=now_s if hot else None, standby_new=not passes)
+    if passes:
         return _output(collector, index, last_sequence=sequence), Passage(Ruling.ROBOT_IN_CHARGE)
     if collector.next is None or collector.next.site is not Site.ROBOT:
         return collector, Passage(Ruling.CLOUD_IN_CHARGE)
@@ -313,24 +359,29 @@ def offer_robot(collector: Collector, index: int, sequence: int, now_s: float) -
 
 def offer_cloud(collector: Collector, index: int, envelope: Envelope, now_s: float) -> tuple[Collector, Passage]:
     """A message of the cloud's replica has arrived for output `index`."""
-    collector = tick(collector, now_s)
+    collector = standby.hear(tick(collector, now_s), index, envelope, now_s)
     if collector.fell_back or collector.charge is None or collector.gate_s is None:
         return collector, Passage(Ruling.CONTROL_SILENT)
-    if not 0 <= envelope.age_s(now_s) <= collector.max_age_s:  # less than 0: an echo of nobody here
-        return collector, Passage(Ruling.STALE)
-    if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s:
-        return collector, Passage(Ruling.BEFORE_RESTART)
     state = collector.outputs[index]
+    latched = envelope.latched and state.spec.latched  # the last value of a topic that speaks seldom
+    if not 0 <= envelope.age_s(now_s) <= (math.inf if latched else collector.max_age_s):  # less: an echo of nobody here
+        return collector, Passage(Ruling.STALE)
+    if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s and not latched:
+        return collector, Passage(Ruling.BEFORE_RESTART)
     if collector.charge.site is Site.CLOUD and envelope.token == collector.charge.token:
         if envelope.sequence <= state.last_sequence:
             return collector, Passage(Ruling.REORDERED)
-        return _output(collector, index, cloud_s=now_s, last_sequence=envelope.sequence), Passage(Ruling.CURRENT)
+        heard = _output(
+            collector, index, cloud_s=now_s, last_sequence=envelope.sequence,
+            standby_new=state.standby_new or state.spec.latched,
+        )  # fmt: skip
+        return heard, Passage(Ruling.CURRENT)
     following = collector.next
     if following is not None and following.site is Site.CLOUD and envelope.token == following.token:
         if envelope.sequence <= state.next_sequence:
             return collector, Passage(Ruling.REORDERED)
         collector = _output(collector, index, cloud_s=now_s)
-        return _offer_next(collector, index, envelope.sequence, envelope.echo_us / 1e6, now_s)
+        return _offer_next(collector, index, envelope.sequence, now_s if latched else envelope.echo_us / 1e6, now_s)
     return collector, Passage(Ruling.FOREIGN_TOKEN)
 
 
@@ -350,6 +401,8 @@ def report(collector: Collector, now_s: float) -> GateReport:
     starved = now_s - collector.first_pause_s > collector.gate_timeout_s
     judged = now_s >= collector.judged_from_s or starved  # pauses one after the other hide silence no longer than that
     rated = [(i, o) for i, o in enumerate(collector.outputs) if o.spec.rated]
+    idle = tuple(i for i, o in rated if not occasions.must_speak(o, Site.ROBOT, collector.activation_s, now_s))
+    cloud_idle = tuple(i for i, o in rated if not occasions.must_speak(o, Site.CLOUD, collector.activation_s, now_s))
     acts = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
     charged_s = collector.acts_s if acts else None  # a slow output speaks one period after its nodes woke
     resumed_s = collector.resumed_s
@@ -367,11 +420,16 @@ def report(collector: Collector, now_s: float) -> GateReport:
     flowing = tuple(i for i, o in rated if o.robot_s is not None and now_s - o.robot_s <= o.spec.deadline_s)
     heard = tuple(i for i, o in enumerate(collector.outputs) if o.spec.deadline_s > 0 and cloud_flows(o))
     stale = tuple(i for i, o in enumerate(collector.outputs) if o.stale)
-    robot_silent = tuple(i for i, o in rated if not robot_flows(o))
-    cloud_silent = tuple(i for i, o in rated if not cloud_flows(o))
+    robot_silent = tuple(i for i, o in rated if i not in idle and not robot_flows(o))
+    cloud_silent = tuple(i for i, o in rated if i not in cloud_idle and not cloud_flows(o))
+    missed = tuple(
+        (i, o.late.arrived_s + o.spec.period_s)
+        for i, o in rated
+        if o.late.missed and standby.missed(collector, o, now_s)
+    )
     return GateReport(
         collector.charge, collector.fell_back, not robot_silent, not cloud_silent, flowing, heard, stale,
-        robot_silent, cloud_silent,
+        robot_silent, cloud_silent, idle, missed,
     )  # fmt: skip
 
 
@@ -384,22 +442,29 @@ def _offer_next(
     their consumers would wait for the old side's and the new side's period together.
     """
     collector = _output(collector, index, next_ready_s=now_s, next_sequence=sequence, next_born_s=born_s)
-    if not all(_flows(o, now_s) for o in collector.outputs):
-        return collector, Passage(Ruling.NOT_ALL_READY)
     assert collector.next is not None
-    also = tuple(
+    side = collector.next.site
+    if not all(_flows(o, side, now_s) for o in collector.outputs):
+        return collector, Passage(Ruling.NOT_ALL_READY)
+    ready = {
         i
         for i, o in enumerate(collector.outputs)
         if i != index and o.next_ready_s is not None and now_s - o.next_born_s <= collector.max_age_s
-    )
-    before, collector = collector, _enter(collector, collector.next, None, now_s)
+    }
+    before = collector
+    collector = _output(_enter(collector, collector.next, None, now_s), index, standby_new=False)
     check(before, collector, sequence)
+    collector, kept = standby.release(before, collector, now_s)
+    for other in ready:
+        collector = _output(collector, other, standby_new=False)
+    also = tuple(sorted(ready | set(kept)))
     return _output(collector, index, last_sequence=sequence), Passage(Ruling.CHANGED_OVER, also)
 
 
-def _flows(output: OutputState, now_s: float) -> bool:
+def _flows(output: OutputState, side: Site, now_s: float) -> bool:
     deadline_s = output.spec.deadline_s
-    return not output.spec.rated or (output.next_ready_s is not None and now_s - output.next_ready_s <= deadline_s)
+    ready_s = output.next_ready_s
+    return not occasions.awaited(output, side) or (ready_s is not None and now_s - ready_s <= deadline_s)
 
 
 def _enter(collector: Collector, charge: Charge, following: Charge | None, now_s: float) -> Collector:
@@ -426,7 +491,7 @@ def _arm(collector: Collector, following: Charge | None) -> Collector:
     return replace(collector, next=following, outputs=outputs)
 
 
-def _output(collector: Collector, index: int, **changes: float | int | None) -> Collector:
+def _output(collector: Collector, index: int, **changes: float | bool | None) -> Collector:
     outputs = list(collector.outputs)
     outputs[index] = replace(outputs[index], **changes)  # type: ignore[arg-type]
     return replace(collector, outputs=tuple(outputs))

@@ -121,6 +121,21 @@ class Handing:
 
 
 @dataclass(frozen=True)
+class Early:
+    """Takeovers by silence (early.py). Times on the robot's steady clock, seconds.
+
+    Attributes:
+        taken_s: the last one, while it is not judged; None then.
+        mistakes_s: of those that no limit confirmed, the latest.
+        off: there were too many: none happens.
+    """
+
+    taken_s: float | None = None
+    mistakes_s: tuple[float, ...] = ()
+    off: bool = False
+
+
+@dataclass(frozen=True)
 class Stalls:
     """Steps of our own that came late. Times on the robot's steady clock, seconds.
 
@@ -158,6 +173,8 @@ class Robot:
         nodes_ready: the robot's CORE nodes are Active.
         outputs: from the configuration, as the collector numbers them.
         duplicated: the robot has duplicated nodes; without any there is nothing to change over.
+        hot: its duplicated CORE nodes are Hot, so it can go on at once. early: see Early.
+        robot_while: the outputs, by index, whose `while` is true on the robot.
         clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
         vetoes: of each source that has any.
         pin: on the robot; manual: the last switch by hand; leaving: what the cloud said of its end.
@@ -186,6 +203,9 @@ class Robot:
     situation: Situation = Situation()
     nodes_ready: bool = False
     duplicated: bool = True
+    hot: bool = False
+    early: Early = Early()
+    robot_while: tuple[int, ...] = ()
     outputs: tuple[OutputSpec, ...] = ()
     clear_s: float | None = None
     vetoes: tuple[Vetoed, ...] = ()
@@ -261,10 +281,19 @@ class NodesReported:
     Attributes:
         ready: the robot's duplicated CORE nodes are Active.
         duplicated: there are duplicated nodes at all.
+        hot: the duplicated CORE nodes are Hot.
     """
 
     ready: bool
     duplicated: bool = True
+    hot: bool = False
+
+
+@dataclass(frozen=True)
+class WhileReported:
+    """Level: the outputs, by index, whose `while` is true on the robot."""
+
+    outputs: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -316,7 +345,7 @@ class SetSettings:
 
 Event = (
     CloudBeat | PulseSent | GateReported | DataReported | NodesReported | Vetoed | SwitchByHand | SetPin | CloudLeaving
-    | SetSettings | RelayReported | Tick
+    | SetSettings | RelayReported | WhileReported | Tick
 )  # fmt: skip
 
 

@@ -111,6 +111,12 @@ def lost(policy: Policy, settings: Settings, now_s: float) -> Policy:
     return replace(policy, hold_down_s=hold_down_s, hold_until_s=now_s + hold_down_s, entered_s=None)
 
 
+def flapped(policy: Policy, settings: Settings, now_s: float) -> Policy:
+    """Short stays followed each other, whatever each of them brought: the wait before the next return grows."""
+    hold_down_s = _learned(policy.hold_down_s, True, settings.hold_down_initial_s, settings.hold_down_max_s)
+    return replace(policy, hold_down_s=hold_down_s, hold_until_s=now_s + hold_down_s, entered_s=None)
+
+
 def decide(policy: Policy, site: Site, fitness: Fitness, settings: Settings, now_s: float) -> tuple[Policy, Verdict]:
     """Reckons the time since the last call to `site` (where we were) and says where to be."""
     policy = _reckon(policy, site, fitness, settings, now_s)

@@ -181,7 +181,8 @@ class Reason(Explained):
         "Look at the link and at the cloud agent's log",
     )  # fmt: skip
     OUTPUT_SILENT = (
-        "OutputSilent", Kind.LIMIT, "A rated output of the cloud is silent for longer than its `deadline`",
+        "OutputSilent", Kind.LIMIT,
+        "A rated output of the cloud is silent for its `deadline`, or for one message while the robot's replica is Hot",
         "Look at the replica that publishes the output, and at the downlink's throughput",
     )  # fmt: skip
     RESULT_STALE = (

@@ -235,6 +235,7 @@ class OutputSpec:
         hot: sides on which all of these nodes stay Active in standby.
         waits: one of these nodes has used names: its first message comes after the changeover.
         topic: public topic, by which people know it.
+        latched: its publisher keeps the last message for late subscribers (transient local).
     """
 
     name: str
@@ -249,6 +250,7 @@ class OutputSpec:
     hot: tuple[Site, ...] = ()
     waits: bool = False
     topic: str = ""
+    latched: bool = False
 
     @property
     def shown(self) -> str:

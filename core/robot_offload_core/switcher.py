@@ -8,7 +8,7 @@ has to go back. What the shell keeps up (permission, gate, acting) is a level, t
 
 from __future__ import annotations
 
-from robot_offload_core import handing, links, policies, wishes
+from robot_offload_core import early, handing, links, policies, wishes
 from robot_offload_core.beats import CloudReport, Permission
 from robot_offload_core.change import replace
 from robot_offload_core.checks import require
@@ -39,6 +39,7 @@ from robot_offload_core.placement import (
     SetSettings,
     SwitchByHand,
     Vetoed,
+    WhileReported,
     Wish,
 )
 from robot_offload_core.pulse import PERMISSION_BEATS
@@ -158,7 +159,9 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
             data = replace(robot.situation, data_connected=event.connected, data_heard_s=heard_s)
             robot = replace(robot, situation=replace(data, data_cloud=event.cloud, data_s=now_s))
         case NodesReported():
-            robot = replace(robot, nodes_ready=event.ready, duplicated=event.duplicated)
+            robot = replace(robot, nodes_ready=event.ready, duplicated=event.duplicated, hot=event.hot)
+        case WhileReported():
+            robot = replace(robot, robot_while=event.outputs)
         case Vetoed():
             others = tuple(v for v in robot.vetoes if v.source != event.source)
             robot = replace(robot, vetoes=(*others, event) if event.vetoes else others)
@@ -249,6 +252,8 @@ def _move(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     fell_at_s = None if able else now_s if robot.fell_at_s is None else robot.fell_at_s
     if fell_at_s != robot.fell_at_s or both_silent is not robot.both_silent:
         robot = replace(robot, fell_at_s=fell_at_s, both_silent=both_silent)
+    if robot.early.taken_s is not None and now_s >= robot.stalls.until_s:
+        robot = early.judge(robot, _fault(robot, now_s, acting=False), now_s, commands)
     robot, verdict = wishes.wanted(robot, now_s)
     if robot.settings.mode is Mode.OBSERVE:
         return _observe_only(robot, verdict, now_s, commands)
@@ -265,6 +270,10 @@ def _move_from_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: lis
     fault = _fault(robot, now_s, acting=True)
     if fault is not None:
         return _take_over(robot, fault, now_s, commands)
+    robot = early.prove(robot, now_s)
+    fault = early.missed(robot)
+    if fault is not None:
+        return early.taken(_take_over(robot, fault, now_s, commands, by_silence=True), now_s)
     if robot.phase is Phase.CLOUD:
         dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason.urgent
         if verdict.site is Site.ROBOT and dwelt and now_s >= robot.retry_s:
@@ -396,6 +405,8 @@ def _outputs_heard(robot: Robot, now_s: float) -> bool:
         for i, o in enumerate(robot.outputs)
         if o.rated and not settings.activation_deadline_s < o.deadline_s >= charged_for_s
     }
+    if gate is not None:
+        due -= set(gate.idle)
     if not due:
         return True
     if gate is None or reported_s is None or now_s - reported_s > settings.lease_s:
@@ -453,20 +464,28 @@ def _call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: 
     return _decide(robot, why, now_s, commands, force=True)
 
 
-def _take_over(robot: Robot, fault: Verdict, now_s: float, commands: list[Command]) -> Robot:
-    """Sudden loss: the robot is in charge from now on; consumers hear nobody else."""
+def _take_over(
+    robot: Robot, fault: Verdict, now_s: float, commands: list[Command], *, by_silence: bool = False
+) -> Robot:
+    """Sudden loss: the robot is in charge from now on; consumers hear nobody else.
+
+    `by_silence`: of one message, which may come yet: sessions, wishes and what the policy has learned stay (early.py).
+    """
     silent_s = None if robot.situation.good_s is None else now_s - robot.situation.good_s
     epoch = robot.last_epoch + 1
     phase = Phase.ROBOT if robot.nodes_ready else Phase.TAKEOVER
-    policy = policies.entered(policies.lost(robot.policy, robot.settings, now_s), Site.ROBOT, now_s)
+    policy = robot.policy if by_silence else policies.lost(robot.policy, robot.settings, now_s)
+    policy = policies.entered(policy, Site.ROBOT, now_s)
     # A loss ends the wish for the cloud: it would take the hold-down's place and flap with the link.
-    manual = robot.manual if robot.manual is not None and robot.manual.site is Site.ROBOT else None
+    keeps = by_silence or (robot.manual is not None and robot.manual.site is Site.ROBOT)
+    manual = robot.manual if keeps else None
     robot = replace(
         robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=epoch, last_epoch=epoch, preparation=None,
         failures=0, both_silent=False, retry_s=0.0, manual=manual, clear_s=_clear_s(robot, now_s), policy=policy,
         situation=replace(robot.situation, good_s=None),
     )  # fmt: skip
-    commands.append(Reopen(fault.reason))
+    if not by_silence:
+        commands.append(Reopen(fault.reason))
     return _decide(robot, fault, now_s, commands, force=True, switched=True, silent_s=silent_s)
 
 
@@ -496,10 +515,12 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     outputs_flow, outputs_heard = _outputs_flow(robot, now_s), _outputs_heard(robot, now_s)
     stop = next((v.message for v in wishes.reported(robot) if v.stops), "") if robot.vetoes else ""
     silent = () if gate_told is None else gate_told.names(gate_told.robot_silent, robot.outputs)
+    cloud_while = _cloud_while(robot)
     # All that the three levels are made of: they are put together only when they are given out.
     levels = (
         epoch, granted, cloud, settings.lease_s, in_charge, robot.epoch, robot.candidate if armed else 0,
         robot.phase is Phase.CLOUD, outputs_flow, outputs_heard, stop, silent,
+        robot.robot_while, cloud_while,
     )  # fmt: skip
     if levels == robot.levels and now_s - robot.levels_s < settings.beat_period_s - 1e-6:
         return robot
@@ -508,7 +529,10 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     following = _charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate) if armed else None
     present = presence(robot.incarnation, cloud) if cloud else None
     current = _charge(robot, site(robot), robot.epoch)
-    gate = Gate(robot.started_us, current, following, said_s=now_s, presence=present)
+    gate = Gate(
+        robot.started_us, current, following, said_s=now_s, presence=present,
+        robot_while=robot.robot_while, cloud_while=cloud_while,
+    )  # fmt: skip
     acting = Acting(
         acting=robot.phase is not Phase.CLOUD,
         outputs_flow=outputs_flow,
@@ -519,6 +543,13 @@ def _tell(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     )
     commands += [Permit(permission), SetGate(gate), acting]
     return replace(robot, levels=levels, levels_s=now_s)
+
+
+def _cloud_while(robot: Robot) -> tuple[int, ...]:
+    """Returns the outputs whose `while` is true in the cloud, by its newest report."""
+    report = robot.situation.report
+    rated = 0 if report is None or report.serves != robot.incarnation else report.rated
+    return tuple(i for i, o in enumerate(robot.outputs) if o.while_ is not None and rated >> i & 1)
 
 
 def prepared(robot: Robot) -> Charge | None:

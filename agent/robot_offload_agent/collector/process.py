@@ -54,7 +54,7 @@ class CollectorShell:
         self.has_relay = configuration.relay_plan() is not None
         plan = CollectorPlan(
             configuration.output_specs(), tuple(o["mirror"] for o in configuration.outputs),
-            settings.max_command_age_s, settings.lease_s,
+            settings.max_command_age_s, settings.lease_s, settings.loss_timeout_s, settings.activation_deadline_s,
         )  # fmt: skip
         self.process = CollectorProcess(plan, self, self.memory.load())
         self.started_s = now_s()
@@ -217,9 +217,9 @@ class CollectorShell:
 
     def serve_bus(self) -> None:
         """Reads the gate and the cloud's messages, and reports."""
-        due_s = now_s()
+        due_s = look_s = now_s()
         while True:
-            timeout_s = max(0.0, due_s - now_s())
+            timeout_s = max(0.0, min(due_s, look_s) - now_s())
             readable, _, _ = select.select([self.bus], [], [], timeout_s)
             with self.lock:
                 self.process.woke()
@@ -227,6 +227,10 @@ class CollectorShell:
             while readable and (message := self.bus.receive()) is not None:
                 with self.guard, self.lock:
                     self.process.handle(message)
+            with self.lock:
+                if look_s <= now_s() < due_s:
+                    self.process.report(only_news=True)
+                look_s = self.process.look_due_s()
             if now_s() >= due_s:
                 due_s = now_s() + TURN_S
                 with self.lock:

@@ -57,7 +57,7 @@ def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
             InputPlan(i.name, i["max_age_ms"], rates_hz.get(i.name, 0.0), i["latched"]) for i in configuration.inputs
         ),
         tuple(
-            OutputPlan(spec.name, spec.deadline_s, o["mirror"], o["of_cloud"], spec if spec.shared else None)
+            OutputPlan(spec.name, spec.deadline_s, o["mirror"], o["of_cloud"], spec)
             for spec, o in zip(configuration.output_specs(), configuration.outputs, strict=True)
         ),
         carried=configuration["link.type"] == "zenoh",

@@ -69,7 +69,10 @@ class RobotSettings:
     def limits(self) -> Limits:
         """For the other processes."""
         settings = self.present.settings()
-        return Limits(settings.max_command_age_s, settings.lease_s, input_limits(self.present))
+        return Limits(
+            settings.max_command_age_s, settings.lease_s, input_limits(self.present),
+            settings.loss_timeout_s, settings.activation_deadline_s,
+        )  # fmt: skip
 
     def take(self, text: str) -> str:
         """Notes of the cloud; returns what it says of its end."""

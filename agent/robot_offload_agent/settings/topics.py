@@ -72,6 +72,7 @@ def output_spec(name: str, values: Mapping[str, Any]) -> OutputSpec:
         tuple(site for site in Site if site.value in values["hot"]),
         values["waits"],
         values["topic"],
+        values["durability"] == "transient_local",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from robot_offload_core import envelope, mirror
@@ -13,11 +14,29 @@ from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
 from robot_offload_core.process.loops import Loop
 from robot_offload_core.process.messages import DataStatus, Egress, Limits
 from robot_offload_core.process.probe import Probe
-from robot_offload_core.token import Token
+from robot_offload_core.token import Site, Token
 
 CLOSED = Egress("", "", SetEgress(None, 0.0))
 MAX_LATCHED = 32
 """Values kept per latched input."""
+
+
+@dataclass
+class Kept:
+    """The newest message of a replica here.
+
+    Attributes:
+        payload: the message.
+        robot, echo_us: the newest beat that had been heard when it was published, and whose: its age counts from there.
+        token, header: under which it left; None, b"": it has not. said: consumers here have heard it.
+    """
+
+    payload: Any
+    robot: str
+    echo_us: int
+    token: Token | None = None
+    header: bytes = b""
+    said: bool = False
 
 
 class CloudDataPorts(DataPorts, Protocol):
@@ -42,7 +61,7 @@ class CloudDataProcess(DataProcess):
         newest: robot's incarnation and sequence of the newest message of each input: no older one is published.
         accepted: arrival of the newest message of each input, and the bound of its age then.
         spoke_s: when a replica last published each output, whether or not it could leave.
-        mirror: gate in front of the consumers in the cloud.
+        mirror: gate in front of the consumers in the cloud. kept: the newest message of each output.
         wanted: hash that the robot holds of each latched input. known_types: of inputs, as the robot says.
     """
 
@@ -62,7 +81,11 @@ class CloudDataProcess(DataProcess):
         self.wanted: dict[str, str] = {}
         self.known_types: dict[str, str] = {}
         self.mirror = Mirror()
-        self.loops = {i: Loop(output.spec) for i, output in enumerate(plan.outputs) if output.spec is not None}
+        self.kept: dict[int, Kept] = {}
+        specs = {i: output.spec for i, output in enumerate(plan.outputs) if output.spec is not None}
+        self.loops = {i: Loop(spec) for i, spec in specs.items() if spec.shared}
+        self.hot = {i: spec for i, spec in specs.items() if Site.CLOUD in spec.hot and not spec.of_cloud}
+        self.last_values = {i for i, spec in specs.items() if spec.latched}
 
     # -- towards the robot --------------------------------------------------------------------------------------------
 
@@ -83,21 +106,60 @@ class CloudDataProcess(DataProcess):
             token, end_s = egress.presence, egress.presence_end_s
             if output.mirrored and self.plan.carried:  # there is no other side that its neighbours could hear instead
                 self._say(index, payload)
-        if token is None or self.ports.now_s() >= end_s:
+        message = Kept(payload, heard.incarnation if heard else "", heard.sent_us if heard else 0)
+        with self.ports.lock:
+            self.kept[index] = message
+            if token is not None and self.ports.now_s() < end_s:
+                self._seal(index, message, token)
+        if message.token is None or self.ports.now_s() >= end_s:  # also when stopped between the first look and here
             self.counters[f"{output.name}.held_back"] += 1
             return
-        echo_us = heard.sent_us if heard and heard.incarnation == token.robot else 0
-        header = envelope.encode(Envelope(token, self._next_sequence(index, token), echo_us))
-        if self.ports.now_s() >= end_s:  # stopped between the first look and here
-            self.counters[f"{output.name}.held_back"] += 1
+        self._send(index, message)
+        if not output.of_cloud:
+            self._say_own(index, message)
+
+    def _seal(self, index: int, message: Kept, token: Token) -> None:
+        """Gives a message the header under which it leaves."""
+        echo_us = message.echo_us if message.robot == token.robot else 0
+        latched = index in self.last_values
+        message.header = envelope.encode(Envelope(token, self._next_sequence(index, token), echo_us, latched))
+        message.token = token
+
+    def _send(self, index: int, message: Kept) -> None:
+        name = self.plan.outputs[index].name
+        sent = self.ports.cross(f"out/{name}", message.header, message.payload)
+        self.counters[f"{name}.{'sent' if sent else 'unsent'}"] += 1
+
+    def _say_own(self, index: int, message: Kept) -> None:
+        """Lets the consumers here hear a message that left, once the cloud is in charge under its token."""
+        if not self.plan.outputs[index].mirrored or not self.plan.carried or message.token is None:
             return
-        sent = self.ports.cross(f"out/{output.name}", header, payload)
-        self.counters[f"{output.name}.{'sent' if sent else 'unsent'}"] += 1
-        if output.mirrored and self.plan.carried and not output.of_cloud:
+        with self.ports.lock:
+            egress = self.egress.egress
+            in_charge = egress.in_charge and egress.token == message.token
+            self.mirror, passes = mirror.own(self.mirror, message.token, in_charge=in_charge)
+            if passes and not message.said:
+                message.said = True
+                self._say(index, message.payload)
+
+    def _begin_stay(self) -> None:
+        """Lets the newest messages be heard of outputs that may not speak again soon, as the cloud is in charge now.
+
+        What left while the cloud got ready may have met a collector that was not waiting for it yet: so it leaves again
+        under the same sequence, by which it passes once. What Hot replicas said before leaves for the first time: the
+        collector judges its age, a latched message has none.
+        """
+        token, end_s = self.egress.egress.token, self.egress.egress.lease_end_s
+        for index, message in tuple(self.kept.items()):
+            output = self.plan.outputs[index]
+            if token is None or output.of_cloud or self.ports.now_s() >= end_s:
+                continue
             with self.ports.lock:
-                self.mirror, passes = mirror.own(self.mirror, token, in_charge=egress.in_charge)
-                if passes:
-                    self._say(index, payload)
+                if message.token != token and index in self.hot and not output.rated:
+                    self._seal(index, message, token)
+            if message.token == token and not output.rated:
+                self._send(index, message)
+            self._say_own(index, message)
 
     def _say(self, index: int, payload: Any) -> None:
         """Publishes to the consumers here."""
@@ -211,7 +273,9 @@ class CloudDataProcess(DataProcess):
     def order(self, message: object) -> None:
         """Takes the lease from control."""
         if isinstance(message, Egress):
-            self.egress = message
+            before, self.egress = self.egress.egress, message
+            if message.egress.in_charge and not (before.in_charge and message.egress.token == before.token):
+                self._begin_stay()
 
     def limit(self, limits: Limits) -> None:
         """Takes the oldest age of each input."""

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from robot_offload_core import collectors, envelope, results
+from robot_offload_core import collectors, envelope, results, standby
 from robot_offload_core.collectors import Charge, Collector, Passage, Ruling
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import SetGate
@@ -20,7 +20,7 @@ from robot_offload_core.process.messages import ENVELOPE, OTHERS, PASSED, Carrie
 from robot_offload_core.process.pauses import Pauses
 from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import OutputSpec
-from robot_offload_core.token import Token
+from robot_offload_core.token import Site, Token
 
 TURN_S = 0.020
 """How often the process looks whether anything has changed that control must know."""
@@ -70,20 +70,23 @@ class CollectorPlan:
 
     Attributes:
         outputs: the collected outputs; mirrored: whether consumers in the cloud get what passes, per output.
-        max_age_s, lease_s: see `collectors.Collector`.
+        max_age_s, lease_s, loss_timeout_s, activation_s: see `collectors.Collector`.
     """
 
     outputs: tuple[OutputSpec, ...]
     mirrored: tuple[bool, ...]
     max_age_s: float
     lease_s: float
+    loss_timeout_s: float = 0.0
+    activation_s: float = 0.0
 
 
 class CollectorProcess:
     """The collector and what surrounds its machine: held messages, the mirror, pauses, reports.
 
     Attributes:
-        state: of the machine. held: newest message per output of the side that gets ready.
+        state: of the machine. held: newest message per output of the side that gets ready. standby: newest one of
+            each Hot replica on the robot.
         sequence: of the robot's messages; grows over restarts of this process.
         problems: by key, for diagnostics. counters: per output, side and reason.
         cloud_types: of the outputs, as the cloud says.
@@ -95,13 +98,16 @@ class CollectorProcess:
         now_s = ports.now_s()
         self.plan = plan
         self.ports = ports
-        self.state = collectors.start(plan.outputs, plan.max_age_s, plan.lease_s)
+        self.state = collectors.start(
+            plan.outputs, plan.max_age_s, plan.lease_s, plan.loss_timeout_s, plan.activation_s
+        )
         if remembered is not None:
             charge, started_us, fell_back, stay = remembered
             self.state = collectors.resume(self.state, charge, started_us, fell_back, now_s, stay)
         self.pauses = Pauses(now_s)
         self.sequence = round(now_s * 1e6)
         self.held: dict[int, Any] = {}
+        self.standby: dict[int, Any] = {}
         self.counters: Counter[str] = Counter(cloud_garbage=0)  # never empty: control takes a detailed report by it
         self.problems: dict[str, tuple[str, str]] = {}
         self.cloud_types: dict[str, str] = {}
@@ -166,11 +172,17 @@ class CollectorProcess:
             return
         self.sequence += 1
         state, passage = collectors.offer_robot(self.state, index, self.sequence, now_s)
+        if spec.hot:
+            self.standby[index] = payload
         changed = self._keep(state)
         published = self._publish(index, payload, passage)
         self._count("robot", index, passage)
         if changed:
             self.report()
+        self._mirror(published)
+
+    def _mirror(self, published: list[tuple[int, Any]]) -> None:
+        """Sends what passed of the robot to consumers in the cloud."""
         mirrored = [(other, passed) for other, passed in published if self.plan.mirrored[other]]
         if not mirrored:
             return
@@ -224,7 +236,8 @@ class CollectorProcess:
             self.held[index] = payload
         if not passage.passes:
             return []
-        passing = [(other, self.held[other]) for other in passage.also if other in self.held] + [(index, payload)]
+        kept = self.standby | self.held if self.state.charge and self.state.charge.site is Site.ROBOT else self.held
+        passing = [(other, kept[other]) for other in passage.also if other in kept] + [(index, payload)]
         if passage.reason is Ruling.CHANGED_OVER:
             self.held.clear()
         for other, held in passing:
@@ -232,6 +245,21 @@ class CollectorProcess:
                 self.loops[other].say(held, self.ports.now_s())
             self.ports.publish(other, held)
         return passing
+
+    def look_due_s(self) -> float:
+        """Returns when `report` is worth more than at the next turn: a message of the cloud is missed then."""
+        return standby.next_look_s(self.state, self.ports.now_s())
+
+    def _release(self, before: Collector) -> None:
+        """Publishes what is kept of the robot's Hot replicas when it has taken over."""
+        self.state, outputs = standby.release(before, self.state, self.ports.now_s())
+        passing = [(index, self.standby[index]) for index in outputs if index in self.standby]
+        for index, payload in passing:
+            if index in self.loops:
+                self.loops[index].say(payload, self.ports.now_s())
+            self.ports.publish(index, payload)
+            self._count("robot", index, Passage(Ruling.RELEASED))
+        self._mirror(passing)
 
     def _give_to_standby(self, index: int, payload: Any) -> None:
         """Lets the robot's replica hear on its private topic what the cloud's has said."""
@@ -257,7 +285,9 @@ class CollectorProcess:
     def handle(self, message: object) -> None:
         """Takes one datagram of another process."""
         if isinstance(message, SetGate):
-            if self._keep(collectors.set_gate(self.state, message.gate, self.ports.now_s())):
+            before = self.state
+            if self._keep(collectors.set_gate(before, message.gate, self.ports.now_s())):
+                self._release(before)
                 self.report()
         elif isinstance(message, Carried) and message.kind == ENVELOPE:
             self.offer_cloud(message)
@@ -265,7 +295,8 @@ class CollectorProcess:
             self.cloud_types = dict(message.types)
         elif isinstance(message, Limits):
             self.report_period_s = report_period_s(message.gate_timeout_s)
-            self.state = collectors.limit(self.state, message.max_command_age_s, message.gate_timeout_s)
+            limits = message.max_command_age_s, message.gate_timeout_s, message.loss_timeout_s, message.activation_s
+            self.state = collectors.limit(self.state, *limits)
 
     def woke(self) -> None:
         """Notes a sign of life of the process: a long silence of ours is a pause."""
@@ -274,8 +305,11 @@ class CollectorProcess:
     def report(self, *, only_news: bool = False) -> None:
         """Reports to control, and notices that control fell silent."""
         now_s = self.ports.now_s()
-        if self._keep(collectors.turn(self.state, now_s)):
+        before = self.state
+        if self._keep(collectors.turn(before, now_s)):
             self.ports.fell_silent()
+            self._release(before)
+        self.state = standby.look(self.state, now_s)
         report = collectors.report(self.state, now_s)
         if only_news and report == self.reported and now_s < self.report_due_s:
             return

@@ -82,7 +82,7 @@ class OutputPlan:
         name: of the output. deadline_s: silence of a rated output that means a fault; 0: not rated.
         mirrored: it has consumers in the cloud.
         of_cloud: of a node with placement Cloud: it leaves under the presence token, whoever is in charge.
-        spec: of a shared output; None of others.
+        spec: as the collector knows it; None where nothing but the above matters.
     """
 
     name: str

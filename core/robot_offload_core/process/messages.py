@@ -152,12 +152,15 @@ class Notes:
 class Limits:
     """control -> collector and data, once a second and at changes: limits that can change at run time.
 
-    `inputs` holds (input, oldest age in ms, most messages a second) of each input.
+    `inputs` holds (input, oldest age in ms, most messages a second) of each input; `loss_timeout_s` and `activation_s`
+    are those of `collectors.Collector`.
     """
 
     max_command_age_s: float
     gate_timeout_s: float
     inputs: tuple[tuple[str, float, float], ...]
+    loss_timeout_s: float = 0.0
+    activation_s: float = 0.0
 
 
 @dataclass(frozen=True)

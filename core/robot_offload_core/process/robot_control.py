@@ -227,7 +227,10 @@ class RobotControlProcess(ControlProcess):
 
     def ready_changed(self, ready: bool) -> None:
         """Takes the changed readiness of the robot's nodes."""
-        self.step(placement.NodesReported(ready, any(n.spec.duplicated for n in self.guardian.nodes)))
+        specs = [n.spec for n in self.guardian.nodes if n.spec.duplicated]
+        core = [spec for spec in specs if spec.core] or specs
+        hot = bool(core) and all(spec.hot for spec in core)
+        self.step(placement.NodesReported(ready, bool(specs), hot))
 
     # -- commands out -------------------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ Y policy, G guardian, X the processes around them. With +: edits that remove a r
 from __future__ import annotations
 
 from robot_offload_lab.simulate.mutant_handover import HANDOVER
+from robot_offload_lab.simulate.mutant_hot import HOT, HOT_EQUIVALENT
 from robot_offload_lab.simulate.mutants import Edit, Equivalent, Mutant
 
 MUTANTS: dict[str, Mutant] = {
@@ -872,6 +873,7 @@ MUTANTS: dict[str, Mutant] = {
                 "        if node.spec.lifecycle and wanted(guardian, node) is State.INACTIVE:",
                 "        if wanted(guardian, node) is State.INACTIVE:",
             ),
+            Edit("guardians", "guardian.acting or node.spec.hot\n", "guardian.acting\n"),
         ),
     ),
     "O1": Mutant(
@@ -1225,6 +1227,7 @@ MUTANTS: dict[str, Mutant] = {
         ),
     ),
     **HANDOVER,
+    **HOT,
 }
 """Each is found by its story."""
 
@@ -1334,5 +1337,6 @@ EQUIVALENT: dict[str, Equivalent] = {
             ),
         ),
     ),
+    **HOT_EQUIVALENT,
 }
 """Edits that change nothing that anybody could notice as long as what guards the same stands."""

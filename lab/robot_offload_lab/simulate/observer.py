@@ -171,9 +171,10 @@ class Observer:
         """Invariant 1, at the consumer of a collected output.
 
         1a: the rank of its stay in charge (start of control, epoch, fallback) never decreases, over all outputs.
-        1b: per output and side (start of the producer, sequence) strictly increases, for ever.
+        1b: per output and side (start of the producer, sequence) strictly increases, for ever; the newest message of a
+        latched output may pass once more in a new stay, because consumers have heard the other side's since.
         1c: a message of the cloud carries a token that control named to the collector at most a lease ago.
-        1d: a message of the cloud left it at most `max_command_age_s` ago.
+        1d: a message of the cloud left it at most `max_command_age_s` ago, unless it is latched.
         """
         if payload.message.producer == OTHERS:
             self._violated("9", f"what others said on output {index} passed as the group's")
@@ -188,7 +189,8 @@ class Observer:
             self._violated("1a", f"a {site.value} message of stay {rank} passed after stay {self.rank}")
         lane = self.lanes[index]
         last = lane.last.get(site)
-        if last is not None and (message.life, message.sequence) <= (last.life, last.sequence):
+        again = message == last and rank != lane.rank and self.run.scenario.outputs[index].latched
+        if last is not None and not again and (message.life, message.sequence) <= (last.life, last.sequence):
             self._violated("1b", f"{message.producer} {message.sequence} passed after {last.sequence}")
         if envelope is not None:
             self._check_cloud_message(envelope, now - left_s)
@@ -236,7 +238,7 @@ class Observer:
         limit_s = self.settings.lease_s * (1 + DRIFT) + HANDOVER_S
         if named_s is None or self.world.now - named_s > limit_s:
             self._violated("1c", "a cloud message passed under a token that control does not name (any more)")
-        if age_s > self.settings.max_command_age_s * (1 + DRIFT):
+        if age_s > self.settings.max_command_age_s * (1 + DRIFT) and not envelope.latched:
             self._violated("1d", f"a cloud message passed {age_s * 1e3:.1f} ms after it had left the cloud")
 
     def flipped(self, left: Charge | None) -> None:

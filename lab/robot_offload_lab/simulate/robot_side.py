@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import Any
 
@@ -79,7 +80,7 @@ class WatchedControl(RobotControlProcess):
 
     def step(self, event: placement.Event) -> None:
         """Counts the event, then takes it."""
-        if not isinstance(event, placement.RelayReported):
+        if not isinstance(event, placement.RelayReported | placement.WhileReported):
             self.watch(self.robot, event, self.ports.now_s())
         super().step(event)
 
@@ -178,8 +179,9 @@ class RobotControl(Shell):
     def _limits(self) -> None:
         settings, inputs = self.in_force, self.around.scenario.inputs
         limits = Limits(
-            settings.max_command_age_s, settings.lease_s, tuple((i.name, i.max_age_ms, i.rate_hz) for i in inputs)
-        )
+            settings.max_command_age_s, settings.lease_s, tuple((i.name, i.max_age_ms, i.rate_hz) for i in inputs),
+            settings.loss_timeout_s, settings.activation_deadline_s,
+        )  # fmt: skip
         for process in ("collector", "data"):
             self.send(process, limits)
 
@@ -344,8 +346,10 @@ class Collector(Shell):
         self.plan = CollectorPlan(
             scenario.outputs, tuple(o.mirrored for o in scenario.data_plan.outputs),
             scenario.settings.max_command_age_s, scenario.settings.lease_s,
+            scenario.settings.loss_timeout_s, scenario.settings.activation_deadline_s,
         )  # fmt: skip
         self.kept: tuple[Charge, int, bool, int] | None = None
+        self.look_s = math.inf
         self.process = WatchedCollector(self.plan, self)
 
     @property
@@ -360,6 +364,20 @@ class Collector(Shell):
         if self.kept is not None:
             self.around.entered("collector resumed")
         self.every(self.around.scenario.report_s, self._turn)
+        self.look_s = math.inf
+
+    def _plan_look(self) -> None:
+        """Plans the look for a message of the cloud that would be missing then."""
+        due_s = self.process.look_due_s()
+        if due_s < self.look_s:
+            self.look_s = due_s
+            self.once(max(0.0, due_s - self.host.now_s()), self._look)
+
+    def _look(self) -> None:
+        self.look_s = math.inf
+        self.process.woke()
+        self.process.report(only_news=True)
+        self._plan_look()
 
     def _turn(self) -> None:
         self.process.woke()
@@ -378,6 +396,7 @@ class Collector(Shell):
             coverage.cloud_message(self.process.state, message.index, decoded(message.header), self.host.now_s())
         before = self.process.state.charge
         self.process.handle(message)
+        self._plan_look()
         following = message.gate.next if isinstance(message, placement.SetGate) else None
         if following is not None and before != following == self.process.state.charge:
             self.around.witness.flipped(before)  # nothing had to be heard: it changed over on being armed

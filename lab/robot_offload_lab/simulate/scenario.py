@@ -84,8 +84,7 @@ class Scenario:
     def data_plan(self) -> DataPlan:
         """Returns what the data processes need."""
         outputs = tuple(
-            OutputPlan(o.name, o.deadline_s, i in self.mirrored, o.of_cloud, o if o.shared else None)
-            for i, o in enumerate(self.outputs)
+            OutputPlan(o.name, o.deadline_s, i in self.mirrored, o.of_cloud, o) for i, o in enumerate(self.outputs)
         )
         return DataPlan(self.inputs, outputs)
 

@@ -117,7 +117,7 @@ def plain(**changes: Any) -> Scenario:
         "mirrored": (0,),
         "inputs": (InputPlan("scan", 300), InputPlan("map", latched=True)),
         "input_periods_s": (0.05, 60.0),
-        "robot_nodes": (WHEELS, *(replace(n, hot=hot) for n in nodes)),
+        "robot_nodes": (WHEELS, *(replace(n, hot=hot or n.hot) for n in nodes)),
         "cloud_nodes": (*nodes, *cloud_only),
         "replicas": others | replicas,
         "cloud_replicas": others | cloud_replicas,

@@ -35,9 +35,16 @@ def test_random_bytes_raise_nothing_but_an_envelope_error(data: bytes) -> None:
 
 
 @many
-@given(st.binary(min_size=56, max_size=56))
-def test_any_bytes_behind_the_magic_are_some_header(data: bytes) -> None:
-    assert envelope.encode(envelope.decode(MAGIC + data)) == MAGIC + data
+@given(st.binary(min_size=56, max_size=56), st.integers(0, 1))
+def test_any_bytes_behind_the_magic_and_the_flag_are_some_header(data: bytes, flag: int) -> None:
+    whole = MAGIC + bytes([flag]) + data
+    assert envelope.encode(envelope.decode(whole)) == whole
+
+
+@pytest.mark.parametrize("flags", [2, 3, 255])
+def test_flags_of_another_version_are_refused(flags: int) -> None:
+    with pytest.raises(EnvelopeError, match="version"):
+        envelope.decode(MAGIC + bytes([flags]) + bytes(56))
 
 
 @many

@@ -1,0 +1,79 @@
+"""Takeover by silence: a robot whose replicas are Hot goes on at once when a message of the cloud is missing.
+
+What it rests on is weaker than a broken limit (the collector says that one message is late, lateness.py), so it is
+judged afterwards. When a hard limit of the cloud breaks within two loss timeouts it was a loss like every other: the
+sessions are reopened, a wish by hand for the cloud ends, the policy learns. Else it may have been a mistake, which
+costs two changes of side and nothing more; the third within ten minutes starts the hold-down, and no message is taken
+for lost any more until a stay in the cloud has lasted a minute.
+"""
+
+from __future__ import annotations
+
+from robot_offload_core import policies
+from robot_offload_core.change import replace
+from robot_offload_core.placement import Command, Early, Phase, Reopen, Robot
+from robot_offload_core.reasons import Reason, Verdict
+from robot_offload_core.token import Site
+
+JUDGED_TIMEOUTS = 2
+"""Loss timeouts after which a takeover that no limit confirmed is taken for a mistake."""
+ROW_S = 600.0
+MOST = 3
+PROVEN_S = 60.0
+"""A stay in the cloud for so long shows that its messages come in time again."""
+
+
+def missed(robot: Robot) -> Verdict | None:
+    """Returns the loss that a missing message of the cloud means; None when there is none, or it proves nothing."""
+    gate, early = robot.situation.gate, robot.early
+    if gate is None or not gate.missed or early.off or not (robot.hot and robot.nodes_ready):
+        return None
+    if gate.charge is None or gate.charge.token.epoch != robot.epoch or gate.charge.token.robot != robot.incarnation:
+        return None
+    lost = tuple(index for index, due_s in gate.missed if _was_due(robot, index, due_s))
+    if not lost:
+        return None
+    names = ", ".join(gate.names(lost, robot.outputs))
+    return Verdict(Site.ROBOT, Reason.OUTPUT_SILENT, f"The cloud's next message of {names} did not come in time")
+
+
+def _was_due(robot: Robot, index: int, due_s: float) -> bool:
+    """Whether a message had to come: with a `while` a beat that the cloud sent later still calls the output rated.
+
+    The beat shows that by what it echoes: a beat of ours from after that time.
+    """
+    if robot.outputs[index].while_ is None:
+        return True
+    report, echo_s = robot.situation.report, robot.link.echo_sent_s
+    return report is not None and bool(report.rated >> index & 1) and echo_s is not None and echo_s >= due_s
+
+
+def taken(robot: Robot, now_s: float) -> Robot:
+    """Notes a takeover by silence. The cloud is not asked again before it was judged."""
+    early = replace(robot.early, taken_s=now_s)
+    return replace(robot, early=early, retry_s=now_s + JUDGED_TIMEOUTS * robot.settings.loss_timeout_s)
+
+
+def judge(robot: Robot, fault: Verdict | None, now_s: float, commands: list[Command]) -> Robot:
+    """Judges the last takeover by silence; `fault`: the limit that is broken since, None while all hold."""
+    early, settings = robot.early, robot.settings
+    if early.taken_s is None:
+        return robot
+    if fault is not None:
+        commands.append(Reopen(fault.reason))
+        manual = robot.manual if robot.manual is not None and robot.manual.site is Site.ROBOT else None
+        policy = policies.lost(robot.policy, settings, now_s)
+        return replace(robot, early=replace(early, taken_s=None), manual=manual, policy=policy, retry_s=0.0)
+    if now_s - early.taken_s < JUDGED_TIMEOUTS * settings.loss_timeout_s:
+        return robot
+    mistakes = (*(s for s in early.mistakes_s if early.taken_s - s <= ROW_S), early.taken_s)
+    if len(mistakes) < MOST:
+        return replace(robot, early=Early(mistakes_s=mistakes))
+    return replace(robot, early=Early(off=True), policy=policies.flapped(robot.policy, settings, now_s))
+
+
+def prove(robot: Robot, now_s: float) -> Robot:
+    """Waits for messages again once a stay in the cloud has lasted."""
+    if robot.early.off and robot.phase is Phase.CLOUD and now_s - robot.charged_s > PROVEN_S:
+        return replace(robot, early=Early())
+    return robot
