@@ -9,6 +9,7 @@ import itertools
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,9 +18,11 @@ import yaml
 from robot_offload_lab.cluster.commands import Helm, Kubectl
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from robot_offload_lab.cluster.errors import CommandError
+from tests.contract.hostile import HOSTILE
 from tests.contract.rule_examples import BUILD
 from tests.integration.chart import CHART, OPERATOR, RELEASE, of_kind, rendered, with_values
-from tests.integration.operator_cluster import eventually
+from tests.integration.operator_cluster import Place, eventually
+from tests.integration.operator_process import Operator
 from tests.unit.specs import sample
 
 pytestmark = pytest.mark.api
@@ -209,6 +212,34 @@ def test_annotations_that_the_administrator_allows_need_no_right(control_plane: 
         rob = Rob(kubectl)
         assert rob.writes(exposed(annotations={"metallb.io/pool": "robots"})) == ""
         assert "right to create services" in rob.writes(exposed(annotations={"a.example/b": "c"}))
+
+
+def test_what_is_hostile_is_refused_to_rob_when_it_is_written(rob: Rob) -> None:
+    taken = [hostile.name for hostile in HOSTILE if hostile.by_server and not rob.writes(hostile.values)]
+    assert taken == []
+
+
+def test_what_is_hostile_and_gets_past_the_api_server_makes_nothing_and_says_what_to_write(
+    place: Kubectl, control_plane: ControlPlane, tmp_path: Path
+) -> None:
+    rob = Rob(place)  # with the rights of an editor: the policy is not what refuses these
+    for group, resource, verb in (("", "services", "create"), ("", "pods", "create"), ("", "configmaps", "get")):
+        rob.allow(group, resource, verb)
+    hostile = {f"hostile-{number}": each for number, each in enumerate(it for it in HOSTILE if not it.by_server)}
+    for name, each in hostile.items():
+        values = each.values
+        values["metadata"]["name"] = name
+        place("create", *rob.identity, "-f", "-", stdin=json.dumps(values))
+    seen = Place(control_plane, place.namespace)
+    operator = Operator.start(control_plane.kubeconfig, tmp_path / "operator.log", WATCH_NAMESPACE=place.namespace)
+    try:
+        for name, each in hostile.items():
+            condition = seen.wait_condition("SpecValid", "False", name=name)
+            assert each.advice in condition["message"], (each.name, condition["message"])
+            assert seen.children(name) == {}, each.name
+    finally:
+        operator.stop()
+    place("delete", "roff", *hostile)
 
 
 def test_the_operator_may_own_children_where_owners_are_guarded_as_in_openshift(

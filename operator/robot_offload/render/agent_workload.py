@@ -137,7 +137,7 @@ def _agent(parent: Parent) -> Manifest:
             **dds_profile.environment(parent.offload),
             # It must see the whole graph, not only what it talks to itself.
             **({"ROS_SUPER_CLIENT": "TRUE"} if transport.discovery_servers(parent.spec) else {}),
-            handover.URL_VARIABLE: handover.url("127.0.0.1"),
+            handover.URL_VARIABLE: handover.url("127.0.0.1", parent.uid),
         },
         mounts=mounts,
         # No limit of the CPU: being throttled takes longer than the loss timeout.
@@ -165,12 +165,13 @@ def _reporter(parent: Parent) -> Manifest:
             "LEASE_NAME": child_name(parent.name, names.ROBOT),
             "STATE_FILE": STATE_FILE,
             "HANDOVER_FILE": HANDOVER_FILE,
+            handover.PROOF_VARIABLE: handover.proof(parent.uid),
             "SETTINGS_NAME": child_name(parent.name, names.SETTINGS),
             "SETTINGS_MOUNTED": f"{SETTINGS_DIR}/{SETTINGS_KEY}",
             "SETTINGS_FILE": SETTINGS_FILE,
             "ANSWER_FILE": ANSWER_FILE,
             "HOME": pod.TMP,
-            handover.URL_VARIABLE: handover.url("127.0.0.1"),
+            handover.URL_VARIABLE: handover.url("127.0.0.1", parent.uid),
         },
         mounts=[
             pod.mount("runtime", RUNTIME_DIR, read_only=False),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Final
 
 from robot_offload.kube.port import Manifest
@@ -10,6 +11,8 @@ GRACE_S: Final = 20
 """Between the wish to stop a pod and its kill: enough for the hook and for the process to end."""
 PORT: Final = 8080
 """Of the reporter."""
+PROOF_VARIABLE: Final = "HANDOVER_PROOF"
+"""Of the reporter's environment."""
 URL_VARIABLE: Final = "ROBOT_OFFLOAD_HANDOVER_URL"
 
 # The same text in every pod; what differs is in the environment, so nothing that a user wrote is ever run as code.
@@ -30,6 +33,14 @@ def pre_stop() -> Manifest:
     return {"preStop": {"exec": {"command": ["python3", "-c", _SCRIPT]}}}
 
 
-def url(host: str) -> str:
-    """Where the reporter is asked for a handover."""
-    return f"http://{host}:{PORT}/handover"
+def proof(uid: str) -> str:
+    """Returns what whoever asks for a handover must know: a word that follows from the RobotOffload's uid.
+
+    No other pod knows that, so that none can hold the robot off the cloud where no network policies count.
+    """
+    return hashlib.sha256(f"handover of {uid}".encode()).hexdigest()[:32]
+
+
+def url(host: str, uid: str) -> str:
+    """Returns where the reporter of the RobotOffload with this uid is asked for a handover."""
+    return f"http://{host}:{PORT}/handover/{proof(uid)}"

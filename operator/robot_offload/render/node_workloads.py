@@ -94,7 +94,7 @@ def _environment(parent: Parent, node: Node) -> dict[str, str | Manifest]:
         **dds_profile.environment(parent.offload),
     }
     if node.duplicated:
-        own[handover.URL_VARIABLE] = handover.url(child_name(parent.name, AGENT))
+        own[handover.URL_VARIABLE] = handover.url(child_name(parent.name, AGENT), parent.uid)
     # What decides where the node belongs is ours; everything else, such as HOME, a user may set.
     fixed = {name: value for name, value in own.items() if name not in ("HOME", "ROS_LOG_DIR")}
     return {**own, **{one.name: _value(one) for one in node.env}, **fixed}

@@ -83,7 +83,9 @@ class Reporter:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Works until `stop` is set; then ends the handover that is under way and reports the last state."""
-        app = application(lambda: self._sight, self._counts, self._handovers, time.monotonic)
+        app = application(
+            lambda: self._sight, self._counts, self._handovers, self._settings.handover_proof, time.monotonic
+        )
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=WAIT_S)
         await runner.setup()
         site = web.TCPSite(runner, None, self._settings.port)

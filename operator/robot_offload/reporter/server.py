@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hmac
 from collections.abc import Callable
 from typing import Final
 
@@ -16,7 +17,7 @@ METRICS_TYPE: Final = "text/plain; version=1.0.0; charset=utf-8"
 
 
 def application(
-    sight: Callable[[], Sight], counts: Counts, handovers: Handovers, now: Callable[[], float]
+    sight: Callable[[], Sight], counts: Counts, handovers: Handovers, proof: str, now: Callable[[], float]
 ) -> web.Application:
     """Returns the HTTP application.
 
@@ -24,6 +25,7 @@ def application(
         sight: the agent's state as last seen.
         counts: what is counted here.
         handovers: what asks the agent.
+        proof: the word that whoever asks for a handover must know.
         now: the steady clock in seconds.
     """
 
@@ -43,7 +45,9 @@ def application(
     async def metrics(_: web.Request) -> web.Response:
         return web.Response(body=exposition(sight(), counts, now()), headers={"Content-Type": METRICS_TYPE})
 
-    async def handover(_: web.Request) -> web.Response:
+    async def handover(request: web.Request) -> web.Response:
+        if not hmac.compare_digest(request.match_info["proof"].encode(), proof.encode()):
+            return web.json_response({"message": "only pods of this RobotOffload may ask for a handover"}, status=403)
         counts.handovers += 1
         try:
             answer = await handovers.hand_over()
@@ -59,7 +63,7 @@ def application(
             web.get("/readyz", readyz),
             web.get("/state", state),
             web.get("/metrics", metrics),
-            web.post("/handover", handover),
+            web.post("/handover/{proof}", handover),
         ]
     )
     return app

@@ -36,6 +36,7 @@ class ReporterSettings:
         robot: the robot's name, the holder of the Lease.
         state_file: what the agent writes.
         handover_file: what the agent watches.
+        handover_proof: the word that whoever asks for a handover must know.
         port: of the HTTP server.
         offered: the run-time settings that the agent offers to its robot; None: nobody asks for them.
     """
@@ -45,17 +46,18 @@ class ReporterSettings:
     robot: str
     state_file: Path
     handover_file: Path
+    handover_proof: str
     port: int = 8080
     offered: Offered | None = None
 
 
 def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
-    """Reads NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_FILE and, if given, PORT, SETTINGS_*, ANSWER_FILE.
+    """Reads NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_* and, if given, PORT, SETTINGS_*, ANSWER_FILE.
 
     Raises:
         InputError: one is missing or no usable value.
     """
-    wanted = ("NAMESPACE", "LEASE_NAME", "ROBOT_NAME", "STATE_FILE", "HANDOVER_FILE")
+    wanted = ("NAMESPACE", "LEASE_NAME", "ROBOT_NAME", "STATE_FILE", "HANDOVER_FILE", "HANDOVER_PROOF")
     missing = [name for name in wanted if not environment.get(name)]
     if missing:
         raise InputError(f"the environment lacks {', '.join(missing)}; the operator's Deployment sets them")
@@ -68,6 +70,7 @@ def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
         robot=environment["ROBOT_NAME"],
         state_file=Path(environment["STATE_FILE"]),
         handover_file=Path(environment["HANDOVER_FILE"]),
+        handover_proof=environment["HANDOVER_PROOF"],
         port=int(port),
         offered=_offered(environment),
     )

@@ -178,7 +178,10 @@ def test_a_variable_is_read_from_a_secret_or_a_config_map_by_kubernetes_itself()
 def test_before_a_duplicated_node_goes_the_robot_takes_over() -> None:
     manifests = rendered()
     one = container(manifests, CONTROLLER)
-    assert environment(one)["ROBOT_OFFLOAD_HANDOVER_URL"] == "http://wheelchair-7-agent:8080/handover"
+    address, _, proof = environment(one)["ROBOT_OFFLOAD_HANDOVER_URL"].rpartition("/")
+    assert address == "http://wheelchair-7-agent:8080/handover"
+    assert proof == environment(container(rendered(), AGENT, 1))["HANDOVER_PROOF"]
+    assert len(proof) == 32
     assert one["lifecycle"]["preStop"]["exec"]["command"][:2] == ["python3", "-c"]
     assert manifests[CONTROLLER]["spec"]["template"]["spec"]["terminationGracePeriodSeconds"] == 20
     assert "lifecycle" not in container(manifests, PLANNER)

@@ -14,6 +14,8 @@ from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
+PROOF = "known-to-the-pods-of-one-robot"
+
 
 class Running:
     """The process, its files and its address."""
@@ -29,6 +31,7 @@ class Running:
             "ROBOT_NAME": robot,
             "STATE_FILE": str(self.state_file),
             "HANDOVER_FILE": str(self.handover_file),
+            "HANDOVER_PROOF": PROOF,
             "PORT": "0",
             "KUBECONFIG": str(kubeconfig),
             **more,

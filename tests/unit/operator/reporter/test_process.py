@@ -19,7 +19,7 @@ import pytest
 import yaml
 
 from robot_offload.api.agent_state import ANNOTATION
-from tests.unit.operator.reporter.running import Running, eventually
+from tests.unit.operator.reporter.running import PROOF, Running, eventually
 from tests.unit.operator.reporter.states import text
 
 LEASE = "/apis/coordination.k8s.io/v1/namespaces/ward/leases/wheelchair-7-robot"
@@ -130,7 +130,7 @@ def test_an_outage_of_the_api_server_is_survived_and_the_newest_state_is_told(ru
 
 def test_a_pod_that_stops_waits_until_the_robot_acts(running: Running) -> None:
     async def hand_over() -> tuple[int, str]:
-        asked = asyncio.create_task(asyncio.to_thread(running.ask, "/handover", "POST"))
+        asked = asyncio.create_task(asyncio.to_thread(running.ask, f"/handover/{PROOF}", "POST"))
         identifier = await asyncio.to_thread(eventually, lambda: _content(running.handover_file))
         assert not asked.done()
         running.write(text(site="robot", handover=identifier))
@@ -144,8 +144,16 @@ def test_a_pod_that_stops_waits_until_the_robot_acts(running: Running) -> None:
     assert "robot_offload_handovers_total 1.0" in running.ask("/metrics")[1]
 
 
+def test_who_does_not_know_the_robots_own_word_asks_for_no_handover(running: Running) -> None:
+    running.write(text())
+    eventually(lambda: running.ask("/readyz")[0] == 200)
+    assert running.ask("/handover/guessed", "POST")[0] == 403
+    assert running.ask("/handover", "POST")[0] == 404
+    assert not running.handover_file.exists()
+
+
 def test_without_a_living_agent_nobody_waits(running: Running) -> None:
-    status, page = running.ask("/handover", "POST")
+    status, page = running.ask(f"/handover/{PROOF}", "POST")
     assert (status, json.loads(page)["reason"]) == (503, "AgentSilent")
 
 
@@ -160,7 +168,7 @@ def test_a_stop_tells_the_last_state_and_ends_with_0(running: Running, api: ApiS
 
 def test_a_stop_waits_for_the_handover_that_is_under_way(running: Running) -> None:
     async def stop_meanwhile() -> tuple[int, str]:
-        asked = asyncio.create_task(asyncio.to_thread(running.ask, "/handover", "POST"))
+        asked = asyncio.create_task(asyncio.to_thread(running.ask, f"/handover/{PROOF}", "POST"))
         identifier = await asyncio.to_thread(eventually, lambda: _content(running.handover_file))
         running.process.send_signal(signal.SIGTERM)
         await asyncio.sleep(0.5)

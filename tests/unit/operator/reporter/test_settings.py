@@ -15,12 +15,13 @@ COMPLETE = {
     "ROBOT_NAME": "w",
     "STATE_FILE": "/run/robot-offload/state.json",
     "HANDOVER_FILE": "/run/robot-offload/handover",
+    "HANDOVER_PROOF": "proof",
 }
 
 
 def test_the_environment_of_the_pod_is_enough() -> None:
     files = Path("/run/robot-offload/state.json"), Path("/run/robot-offload/handover")
-    assert read_settings(COMPLETE) == ReporterSettings("ward", "w-robot", "w", *files, port=8080)
+    assert read_settings(COMPLETE) == ReporterSettings("ward", "w-robot", "w", *files, "proof", port=8080)
 
 
 def test_everything_that_is_missing_is_told_at_once() -> None:
