@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from robot_offload.decide.authorities import secret_names
 from robot_offload.kube.kinds import CHILD_KINDS, DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET, Kind
+from robot_offload.render import handover
 from robot_offload_lab.cluster.control_plane import ControlPlane
 
 Manifest = dict[str, Any]
@@ -183,7 +184,8 @@ class Place:
     def shape(self, name: str = "walker") -> dict[tuple[str, str], Manifest]:
         """The children without what differs between two equal installations (uids, times, keys, addresses)."""
         children = self.children(name)
-        others = {self.namespace: "NAMESPACE", self.roff(name)["metadata"]["uid"]: "UID"}
+        uid = self.roff(name)["metadata"]["uid"]
+        others = {self.namespace: "NAMESPACE", uid: "UID", handover.proof(uid): "PROOF"}
         for (kind, service), child in children.items():
             if kind == "Service":
                 others[child["spec"]["clusterIP"]] = f"ADDRESS OF {service}"
