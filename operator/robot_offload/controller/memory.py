@@ -74,6 +74,7 @@ class Memory:
         lease: what the robot's Lease said when it was last read (`presence.meaning`); None: there was none.
         unchanged: what the last full pass was made of; None: it left something to do.
         due_s: when time alone may change something, on the steady clock.
+        however_s: the same, however the robot's Lease moves meanwhile.
         secrets: what the certificates were decided from, and what came of it.
         status: what the metrics need of the status as it was last seen or written (`summary`).
         refusals: what the API server refused for good in the last pass; the same again is not worth a retry.
@@ -89,6 +90,7 @@ class Memory:
     lease: tuple[Any, ...] | None = None
     unchanged: object = None
     due_s: float = float("inf")
+    however_s: float = float("inf")
     secrets: Certified | None = None
     status: Mapping[str, Any] = field(default_factory=dict)
     refusals: frozenset[str] = frozenset()

@@ -105,14 +105,17 @@ class Controller:
             self._readers.setdefault((name[0], config), set()).add(name)
         quiet = not (result.writes or result.failed or found.watchless)
         memory.unchanged = based_on if quiet else None
-        memory.due_s = math.inf if result.again_s is None else self._tools.clock.steady_s() + result.again_s
+        now_s = self._tools.clock.steady_s()
+        memory.due_s = math.inf if result.again_s is None else now_s + result.again_s
+        memory.however_s = math.inf if found.however_s is None else now_s + found.however_s
         return result
 
     def resume(self) -> None:
         """Learns from the store, which is complete, whose pods an earlier operator has begun to replace."""
-        self._tools.budget.resume(
-            self._tools.store.owners((DEPLOYMENT, STATEFUL_SET), rollouts.under_way), self._tools.clock.steady_s()
-        )
+        store = self._tools.store
+        rolling = store.owners((DEPLOYMENT, STATEFUL_SET), rollouts.under_way)
+        alone = store.named(ROBOT_OFFLOAD, lambda raw: (raw.get("status") or {}).get("placement") != "Cloud")
+        self._tools.budget.resume(rolling, self._tools.clock.steady_s(), alone)
 
     def readers(self, namespace: str, config_map: str) -> frozenset[Name]:
         """Returns the RobotOffloads whose nodes read a ConfigMap of a user."""
@@ -149,7 +152,8 @@ class Controller:
     def saw_lease(self, name: Name, lease: Manifest) -> float | None:
         """Notes that a robot's Lease has moved.
 
-        Returns the seconds until the next pass, or None if one is needed now.
+        Returns the seconds for which no pass is needed, or None if one is needed now. A robot that goes on renewing
+        puts off nothing but the moment at which it counts as gone.
         """
         memory = self.memories.get(name)
         if memory is None or memory.sighting is None or memory.lease is None:
@@ -159,7 +163,8 @@ class Controller:
             return None
         if not (memory.status.get("robot") or {}).get("connected"):
             return None
-        return presence.duration_s(lease)
+        left_s = memory.however_s - self._tools.clock.steady_s()
+        return max(0.0, min(presence.duration_s(lease), left_s))
 
     async def _load(self, name: Name) -> Manifest | None:
         if self._tools.store.fed:

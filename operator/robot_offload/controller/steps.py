@@ -69,6 +69,7 @@ class Findings:
         status: what is known beside the conditions; None: the cluster could not be read to the end.
         watchless: whether something that no watch brings was read: the same versions may mean something else then.
         again_s: seconds after which time alone may change something; None: never.
+        however_s: the same, however the robot's Lease moves meanwhile.
         broken: whether a step was broken off.
     """
 
@@ -80,6 +81,7 @@ class Findings:
         self.status: status.Found | None = None
         self.watchless = False
         self.again_s: float | None = None
+        self.however_s: float | None = None
         self.broken = False
 
 
@@ -156,8 +158,10 @@ class Pass:
         found.step = Step.JUDGE
         await self._judge(robot, wanted, built, state, problem)
         shown = self._judge_certificates(secrets, state)
-        times = (robot.recheck_s, wanted.recheck_s, secrets.recheck_s, shown, built.recheck_s, found.applied.recheck_s)
-        found.again_s = min((after_s for after_s in times if after_s is not None), default=None)
+        times = (wanted.recheck_s, secrets.recheck_s, shown, built.recheck_s, found.applied.recheck_s)
+        found.however_s = min((after_s for after_s in times if after_s is not None), default=None)
+        either = (found.however_s, robot.recheck_s)
+        found.again_s = min((after_s for after_s in either if after_s is not None), default=None)
 
     def _robot(self, lease: Manifest | None) -> presence.Presence:
         """Returns the robot's presence; its Lease counts only when it is ours."""

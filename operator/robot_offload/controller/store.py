@@ -137,6 +137,11 @@ class Store:
                 found.add(owner)
         return frozenset(found)
 
+    def named(self, kind: Kind, suits: Callable[[Manifest], bool]) -> frozenset[tuple[str, str]]:
+        """Returns namespace and name of the objects of a kind that suit."""
+        entries = ((place, entry) for place, entry in self._entries.items() if place[0] == kind)
+        return frozenset(place[1:] for place, entry in entries if suits(entry.manifest()))
+
     def versions(self, namespace: str, instance: str, without: Iterable[Kind] = ()) -> frozenset[tuple[Key, str, str]]:
         """Returns key, uid and version of these objects, except of some kinds: the same again means no news."""
         left_out = frozenset(without)

@@ -22,6 +22,8 @@ Name = TypeVar("Name", bound=Hashable)
 GIVE_UP_S: Final = 600.0
 """After this long a robot whose pods do not become ready makes room for others."""
 LOOK_AGAIN_S: Final = 5.0
+FIRST_LOOK_S: Final = 60.0
+"""For so long robots whose cloud acts wait for a first look at the others; 2,000 were seen after 76 s."""
 AT_ONCE: Final = 10
 """Robots whose pods are replaced at the same time, unless the operator is told another number."""
 WAITING: Final = "WaitingForTurn"
@@ -139,9 +141,16 @@ class Budget(Generic[Name]):
         self._turns[name] = now_s
         return True
 
-    def resume(self, rolling: Iterable[Name], now_s: float) -> None:
-        """Gives turns to those whose pods an earlier operator has begun to replace."""
+    def resume(self, rolling: Iterable[Name], now_s: float, alone: Iterable[Name] = ()) -> None:
+        """Gives turns to those whose pods an earlier operator has begun to replace.
+
+        Args:
+            rolling: those robots.
+            now_s: the steady clock.
+            alone: robots whose cloud does not act. Nobody has looked at them yet; those whose cloud acts wait for that.
+        """
         self._turns |= dict.fromkeys(rolling, now_s)
+        self._waiting |= dict.fromkeys(alone, now_s + FIRST_LOOK_S)
         self._resumed = True
 
     def done(self, name: Name) -> None:

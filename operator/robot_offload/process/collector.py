@@ -39,13 +39,14 @@ class Collector:
         self._served = served
         self._home = home
         self._asked = asyncio.Event()
+        self._asked.set()  # something may have gone while no operator ran
 
     def wake(self) -> None:
         """Asks for a sweep soon: a RobotOffload has gone."""
         self._asked.set()
 
     async def run(self, every_s: float) -> None:
-        """Sweeps when asked, and each `every_s` seconds, until cancelled."""
+        """Sweeps at the start, when asked, and each `every_s` seconds, until cancelled."""
         while True:
             try:
                 async with asyncio.timeout(every_s):
@@ -53,6 +54,8 @@ class Collector:
             except TimeoutError:
                 pass
             await asyncio.sleep(min(_SETTLE_S, every_s))
+            if not self._store.fed:
+                continue
             self._asked.clear()
             try:
                 await self.sweep()
@@ -65,8 +68,6 @@ class Collector:
         Raises:
             KubeError: the API server refuses or is silent.
         """
-        if not self._store.fed:
-            return 0
         alive = self._store.uids(ROBOT_OFFLOAD)
         deleted = 0
         for name, entry in self._store.entries(SECRET, self._home):

@@ -250,7 +250,8 @@ class Operator:
         while True:
             await asyncio.sleep(self._settings.resync_s)
             for name in list(self._controller.memories):
-                self._queue.remind(name, random.uniform(0, self._settings.resync_s))
+                # As an event: a reminder would be put off by every renewal of the robot's Lease.
+                self._queue.add(name, random.uniform(0, self._settings.resync_s))
 
     async def _list(self) -> list[Manifest]:
         """Returns the metadata of all RobotOffloads."""

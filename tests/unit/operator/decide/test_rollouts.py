@@ -7,7 +7,15 @@ from typing import Any
 from robot_offload.decide.drift import stamped
 from robot_offload.decide.ownership import Key, key_of
 from robot_offload.decide.plan import Plan, plan
-from robot_offload.decide.rollouts import GIVE_UP_S, LOOK_AGAIN_S, Budget, held_back, in_turn, under_way
+from robot_offload.decide.rollouts import (
+    FIRST_LOOK_S,
+    GIVE_UP_S,
+    LOOK_AGAIN_S,
+    Budget,
+    held_back,
+    in_turn,
+    under_way,
+)
 
 UID = "u-1"
 
@@ -98,6 +106,19 @@ def test_robots_whose_cloud_acts_wait_for_those_that_lose_nothing() -> None:
     assert budget.may_roll("idle-2", 2.0, cloud_acts=False)
     budget.done("idle-2")
     assert budget.may_roll("acting", 3.0, cloud_acts=True)
+
+
+def test_a_robot_whose_cloud_acts_waits_also_for_those_that_a_new_operator_has_not_looked_at_yet() -> None:
+    budget: Budget[str] = Budget(2)
+    budget.resume((), 0.0, ["idle", "current"])
+    assert not budget.may_roll("acting", 0.0, cloud_acts=True)
+    assert budget.may_roll("idle", 1.0, cloud_acts=False)
+    assert not budget.may_roll("acting", 2.0, cloud_acts=True)
+    budget.done("current")  # nothing of it is replaced
+    assert budget.may_roll("acting", 3.0, cloud_acts=True)
+    silent: Budget[str] = Budget(2)
+    silent.resume((), 0.0, ["refused"])
+    assert silent.may_roll("acting", FIRST_LOOK_S + 3 * LOOK_AGAIN_S, cloud_acts=True), "not for ever"
 
 
 def test_turns_that_an_earlier_operator_gave_count() -> None:
