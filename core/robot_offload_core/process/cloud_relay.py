@@ -70,6 +70,7 @@ class CloudRelay(RelayProcess):
         self.status: RelayStatus | None = None
         self.status_due_s = ports.now_s()
         self._of = {s.name: s.node for s in plan.services} | {a.name: a.node for a in plan.actions}
+        self._actions = {spec.name for spec in plan.actions}
         served: tuple[ServiceSpec | ActionSpec, ...] = (*plan.services, *plan.actions)
         self._of_cloud = {spec.name for spec in served if spec.of_cloud}
         self.used = CloudUsed(plan, ports, self.post, self.acts_under, self.counters)
@@ -183,6 +184,10 @@ class CloudRelay(RelayProcess):
 
     def _resume(self, word: ResumeWord) -> None:
         """Goes on with an attempt; the grant of its token may come a little later than the word."""
+        if word.action not in self._actions:
+            self.counters["resumes.undeclared"] += 1
+            self._outcome(RunGone(word.attempt))
+            return
         self.own.resume(word.action, word.attempt, word.token, mirror=word.mirror)
         run = self.own.runs.get(word.attempt)
         if run is not None:
