@@ -33,6 +33,7 @@ EXAMPLES: Final = (
     "robot-offload bench all --quick",
     "robot-offload bench latency --full --out out/latency",
     "robot-offload bench switch --only cuts --cuts 20",
+    "robot-offload bench weight --seconds 60 --against v0.1.0",
     "robot-offload bench all --quick --docs docs --resume",
 )
 LIFECYCLE_CASES: Final = tuple(case.name for case in transitions.CASES)
@@ -150,6 +151,19 @@ def handover(
     _run(common, [Group.HANDOVER], amounts)
 
 
+@app.command()
+@measurement
+def weight(
+    common: Common,
+    *,
+    seconds: Annotated[float | None, typer.Option(min=1, help="Seconds of each observation.")] = None,
+    against: Annotated[str, typer.Option(metavar="COMMIT", help="Weigh the agents of this commit beside.")] = "",
+) -> None:
+    """Processor time and memory of both agents with three topics at 20 Hz: in all, by message, by further topic."""
+    amounts = replace(common.amounts, resources_s=seconds or common.amounts.resources_s)
+    _run(common, [Group.RESOURCES], amounts, against=against)
+
+
 @app.command("all")
 @measurement
 def everything(common: Common, *, only: Only = None) -> None:
@@ -175,11 +189,12 @@ def _run(
     cases: Sequence[str] | None = None,
     known: Sequence[str] = (),
     priorities: Sequence[Priority] = (),
+    against: str = "",
 ) -> None:
     """Measures, shows what there is, and ends the command with the code that its help names."""
     try:
         _check_cases(cases or (), known)
-        order = common.order(amounts, cases or ())
+        order = replace(common.order(amounts, cases or ()), against=against)
         session = BenchSession(_console(stderr=common.as_json), Store(common.out), common.docs)
         try:
             failed = session.run(groups, priorities or (common.priority,), order, resume=common.resume)

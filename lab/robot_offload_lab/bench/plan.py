@@ -70,6 +70,7 @@ class Order:
         seed: of links and of the moments at which something is done.
         domains: ROS domains of robot and cloud; None picks free ones.
         cases: of a group that has several, the ones to run; empty: all.
+        against: commit whose agents are weighed beside; empty: none.
         advance: called with how much of `Group.steps` is done; may be called often.
     """
 
@@ -80,6 +81,7 @@ class Order:
     domains: tuple[int, int] | None
     advance: Callable[[float], None]
     cases: tuple[str, ...] = ()
+    against: str = ""
 
     def wants(self, case: str) -> bool:
         """Returns whether a case is to run."""

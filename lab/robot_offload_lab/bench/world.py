@@ -71,6 +71,7 @@ class Setting:
         latency: with these, a recorder in the cloud, and a direct publisher beside the carried one.
         goals: with a client of actions and services, and servers that it reaches directly.
         offload: the resource, where it is not the case's own.
+        agents: tree of the repository whose agents run; None: this one's.
     """
 
     folder: Path
@@ -82,6 +83,7 @@ class Setting:
     latency: bool = False
     goals: bool = False
     offload: RobotOffload | None = None
+    agents: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -166,10 +168,10 @@ class MeasuredSystem:
         self.wire.cut(direction)
         return before_s, steady_s()
 
-    def robot_agent(self) -> tuple[int, ...]:
-        """Returns the processes of the robot's agent: the supervisor and its children."""
-        children = sorted((self.system.temporary / "robot").glob("*.pid"))
-        return (self.programs.pids["robot-agent"], *(int(path.read_text()) for path in children))
+    def agent(self, side: Side) -> tuple[int, ...]:
+        """Returns the processes of one side's agent: the supervisor and its children."""
+        children = sorted((self.system.temporary / side).glob("*.pid"))
+        return (self.programs.pids[f"{side}-agent"], *(int(path.read_text()) for path in children))
 
     def finish(self) -> Evidence:
         """Ends the recording, then everything else; returns what was written."""
@@ -243,6 +245,9 @@ class MeasuredSystem:
         if program.name == RECORDER and self.setting.latency:
             command = (*program.command, "--topic", f"{DIRECT_TOPIC}={MESSAGE_TYPE}")
             program = dataclasses.replace(program, command=command)
+        if program.name.endswith("-agent") and self.setting.agents is not None:
+            path = os.pathsep.join(str(self.setting.agents / package) for package in ("core", "agent"))
+            program = dataclasses.replace(program, environment={**program.environment, "PYTHONPATH": path})
         child = self.programs.start(program)
         priority = self._priority(program)
         if priority:

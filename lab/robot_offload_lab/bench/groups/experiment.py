@@ -110,7 +110,7 @@ def _through(order: Order, scenario: ExperimentScenario, transport: str, link: L
     setting = dataclasses.replace(order.setting(f"experiment-{scenario.name}"), offload=resource, hops=True)
     with MeasuredSystem(BenchCase(scenario.name, link), setting) as world:
         world.rest(SETTLE_S)
-        pids, agent = marked.find(world.system.run), world.robot_agent()
+        pids, agent = marked.find(world.system.run), world.agent("robot")
         before, agent_before = processor.read(pids), processor.read(agent)
         window = _window(order, world.rest)
         after, agent_after = processor.read(pids), processor.read(agent)

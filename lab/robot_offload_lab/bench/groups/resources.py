@@ -1,18 +1,24 @@
-"""Processor time and memory of the robot's agent in its steady state."""
+"""Processor time and memory of both agents in their steady state, beside those of another commit if one is named."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from robot_offload.api.v1alpha1.names import Side
+from robot_offload.errors import InputError
 from robot_offload_lab.bench.analysis import resources
-from robot_offload_lab.bench.analysis.resources import Usage
+from robot_offload_lab.bench.analysis.resources import Usage, Weighed
 from robot_offload_lab.bench.plan import Amounts, Order
 from robot_offload_lab.bench.resource import BenchCase, Sensor
 from robot_offload_lab.bench.results import GroupResult
-from robot_offload_lab.bench.world import MeasuredSystem
+from robot_offload_lab.bench.world import MeasuredSystem, Setting
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 
@@ -23,6 +29,10 @@ CASE: Final = BenchCase(
     cloud_rate_hz=20.0,
     sensors=tuple(Sensor(f"input_{number}", (1024,)) for number in range(3)),
 )
+SINGLE: Final = replace(CASE, name="resources-single", sensors=CASE.sensors[:1])
+"""One topic alone: the difference is what each further one costs."""
+SIDES: Final[tuple[Side, Side]] = ("robot", "cloud")
+HERE: Final = Path(__file__).parent
 SETTLE_S: Final = 5.0
 STEP_S: Final = 1.0
 TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
@@ -30,21 +40,55 @@ TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 
 def steps(amounts: Amounts) -> float:
     """For the progress bar."""
-    return amounts.resources_s / STEP_S
+    return amounts.resources_s / STEP_S * 2
 
 
 def run(order: Order) -> GroupResult:
     """Reads /proc before and after."""
-    with MeasuredSystem(CASE, order.setting(CASE.name)) as world:
+    whole = observe(CASE, order.setting(CASE.name), order)
+    single = observe(SINGLE, order.setting(SINGLE.name), order)
+    if not order.against:
+        return resources.outcome(order.priority, whole, single)
+    with checked_out(order.against) as tree:
+        earlier = observe(CASE, replace(order.setting(f"{CASE.name}-against"), agents=tree), order)
+    return resources.outcome(order.priority, whole, single, earlier, order.against)
+
+
+def observe(case: BenchCase, setting: Setting, order: Order) -> Weighed:
+    """Runs one system; returns what its agents cost."""
+    with MeasuredSystem(case, setting) as world:
         world.rest(SETTLE_S)
-        pids = world.robot_agent()
-        before, start_s = usages(pids), steady_s()
+        sides = {side: world.agent(side) for side in SIDES}
+        before, start_s = {side: usages(pids) for side, pids in sides.items()}, steady_s()
         for _ in range(round(order.amounts.resources_s / STEP_S)):
             world.rest(STEP_S)
             order.advance(1)
-        after, seconds = usages(pids), steady_s() - start_s
+        after, seconds = {side: usages(pids) for side, pids in sides.items()}, steady_s() - start_s
         world.finish()
-    return resources.outcome(CASE, order.priority, before, after, seconds)
+    robot, cloud = (resources.costs(before[side], after[side], seconds) for side in SIDES)
+    return Weighed(case, seconds, robot, cloud, resources.alone_mb(after["robot"]))
+
+
+@contextmanager
+def checked_out(commit: str) -> Iterator[Path]:
+    """Provides the tree of a commit of this repository in a folder of its own.
+
+    Raises:
+        InputError: there is no such commit, or this is no clone.
+    """
+    with tempfile.TemporaryDirectory(prefix="ro-tree-") as folder:
+        tree = Path(folder) / "tree"
+        _git("worktree", "add", "--detach", str(tree), commit)
+        try:
+            yield tree
+        finally:
+            _git("worktree", "remove", "--force", str(tree))
+
+
+def _git(*words: str) -> None:
+    done = subprocess.run(["git", "-C", str(HERE), *words], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise InputError(f"--against: {done.stderr.strip()}; name a commit of this clone")
 
 
 def usages(pids: Sequence[int]) -> tuple[Usage, ...]:

@@ -3,9 +3,10 @@ from pathlib import Path
 
 import pytest
 
+from robot_offload.errors import InputError
 from robot_offload_lab.bench.analysis import resources
-from robot_offload_lab.bench.analysis.resources import Usage
-from robot_offload_lab.bench.groups.resources import CASE, usages
+from robot_offload_lab.bench.analysis.resources import Usage, Weighed
+from robot_offload_lab.bench.groups.resources import CASE, SINGLE, checked_out, usages
 
 SMAPS = """\
 7f0000000000-7f0000001000 r-xp 00000000 08:01 42 /usr/lib/libone.so
@@ -39,15 +40,43 @@ def test_a_file_that_two_processes_hold_counts_once_when_they_are_alone():
     assert resources.alone_mb([one, two]) == pytest.approx(11.0)
 
 
+def weighed(case, *cpu_percent):
+    """Both agents with processes that cost as much."""
+    costs = tuple(
+        resources.Cost(name, cpu, 20.0) for name, cpu in zip(("supervisor", "data"), cpu_percent, strict=False)
+    )
+    return Weighed(case, 60.0, costs, costs[:1], 55.0)
+
+
 def test_cost_is_the_difference_over_the_time():
-    before = Usage("a", 10.0, 30_000_000, 0, {})
-    after = Usage("a", 13.0, 40_000_000, 0, {})
-    found = resources.outcome(CASE, "realtime", [before], [after], 60.0)
-    cpu, pss = found.figures
-    assert cpu.value == pytest.approx(5.0)
-    assert pss.value == pytest.approx(40.0)
-    assert cpu.met(cpu.aim)
-    assert "3 topics to the cloud and the command at 20 Hz" in cpu.conditions
+    before = Usage("ro-robot-collec", 10.0, 30_000_000, 0, {})
+    after = Usage("ro-robot-collec", 13.0, 40_000_000, 0, {})
+    (found,) = resources.costs([before], [after], 60.0)
+    assert (found.name, found.cpu_percent, found.pss_mb) == ("collector", pytest.approx(5.0), pytest.approx(40.0))
+
+
+def test_the_agents_cost_is_shared_out_among_messages_and_topics():
+    outcome = resources.outcome("realtime", weighed(CASE, 0.0, 8.0), weighed(SINGLE, 0.0, 6.0))
+    figures = {figure.name: figure for figure in outcome.figures}
+    assert figures["cpu_robot"].value == pytest.approx(8.0)
+    assert figures["cpu_robot"].met(figures["cpu_robot"].aim)
+    assert figures["pss_robot"].value == pytest.approx(40.0)
+    assert figures["cpu_message"].value == pytest.approx(0.08 / 80 * 1e6)
+    assert figures["cpu_topic"].value == pytest.approx(1.0)
+    assert "500 µs a message; 5.0 % without any" in figures["cpu_topic"].note
+    assert "3 topics to the cloud and the command at 20 Hz" in figures["cpu_robot"].conditions
+
+
+def test_another_commit_stands_beside():
+    whole = weighed(CASE, 0.0, 8.0)
+    outcome = resources.outcome("realtime", whole, weighed(SINGLE, 0.0, 6.0), weighed(CASE, 0.0, 16.0), "abc")
+    cpu = outcome.figures[0]
+    assert (cpu.against, cpu.ratio) == ("abc", pytest.approx(0.5))
+
+
+def test_a_commit_that_is_not_there_is_refused_with_the_option():
+    with pytest.raises(InputError, match=r"--against.*no-such-commit"), checked_out("no-such-commit"):
+        pass
 
 
 def test_this_process_can_be_read_for_real():
