@@ -65,6 +65,10 @@ class Problem(Explained):
         "Thinned", "The link does not carry all messages of an input; what would have to wait is left out",
         "Publish it smaller, compressed or more seldom",
     )  # fmt: skip
+    MIN_RATE_MISSED = (
+        "MinRateMissed", "The link carries fewer messages of an input than its `minRate`",
+        "Publish it smaller or compressed, thin other topics, or lower `minRate`",
+    )  # fmt: skip
     SNAPSHOT_REFUSED = (
         "SnapshotRefused", "A snapshot of a node's state was refused; the replica keeps what it had",
         "Read the reason in the message; publish with the same `robot_offload_state` on both sides",

@@ -40,6 +40,7 @@ def _of(path: str, reason: str, *changes: tuple[str, Any]) -> tuple[Example, ...
     return tuple(Example((path, reason), changed, value) for changed, value in changes)
 
 
+_INPUTS = "spec.topics.toCloud[]"
 _TRANSPORT, _EXPOSE, _SWITCHING = "spec.transport", "spec.transport.expose", "spec.switching"
 _LATENCY = "spec.switching.latency"
 _TOLERATION = "spec.cloud.tolerations[]"
@@ -143,7 +144,8 @@ _SERVED: tuple[Example, ...] = (
         (_CONTROLLER, {**_HOT, "lifecycle": False, "standby": {"robot": "Hot"}}),
     ),
     *_of("spec.nodes[]", "NothingDeclared", (_CONTROLLER, {**_HOT, "lifecycle": False, "outputs": []})),
-    *_of("spec.topics.toCloud[]", "OutOfRange", ("spec.topics.toCloud.0.minRate", 21)),
+    *_of(_INPUTS, "OutOfRange", ("spec.topics.toCloud.0.minRate", 21), ("spec.topics.toCloud.0.minRate", 3)),
+    *_of(_INPUTS, "Contradiction", ("spec.topics.toCloud.0", {"name": "/scan", "latched": True, "latest": True})),
     *_of(_SWITCHING, "TooShort", ("spec.switching.prepareDeadline", "249ms")),
 )  # fmt: skip
 """About services, actions and state."""

@@ -284,7 +284,7 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     "nodes[].state[].snapshot": served("state", [], [{"snapshot": True}]),
     "nodes[].state[].maxAge": served("state", [{"snapshot": True}], [{"snapshot": True, "maxAge": "1s"}]),
     "nodes[].state[].maxSize": served("state", [{"snapshot": True}], [{"snapshot": True, "maxSize": "2Mi"}]),
-    "topics.toCloud[].minRate": ({}, f"{SCAN}.minRate", None, 3),
+    "topics.toCloud[].minRate": ({}, f"{SCAN}.minRate", None, 5),
     "topics.toCloud[].priority": ({}, f"{SCAN}.priority", "Normal", "High"),
     "topics.toCloud[].latest": ({}, f"{SCAN}.latest", False, True),
     "switching.prepareDeadline": ({}, "switching.prepareDeadline", None, "5s"),

@@ -301,6 +301,7 @@ def test_large_messages_take_a_session_of_their_own_where_the_robots_tcp_bears_l
 
     eventually(arrived, "an image through a session of its own")
     assert listener.connections == 1  # the same robot
+    assert "in/scan" in robot.room, "that there is room again after a refusal is said"
     time.sleep(0.5)
     cloud.received.clear()
     assert robot.link.send("in/scan", b"h", image)

@@ -36,7 +36,10 @@ class End:
 
     def __init__(self, settings: ZenohSettings, wheel: WheelLog | None = None) -> None:
         self.received: list[tuple[str, bytes, bytes]] = []
-        self.link = ZenohLink(settings, CHANNELS, lambda *message: self.received.append(message), wheel)
+        self.room: list[str] = []
+        self.link = ZenohLink(
+            settings, CHANNELS, lambda *message: self.received.append(message), wheel, self.room.append
+        )
 
 
 class Ends:

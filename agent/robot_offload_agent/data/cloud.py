@@ -107,6 +107,9 @@ class CloudDataShell(DataShell):
             self.publishers[name] = publisher
         return all(resolved) and (not self.carried or self.publishers.keys() >= self.inputs.keys())
 
+    def on_room(self, channel: str) -> None:
+        """Does nothing: what the cloud says does not wait."""
+
     def types(self) -> dict[str, str]:
         """Returns the types of the outputs that have been found in the graph."""
         return {s.spec.name: raw.named_type(s.type_name, s.type_hash) for s in self.outputs if s.type_name}

@@ -19,6 +19,7 @@ from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.declared import Priority
 from robot_offload_core.process.data import RELAY, DataPlan, DataProcess, InputPlan, OutputPlan
 from robot_offload_core.process.states import CHANNEL
 
@@ -38,7 +39,12 @@ def channels(configuration: Configuration) -> list[Channel]:
     found = [PROBE]
     carried = configuration["link.type"] == "zenoh"
     for spec in configuration.inputs if carried else ():
-        found.append(Channel(f"in/{spec.name}", reliable=spec["reliability"] != "best_effort"))
+        found.append(
+            Channel(
+                f"in/{spec.name}", reliable=spec["reliability"] != "best_effort", priority=Priority(spec["priority"]),
+                latest=spec["latest"],
+            )
+        )  # fmt: skip
     for spec in configuration.outputs:
         found.append(Channel(f"out/{spec.name}", reliable=spec["reliability"] != "best_effort"))
         for kind, wanted in (("mirror", spec["mirror"]), ("others", spec["shared"])):
@@ -54,7 +60,16 @@ def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
     """Returns what the core's data process needs of the configuration; `rates_hz`: in force for each input."""
     return DataPlan(
         tuple(
-            InputPlan(i.name, i["max_age_ms"], rates_hz.get(i.name, 0.0), i["latched"]) for i in configuration.inputs
+            InputPlan(
+                i.name,
+                i["max_age_ms"],
+                rates_hz.get(i.name, 0.0),
+                i["latched"],
+                i["min_rate_hz"],
+                Priority(i["priority"]),
+                i["latest"],
+            )
+            for i in configuration.inputs
         ),
         tuple(
             OutputPlan(spec.name, spec.deadline_s, o["mirror"], o["of_cloud"], spec)
@@ -82,7 +97,7 @@ class DataShell(ABC):
         context.init(configuration)
         self.node = context.make_node(configuration, f"offload_data_{configuration['side']}")
         self.link: LinkHandle = open_link(
-            configuration, "data", channels(configuration), self.on_message, node=self.node
+            configuration, "data", channels(configuration), self.on_message, self.node, self.on_room
         )
         self.carried = configuration["link.type"] == "zenoh"
         self.states: StateTopics | None = None
@@ -167,6 +182,10 @@ class DataShell(ABC):
     @abstractmethod
     def resolve(self) -> bool:
         """Creates subscriptions and publishers whose types are known; returns whether nothing is left to do."""
+
+    @abstractmethod
+    def on_room(self, channel: str) -> None:
+        """Takes that a channel has room again, on a thread of the link."""
 
     @abstractmethod
     def types(self) -> dict[str, str]:

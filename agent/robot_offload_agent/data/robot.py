@@ -38,6 +38,13 @@ class RobotDataShell(DataShell):
         publishers = self.node.count_publishers(spec["topic"]) if spec["latched"] else 1
         self.process.forward(spec.name, payload, publishers)
 
+    def on_room(self, channel: str) -> None:
+        """Sends what waits of an input."""
+        kind, _, name = channel.partition("/")
+        if kind == "in":
+            with self.guard:
+                self.process.room(name)
+
     def types(self) -> dict[str, str]:
         """Returns the types of the inputs that have been found in the graph."""
         return {s.spec.name: s.type_name for s in self.inputs if s.type_name}

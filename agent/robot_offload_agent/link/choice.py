@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link.certificate_files import certificate_problem
-from robot_offload_agent.link.port import Channel, Link, LinkStatus, OnMessage
+from robot_offload_agent.link.port import Channel, Link, LinkStatus, OnMessage, OnRoom, no_room
 from robot_offload_agent.link.ros import RosLink
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_configured import SESSION_LEASE_MS, zenoh_settings
@@ -59,6 +59,7 @@ def open_link(
     channels: Sequence[Channel],
     on_message: OnMessage,
     node: Node | None = None,
+    on_room: OnRoom = no_room,
 ) -> LinkHandle:
     """Makes the link of the configured type; `node` is used for DDS when given, else one is made and spun here.
 
@@ -66,7 +67,8 @@ def open_link(
         ConfigurationError: a certificate file is missing.
     """
     if configuration["link.type"] == "zenoh":
-        return LinkHandle(ZenohLink(zenoh_settings(configuration, session), channels, on_message, WheelLog()))
+        settings = zenoh_settings(configuration, session)
+        return LinkHandle(ZenohLink(settings, channels, on_message, WheelLog(), on_room))
     own = None
     if node is None:
         context.init(configuration)

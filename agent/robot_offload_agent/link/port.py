@@ -10,10 +10,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from robot_offload_core.declared import Priority
 from robot_offload_core.reasons import Explained
 
 OnMessage = Callable[[str, bytes, bytes], None]
 """(channel, header, payload), called on a thread of the link as soon as a message has arrived; must not block."""
+OnRoom = Callable[[str], None]
+"""(channel), called on a thread of the link when a channel that has refused a message takes one again."""
+
+
+def no_room(_: str) -> None:
+    """Takes the place of an `OnRoom` where nothing waits."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +32,15 @@ class Channel:
         reliable: whether the transport retransmits. Reliable does not mean delivered: a message put while the
             session is down is lost.
         urgent: sent before everything else (beats, probes).
+        priority: which of the others go first.
+        latest: few messages are on their way at a time, so that the next one is new when it leaves.
     """
 
     name: str
     reliable: bool = True
     urgent: bool = False
+    priority: Priority = Priority.NORMAL
+    latest: bool = False
 
 
 class LinkCause(Explained):

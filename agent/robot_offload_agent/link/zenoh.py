@@ -18,7 +18,7 @@ import zenoh
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link import zenoh_causes
 from robot_offload_agent.link.certificate_files import certificate_problem
-from robot_offload_agent.link.port import Channel, LinkCause, LinkStatus, OnMessage
+from robot_offload_agent.link.port import Channel, LinkCause, LinkStatus, OnMessage, OnRoom, no_room
 from robot_offload_agent.link.zenoh_causes import Found
 from robot_offload_agent.link.zenoh_config import ZenohSettings, key
 from robot_offload_agent.link.zenoh_lane import LargeLane
@@ -55,6 +55,7 @@ class ZenohLink:
         channels: Sequence[Channel],
         on_message: OnMessage,
         wheel: WheelLog | None = None,
+        on_room: OnRoom = no_room,
     ) -> None:
         """Checks everything that can be checked without a network.
 
@@ -63,6 +64,7 @@ class ZenohLink:
             channels: the same as on the other side.
             on_message: see `port.OnMessage`.
             wheel: where the wheel says why a session was refused; without one that is not known.
+            on_room: see `port.OnRoom`.
 
         Raises:
             ConfigurationError: a certificate file is missing or does not fit, or a channel has no usable name.
@@ -82,7 +84,8 @@ class ZenohLink:
         self._choice = EndpointChoice(bool(settings.fallback), settings.fallback_after_ms / 1e3)
         self._patience = Patience(settings.open_timeout_ms, settings.slow_open_timeout_ms)
         self._wheel = wheel
-        self._large = LargeLane(settings, channels)
+        self._on_room = on_room
+        self._large = LargeLane(settings, channels, on_room)
         self._attendance = Attendance()
         self._repetition = Repetition()
         self._counters: Counter[str] = Counter()
@@ -361,6 +364,7 @@ class ZenohLink:
         return zenoh_causes.most_telling(said) or Found(LinkCause.NO_SESSION, "")
 
     def _declare(self, session: ZenohSession) -> None:
+        session.on_room = self._on_room
         try:
             session.declare(self._channels, self._deliver, self._connection_changed)
         except zenoh.ZError as error:

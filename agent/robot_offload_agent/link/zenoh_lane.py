@@ -16,7 +16,7 @@ from pathlib import Path
 
 import zenoh
 
-from robot_offload_agent.link.port import Channel
+from robot_offload_agent.link.port import Channel, OnRoom, no_room
 from robot_offload_agent.link.zenoh_config import ZenohSettings
 from robot_offload_agent.link.zenoh_rules import Struggle
 from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
@@ -44,14 +44,16 @@ def bears_loss() -> bool:
 class LargeLane:
     """The robot's session for large messages, opened beside the session over QUIC when that does not carry them."""
 
-    def __init__(self, settings: ZenohSettings, channels: Sequence[Channel]) -> None:
+    def __init__(self, settings: ZenohSettings, channels: Sequence[Channel], on_room: OnRoom = no_room) -> None:
         """Opens nothing yet.
 
         Args:
             settings: of the link.
             channels: those of the link.
+            on_room: see `port.OnRoom`.
         """
         self._settings = settings
+        self._on_room = on_room
         self._channels = tuple(channels)
         self._usable = settings.dials and settings.session == "data" and bool(settings.fallback) and bears_loss()
         self._struggles: dict[str, Struggle] = {}  # of the channels with large messages
@@ -148,6 +150,7 @@ class LargeLane:
         except (PeerRefusedError, zenoh.ZError) as error:
             log.debug("No session for large messages came about: %s", error)
             return None
+        session.on_room = self._on_room
         try:
             session.speak(self._channels, self._ended)
         except zenoh.ZError:

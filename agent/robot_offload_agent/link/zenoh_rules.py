@@ -8,6 +8,11 @@ from dataclasses import dataclass, field
 
 from robot_offload_agent.link.port import LinkCause
 
+LATEST_SHARE = 1.5
+"""Where the newest counts: a message on its way for this many times the shortest time waits for others."""
+GROWTH = 1.01
+"""The shortest time of the past is forgotten at this pace: a link may become longer."""
+
 
 @dataclass
 class EndpointChoice:
@@ -190,27 +195,49 @@ class Backlog:
     Attributes:
         limit_s: an age of the oldest above which nothing more is admitted.
         forget_s: acknowledgements get lost, and a full queue drops messages: after this long none is waited for.
+        latest: more is put in only while the oldest has hardly taken longer than one needs that waits for none.
+        least_s: how long a message takes until it is acknowledged when none is before it; 0: not known.
+        refused: a message was refused since there was room.
         sequence: of the newest message.
         waiting: (sequence, time of sending) of each message, oldest first.
     """
 
     limit_s: float
     forget_s: float
+    latest: bool = False
+    least_s: float = 0.0
+    refused: bool = False
     sequence: int = 0
     waiting: deque[tuple[int, float]] = field(default_factory=deque)
 
     def admit(self, now_s: float) -> int | None:
         """The sequence (1 to 2**32 - 1) for a message that may be sent now, or None."""
-        while self.waiting and now_s - self.waiting[0][1] > self.forget_s:
-            self.waiting.popleft()
-        if self.waiting and now_s - self.waiting[0][1] > self.limit_s:
+        if not self._has_room(now_s):
+            self.refused = True
             return None
+        self.refused = False
         self.sequence = self.sequence % 0xFFFFFFFF + 1
         self.waiting.append((self.sequence, now_s))
         return self.sequence
 
-    def acknowledged(self, sequence: int) -> None:
-        """A message has arrived, and so have, or will never, those sent before it. Unknown ones change nothing."""
+    def _has_room(self, now_s: float) -> bool:
+        while self.waiting and now_s - self.waiting[0][1] > self.forget_s:
+            self.waiting.popleft()
+        limit_s = min(self.limit_s, LATEST_SHARE * self.least_s) if self.latest and self.least_s else self.limit_s
+        return not self.waiting or now_s - self.waiting[0][1] <= limit_s
+
+    def acknowledged(self, sequence: int, now_s: float) -> bool:
+        """A message has arrived, and so have, or will never, those sent before it. Unknown ones change nothing.
+
+        Returns:
+            Whether there is room again after a refusal.
+        """
         if any(sequence == waiting for waiting, _ in self.waiting):
-            while self.waiting.popleft()[0] != sequence:
+            while (passed := self.waiting.popleft())[0] != sequence:
                 pass
+            took_s = now_s - passed[1]
+            self.least_s = min(took_s, GROWTH * self.least_s) if self.least_s else took_s
+        if not self.refused or not self._has_room(now_s):
+            return False
+        self.refused = False
+        return True

@@ -15,7 +15,7 @@ from typing import Any
 
 import zenoh
 
-from robot_offload_agent.link.port import Channel
+from robot_offload_agent.link.port import Channel, OnRoom, no_room
 from robot_offload_agent.link.zenoh_config import (
     BULK_BYTES,
     UID_KEY,
@@ -26,10 +26,24 @@ from robot_offload_agent.link.zenoh_config import (
 )
 from robot_offload_agent.link.zenoh_rules import Backlog, Peer, robots
 from robot_offload_agent.process.clock import now_s
+from robot_offload_core.declared import Priority
 
 log = logging.getLogger(__name__)
 
 _SEQUENCE_BYTES = 4
+_SMALL = {
+    Priority.HIGH: zenoh.Priority.DATA_HIGH, Priority.NORMAL: zenoh.Priority.DATA, Priority.LOW: zenoh.Priority.DATA
+}  # fmt: skip
+_BULK = {
+    Priority.HIGH: zenoh.Priority.DATA, Priority.NORMAL: zenoh.Priority.DATA_LOW,
+    Priority.LOW: zenoh.Priority.BACKGROUND,
+}  # fmt: skip
+"""Of what does not fit a datagram: behind all that does, unless it was declared to go first."""
+
+
+def _priority(channel: Channel) -> zenoh.Priority:
+    """Returns the queue of a channel's small messages."""
+    return zenoh.Priority.REAL_TIME if channel.urgent else _SMALL[channel.priority]
 
 
 class PeerRefusedError(Exception):
@@ -66,6 +80,7 @@ class ZenohSession:
         strangers: common names of the certificates of the others that are connected, "" for none.
         foreign: how many connections such clients have had.
         malformed: how many messages arrived that are none of ours.
+        on_room: see `port.OnRoom`.
     """
 
     def __init__(self, settings: ZenohSettings, fallback: bool = False, open_timeout_ms: int | None = None) -> None:
@@ -88,6 +103,7 @@ class ZenohSession:
         self.served_uid = ""
         self.strangers: frozenset[str] = frozenset()
         self.foreign = 0
+        self.on_room: OnRoom = no_room
         self._peers: dict[str, Peer] = {}  # of the cloud, by session
         self._outlets: dict[str, _Outlet] = {}
         self._lock = threading.Lock()
@@ -164,7 +180,9 @@ class ZenohSession:
         settings = self.settings
         for channel in channels:
             self._outlets[channel.name] = self._make_outlet(channel)
-        self._acknowledgements = self._publish(acknowledgement_key(settings, settings.side), urgent=True)
+        self._acknowledgements = self._publish(
+            acknowledgement_key(settings, settings.side), priority=zenoh.Priority.REAL_TIME
+        )
         heard = acknowledgement_key(settings, settings.other_side)
         self._declared.append(self._session.declare_subscriber(heard, self._acknowledged))
 
@@ -219,22 +237,21 @@ class ZenohSession:
         reliable = channel.reliable and settings.session == "data"
         parted = settings.session == "data" and not channel.urgent
         return _Outlet(
-            publisher=self._publish(own_key, reliable=reliable, urgent=channel.urgent),
+            publisher=self._publish(own_key, reliable=reliable, priority=_priority(channel)),
             # Reliable even where the channel is not: QUIC keeps datagrams that it cannot send, a megabyte of them,
             # and one lost fragment costs the whole message.
-            bulk=self._publish(own_key, reliable=True, bulk=True) if parted else None,
-            backlog=Backlog(settings.backlog_ms / 1e3, settings.lease_ms / 1e3),
+            bulk=self._publish(own_key, reliable=True, priority=_BULK[channel.priority]) if parted else None,
+            backlog=Backlog(settings.backlog_ms / 1e3, settings.lease_ms / 1e3, channel.latest),
         )
 
     def _publish(
-        self, own_key: str, *, reliable: bool = False, urgent: bool = False, bulk: bool = False
+        self, own_key: str, *, reliable: bool = False, priority: zenoh.Priority = zenoh.Priority.DATA
     ) -> zenoh.Publisher:
-        priority = zenoh.Priority.DATA_LOW if bulk else zenoh.Priority.DATA
         return self._session.declare_publisher(
             own_key,
             reliability=zenoh.Reliability.RELIABLE if reliable else zenoh.Reliability.BEST_EFFORT,
             congestion_control=zenoh.CongestionControl.DROP,  # BLOCK holds a sender up for seconds
-            priority=zenoh.Priority.REAL_TIME if urgent else priority,
+            priority=priority,
             express=True,
         )
 
@@ -282,7 +299,9 @@ class ZenohSession:
             self.malformed += 1
             return
         with self._lock:
-            outlet.backlog.acknowledged(int.from_bytes(payload[:_SEQUENCE_BYTES], "big"))
+            has_room = outlet.backlog.acknowledged(int.from_bytes(payload[:_SEQUENCE_BYTES], "big"), now_s())
+        if has_room:
+            self.on_room(payload[_SEQUENCE_BYTES:].decode())
 
     def close(self) -> None:
         """Ends it and everything buffered in it; may take 20 s where TLS has data that it cannot send."""

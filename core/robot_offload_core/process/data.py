@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from robot_offload_core import envelope
+from robot_offload_core.declared import Priority
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import Reopen
 from robot_offload_core.process import probe
@@ -66,12 +67,17 @@ class InputPlan:
     Attributes:
         name: of the input. max_age_ms: oldest message that the replicas get; 0: any, and the input is not required.
         rate_hz: most messages a second to the cloud; 0: all. latched: last values are kept and exchanged.
+        min_rate_hz: on a link that carries no more it is thinned to this rate at most; 0: never.
+        priority: what goes first there. latest: the newest refused message is sent as soon as there is room.
     """
 
     name: str
     max_age_ms: float = 0.0
     rate_hz: float = 0.0
     latched: bool = False
+    min_rate_hz: float = 0.0
+    priority: Priority = Priority.NORMAL
+    latest: bool = False
 
 
 @dataclass(frozen=True)

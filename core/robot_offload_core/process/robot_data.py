@@ -19,6 +19,7 @@ from robot_offload_core.process.messages import (
     Limits,
     Orders,
 )
+from robot_offload_core.process.pacing import Pace, Paces
 from robot_offload_core.process.probe import Probe
 from robot_offload_core.process.thinning import Thinning
 from robot_offload_core.token import Token
@@ -29,12 +30,19 @@ OTHERS_AFTER_S = 0.5
 """Silence of our cloud's probes after which those of another agent count: as long as control waits for them."""
 MAX_LATCHED = 32
 """Values kept per latched topic; one per publisher, several for topics such as /tf_static."""
+LATEST_S = 1.0
+"""A message that has waited for room so long is left out: nobody calls it the latest any more."""
 EARLY_SHARE = 0.8
 """Share of the least distance of two messages after which one passes: publishers jitter, not every second may fall."""
 
 
 class RobotDataProcess(DataProcess):
-    """See the module. `sequence`, `sent_s`: of each input; `least_s`: least distance of two messages of it."""
+    """See the module.
+
+    Attributes:
+        sequence, sent_s: of each input. least_s: least distance of two messages of it.
+        waiting: newest refused message of each input with `latest`: since when, its header, its payload.
+    """
 
     def __init__(self, plan: DataPlan, ports: DataPorts) -> None:
         super().__init__(plan, ports)
@@ -48,6 +56,9 @@ class RobotDataProcess(DataProcess):
         self.aged = {i.name for i in plan.inputs if i.max_age_ms > 0}
         self.least_s: dict[str, float] = {}
         self.thinning = {i.name: Thinning(ports.now_s()) for i in plan.inputs}
+        self.paces = Paces((i.name, Pace(1 / i.min_rate_hz if i.min_rate_hz else 0.0, i.priority)) for i in plan.inputs)
+        self.latest = {i.name for i in plan.inputs if i.latest}
+        self.waiting: dict[str, tuple[float, bytes, Any]] = {}
         self._limit_rates((i.name, i.max_age_ms, i.rate_hz) for i in plan.inputs)
 
     def forward(self, name: str, payload: Any, publishers: int = 1) -> None:
@@ -58,6 +69,10 @@ class RobotDataProcess(DataProcess):
             return
         if now_s - self.sent_s.get(name, 0.0) < EARLY_SHARE * self.least_s[name]:
             self.counters[f"{name}.rate_limited"] += 1
+            return
+        if not self.paces.passes(name, now_s):
+            self.counters[f"{name}.thinned"] += 1
+            self.thinning[name].count(0, sent=False)
             return
         self.sent_s[name] = now_s
         if name in self.latched:
@@ -73,9 +88,31 @@ class RobotDataProcess(DataProcess):
             sequence = self.sequence[name] = self.sequence.get(name, self.first_sequence) + 1
         token = Token(self.orders.incarnation, self.orders.epoch, heard.incarnation if heard else "")
         header = envelope.encode(Envelope(token, sequence, heard.sent_us if heard else 0))
+        sent = self._cross_input(name, header, payload)
+        with self.ports.lock:
+            if sent:
+                self.waiting.pop(name, None)
+            elif name in self.latest:
+                self.waiting[name] = self.ports.now_s(), header, payload
+
+    def _cross_input(self, name: str, header: bytes, payload: Any) -> bool:
         sent = self.ports.cross(f"in/{name}", header, payload)
         self.counters[f"{name}.{'sent' if sent else 'unsent'}"] += 1
         self.thinning[name].count(len(payload) if sent else 0, sent=sent)
+        if not sent and self.ports.link_status()[0]:
+            self.paces.refused(name, self.ports.now_s())
+        return sent
+
+    def room(self, name: str) -> None:
+        """Sends what waits of an input, as the link has room again; its age counts from when it came."""
+        with self.ports.lock:
+            waiting = self.waiting.pop(name, None)
+        if waiting is None or self.ports.now_s() - waiting[0] > LATEST_S:
+            return
+        sent = self.ports.cross(f"in/{name}", *waiting[1:])
+        self.counters[f"{name}.sent_later"] += sent
+        if sent:
+            self.thinning[name].count_later(len(waiting[2]))
 
     def order(self, message: object) -> None:
         """Takes the identity from control, and what has passed from the collector, for consumers in the cloud."""
@@ -137,7 +174,9 @@ class RobotDataProcess(DataProcess):
         connected, endpoint = self.ports.link_status()
         for name, thinning in self.thinning.items():
             if thinning.is_due(now_s):
-                self.note(f"thinned {name}", thinning.judge(name, now_s, connected=connected))
+                slowest_s = self.paces.of[name].slowest_s
+                found = thinning.judge(name, now_s, connected=connected, slowest_s=slowest_s)
+                self.note(f"thinned {name}", found)
         received = self.probe
         report = DataReported(connected, self.probe_age_s(now_s), received.incarnation if received else "")
         replicas = tuple(sorted(received.nodes.items())) if received and detailed else ()

@@ -8,6 +8,9 @@ WINDOW_S = 5.0
 """Over which is counted: long enough that one cut of a second is no thinning."""
 LEAST_OFFERED = 10
 LEAST_REFUSED_SHARE = 0.2
+MISSED_SHARE = 0.9
+"""A rate below this share of `minRate` misses it: a window cuts off one message at either end."""
+CURE = "Publish it smaller, compressed or more seldom"
 
 
 @dataclass
@@ -32,27 +35,39 @@ class Thinning:
         self.sent += sent
         self.sent_bytes += size
 
+    def count_later(self, size: int) -> None:
+        """Counts that a message that was refused has been taken after all."""
+        self.sent += 1
+        self.sent_bytes += size
+
     def is_due(self, now_s: float) -> bool:
         """Returns whether the window is over."""
         return now_s - self.began_s >= WINDOW_S
 
-    def judge(self, name: str, now_s: float, *, connected: bool) -> tuple[str, str] | None:
+    def judge(self, name: str, now_s: float, *, connected: bool, slowest_s: float = 0.0) -> tuple[str, str] | None:
         """Ends the window; returns what is to be said of it.
 
         Args:
             name: of the topic.
             now_s: the present.
             connected: whether there is a session at all; without one nothing is thinned, there is no link.
+            slowest_s: longest distance of two messages that was declared; 0: none.
         """
         passed_s, offered, sent, size = now_s - self.began_s, self.offered, self.sent, self.sent_bytes
         refused = offered - sent
         self.began_s, self.offered, self.sent, self.sent_bytes = now_s, 0, 0, 0
         self.problem = None
         if connected and offered >= LEAST_OFFERED and refused >= LEAST_REFUSED_SHARE * offered:
-            message = (
+            carried = (
                 f"The link carries {sent / passed_s:.1f} of {offered / passed_s:.1f} messages a second of {name} "
-                f"({size / passed_s / 1e6:.1f} MB/s); what would have to wait is left out. Publish it smaller, "
-                "compressed or more seldom"
+                f"({size / passed_s / 1e6:.1f} MB/s)"
             )
-            self.problem = ("Thinned", message)
+            missed = slowest_s and sent / passed_s < MISSED_SHARE / slowest_s
+            if missed:
+                message = f"{carried}, fewer than its minRate of {1 / slowest_s:g}. {CURE}"
+            elif slowest_s:
+                message = f"{carried}; it is thinned evenly, down to its minRate of {1 / slowest_s:g} at most"
+            else:
+                message = f"{carried}; what would have to wait is left out. {CURE}"
+            self.problem = ("MinRateMissed" if missed else "Thinned", message)
         return self.problem

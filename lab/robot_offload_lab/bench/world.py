@@ -72,6 +72,7 @@ class Setting:
         goals: with a client of actions and services, and servers that it reaches directly.
         offload: the resource, where it is not the case's own.
         agents: tree of the repository whose agents run; None: this one's.
+        beats: the witnesses listen to the beats, which costs the agents their publishing.
     """
 
     folder: Path
@@ -84,6 +85,7 @@ class Setting:
     goals: bool = False
     offload: RobotOffload | None = None
     agents: Path | None = None
+    beats: bool = True
 
 
 @dataclass(frozen=True)
@@ -289,7 +291,8 @@ class MeasuredSystem:
 
     def _witness(self, side: Side, node: str) -> Program:
         name = f"{side}-witness"
-        return self._program(name, "witness", side, self.system.out / f"{name}.jsonl", "--node", node, piped=True)
+        words = ("--node", node, *(() if self.setting.beats else ("--no-beats",)))
+        return self._program(name, "witness", side, self.system.out / f"{name}.jsonl", *words, piped=True)
 
     def _lease_observer(self) -> Program:
         files = client_paths(self.system.certificates, OBSERVER)

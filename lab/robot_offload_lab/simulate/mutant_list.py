@@ -1133,6 +1133,34 @@ MUTANTS: dict[str, Mutant] = {
         "inputs_after_a_pause",
         (Edit("process.robot_data", "if self.pauses.waited(now_s) and name in self.aged:", "if False:"),),
     ),
+    "D1": Mutant(
+        "a refused message thins nothing",
+        "narrow_link",
+        (Edit("process.robot_data", "self.paces.refused(name, self.ports.now_s())", "pass"),),
+    ),
+    "D2": Mutant(
+        "all priorities are thinned alike",
+        "narrow_link",
+        (Edit("process.pacing", "ORDER[: ORDER.index(own.priority) + 1]", "(own.priority,)"),),
+    ),
+    "D3": Mutant(
+        "an input is thinned below its least rate",
+        "narrow_link",
+        (
+            Edit("process.pacing", "or self.least_s >= self.slowest_s", ""),
+            Edit("process.pacing", "min(self.slowest_s, SLOWER * max(self.least_s, self.usual_s))", "60.0"),
+        ),
+    ),
+    "D4": Mutant(
+        "what was refused is never sent",
+        "newest_first",
+        (Edit("process.robot_data", "elif name in self.latest:", "elif False:"),),
+    ),
+    "D5": Mutant(
+        "what was sent later is sent again",
+        "newest_first",
+        (Edit("process.robot_data", "waiting = self.waiting.pop(name, None)", "waiting = self.waiting.get(name)"),),
+    ),
     "X29": Mutant(
         "missing replicas are not reported",
         "replicas_missing",

@@ -56,7 +56,7 @@ def run(order: Order) -> GroupResult:
 
 def observe(case: BenchCase, setting: Setting, order: Order) -> Weighed:
     """Runs one system; returns what its agents cost."""
-    with MeasuredSystem(case, setting) as world:
+    with MeasuredSystem(case, replace(setting, beats=False)) as world:
         world.rest(SETTLE_S)
         sides = {side: world.agent(side) for side in SIDES}
         before, start_s = {side: usages(pids) for side, pids in sides.items()}, steady_s()

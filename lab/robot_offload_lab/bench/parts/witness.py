@@ -37,13 +37,14 @@ BEATS: Final = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 class Witness:
     """Subscriptions and service clients around one file."""
 
-    def __init__(self, path: Path, watched: str) -> None:
+    def __init__(self, path: Path, watched: str, *, beats: bool) -> None:
         # Closed by the end of the process; line-buffered, so that nothing is lost with it.
         self._file = path.open("w", encoding="utf-8", buffering=1)
         self._unread = b""
         self.node = rclpy.create_node("bench_witness")
         self.node.create_subscription(String, "/offload/placement", self._on_placement, LATCHED)
-        self.node.create_subscription(Header, "/connectivity_test_remote", self._on_beat, BEATS)
+        if beats:
+            self.node.create_subscription(Header, "/connectivity_test_remote", self._on_beat, BEATS)
         self.node.create_subscription(TransitionEvent, f"/{watched}/transition_event", self._on_transition, 10)
         self._services = {site: self.node.create_client(Trigger, name) for site, name in SERVICES.items()}
 
@@ -91,9 +92,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.bench.parts.witness", description=__doc__)
     parser.add_argument("file", type=Path, help="what to write")
     parser.add_argument("--node", required=True, help="the lifecycle node whose transitions are watched")
+    parser.add_argument("--no-beats", action="store_true", help="leave the beats out: hearing them costs the agents")
     options = parser.parse_args()
     node.start()
-    witness = Witness(options.file, options.node)
+    witness = Witness(options.file, options.node, beats=not options.no_beats)
     node.spin(witness.node, witness.attend, ATTEND_S)
 
 

@@ -56,17 +56,19 @@ class TopicToCloud(Model):
     )
     min_rate_hz: RateHz | None = Field(
         default=None,
-        description="Messages per second down to which the agent may thin the topic when the link does not carry "
-        "more. From 0.05 to 1000. Default: it is never thinned.",
+        description="Messages per second down to which the agent thins the topic, evenly, when the link does not carry "
+        "more; not less than one in maxAge. From 0.05 to 1000. Default: it is not thinned, what would have to wait "
+        "is left out.",
     )
     priority: Literal["High", "Normal", "Low"] = Field(
         default="Normal",
-        description="Which topics go first when the link does not carry all: High, Normal or Low. Default Normal.",
+        description="Which topics go first when the link does not carry all: High, Normal or Low; those with minRate "
+        "are thinned from Low to High. Default Normal.",
     )
     latest: bool = Field(
         default=False,
-        description="Whether a newer message replaces one that still waits to be sent, as for camera images. "
-        "Default false.",
+        description="Whether only the newest message waits when the link has no room, and is sent as soon as there is "
+        "some, as for camera images. Not for latched topics. Default false.",
     )
     qos: QualityOfService | None = Field(
         default=None, description="Quality of service, where it shall differ from the publisher's."

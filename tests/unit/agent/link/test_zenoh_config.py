@@ -168,7 +168,7 @@ def test_bulk_passes_while_it_is_acknowledged_in_time() -> None:
         sequence = backlog.admit(i * 0.05)
         assert sequence == i
         if i > 2:
-            backlog.acknowledged(i - 2)  # 100 ms later
+            backlog.acknowledged(i - 2, i * 0.05)  # 100 ms later
     assert len(backlog.waiting) <= 3
 
 
@@ -177,7 +177,8 @@ def test_bulk_is_refused_while_the_oldest_is_overdue_and_passes_again_when_it_ar
     assert backlog.admit(0.0) == 1
     assert backlog.admit(0.1) == 2
     assert backlog.admit(0.2) is None
-    backlog.acknowledged(1)
+    assert backlog.acknowledged(1, 0.21), "there is room again"
+    assert not backlog.acknowledged(1, 0.215), "said once"
     assert backlog.admit(0.22) == 3
 
 
@@ -185,7 +186,7 @@ def test_an_acknowledgement_stands_for_all_before_it() -> None:
     backlog = Backlog(limit_s=0.15, forget_s=1.0)
     for i in range(3):
         backlog.admit(i * 0.01)
-    backlog.acknowledged(3)
+    backlog.acknowledged(3, 0.03)
     assert not backlog.waiting
 
 
@@ -194,6 +195,27 @@ def test_lost_acknowledgements_are_not_waited_for_for_ever() -> None:
     assert backlog.admit(0.0) == 1
     assert backlog.admit(0.9) is None
     assert backlog.admit(1.1) == 2
+
+
+def test_where_the_newest_counts_few_are_on_their_way() -> None:
+    backlog = Backlog(limit_s=0.15, forget_s=1.0, latest=True)
+    assert backlog.admit(0.0) == 1
+    backlog.acknowledged(1, 0.04)
+    assert backlog.admit(0.1) == 2
+    assert backlog.admit(0.15) == 3, "the one before is no older than it has to be"
+    assert backlog.admit(0.17) is None, "the oldest has waited for others"
+    assert backlog.acknowledged(2, 0.18)
+    assert backlog.admit(0.18) == 4
+
+
+def test_where_the_newest_counts_a_path_that_became_longer_is_used_whole() -> None:
+    backlog = Backlog(limit_s=0.15, forget_s=1.0, latest=True, least_s=0.01)
+    for number in range(500):
+        sent_s = number * 0.1
+        sequence = backlog.admit(sent_s)
+        assert sequence is not None
+        backlog.acknowledged(sequence, sent_s + 0.09)
+    assert backlog.least_s == pytest.approx(0.09)
 
 
 def test_sequences_start_again_at_one_after_the_greatest() -> None:
@@ -210,7 +232,7 @@ def test_no_acknowledgement_breaks_the_backlog_or_lets_it_grow(steps: list[tuple
         now_s += pause_s
         if backlog.admit(now_s) is not None:
             admitted.append(now_s)
-        backlog.acknowledged(sequence)
+        backlog.acknowledged(sequence, now_s)
         assert all(now_s - sent_s <= 1.0 + 0.3 for _, sent_s in backlog.waiting)
         assert [s for s, _ in backlog.waiting] == sorted(s for s, _ in backlog.waiting)
 

@@ -48,9 +48,9 @@ def _empty(field: str) -> str:
     return f"!has(self.{field}) || size(self.{field}) == 0"
 
 
-_NODE, _OUTPUT, _INPUT, _SWITCHING = "spec.nodes[]", "spec.nodes[].outputs[]", "spec.topics.toCloud[]", "spec.switching"
+_NODE, _OUTPUT, _SWITCHING = "spec.nodes[]", "spec.nodes[].outputs[]", "spec.switching"
 _ACTION, _STATE = "spec.nodes[].actions[]", "spec.nodes[].state[]"
-_IN_NODE, _IN_OUTPUT, _IN_INPUT = "spec.nodes.1", "spec.nodes.1.outputs.0", "spec.topics.toCloud.1"
+_IN_NODE, _IN_OUTPUT = "spec.nodes.1", "spec.nodes.1.outputs.0"
 _PLAN = {"name": "/make_plan", "type": "nav_msgs/srv/GetPlan"}
 _FOLLOW = {"name": "/follow_path", "type": "nav2_msgs/action/FollowPath"}
 
@@ -92,20 +92,6 @@ NOT_YET: Final[dict[str, Word]] = {
     "stateParameters": Word(
         _STATE, "parameters", _without("parameters"), lambda it: it.parameters is not None,
         "set the parameters on both sides", (f"{_IN_NODE}.state", [{"parameters": {}}]),
-    ),
-    "minRate": Word(
-        _INPUT, "minRate", _without("minRate"), lambda it: it.min_rate_hz is not None,
-        "set maxRate to what the link carries",
-        (f"{_IN_INPUT}.minRate", 5),
-    ),
-    "priority": Word(
-        _INPUT, "priority", "self.priority == 'Normal'", lambda it: it.priority != "Normal",
-        "set maxRate of large topics to what the link carries",
-        (f"{_IN_INPUT}.priority", "High"),
-    ),
-    "latest": Word(
-        _INPUT, "latest", "!self.latest", lambda it: it.latest, "set maxRate to what the link carries",
-        (f"{_IN_INPUT}.latest", True),
     ),
     "maxMessageSize": Word(
         _SWITCHING, "maxMessageSize", "quantity(self.maxMessageSize).compareTo(quantity('8Mi')) == 0",

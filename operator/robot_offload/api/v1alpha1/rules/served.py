@@ -9,6 +9,7 @@ from robot_offload.api.v1alpha1.names import identifier
 from robot_offload.api.v1alpha1.nodes import Node, flat_parameters
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
 from robot_offload.api.v1alpha1.rules.findings import repeated
+from robot_offload.api.v1alpha1.rules.nodes import milliseconds
 from robot_offload.api.v1alpha1.rules.rule import Rule
 from robot_offload.findings import Finding
 
@@ -200,6 +201,23 @@ RULES: Final[tuple[Rule, ...]] = (
         lambda it: bool(it.min_rate_hz and it.max_rate_hz) and it.min_rate_hz > it.max_rate_hz,
         "minRate is more than maxRate; lower it or raise maxRate",
         "minRate",
+    ),
+    Rule(
+        "spec.topics.toCloud[]",
+        "OutOfRange",
+        "!has(self.minRate) || !has(self.maxAge) || "
+        f"double(self.minRate) * double({milliseconds('self.maxAge')}) >= 1000.0",
+        lambda it: bool(it.min_rate_hz and it.max_age_ms) and it.min_rate_hz * it.max_age_ms < 1000,
+        "at minRate messages are further apart than maxAge, so the cloud would not be fit to act; raise one of them",
+        "minRate",
+    ),
+    Rule(
+        "spec.topics.toCloud[]",
+        "Contradiction",
+        "!self.latched || (!self.latest && !has(self.minRate))",
+        lambda it: it.latched and (it.latest or it.min_rate_hz is not None),
+        "of a latched topic every value counts; leave latest and minRate out",
+        "latched",
     ),
     Rule(
         "spec.switching",
