@@ -106,7 +106,15 @@ class CloudControlShell(ControlShell):
             nodes=self.process.node_states(),
             ready=self.pulse_status is not None and now - self.process.data_s < SILENT_S,
         )
-        self.files.tell(state, now, lambda: liaison.figures(self.process.health()))
+        self.files.tell(state, now, lambda: liaison.figures(self.process.health(), self.carried()))
+
+    def carried(self) -> dict[str, int]:
+        """Returns the bytes that crossed the link so far, by topic."""
+        status = self.process.data_status
+        counters = dict(status.counters) if status is not None else {}
+        specs = (*self.configuration.inputs, *self.configuration.outputs)
+        counted = {spec["topic"]: counters.get(f"{spec.name}.bytes") for spec in specs}
+        return {topic: count for topic, count in counted.items() if count}
 
     def publish_report(self, now: float) -> None:
         """Publishes diagnostics and network status."""

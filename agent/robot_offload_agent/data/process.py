@@ -30,6 +30,8 @@ SLACK_S = 0.010
 UNRESOLVED_S = 0.2
 RESOLVED_S = 1.0
 """How often the graph is looked at, while something is missing and otherwise."""
+CARRYING = ("in", "out")
+"""Kinds of channels that carry a topic from one side to the other."""
 PROBE = Channel("probe", reliable=False, urgent=True)
 LETTERS = Channel(RELAY)
 
@@ -132,7 +134,10 @@ class DataShell(ABC):
                 self.states.process.turn()
 
     def on_message(self, channel: str, header: bytes, payload: bytes) -> None:
-        """Takes a message from the link, on one of its threads."""
+        """Takes a message from the link, on one of its threads; counts the bytes of each topic."""
+        kind, _, name = channel.partition("/")
+        if kind in CARRYING:
+            self.process.counters[f"{name}.bytes"] += len(payload)
         with self.guard:
             if self.states is not None and channel.startswith(CHANNEL):
                 self.states.process.arrived(channel.removeprefix(CHANNEL), header, payload)

@@ -6,7 +6,7 @@ notes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,8 @@ LEAVING_S = 25.0
 What comes after that is not ready until its nodes are. A new agent ends it by being another one.
 """
 VERSION = 1
+MAX_TOPICS = 64
+"""Topics in the state file: those that carried the most."""
 
 
 @dataclass(frozen=True)
@@ -156,10 +158,17 @@ def state(
     }
 
 
-def figures(health: Health | None) -> dict[str, Any]:
-    """The part of the state file that differs each time."""
+def figures(health: Health | None, carried: Mapping[str, int]) -> dict[str, Any]:
+    """Returns the part of the state file that differs each time.
+
+    Args:
+        health: of the link; None: not known.
+        carried: bytes that crossed the link so far, by topic.
+    """
     p50, p99 = (health.round_trip_p50_ms, health.round_trip_p99_ms) if health else (None, None)
-    return {"round_trip_ms": {"p50": p50, "p99": p99}}
+    most = sorted(carried.items(), key=lambda topic: -topic[1])[:MAX_TOPICS]
+    shown = [{"topic": name, "bytes": count} for name, count in sorted(most)]
+    return {"round_trip_ms": {"p50": p50, "p99": p99}, "carried": shown}
 
 
 def _left(liaison: Liaison) -> bool:

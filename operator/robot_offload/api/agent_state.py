@@ -20,11 +20,13 @@ FRESH_S: Final = 5.0
 """How long a state counts: the agent writes each second, so five missing ones mean that it has stopped."""
 ANNOTATION: Final = "robotoffload.dev/state"
 """On the robot's Lease: the state as compact JSON."""
-MAX_TEXT: Final = 16_384
-"""Characters of a whole state. A state of 64 nodes has about 5,000."""
+MAX_TEXT: Final = 32_768
+"""Characters of a whole state. A state of 64 nodes and 64 topics has about 10,000."""
 MAX_SENTENCE: Final = 1024
 MAX_NODES: Final = 64
 """As many as a specification may have."""
+MAX_TOPICS: Final = 64
+"""Those that carried the most."""
 UNREADABLE: Final = "Unreadable"
 """Stands in place of a reason that is no single word."""
 _REASON: Final = re.compile(r"[A-Za-z]{1,64}")
@@ -34,7 +36,7 @@ _DIALLED: Final = re.compile(r"[0-9A-Za-z.:\[\]-]{3,262}")
 MAX_DIALLED: Final = 16
 """Addresses of one bundle that are kept: those of a few nodes of the cluster, two ports each."""
 _INT64: Final = range(-(2**63), 2**63)
-_LIVE_FIELDS: Final = ("written", "round_trip_ms")
+_LIVE_FIELDS: Final = ("written", "round_trip_ms", "carried")
 """What changes all the time; it is in the metrics and never in the Lease."""
 
 
@@ -92,6 +94,7 @@ class AgentState:
         message: the same as a sentence.
         round_trip_p50_ms: the median round trip of the heartbeats; None: not known.
         round_trip_p99_ms: the round trip that one of a hundred exceeds; None: not known.
+        carried: bytes that crossed the link since the agent's start, by topic.
         nodes: name and lifecycle state of each node in the cloud.
         settings: what became of the run-time settings on the robot.
         certificate: with which the robot dials.
@@ -111,6 +114,7 @@ class AgentState:
     message: str = ""
     round_trip_p50_ms: float | None = None
     round_trip_p99_ms: float | None = None
+    carried: tuple[tuple[str, int], ...] = ()
     nodes: tuple[tuple[str, str], ...] = ()
     settings: Settings = Settings()
     certificate: RobotCertificate = RobotCertificate()
@@ -145,6 +149,7 @@ def parse_state(text: str) -> AgentState:
         message=_sentence(values),
         round_trip_p50_ms=_number(round_trip, "p50"),
         round_trip_p99_ms=_number(round_trip, "p99"),
+        carried=_carried(values),
         nodes=_nodes(values),
         settings=Settings(
             robot_generation=_of(settings, "robot_generation", int, None),
@@ -250,6 +255,13 @@ def _nodes(values: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     if len(nodes) > MAX_NODES:
         raise StateError(f"the agent's state names {len(nodes)} nodes; {MAX_NODES} at most can be declared")
     return tuple((_word(node, "name"), _word(node, "state")) for node in nodes)
+
+
+def _carried(values: Mapping[str, Any]) -> tuple[tuple[str, int], ...]:
+    topics = values.get("carried") or []
+    if not isinstance(topics, list) or not all(isinstance(topic, Mapping) for topic in topics):
+        raise StateError("carried of the agent's state is no list of mappings")
+    return tuple((_word(topic, "topic"), _of(topic, "bytes", int, 0)) for topic in topics[:MAX_TOPICS])
 
 
 def _word(values: Mapping[str, Any], name: str) -> str:

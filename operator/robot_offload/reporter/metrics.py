@@ -83,6 +83,12 @@ def _live(state: AgentState) -> Iterator[Metric]:
         if value_ms is not None and math.isfinite(value_ms):
             round_trip.add_metric([quantile], value_ms / 1e3)
     yield round_trip
+    carried = CounterMetricFamily(
+        "robot_offload_topic_bytes", "Bytes that crossed the link since the agent's start.", labels=["topic"]
+    )
+    for topic, count in state.carried:
+        carried.add_metric([topic], float(count))
+    yield carried
     nodes = GaugeMetricFamily("robot_offload_node_state", "1 for each node's present state.", labels=["node", "state"])
     for name, lifecycle in state.nodes:
         nodes.add_metric([name, lifecycle], 1.0)

@@ -23,6 +23,7 @@ def text(**changes: Any) -> str:
         "reason": "LinkGood",
         "message": "the link sustains the cloud",
         "round_trip_ms": {"p50": 11.5, "p99": 19.0},
+        "carried": [{"topic": "/scan", "bytes": 123456}],
         "nodes": [{"name": "controller", "state": "active"}],
         "settings": {"robot_generation": 3, "accepted": True, "reason": "Accepted", "message": "in use"},
         "ready": True,

@@ -33,6 +33,7 @@ def test_a_living_agent_is_told_whole() -> None:
         "robot_offload_placement,unknown": 0.0,
         "robot_offload_round_trip_seconds,0.5": 0.0115,
         "robot_offload_round_trip_seconds,0.99": 0.019,
+        "robot_offload_topic_bytes_total,/scan": 123456.0,
         "robot_offload_node_state,controller,active": 1.0,
         "robot_offload_agent_generation": 3.0,
         "robot_offload_robot_generation": 3.0,
