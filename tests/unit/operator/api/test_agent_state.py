@@ -33,6 +33,7 @@ def test_a_state_is_read_whole() -> None:
         message="the link sustains the cloud",
         round_trip_p50_ms=11.5,
         round_trip_p99_ms=19.0,
+        carried=(("/scan", 123456),),
         nodes=(("controller", "active"),),
         settings=Settings(3, True, "Accepted", "in use"),
         ready=True,
