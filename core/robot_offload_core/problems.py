@@ -89,6 +89,14 @@ class Problem(Explained):
         "FrameUndeclared", "A replica publishes a transform that `frames` of its output does not name; it is left out",
         "Add the frame to `frames`",
     )  # fmt: skip
+    UNDECLARED_SERVER = (
+        "UndeclaredServer", "A duplicated node serves what nobody declared: clients reach their own side's replica",
+        "Add the line of the message to the node, or list the name under `switching.silent`",
+    )  # fmt: skip
+    UNDECLARED_CALL = (
+        "UndeclaredCall", "A duplicated node calls a server outside the group, and nobody declared that",
+        "Add the line of the message to the node, or list the name under `switching.silent`",
+    )  # fmt: skip
     NODE_UNSEEN = (
         "NodeUnseen", "A node without a lifecycle, or a topic that it is declared to publish, is not in the graph",
         "Start the node under its declared name, and remap its outputs to their private topics",

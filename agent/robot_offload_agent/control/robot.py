@@ -197,11 +197,15 @@ class RobotControlShell(ControlShell):
         self.send_limits()
         self.send_notes()
         undeclared = self.managed.undeclared()
-        process.veto("nodes", [(Reason.UNDECLARED_PUBLISHER, warning) for warning in undeclared.values() if warning])
-        for node, warning in undeclared.items():
-            self.report.note(f"undeclared {node}", ("UndeclaredPublisher", warning) if warning else None)
-            if warning and self.configuration["strict"]:
-                self.fail_start(warning)
+        heard_twice = [it.publishes for it in undeclared.values() if it.publishes]
+        process.veto("nodes", [(Reason.UNDECLARED_PUBLISHER, warning) for warning in heard_twice])
+        for node, found in undeclared.items():
+            publishes, serves, calls = found.publishes, found.serves, found.calls
+            self.report.note(f"undeclared {node}", ("UndeclaredPublisher", publishes) if publishes else None)
+            self.report.note(f"serves {node}", (Problem.UNDECLARED_SERVER, serves) if serves else None)
+            self.report.note(f"calls {node}", (Problem.UNDECLARED_CALL, calls) if calls else None)
+            if (publishes or serves) and self.configuration["strict"]:
+                self.fail_start(publishes or serves)
         statuses = (process.data_status, process.collector_status, process.relay_status)
         for status in statuses:
             self.counters.update(dict(status.counters) if status else {})

@@ -58,11 +58,11 @@ def examine(configuration: Configuration, *, dial: bool) -> Iterator[Finding]:
         yield from network.judge([(each, network.reach(each, own)) for each in network.endpoints(configuration)])
     try:
         # Late: without a sourced ROS 2 all other checks still run.
-        from robot_offload_agent.ros.interfaces import message_type  # noqa: PLC0415
+        from robot_offload_agent.ros.interfaces import any_type  # noqa: PLC0415
     except ImportError as error:
         yield Finding(Check.MESSAGE_TYPES, Level.UNKNOWN, str(error), "Source ROS 2 in this shell.")
     else:
-        yield from graph.missing_types(configuration, message_type)
+        yield from graph.missing_types(configuration, any_type)
     yield from graph.judge(graph.look(configuration), configuration)
 
 

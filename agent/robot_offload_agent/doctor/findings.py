@@ -40,6 +40,7 @@ class Check(str, Enum):
     SECOND_LIFECYCLE_MANAGER = "SecondLifecycleManager"
     SECOND_PUBLISHER = "SecondPublisher"
     SERVER_TIMEOUT = "ServerTimeout"
+    UNDECLARED = "Undeclared"
     VERSIONS = "Versions"
 
     def __str__(self) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from robot_offload_agent.doctor.findings import Check, Finding, Level
+from robot_offload_agent.ros.undeclared import Declared, Undeclared
 from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_agent.settings.served import SERVED
 from robot_offload_core.token import Site
 
 DISCOVERY_S = 3.0
@@ -28,6 +31,7 @@ class Graph:
         nodes: full names of all nodes.
         publishers: topic -> full names of the nodes that publish it.
         managers: managed node -> full names of others that call its lifecycle services.
+        undeclared: duplicated node -> what it does beyond what is declared; only nodes that run.
         server_timeout_ms: Nav2's; None: there is no bt_navigator, or it does not answer.
         problem: why nothing could be seen; empty: it could.
     """
@@ -35,6 +39,7 @@ class Graph:
     nodes: frozenset[str] = frozenset()
     publishers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     managers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    undeclared: Mapping[str, Undeclared] = field(default_factory=dict)
     server_timeout_ms: float | None = None
     problem: str = ""
 
@@ -45,13 +50,15 @@ def full_name(namespace: str, name: str) -> str:
 
 
 def missing_types(configuration: Configuration, find: Callable[[str], Any]) -> Iterator[Finding]:
-    """Tries to import every declared message type.
+    """Tries to import every declared type: of messages, services and actions.
 
     Args:
         configuration: of this side.
         find: imports one type by its name and raises an exception that says how to get it.
     """
-    names = sorted({spec["type"] for spec in (*configuration.outputs, *configuration.inputs)} - {"auto"})
+    served = (getattr(configuration, group) for group in SERVED)
+    declared = itertools.chain(configuration.outputs, configuration.inputs, *served)
+    names = sorted({spec["type"] for spec in declared} - {"auto"})
     missing = 0
     for name in names:
         try:
@@ -75,6 +82,7 @@ def judge(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
     yield from _nodes(graph, configuration)
     yield from _publishers(graph, configuration, own)
     yield from _managers(graph, own)
+    yield from _undeclared(graph)
     yield from _timeouts(graph, configuration)
 
 
@@ -116,6 +124,15 @@ def _managers(graph: Graph, own: set[str]) -> Iterator[Finding]:
     if bonded:
         message = f"{', '.join(bonded)} hold a bond with a lifecycle manager, which a change of sides breaks"
         yield Finding(Check.BONDS, Level.WARNING, message, "Set `bond_timeout: 0.0` in lifecycle_manager's parameters.")
+
+
+def _undeclared(graph: Graph) -> Iterator[Finding]:
+    warnings = [warning for node in graph.undeclared.values() for warning in node]
+    for warning in warnings:
+        message, _, step = warning.partition(". ")
+        yield Finding(Check.UNDECLARED, Level.WARNING, message, f"{step}.")
+    if graph.undeclared and not warnings:
+        yield Finding(Check.UNDECLARED, Level.OK, "the duplicated nodes publish, serve and call what is declared")
 
 
 def _timeouts(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
@@ -176,6 +193,9 @@ def _seen(node: Any, executor: Any, configuration: Configuration) -> Graph:
         nodes=frozenset(full_name(space, name) for name, space in names),
         publishers={topic: _publishing(node.get_publishers_info_by_topic(topic)) for topic in topics},
         managers={name: tuple(sorted(who)) for name, who in managers.items()},
+        undeclared=Declared(configuration, node).compare(
+            {it.name: full_name(configuration["namespace"], it.name) for it in configuration.nodes if it["duplicated"]}
+        ),
         server_timeout_ms=_server_timeout(node, executor, configuration["namespace"], {name for name, _ in names}),
     )
 

@@ -24,6 +24,12 @@ class ActionTypes:
     status: Any
 
 
+def any_type(name: str) -> Any:
+    """Returns the class of a type of any kind; see `interface`."""
+    match = _NAME.fullmatch(name)
+    return interface(name, match[2] if match else "msg")
+
+
 def message_type(name: str) -> Any:
     """Returns the class of a message type such as `sensor_msgs/msg/LaserScan`; see `interface`."""
     return interface(name, "msg")

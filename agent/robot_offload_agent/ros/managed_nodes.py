@@ -15,8 +15,8 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
+from robot_offload_agent.ros.undeclared import Declared, Undeclared
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_agent.settings.served import private_name
 from robot_offload_core import guardians
 from robot_offload_core.events import assert_never
 from robot_offload_core.guardians import State, Transition
@@ -38,7 +38,6 @@ TRANSITIONS = {
 }
 NAME_LIKENESS = 0.75
 """A name that is as like another one by difflib's measure is a slip of the pen: `detecter` for `detector` has 0.9."""
-OWN_TOPICS = ("/rosout", "/parameter_events")
 
 
 def ros_name(side: Site, spec: NodeSpec) -> str:
@@ -54,6 +53,7 @@ class ManagedNodes:
         self.configuration = configuration
         self.node = node
         self.post = post
+        self.declared = Declared(configuration, node)
         self.names: dict[str, str] = {}
         self.change: dict[str, Any] = {}
         self.read: dict[str, Any] = {}
@@ -217,31 +217,7 @@ class ManagedNodes:
         self.strangers = found  # a node that starts offers its services a moment after its name
         return lasting
 
-    def undeclared(self) -> dict[str, str]:
-        """For each duplicated node that is seen: a warning when it publishes what is not declared, else ""."""
-        side = self.configuration.side
-        private = f"{side.value}_topic"
-        allowed = {o[private] for o in self.configuration.outputs} | set(OWN_TOPICS)
-        for action in self.configuration.actions:
-            hidden = f"{private_name(side.value, action['name'])}/_action/"
-            allowed |= {f"{hidden}feedback", f"{hidden}status"}
-        found = {}
-        for spec in self.configuration.node_specs():
-            full = self.names.get(spec.name) or self.plain[spec.name][0]
-            if not spec.duplicated:
-                continue
-            namespace, _, short = full.rpartition("/")
-            try:
-                topics = self.node.get_publisher_names_and_types_by_node(short, namespace or "/")
-            except RuntimeError:  # rclpy raises this for a node that is not in the graph (yet)
-                continue
-            extra = sorted(
-                t
-                for t, _ in topics
-                if t not in allowed and not t.startswith(f"{full}/") and not self.configuration.silent(t)
-            )
-            found[spec.name] = (
-                f"Duplicated node {spec.name} publishes {', '.join(extra)}, which no output declares: both "
-                "replicas would be heard; declare it under outputs or remap it"
-            ) if extra else ""  # fmt: skip
-        return found
+    def undeclared(self) -> dict[str, Undeclared]:
+        """Returns, for each duplicated node that is seen, what it does beyond what is declared."""
+        names = [spec.name for spec in self.configuration.node_specs() if spec.duplicated]
+        return self.declared.compare({name: self.names.get(name) or self.plain[name][0] for name in names})

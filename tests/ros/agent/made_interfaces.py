@@ -6,6 +6,7 @@ that the wheels name twice, so they are called one by one. A process that uses t
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -20,10 +21,13 @@ from rosidl_generator_py.cli import GeneratePython
 from rosidl_generator_type_description.cli import HashTypeDescription
 from rosidl_typesupport_c.cli import GenerateCTypesupport
 from rosidl_typesupport_fastrtps_c.cli import GenerateFastRTPSCTypesupport
+from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesupport
 
 PACKAGE = "made_on_the_spot"
 PREFIX = Path(sys.prefix)
 SUPPORT = "rosidl_typesupport_c"
+INTROSPECTION = "rosidl_typesupport_introspection_c"
+LIBRARIES = ("rosidl_generator_c", "rosidl_typesupport_fastrtps_c", INTROSPECTION, SUPPORT, "rosidl_generator_py")
 INTERFACES = {
     "action/Dig.idl": """#include "builtin_interfaces/msg/Time.idl"
 module made_on_the_spot { module action {
@@ -43,21 +47,27 @@ module made_on_the_spot { module action {
 def make(folder: Path) -> Path:
     """Builds the package below a folder; returns what has to be on the search paths. Takes some seconds."""
     source, made = folder / "source" / PACKAGE, folder / "made"
-    _generate(folder, source)
+    _generate(folder, source, folder / "source" / INTROSPECTION / PACKAGE)
     package = made / PACKAGE
     package.parent.mkdir(parents=True)
     for path in source.rglob("*.py"):
         target = package / path.relative_to(source)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(path.read_text())
-    found = {kind: sorted(source.rglob(pattern)) for kind, pattern in _SOURCES.items()}
+    found = {kind: sorted((folder / "source").glob(pattern)) for kind, pattern in _SOURCES.items()}
     with ThreadPoolExecutor() as pool:
         objects = dict(zip(found, pool.map(_compile, found.values()), strict=True))
-    for kind in ("rosidl_generator_c", "rosidl_typesupport_fastrtps_c", SUPPORT, "rosidl_generator_py"):
+    for kind in LIBRARIES:
         _link(objects[kind], made / f"lib{PACKAGE}__{kind}.so", made)
     suffix = sysconfig.get_config_var("EXT_SUFFIX")
     _link(objects["extension"], package / f"{PACKAGE}_s__{SUPPORT}{suffix}", made)
     return made
+
+
+def load(made: Path) -> None:
+    """Lets this process find the package's libraries: it began before LD_LIBRARY_PATH could say where they are."""
+    for kind in LIBRARIES:
+        ctypes.CDLL(str(made / f"lib{PACKAGE}__{kind}.so"))
 
 
 def environment(made: Path) -> dict[str, str]:
@@ -66,16 +76,17 @@ def environment(made: Path) -> dict[str, str]:
 
 
 _SOURCES = {
-    "rosidl_generator_c": "detail/*__[fdt]*[!c].c",
-    "rosidl_typesupport_fastrtps_c": "detail/*__type_support_c.cpp",
-    SUPPORT: "*__type_support.cpp",
-    "rosidl_generator_py": "_*_s.c",
-    "extension": f"_*_s.ep.{SUPPORT}.c",
+    "rosidl_generator_c": f"{PACKAGE}/*/detail/*.c",
+    "rosidl_typesupport_fastrtps_c": f"{PACKAGE}/*/detail/*__type_support_c.cpp",
+    INTROSPECTION: f"{INTROSPECTION}/{PACKAGE}/*/detail/*.c",
+    SUPPORT: f"{PACKAGE}/*/*__type_support.cpp",
+    "rosidl_generator_py": f"{PACKAGE}/*/_*_s.c",
+    "extension": f"{PACKAGE}/_*_s.ep.{SUPPORT}.c",
 }
 
 
-def _generate(folder: Path, source: Path) -> None:
-    """Writes all sources. The generators read their input relative to the working folder."""
+def _generate(folder: Path, source: Path, introspection: Path) -> None:
+    """Writes all sources. The generators read their input relative to the working folder; two write the same names."""
     for name, text in INTERFACES.items():
         path = folder / "idl" / PACKAGE / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -88,7 +99,8 @@ def _generate(folder: Path, source: Path) -> None:
         HashTypeDescription("hash").generate_type_hashes(PACKAGE, files, shared, output_path=folder / "hash")
         hashes = [str((folder / "hash" / name).with_suffix(".json")) for name in files]
         GenerateC("c").generate(PACKAGE, files, shared, output_path=source, type_description_files=hashes)
-        supports = ["rosidl_typesupport_fastrtps_c"]
+        GenerateIntrospectionCTypesupport("introspection").generate(PACKAGE, files, shared, output_path=introspection)
+        supports = ["rosidl_typesupport_fastrtps_c", INTROSPECTION]
         for generator in (
             GenerateFastRTPSCTypesupport("fastrtps"),
             GenerateCTypesupport("c", typesupport_implementations=supports),
@@ -105,7 +117,8 @@ def _compile(sources: Iterable[Path]) -> list[Path]:
     objects = []
     for path in sources:
         compiler = "c++" if path.suffix == ".cpp" else "cc"
-        includes = [f"-I{root}" for root in (path.parents[len(path.parts) - path.parts.index("source") - 2], *roots)]
+        source = path.parents[len(path.parts) - path.parts.index("source") - 2]
+        includes = [f"-I{root}" for root in (source / INTROSPECTION, source, *roots)]
         _run([compiler, "-O0", "-fPIC", "-w", *includes, "-c", str(path), "-o", f"{path}.o"])
         objects.append(Path(f"{path}.o"))
     return objects
@@ -116,7 +129,9 @@ def _link(objects: Sequence[Path], target: Path, made: Path) -> None:
     others = ["rosidl_runtime_c", "rosidl_typesupport_c", "rosidl_typesupport_fastrtps_c", "fastcdr", "rmw", "rcutils"]
     own = [f"-l:{path.name}" for path in made.glob("*.so") if path != target]
     where = [f"-L{made}", f"-L{PREFIX / 'lib'}", f"-Wl,-rpath,{made}", f"-Wl,-rpath,{PREFIX / 'lib'}"]
-    _run(["c++", "-shared", "-o", str(target), *map(str, objects), *where, *own, *lent, *(f"-l{it}" for it in others)])
+    libraries = [*own, *lent, *(f"-l{name}" for name in others)]
+    linker = ["c++", "-shared", f"-Wl,-soname,{target.name}", "-o", str(target)]
+    _run([*linker, *map(str, objects), *where, *libraries])
 
 
 def _run(command: Sequence[str]) -> None:

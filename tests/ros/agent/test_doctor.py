@@ -28,9 +28,12 @@ NAV2 = """
 import rclpy
 from lifecycle_msgs.srv import ChangeState
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 rclpy.init(args=[], domain_id=int(__import__("sys").argv[1]))
 server = rclpy.create_node("controller_server")
 server.create_publisher(String, "/bond", 1)
+server.create_service(Trigger, "/clear_costmap", lambda _, answer: answer)
+server.create_client(Trigger, "/reload_map")
 manager = rclpy.create_node("lifecycle_manager_navigation")
 manager.create_client(ChangeState, "/controller_server/change_state")
 navigator = rclpy.create_node("bt_navigator")
@@ -54,7 +57,12 @@ def test_the_habits_of_nav2_that_would_bite_are_found_in_a_real_graph(tmp_path: 
         assert nav2.stdout.readline() == "up\n"
         done = subprocess.run(doctor, capture_output=True, text=True, timeout=90, check=False)
         nav2.kill()
-    found = {one["check"]: one for one in json.loads(done.stdout)}
+    findings = json.loads(done.stdout)
+    found = {one["check"]: one for one in findings}
+    undeclared = "\n".join(f"{one['message']} {one['step']}" for one in findings if one["check"] == "Undeclared")
+    assert "publishes /bond" in undeclared
+    assert "services: [{name: /clear_costmap, type: std_srvs/srv/Trigger}]" in undeclared
+    assert "uses: {services: [{name: /reload_map, type: std_srvs/srv/Trigger}]}" in undeclared
     assert "/teleop" in found["SecondPublisher"]["message"]
     assert "/lifecycle_manager_navigation" in found["SecondLifecycleManager"]["message"]
     assert "/controller_server" in found["Bonds"]["message"]

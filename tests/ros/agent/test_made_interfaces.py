@@ -39,6 +39,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         for name, value in made_interfaces.environment(folder).items():
             patch.setenv(name, value)
         patch.syspath_prepend(str(folder))
+        made_interfaces.load(folder)
         yield folder
 
 

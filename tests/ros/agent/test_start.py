@@ -111,16 +111,19 @@ def test_strict_refuses_a_duplicated_node_with_undeclared_topics_and_the_default
     build: Callable[..., World],
 ) -> None:
     world = build()
-    world.start_node("robot", extra_topic="/secret")
+    world.start_node("robot", extra_topic="/secret", serves=True)
     agent = world.start_agent("robot")
     world.until(lambda: "/secret" in world.processes.log("robot-agent"), "the warning")
     world.until(lambda: problem(world, "UndeclaredPublisher"), "the problem in diagnostics")
+    world.until(lambda: problem(world, "UndeclaredServer"), "what nobody declared is served")
+    line = "actions: [{name: /count, type: test_msgs/action/Fibonacci, onSwitch: Abort}, {name: /many,"
+    assert line in world.processes.log("robot-agent")
     assert agent.poll() is None
     world.kill_agent("robot")
     strict = world.start_agent("robot", strict=True)
     assert strict.wait(EXIT_S) == 4
     assert "/secret" in world.processes.log("robot-agent").rpartition("ERROR")[2]
-    silent = world.start_agent("robot", strict=True, silent=["secret"])
+    silent = world.start_agent("robot", strict=True, silent=["secret", "count", "many", "ask", "do"])
     world.until(lambda: world.site == "robot", "the robot acts, nobody outside its side needs that topic")
     assert silent.poll() is None
 
