@@ -4,7 +4,7 @@
   nobody can go on with it.
 * `GoalTwice`: a goal has one result.
 * `GoalBackwards`: feedback only goes forward.
-* `Gap`: feedback is silent no longer than an output may be, not counting the time in which the driver was inhibited.
+* `GoalGap`: feedback is silent no longer than an output may be, not counting the time in which the driver was inhibited.
 * `CallLost`: each call of a service is answered.
 * `StateLost`: after a switch the side that takes over begins with the state of the other.
 """
@@ -154,4 +154,4 @@ def _of_goal(
         at_s = silent_s - recording.run.start_s
         said = f"The feedback of goal {figures.goal} was silent for {figures.silence_ms:.0f} ms from {at_s:.3f} s on"
         explained = f"more than the {limit_ms:.0f} ms that detection, activation and one period explain."
-        yield silent_s, "Gap", f"{said}, {explained}"
+        yield silent_s, "GoalGap", f"{said}, {explained}"

@@ -77,7 +77,7 @@ def test_a_person_reads_of_goals_calls_and_state(tmp_path: Any) -> None:
         ({"ending": "aborted"}, "GoalLost"),
         ({"ending": "rejected"}, "GoalLost"),
         ({"backwards": 3}, "GoalBackwards"),
-        ({"silence_ms": 900.0}, "Gap"),
+        ({"silence_ms": 900.0}, "GoalGap"),
     ],
 )
 def test_a_broken_promise_about_a_goal_is_named(changes: dict[str, Any], kind: str) -> None:
