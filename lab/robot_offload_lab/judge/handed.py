@@ -4,7 +4,7 @@
   nobody can go on with it.
 * `GoalTwice`: a goal has one result.
 * `GoalBackwards`: feedback only goes forward.
-* `GoalGap`: feedback is silent no longer than an output may be, not counting the time in which the driver was inhibited.
+* `GoalGap`: feedback is silent no longer than an output may be; the time in which the driver was inhibited is left out.
 * `CallLost`: each call of a service is answered.
 * `StateLost`: after a switch the side that takes over begins with the state of the other.
 """
