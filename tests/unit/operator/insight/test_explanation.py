@@ -7,6 +7,7 @@ from typing import Any
 
 from robot_offload.cli.status.explain import lines
 from robot_offload.insight.explanation import Explanation, explain
+from robot_offload.insight.handover import handover
 from robot_offload.insight.observed import Observed, observe
 from tests.unit.operator.cli.resources import NOW, manifest, observed
 
@@ -114,3 +115,23 @@ def test_only_the_last_five_warnings_are_shown() -> None:
         for number in range(9)
     ]
     assert len(explained(observed(), *many).events) == 5
+
+
+def test_what_becomes_of_goals_calls_and_state_is_told() -> None:
+    controller = {
+        "name": "controller",
+        "placement": "Duplicated",
+        "actions": [{"name": "/drive_to", "type": "a/action/B", "onSwitch": "Resend"}],
+        "services": [{"name": "/how_far", "type": "a/srv/B"}],
+        "state": [{"snapshot": True}, {"topic": "/pose", "restore": "/initialpose"}, {"parameters": {}}],
+    }
+    elsewhere = {"name": "base", "placement": "Robot", "services": [{"name": "/own"}]}
+    assert list(handover({"nodes": [elsewhere, controller]})) == [
+        "At a change of sides, goals of /drive_to go on with the replica of the other side (Resend).",
+        "Calls of /how_far are executed at most once, by the acting side (Holder).",
+        "controller hands over its snapshots.",
+        "controller hands over /pose, which its replica gets as /initialpose.",
+        "controller hands over its parameters.",
+    ]
+    found = explained(dataclasses.replace(observed(), spec={"nodes": [controller]}))
+    assert any("goals of /drive_to go on" in note for note in found.notes)
