@@ -29,7 +29,7 @@ class Nav2Client:
 
     Attributes:
         feedback: (process, tick) of all goals.
-        results: statuses, by the number of the goal: exactly one each at the end.
+        asked: for the result of each goal.
     """
 
     def __init__(self, domain: int, name: str) -> None:
@@ -40,7 +40,7 @@ class Nav2Client:
         self.executor.add_node(self.node)
         self.client = ActionClient(self.node, Fibonacci, "/count")
         self.feedback: list[tuple[int, int]] = []
-        self.results: list[list[int]] = []
+        self.asked: list[Future] = []
         self.handle: Any = None
 
     def __enter__(self) -> Self:
@@ -57,22 +57,22 @@ class Nav2Client:
         self.executor.spin_until_future_complete(future, timeout_s)
 
     def send(self, order: int) -> Future:
-        """Sends a goal; None of its words is lost, whatever its client does meanwhile."""
-        number = len(self.results)
-        self.results.append([])
-        sent = self.client.send_goal_async(
-            Fibonacci.Goal(order=order),
-            feedback_callback=lambda heard: self.feedback.append(tuple(heard.feedback.sequence)),
+        """Sends a goal."""
+        goal = Fibonacci.Goal(order=order)
+        return self.client.send_goal_async(
+            goal, feedback_callback=lambda heard: self.feedback.append(tuple(heard.feedback.sequence))
         )
-        sent.add_done_callback(lambda done: self.answered(number, done.result()))
-        return sent
 
-    def answered(self, number: int, handle: Any) -> None:
+    def took(self, handle: Any) -> None:
         """A goal handle has come: each client asks for its result at once."""
+        self.handle = handle
         if handle.accepted:
-            asked = handle.get_result_async()
-            asked.add_done_callback(lambda done: self.results[number].append(done.result().status))
-            handle.asked = asked
+            self.asked.append(handle.get_result_async())
+
+    @property
+    def results(self) -> list[int | None]:
+        """Statuses of the goals' results, in the order of the goals; None while there is none."""
+        return [asked.result().status if asked.done() else None for asked in self.asked]
 
 
 class BasicNavigator(Nav2Client):
@@ -82,13 +82,13 @@ class BasicNavigator(Nav2Client):
         """Sends a goal and returns whether it was accepted; waits for that as long as it takes."""
         sent = self.send(order)
         self.spin(sent)
-        self.handle = sent.result()
+        self.took(sent.result())
         return bool(self.handle.accepted)
 
     def is_task_complete(self) -> bool:
         """Spins for 0.1 s and returns whether the result is there."""
-        self.spin(self.handle.asked, POLL_S)
-        return bool(self.handle.asked.done())
+        self.spin(self.asked[-1], POLL_S)
+        return bool(self.asked[-1].done())
 
     def cancel_task(self) -> None:
         """Cancels and waits for the answer as long as it takes."""
@@ -98,7 +98,7 @@ class BasicNavigator(Nav2Client):
         """Polls until the result is there; returns its status."""
         while not self.is_task_complete():
             pass
-        return int(self.handle.asked.result().status)
+        return int(self.asked[-1].result().status)
 
 
 class TreeNode(Nav2Client):
@@ -119,13 +119,13 @@ class TreeNode(Nav2Client):
             self.spin(sent, TICK_S)
         assert sent.done(), "Timed out while waiting for action server to acknowledge goal request"
         self.acknowledged_s.append(time.monotonic() - began_s)
-        self.handle = sent.result()
+        self.took(sent.result())
         assert self.handle.accepted, "Goal was rejected by the action server"
 
     def tick(self, seconds: float) -> None:
         """Ticks for so long; the results of goals that were renewed are of no interest to the tree."""
         end_s = time.monotonic() + seconds
-        while time.monotonic() < end_s and not self.handle.asked.done():
+        while time.monotonic() < end_s and not self.asked[-1].done():
             self.executor.spin_once(TICK_S)
 
     def halt(self) -> int:
@@ -134,5 +134,5 @@ class TreeNode(Nav2Client):
             cancel = self.handle.cancel_goal_async()
             self.spin(cancel)
             assert cancel.result().return_code == 0, "Failed to cancel action server"
-        self.spin(self.handle.asked)
-        return int(self.handle.asked.result().status)
+        self.spin(self.asked[-1])
+        return int(self.asked[-1].result().status)

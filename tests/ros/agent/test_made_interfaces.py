@@ -87,4 +87,4 @@ def test_an_agent_without_the_package_does_not_start_and_names_it(build: Callabl
     world = build(both=DECLARED, environment={"robot": {"PYTHONPATH": ""}})
     assert world.start_agent("robot").wait(EXIT_S) == 4
     said = world.processes.log("robot-agent")
-    assert "made_on_the_spot/action/Dig cannot be imported here: no installed package made_on_the_spot has it" in said
+    assert "cannot be imported here: no installed package made_on_the_spot has it" in said
