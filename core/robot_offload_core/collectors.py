@@ -28,7 +28,7 @@ from robot_offload_core.token import Site, Token
 PAUSE_S = 0.120
 """Own turns this far apart are a pause of ours, not silence of an output: six turns of 20 ms."""
 HEALTHY_S = 0.5
-"""Without a pause for so long the process is healthy: a later pause begins a new row."""
+"""Without a pause for so long the process is healthy. A second pause sooner than that earns no second grace."""
 PAUSE_GRACE_S = 0.100
 """So long after a pause silence is not reported: what waited is too old by then, new messages must come first."""
 
@@ -113,8 +113,7 @@ class Collector:
         stay: grows by one with each change of the side that passes, over restarts of this process.
         loss_timeout_s: longest margin with which a message of the cloud is waited for; 0: none is.
         activation_s: by when an output speaks whose `while` became true.
-        paused_s: end of the last pause of this process. first_pause_s: of the first pause of the present row, with less
-            than HEALTHY_S between them.
+        paused_s: end of the last pause of this process.
     """
 
     max_age_s: float
@@ -132,7 +131,6 @@ class Collector:
     turned_s: float | None = None
     judged_from_s: float = 0.0
     paused_s: float | None = None
-    first_pause_s: float = 0.0
     stay: int = 0
     loss_timeout_s: float = 0.0
     activation_s: float = 0.0
@@ -307,8 +305,8 @@ def turn(collector: Collector, now_s: float) -> Collector:
     """A turn of the process's loop: notices a pause of its own, and what `tick` notices."""
     if collector.turned_s is not None and now_s - collector.turned_s > PAUSE_S:
         in_a_row = collector.paused_s is not None and now_s - collector.paused_s < HEALTHY_S
-        first_s = collector.first_pause_s if in_a_row else now_s
-        collector = replace(collector, judged_from_s=now_s + PAUSE_GRACE_S, paused_s=now_s, first_pause_s=first_s)
+        judged_from_s = collector.judged_from_s if in_a_row else now_s + PAUSE_GRACE_S
+        collector = replace(collector, judged_from_s=judged_from_s, paused_s=now_s)
     return tick(replace(collector, turned_s=now_s), now_s)
 
 
@@ -398,8 +396,7 @@ def admits_effect(collector: Collector, token: Token, now_s: float) -> Passage:
 
 def report(collector: Collector, now_s: float) -> GateReport:
     """The state as control needs it."""
-    starved = now_s - collector.first_pause_s > collector.gate_timeout_s
-    judged = now_s >= collector.judged_from_s or starved  # pauses one after the other hide silence no longer than that
+    judged = now_s >= collector.judged_from_s
     rated = [(i, o) for i, o in enumerate(collector.outputs) if o.spec.rated]
     idle = tuple(i for i, o in rated if not occasions.must_speak(o, Site.ROBOT, collector.activation_s, now_s))
     cloud_idle = tuple(i for i, o in rated if not occasions.must_speak(o, Site.CLOUD, collector.activation_s, now_s))

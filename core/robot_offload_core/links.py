@@ -18,6 +18,10 @@ OFFSET_LIFE_S = 30.0
 """After this long a better old offset sample gives way: quartzes drift by up to 1.5 ms in it (50 ppm)."""
 
 
+ROUNDING_S = 5e-6
+"""Times in beats are whole microseconds."""
+
+
 @dataclass(frozen=True)
 class Offset:
     """The best offset sample at hand, with half its round trip as uncertainty. Seconds; peer minus us."""
@@ -104,15 +108,17 @@ def hear(link: Link, beat: Beat, ours: str, arrived_s: float, wall_us: int) -> L
 def _offset(
     known: Offset | None, beat: Beat, sent_s: float, round_trip_s: float, arrived_s: float, wall_us: int
 ) -> Offset:
-    walls_s = (beat.wall_us - wall_us) / 1e6
-    if known and round_trip_s / 2 >= known.uncertainty_s and arrived_s - known.taken_s < OFFSET_LIFE_S:
-        # A system clock that was set shows in this beat already; only the steady part needs a good sample.
-        return known if known.wall_s == known.steady_s + walls_s else replace(known, wall_s=known.steady_s + walls_s)
     assert beat.echo is not None
+    walls_s, half_s = (beat.wall_us - wall_us) / 1e6, round_trip_s / 2
     there_s = beat.sent_us / 1e6
     heard_there_s = there_s - beat.echo.hold_us / 1e6
     steady_s = ((heard_there_s - sent_s) + (there_s - arrived_s)) / 2
-    return Offset(steady_s, steady_s + walls_s, round_trip_s / 2, arrived_s)
+    # Each sample bounds the offset: two that contradict each other show that a steady clock stood still (a paused VM).
+    stood = known is not None and abs(steady_s - known.steady_s) > known.uncertainty_s + half_s + ROUNDING_S
+    if known and not stood and half_s >= known.uncertainty_s and arrived_s - known.taken_s < OFFSET_LIFE_S:
+        # A system clock that was set shows in this beat already; only the steady part needs a good sample.
+        return known if known.wall_s == known.steady_s + walls_s else replace(known, wall_s=known.steady_s + walls_s)
+    return Offset(steady_s, steady_s + walls_s, half_s, arrived_s)
 
 
 def latency_s(link: Link, now_s: float, beat_period_s: float) -> float:

@@ -77,5 +77,5 @@ def test_both_kinds_of_changeover_happen_often(total: Total) -> None:
 
 
 def test_the_same_seed_gives_the_same_run() -> None:
-    first, again = campaign.live(SEED, None, 3)[1], campaign.live(SEED, None, 3)[1]
+    first, again = campaign.live(SEED, None, False, 4)[1], campaign.live(SEED, None, False, 4)[1]
     assert (first.events, first.faults, first.pairs) == (again.events, again.faults, again.pairs)

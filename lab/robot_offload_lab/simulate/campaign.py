@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 
-from robot_offload_lab.simulate import coverage
+from robot_offload_lab.simulate import coverage, goal_storm
 from robot_offload_lab.simulate.chunk import CHUNK_S, Chunk, Outcome
 from robot_offload_lab.simulate.coverage import Pair
 from robot_offload_lab.simulate.mutant_list import MUTANTS
@@ -34,6 +34,8 @@ class Total:
     events: int = 0
     commanded: int = 0
     sudden: int = 0
+    goals_s: float = 0.0
+    worlds: dict[str, int] = field(default_factory=dict)
     pairs: dict[Pair, int] = field(default_factory=dict)
     broken: list[Broken] = field(default_factory=list)
 
@@ -44,6 +46,9 @@ class Total:
         self.events += outcome.events
         self.commanded += outcome.commanded
         self.sudden += outcome.sudden
+        self.goals_s += outcome.goals_s
+        for name in outcome.worlds:
+            self.worlds[name] = self.worlds.get(name, 0) + 1
         for pair, count in outcome.pairs.items():
             self.pairs[pair] = self.pairs.get(pair, 0) + count
         if outcome.violation:
@@ -66,17 +71,19 @@ def chunks_for(hours: float) -> int:
     return max(1, math.ceil(hours * 3600 / CHUNK_S))
 
 
-def live(seed: int, mutant: str | None, index: int) -> tuple[int, Outcome]:
-    """One stretch; the same seed and index give the same stretch on any machine."""
+def live(seed: int, mutant: str | None, goals: bool, index: int) -> tuple[int, Outcome]:
+    """One stretch, with goals and calls in some or in all; the same seed and index give the same on any machine."""
     with planted(MUTANTS[mutant] if mutant else None):
-        outcome = Chunk(seed, index).live()
+        outcome = goal_storm.live(seed, index) if goals or goal_storm.with_goals(index) else Chunk(seed, index).live()
     gc.collect()  # a world is one big cycle; it is collected once, at its end
     return index, outcome
 
 
-def run(seed: int, indices: range, workers: int, mutant: str | None = None) -> Iterator[tuple[int, Outcome]]:
-    """Lives through the stretches, in any order, each as it is done."""
-    task = partial(live, seed, mutant)
+def run(
+    seed: int, indices: range, workers: int, mutant: str | None = None, *, goals: bool = False
+) -> Iterator[tuple[int, Outcome]]:
+    """Lives through the stretches, in any order, each as it is done; `goals`: all of them with goals and calls."""
+    task = partial(live, seed, mutant, goals)
     if workers <= 1:
         gc.disable()
         try:

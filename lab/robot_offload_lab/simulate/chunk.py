@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from robot_offload_core.checks import InvariantError
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate import scenario as scenarios
+from robot_offload_lab.simulate import worlds
 from robot_offload_lab.simulate.coverage import Pair
 from robot_offload_lab.simulate.faults import Faults, Hands, only_link, plan, plan_ambushes
 from robot_offload_lab.simulate.observer import Observer
@@ -27,6 +28,7 @@ class Outcome:
     Attributes:
         simulated_s, faults, events: how much was lived through.
         commanded, sudden: changeovers. passed_robot, passed_cloud: messages passed.
+        worlds: of the stretch. goals_s: how much of it had goals and calls.
         pairs: coverage. violation: the text of the first violation, with the story that led to it.
     """
 
@@ -39,6 +41,8 @@ class Outcome:
     passed_cloud: int = 0
     pairs: dict[Pair, int] = field(default_factory=dict)
     alarms: dict[str, int] = field(default_factory=dict)
+    worlds: tuple[str, ...] = ()
+    goals_s: float = 0.0
     violation: str = ""
     story: tuple[str, ...] = ()
 
@@ -48,8 +52,10 @@ class Chunk:
 
     def __init__(self, seed: int, index: int, draw: Callable[[random.Random], Scenario] = scenarios.draw) -> None:
         name = f"{seed}/{index}"
-        dice = random.Random(name + "/plan")
-        self.system = System(draw(dice), name)
+        dice, others = random.Random(name + "/plan"), random.Random(name + "/world")
+        names = worlds.draw(others, only_link=only_link(index))
+        self.system = System(worlds.made(draw(dice), names, others), name)
+        worlds.happen(self.system, others)
         self.faults = Faults(self.system, plan(dice, index), plan_ambushes(dice, index))
         self.hands = Hands(self.system, dice)
         self.observer = Observer(self.system, self.faults.quiet_s, only_link=only_link(index))
@@ -80,6 +86,7 @@ class Chunk:
             passed_cloud=observer.passed_messages[Site.CLOUD],
             pairs=system.coverage.pairs,
             alarms=observer.alarms,
+            worlds=system.scenario.worlds,
             violation=violation,
             story=story,
         )

@@ -2,62 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from collections.abc import Callable
 
 from robot_offload_core import envelope, placement
 from robot_offload_core.switcher import PREPARE_EXTRA_S
 from robot_offload_core.token import Site
+from robot_offload_lab.simulate.fault_hosts import HOSTS
+from robot_offload_lab.simulate.fault_types import Fault, Kind, Undo, nothing, option, raised
 from robot_offload_lab.simulate.link_model import REPLAY_SPREAD_S, Session, Wire
 from robot_offload_lab.simulate.nodes import Node
 from robot_offload_lab.simulate.strangers import OtherRobot, babble, other_cloud
 from robot_offload_lab.simulate.system import System
 from robot_offload_lab.simulate.world import Process
 
-Undo = Callable[[], None]
-T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Fault:
-    """One planned fault.
-
-    Attributes:
-        at_s: true time of its start.
-        kind: a key of KINDS.
-        duration_s: how long it lasts.
-        pick: chance, 0 to 1, for what the kind leaves open (which process, which direction).
-    """
-
-    at_s: float
-    kind: str
-    duration_s: float
-    pick: float
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of fault: how often, how long (seconds), what it does, and what it leaves behind after its end."""
-
-    weight: float
-    lasts_s: tuple[float, float]
-    apply: Callable[[System, Fault], Undo]
-    tail_s: float = 0.0
-
-
-def _of(options: list[T] | tuple[T, ...], pick: float) -> tuple[T, float]:
-    """The option that `pick` falls on, and the rest of the chance."""
-    scaled = pick * len(options)
-    return options[int(scaled)], scaled - int(scaled)
-
 
 def _wires(run: System, pick: float) -> tuple[list[Wire], float]:
     """Some wires: one direction or both, of pulse, data or (mostly) both."""
     both = [run.link.pulse, run.link.data]
     sessions: list[list[Session]] = [both, both, [run.link.pulse], [run.link.data]]
-    chosen, pick = _of(sessions, pick)
-    way, pick = _of(("both", "both", "up", "down"), pick)
+    chosen, pick = option(sessions, pick)
+    way, pick = option(("both", "both", "up", "down"), pick)
     wires = [w for s in chosen for w in ((s.up, s.down) if way == "both" else (getattr(s, way),))]
     return wires, pick
 
@@ -82,12 +46,12 @@ def _clean_cut(run: System, fault: Fault) -> Undo:
     """Both sessions are cut in both directions at once, and what is under way is lost."""
     del fault
     wires = (run.link.pulse.up, run.link.pulse.down, run.link.data.up, run.link.data.down)
-    return _raised(wires, "cut_lost", 1)
+    return raised(wires, "cut_lost", 1)
 
 
 def _starve(run: System, fault: Fault) -> Undo:
     """One process of the robot gets its processor time in slices."""
-    process, pick = _of((run.robot.control, run.robot.control, run.robot.collector, run.robot.data), fault.pick)
+    process, pick = option((run.robot.control, run.robot.control, run.robot.collector, run.robot.data), fault.pick)
     off_s = 0.03 + 0.2 * pick**2
     end_s = run.world.now + fault.duration_s
 
@@ -97,7 +61,7 @@ def _starve(run: System, fault: Fault) -> Undo:
             run.world.after(off_s + 0.012, slice_)
 
     slice_()
-    return _nothing
+    return nothing
 
 
 def _loss(run: System, fault: Fault) -> Undo:
@@ -127,31 +91,16 @@ def _data_loss(run: System, fault: Fault) -> Undo:
 
 def _slow(run: System, fault: Fault) -> Undo:
     wires, pick = _wires(run, fault.pick)
-    return _raised(wires, "extra_s", 0.01 + 0.25 * pick)
+    return raised(wires, "extra_s", 0.01 + 0.25 * pick)
 
 
 def _double(run: System, fault: Fault) -> Undo:
     wires, pick = _wires(run, fault.pick)
-    return _raised(wires, "doubled", 0.1 + 0.4 * pick)
+    return raised(wires, "doubled", 0.1 + 0.4 * pick)
 
 
 def _reorder(run: System, fault: Fault) -> Undo:
-    return _raised(_wires(run, fault.pick)[0], "reordering", 1)
-
-
-def _raised(things: Sequence[Wire] | Sequence[Node], attribute: str, by: float) -> Undo:
-    """Raises an amount of several things; faults of one kind may overlap, so the undoing takes off just its own."""
-
-    def add(value: float) -> None:
-        for thing in things:
-            setattr(thing, attribute, max(0, getattr(thing, attribute) + value))
-
-    add(by)
-    return lambda: add(-by)
-
-
-def _nothing() -> None:
-    """For faults that end by themselves."""
+    return raised(_wires(run, fault.pick)[0], "reordering", 1)
 
 
 def _agents(run: System) -> list[Process]:
@@ -159,25 +108,25 @@ def _agents(run: System) -> list[Process]:
 
 
 def _kill(run: System, fault: Fault) -> Undo:
-    process, _ = _of(_agents(run), fault.pick)
+    process, _ = option(_agents(run), fault.pick)
     process.kill(fault.duration_s)
-    return _nothing
+    return nothing
 
 
 def _stop(run: System, fault: Fault) -> Undo:
-    process, _ = _of(_agents(run), fault.pick)
+    process, _ = option(_agents(run), fault.pick)
     process.stop_for(fault.duration_s)
-    return _nothing
+    return nothing
 
 
 def _stop_and_kill(run: System, fault: Fault) -> Undo:
     """One process stands still while another of the same host is killed and comes back."""
-    side, pick = _of((run.robot.processes, run.cloud.processes), fault.pick)
-    stopped, pick = _of((side[0], side[0], side[0], *side), pick)  # mostly control
-    killed, _ = _of([p for p in side if p is not stopped], pick)
+    side, pick = option((run.robot.processes, run.cloud.processes), fault.pick)
+    stopped, pick = option((side[0], side[0], side[0], *side), pick)  # mostly control
+    killed, _ = option([p for p in side if p is not stopped], pick)
     stopped.stop_for(fault.duration_s)
     killed.kill(min(fault.duration_s, 0.05 + 0.5 * pick))
-    return _nothing
+    return nothing
 
 
 def _named(run: System, name: str) -> Process:
@@ -189,7 +138,7 @@ def _stall(name: str) -> Callable[[System, Fault], Undo]:
 
     def apply(run: System, fault: Fault) -> Undo:
         _named(run, name).stop_for(fault.duration_s)
-        return _nothing
+        return nothing
 
     return apply
 
@@ -199,7 +148,7 @@ def _end(name: str) -> Callable[[System, Fault], Undo]:
 
     def apply(run: System, fault: Fault) -> Undo:
         _named(run, name).kill(fault.duration_s)
-        return _nothing
+        return nothing
 
     return apply
 
@@ -208,14 +157,14 @@ def _outlived_gate(run: System, fault: Fault) -> Undo:
     """Control and collector stand still together; the collector goes on first, with old gates in its inbox."""
     run.robot.collector.stop_for(fault.duration_s)
     run.robot.control.stop_for(fault.duration_s + 0.3)
-    return _nothing
+    return nothing
 
 
 def _robot_hangs(run: System, fault: Fault) -> Undo:
     """Everything that the user runs on the robot stands still."""
     for node in run.robot.nodes.values():
         node.stop_for(fault.duration_s)
-    return _nothing
+    return nothing
 
 
 def _late_changeover(run: System, fault: Fault) -> Undo:
@@ -224,7 +173,7 @@ def _late_changeover(run: System, fault: Fault) -> Undo:
     _hush(run, 1)
     run.world.after(silent_s, _hush, run, -1)
     run.world.after(silent_s, run.robot.collector.stop_for, 0.1)
-    return _nothing
+    return nothing
 
 
 def _hush(run: System, sign: int) -> None:
@@ -235,7 +184,7 @@ def _hush(run: System, sign: int) -> None:
 def _brink(run: System, fault: Fault) -> Undo:
     """The robot's control stands still for almost exactly a lease."""
     run.robot.control.stop_for(run.scenario.settings.lease_s - 0.02 * fault.pick)
-    return _nothing
+    return nothing
 
 
 def _change_of_mind(run: System, fault: Fault) -> Undo:
@@ -243,12 +192,12 @@ def _change_of_mind(run: System, fault: Fault) -> Undo:
     control = run.robot.control
     control.deliver(control.step, placement.SwitchByHand(Site.ROBOT))
     run.world.after(0.005 * fault.pick, control.deliver, control.step, placement.SwitchByHand(Site.CLOUD))
-    return _nothing
+    return nothing
 
 
 def _amnesia(run: System, fault: Fault) -> Undo:
     """A pulse process is killed and back at once, in the middle of losses and repetitions of its beats."""
-    process, pick = _of((run.robot.pulse, run.cloud.pulse), fault.pick)
+    process, pick = option((run.robot.pulse, run.cloud.pulse), fault.pick)
     wires = (run.link.pulse.up, run.link.pulse.down)
     share = 0.2 + 0.4 * pick
     for wire in wires:
@@ -275,42 +224,42 @@ def _replay(run: System, fault: Fault) -> Undo:
     if old:
         token = envelope.decode(old[0][1]).token
         run.world.after(fault.duration_s / 2, data.deliver, data.arrived, "effect", b"", token)
-    return _nothing
+    return nothing
 
 
 def _late_nodes(run: System, fault: Fault) -> Undo:
     """The transitions of one side's nodes take about as long as a preparation may."""
-    side, pick = _of((run.robot.nodes, run.robot.nodes, run.cloud.nodes), fault.pick)
+    side, pick = option((run.robot.nodes, run.robot.nodes, run.cloud.nodes), fault.pick)
     slow_s = run.scenario.settings.activation_deadline_s + PREPARE_EXTRA_S - 0.06 + 0.06 * pick
-    return _raised([node for node in side.values() if node.spec.duplicated], "slow_s", slow_s)
+    return raised([node for node in side.values() if node.spec.duplicated], "slow_s", slow_s)
 
 
 def _late_cloud(run: System, fault: Fault) -> Undo:
     """The cloud's nodes take their time to wake, within the deadline."""
     nodes = [node for node in run.cloud.nodes.values() if node.spec.duplicated]
-    return _raised(nodes, "slow_s", 0.1 + 0.1 * fault.pick)
+    return raised(nodes, "slow_s", 0.1 + 0.1 * fault.pick)
 
 
 def _freeze(run: System, fault: Fault) -> Undo:
-    host, _ = _of((run.robot.host, run.cloud.host), fault.pick)
+    host, _ = option((run.robot.host, run.cloud.host), fault.pick)
     host.freeze()
     return host.thaw
 
 
 def _node(run: System, pick: float) -> Node:
-    return _of([*run.robot.nodes.values(), *run.cloud.nodes.values()], pick)[0]
+    return option([*run.robot.nodes.values(), *run.cloud.nodes.values()], pick)[0]
 
 
 def _crash(run: System, fault: Fault) -> Undo:
     _node(run, fault.pick).kill(fault.duration_s)
-    return _nothing
+    return nothing
 
 
 def _hang(run: System, fault: Fault) -> Undo:
     node = _node(run, fault.pick)
     if fault.pick * 97 % 1 < 0.5:
         node.stop_for(fault.duration_s)
-        return _nothing
+        return nothing
     node.hung += 1
 
     def undo() -> None:
@@ -321,20 +270,20 @@ def _hang(run: System, fault: Fault) -> Undo:
 
 def _troubled(run: System, fault: Fault) -> Undo:
     """The transitions of one side's nodes are slow, refused, or succeed without a reply."""
-    side, pick = _of((run.robot.nodes, run.cloud.nodes), fault.pick)
-    how, pick = _of(("slow", "refusing", "mute"), pick)
+    side, pick = option((run.robot.nodes, run.cloud.nodes), fault.pick)
+    how, pick = option(("slow", "refusing", "mute"), pick)
     nodes = list(side.values())
     if pick < 0.5:
-        nodes = [_of(nodes, pick * 2)[0]]
+        nodes = [option(nodes, pick * 2)[0]]
 
     attribute, by = {
         "slow": ("slow_s", 0.05 + 1.5 * pick**2), "refusing": ("refusing", 1), "mute": ("mute", 1),
     }[how]  # fmt: skip
-    return _raised(nodes, attribute, by)
+    return raised(nodes, attribute, by)
 
 
 def _clock_step(run: System, fault: Fault) -> Undo:
-    host, pick = _of((run.robot.host, run.cloud.host), fault.pick)
+    host, pick = option((run.robot.host, run.cloud.host), fault.pick)
     step_us = round((pick - 0.5) * 2e6)
     host.wall_us += step_us
 
@@ -347,7 +296,7 @@ def _clock_step(run: System, fault: Fault) -> Undo:
 def _driver(run: System, fault: Fault) -> Undo:
     if fault.pick < 0.5:
         run.driver.kill(fault.duration_s)
-        return _nothing
+        return nothing
     run.driver.slow_s += 0.05
 
     def undo() -> None:
@@ -357,7 +306,7 @@ def _driver(run: System, fault: Fault) -> Undo:
 
 
 def _input_silent(run: System, fault: Fault) -> Undo:
-    index = _of(list(range(len(run.scenario.inputs))), fault.pick)[0]
+    index = option(list(range(len(run.scenario.inputs))), fault.pick)[0]
     run.silent_inputs.append(index)
     return lambda: run.silent_inputs.remove(index)
 
@@ -388,14 +337,14 @@ def _babble(run: System, fault: Fault) -> Undo:
 
 def _hand(run: System, fault: Fault) -> Undo:
     """Somebody switches or pins at the worst moment."""
-    site, pick = _of((Site.ROBOT, Site.CLOUD), fault.pick)
+    site, pick = option((Site.ROBOT, Site.CLOUD), fault.pick)
     until_s = run.robot.host.now_s() + fault.duration_s
     events: tuple[placement.Event, ...] = (
         placement.SwitchByHand(site), placement.SetPin(placement.Wish(site, until_s)), placement.SetPin(None),
     )  # fmt: skip
-    event, _ = _of(events, pick)
+    event, _ = option(events, pick)
     run.robot.control.deliver(run.robot.control.step, event)
-    return _nothing
+    return nothing
 
 
 KINDS: dict[str, Kind] = {
@@ -438,4 +387,4 @@ KINDS: dict[str, Kind] = {
     "bare": Kind(0.7, (0.05, 1.5), _bare),
     "hand": Kind(2.0, (0.02, 0.5), _hand),
     "babble": Kind(0.5, (0.1, 1.0), _babble),
-}
+} | HOSTS

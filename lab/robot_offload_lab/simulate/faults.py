@@ -11,7 +11,8 @@ from collections.abc import Sequence
 
 from robot_offload_core import placement
 from robot_offload_core.token import Site
-from robot_offload_lab.simulate.fault_kinds import KINDS, Fault
+from robot_offload_lab.simulate.fault_kinds import KINDS
+from robot_offload_lab.simulate.fault_types import Fault
 from robot_offload_lab.simulate.system import System
 
 STORMS = ((3.0, 18.0), (32.0, 47.0))

@@ -19,6 +19,8 @@ PREPARE_S = 2.0
 DECIDED_WITHIN_S = 25.0
 """The longest goal (8 s), its deadlines, a relay that is stopped meanwhile: whatever is older has its result."""
 RESTART_S = 0.3
+EVERY = 6
+"""Every sixth stretch of the storms."""
 
 
 def drawn(dice: random.Random) -> Scenario:
@@ -88,6 +90,11 @@ class Demands:
         self.dice.choice(self.handing.processes).stop_for(self.dice.random())
 
 
+def with_goals(index: int) -> bool:
+    """Returns whether a stretch of the storms has goals and calls."""
+    return index % EVERY == EVERY - 3
+
+
 def live(seed: int, index: int) -> Outcome:
     """Lives one stretch; the end of each goal and call is judged too."""
     chunk = Chunk(seed, index, drawn)
@@ -95,6 +102,7 @@ def live(seed: int, index: int) -> Outcome:
     assert handing is not None
     Demands(chunk.system.world, handing, random.Random(f"{seed}/{index}/goals"))
     outcome = chunk.live()
+    outcome.goals_s = outcome.simulated_s
     if not outcome.violation:
         try:
             handing.clients.finish(DECIDED_WITHIN_S)

@@ -35,6 +35,7 @@ def simulate(
     commit: Annotated[
         str, typer.Option(help="Commit that the run is expected to be of; another one is warned about.")
     ] = "",
+    goals: Annotated[bool, typer.Option("--goals", help="Goals, calls and relays in every stretch.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Figures as JSON on standard output.")] = False,
 ) -> None:
     """Run the switching protocol in virtual time and check its invariants after every event."""
@@ -50,19 +51,19 @@ def simulate(
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True)) as progress:
         task = progress.add_task("simulated minutes", total=len(indices))
-        for index, outcome in campaign.run(seed, indices, 1 if chunk >= 0 else workers, mutant or None):
+        for index, outcome in campaign.run(seed, indices, 1 if chunk >= 0 else workers, mutant or None, goals=goals):
             total.add(index, outcome)
             progress.advance(task)
     for broken in sorted(total.broken, key=lambda b: b.index)[:3]:
-        replay = replay_command(seed, broken.index, mutant)
+        replay = replay_command(seed, broken.index, mutant, goals=goals)
         sys.stderr.write("\n".join([*broken.story, f"VIOLATION {broken.text}", f"Replay: {replay}", ""]))
     sys.stdout.write((json.dumps(figures(total)) if as_json else closing_line(total)) + "\n")
     raise typer.Exit(1 if total.broken else 0)
 
 
-def replay_command(seed: int, index: int, mutant: str = "") -> str:
+def replay_command(seed: int, index: int, mutant: str = "", *, goals: bool = False) -> str:
     """Returns the command that lives through one stretch again: on another commit the seed plays another story."""
-    planted = f" --mutant {mutant}" if mutant else ""
+    planted = (f" --mutant {mutant}" if mutant else "") + (" --goals" if goals else "")
     commit = present_commit()
     named = f" --commit {commit}" if commit else ""
     return f'make simulate ARGS="--seed {seed} --chunk {index}{planted}{named}"'
@@ -90,6 +91,8 @@ def figures(total: Total) -> dict[str, Any]:
         "events": total.events,
         "pairs_covered_share": round(total.covered_share, 4),
         "pairs_missing": [list(pair) for pair in total.missing],
+        "hours_with_goals": round(total.goals_s / 3600, 3),
+        "stretches_by_world": dict(sorted(total.worlds.items())),
         "violations": [{"chunk": b.index, "text": b.text} for b in total.broken],
     }
 

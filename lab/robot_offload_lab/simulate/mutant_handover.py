@@ -12,7 +12,7 @@ HANDOVER: dict[str, Mutant] = {
         (
             Edit(
                 "ledger.steps",
-                "counts = _counts(work, attempt) or (goal.cancel and attempt.site is work.holding.site)",
+                "counts = _counts(work, goal, attempt) or (goal.cancel and attempt.site is work.acts(goal)[0])",
                 "counts = True",
             ),
         ),
@@ -81,8 +81,8 @@ HANDOVER: dict[str, Mutant] = {
         (
             Edit(
                 "ledger.copies",
-                "    for goal in work.live():\n        if _is_copied(work, goal):",
-                "    for goal in reversed(list(work.live())):\n        if _is_copied(work, goal):",
+                "    for goal in work.live():\n        mirror = _mirror_at(work, goal)",
+                "    for goal in reversed(list(work.live())):\n        mirror = _mirror_at(work, goal)",
             ),
         ),
     ),

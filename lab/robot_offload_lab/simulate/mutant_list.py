@@ -140,7 +140,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                "if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s:",
+                "if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s and not latched:",
                 "if False:",
             ),
         ),
@@ -151,8 +151,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                "if not 0 <= envelope.age_s(now_s) <= collector.max_age_s:",
-                "if not envelope.age_s(now_s) <= collector.max_age_s:",
+                "if not 0 <= envelope.age_s(now_s) <=",
+                "if not envelope.age_s(now_s) <=",
             ),
         ),
     ),
@@ -232,8 +232,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                "    if collector.fell_back or collector.charge is None or collector.gate_s is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    if not 0",
-                "    if collector.fell_back or collector.charge is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    if not 0",
+                "    if collector.fell_back or collector.charge is None or collector.gate_s is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    state",
+                "    if collector.fell_back or collector.charge is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    state",
             ),
         ),
     ),
@@ -389,7 +389,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "manual = robot.manual if robot.manual is not None and robot.manual.site is Site.ROBOT else None",
+                "manual = robot.manual if keeps else None",
                 "manual = robot.manual",
             ),
         ),
@@ -576,6 +576,11 @@ MUTANTS: dict[str, Mutant] = {
             ),
         ),
     ),
+    "K3": Mutant(
+        "a steady clock that stood still is taken for system clocks that differ",
+        "paused_virtual_machine",
+        (Edit("links", "if known and not stood and half_s", "if known and half_s"),),
+    ),
     "T1": Mutant(
         "no drift margin",
         "slow_clock_in_the_cloud",
@@ -683,7 +688,9 @@ MUTANTS: dict[str, Mutant] = {
         "starved_collector",
         (
             Edit(
-                "collectors", "starved = now_s - collector.first_pause_s > collector.gate_timeout_s", "starved = False"
+                "collectors",
+                "collector.judged_from_s if in_a_row else now_s + PAUSE_GRACE_S",
+                "now_s + PAUSE_GRACE_S",
             ),
         ),
     ),
@@ -704,7 +711,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                "    if collector.next is None or any(o.spec.rated for o in collector.outputs):",
+                "    if following is None or any(occasions.awaited(o, following.site) for o in collector.outputs):",
                 "    if True:",
             ),
         ),
@@ -853,10 +860,14 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "process.cloud_data",
-                "if token is None or self.ports.now_s() >= end_s:",
-                "if token is None:",
+                "if token is not None and self.ports.now_s() < end_s:",
+                "if token is not None:",
             ),
-            Edit("process.cloud_data", "if self.ports.now_s() >= end_s:  # stopped", "if False:  # stopped"),
+            Edit(
+                "process.cloud_data",
+                "if message.token is None or self.ports.now_s() >= end_s:  # also",
+                "if message.token is None:  # also",
+            ),
         ),
     ),
     "G20": Mutant(
@@ -1018,7 +1029,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "process.collector",
-                "for other in passage.also if other in self.held]",
+                "for other in passage.also if other in kept]",
                 "for other in passage.also if False]",
             ),
         ),
@@ -1184,7 +1195,9 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit("collectors", "PAUSE_S = 0.120", "PAUSE_S = 0.0"),
             Edit(
-                "collectors", "starved = now_s - collector.first_pause_s > collector.gate_timeout_s", "starved = False"
+                "collectors",
+                "collector.judged_from_s if in_a_row else now_s + PAUSE_GRACE_S",
+                "now_s + PAUSE_GRACE_S",
             ),
         ),
     ),
@@ -1292,8 +1305,8 @@ EQUIVALENT: dict[str, Equivalent] = {
         (
             Edit(
                 "switcher",
-                "        situation=replace(robot.situation, good_s=None),\n    )  # fmt: skip\n    commands.append(Reopen",
-                "    )  # fmt: skip\n    commands.append(Reopen",
+                "        situation=replace(robot.situation, good_s=None),\n    )  # fmt: skip\n    if not by_silence:",
+                "    )  # fmt: skip\n    if not by_silence:",
             ),
         ),
     ),
@@ -1351,7 +1364,7 @@ EQUIVALENT: dict[str, Equivalent] = {
     ),
     "C8": Equivalent(
         "silence never judged",
-        "pauses one after the other hide silence for a lease only (C17). Removed together: C8+C17",
+        "pauses one after the other earn one grace (C17). Removed together: C8+C17",
         (Edit("collectors", "PAUSE_S = 0.120", "PAUSE_S = 0.0"),),
     ),
     "Y2": Equivalent(

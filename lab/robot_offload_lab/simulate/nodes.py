@@ -30,13 +30,14 @@ class Message(NamedTuple):
     Attributes:
         producer: the node; life: the count of its starts, sequences of two lives are not comparable.
         sequence: grows by one with each message of that life.
-        born_s: true time of publishing.
+        born_s: true time of publishing. size: bytes.
     """
 
     producer: str
     life: int
     sequence: int
     born_s: float
+    size: int = 200
 
 
 Sink = Callable[[str, int, Message], None]
@@ -80,12 +81,17 @@ class Node(Process):
         self.activations += 1
         if self.replica.output is not None and not self.replica.on_activate:
             self.every(self.replica.period_s, self._timer)
+        elif awake and self.replica.on_activate:
+            self.once(self.replica.period_s, partial(self._timer_of, self.activations))
 
     def _timer(self) -> None:
         output = self.replica.output
         if self.state is State.ACTIVE and not self.hung and output is not None:
             self._sequence += 1
-            self.sink(self.name, output, Message(self.name, self.life, self._sequence, self.world.now))
+            self.sink(self.name, output, self._message())
+
+    def _message(self) -> Message:
+        return Message(self.name, self.life, self._sequence, self.world.now, self.replica.size)
 
     def _timer_of(self, activation: int) -> None:
         """Publishes on a timer that was made at an activation, and ends with it."""

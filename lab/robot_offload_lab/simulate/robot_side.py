@@ -119,6 +119,7 @@ class RobotControl(Shell):
             has_driver=True,
             outputs=scenario.outputs,
             publishers=scenario.publishers,
+            strict=scenario.strict,
             has_relay=scenario.relay is not None,
         )
         process = WatchedControl(plan, self, incarnation, round(self.host.now_s() * 1e6))
@@ -338,7 +339,7 @@ class WatchedCollector(CollectorProcess):
 
 
 class Collector(Shell):
-    """The gate. `kept`: its memory file, which outlives the process."""
+    """The gate. `kept`: its memory file, which outlives the process. `rivals`: other publishers of output 0's topic."""
 
     def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
         super().__init__(around, host, "collector", peers)
@@ -350,6 +351,7 @@ class Collector(Shell):
         )  # fmt: skip
         self.kept: tuple[Charge, int, bool, int] | None = None
         self.look_s = math.inf
+        self.rivals: list[str] = []
         self.process = WatchedCollector(self.plan, self)
 
     @property
@@ -365,6 +367,8 @@ class Collector(Shell):
             self.around.entered("collector resumed")
         self.every(self.around.scenario.report_s, self._turn)
         self.look_s = math.inf
+        if "second publisher" in self.around.scenario.worlds:
+            self.every(LOOK_S, lambda: self.process.rival(0, self.rivals))
 
     def _plan_look(self) -> None:
         """Plans the look for a message of the cloud that would be missing then."""

@@ -21,11 +21,13 @@ class Replica:
     Attributes:
         output: index of its output; None: it publishes nothing.
         period_s: of its timer. on_activate: the timer is made at activation, so the first message comes a period later.
+        size: bytes of a message.
     """
 
     output: int | None = None
     period_s: float = 1.0
     on_activate: bool = False
+    size: int = 200
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,8 @@ class Scenario:
         delay_s, jitter_s: one way.
         relay: services and actions that are served; None: there are no relays.
         drops: reopening a session discards what is under way in it.
+        strict: a second publisher stops the wheels. asked: settings that people ask for at run time.
+        worlds: what this stretch has besides, see worlds.py.
     """
 
     settings: Settings
@@ -68,6 +72,9 @@ class Scenario:
     jitter_s: float = 0.0005
     drops: bool = True
     relay: RelayPlan | None = None
+    strict: bool = False
+    asked: tuple[Settings, ...] = ()
+    worlds: tuple[str, ...] = ()
 
     @cached_property
     def input_specs(self) -> tuple[InputSpec, ...]:

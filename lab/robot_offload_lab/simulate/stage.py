@@ -17,8 +17,9 @@ from robot_offload_core.placement import Phase, Robot, Wish
 from robot_offload_core.process.data import InputPlan
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
-from robot_offload_lab.simulate.observer import OTHERS, Observer
+from robot_offload_lab.simulate.observer import Observer
 from robot_offload_lab.simulate.ports import Payload
+from robot_offload_lab.simulate.promises import OTHERS
 from robot_offload_lab.simulate.scenario import Replica, Scenario
 from robot_offload_lab.simulate.system import System
 from robot_offload_lab.simulate.world import Process

@@ -179,6 +179,16 @@ def apart_clocks() -> None:
     stage.expect(not stage.by_hand(Site.CLOUD), "clocks that differ refuse the cloud by hand")
 
 
+def paused_virtual_machine() -> None:
+    """A cloud whose virtual machine was paused, its steady clock with it, is used again as after any loss."""
+    for number in range(4):
+        stage = Stage(f"story {number}")
+        stage.in_cloud()
+        stage.cloud.host.stand(1.0)
+        stage.lost(0.2, "a paused cloud")
+        stage.until(lambda s=stage: s.site is Site.CLOUD, 2.0, "the clocks agree, whatever stood still")  # type: ignore[misc]
+
+
 STORIES = (
     first_command_after_a_cut,
     hold_down_after_a_loss,
@@ -194,4 +204,5 @@ STORIES = (
     hold_time,
     echo_from_the_future,
     apart_clocks,
+    paused_virtual_machine,
 )

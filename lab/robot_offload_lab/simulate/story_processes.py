@@ -111,6 +111,17 @@ def starved_collector() -> None:
     stage.until_inhibited(1.5, "a starved collector notices silence")
 
 
+def starved_collector_after_a_cut() -> None:
+    """A collector that gets slices from a cut on: the robot's silence is noticed within its bound (3b)."""
+    for number in range(8):
+        stage = Stage(f"story {number}")
+        stage.in_cloud()
+        stage.cut()
+        stage.lost(0.2, "the loss")
+        stage.starve(stage.robot.collector, 0.16 + 0.01 * number, 0.012, 2.0)
+        stage.run(2.0)
+
+
 def loss_to_the_millisecond() -> None:
     """A loss is noticed when it is certain, not at the next turn or report."""
     for number in range(6):
@@ -333,6 +344,7 @@ STORIES = (
     reported_in_a_stall,
     starved_control_and_a_cut,
     starved_collector,
+    starved_collector_after_a_cut,
     loss_to_the_millisecond,
     queues_after_a_pause,
     inputs_after_a_pause,

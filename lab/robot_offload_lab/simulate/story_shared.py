@@ -6,8 +6,8 @@ from robot_offload_core.placement import Phase
 from robot_offload_core.settings import NodeSpec, OutputSpec
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.nodes import Message
-from robot_offload_lab.simulate.observer import OTHERS
 from robot_offload_lab.simulate.ports import Payload
+from robot_offload_lab.simulate.promises import OTHERS
 from robot_offload_lab.simulate.scenario import Replica
 from robot_offload_lab.simulate.stage import CONTROLLER, Stage
 

@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from robot_offload_core.process.messages import Carried
 from robot_offload_lab.simulate.cloud_side import CloudSide
 from robot_offload_lab.simulate.coverage import Coverage
 from robot_offload_lab.simulate.driver import Driver
 from robot_offload_lab.simulate.handing import Handing
 from robot_offload_lab.simulate.link_model import Link
-from robot_offload_lab.simulate.ports import Surroundings
+from robot_offload_lab.simulate.nodes import Message
+from robot_offload_lab.simulate.ports import Payload, Surroundings
 from robot_offload_lab.simulate.robot_side import RobotSide
 from robot_offload_lab.simulate.scenario import Scenario
 from robot_offload_lab.simulate.world import Host, World
+
+
+def size_of(words: tuple[Any, ...]) -> int:
+    """Returns the bytes of a datagram: those of the message that it carries, and 200 for what comes with it."""
+    for word in words:
+        payload = word.payload if isinstance(word, Carried) else word
+        message = payload.message if isinstance(payload, Payload) else payload
+        if isinstance(message, Message):
+            return message.size + 200
+    return 200
 
 
 class System:
@@ -19,12 +33,14 @@ class System:
     Attributes:
         handing: relays, servers and clients where services or actions are declared.
         silent_inputs: indices of inputs that faults keep silent, once per fault.
+        rivals: nodes that publish the topic of output 0 besides the collector.
     """
 
     def __init__(self, scenario: Scenario, name: str) -> None:
         self.scenario = scenario
         self.world = World(name)
         self.world.inbox_limit = scenario.inbox
+        self.world.size_of = size_of
         self.coverage = Coverage()
         self.link = Link(self.world, base_s=scenario.delay_s, jitter_s=scenario.jitter_s, drops=scenario.drops)
         robot_host, cloud_host = Host(self.world, "robot"), Host(self.world, "cloud")
@@ -35,6 +51,7 @@ class System:
         plan = scenario.relay
         self.handing = Handing(self.around, self.robot, self.cloud, plan) if plan is not None else None
         self.silent_inputs: list[int] = []
+        self.rivals = self.robot.collector.rivals
         self.inputs_sent = 0
 
     def start(self) -> None:

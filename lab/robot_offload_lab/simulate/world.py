@@ -18,6 +18,12 @@ TRACE_LENGTH = 400
 IPC_LEAST_S = 0.00005
 IPC_SPREAD_S = 0.00195
 """Hand-over between two processes of a host: 0.05 to 2 ms, mostly short."""
+SOCKET_BYTES = 212_992
+"""What one sender may have waiting in the socket of another process: the default of the kernel."""
+ROW_S = 0.5
+"""A process whose stops end less than this apart is starved: they are one row."""
+LONG_S = 0.2
+"""A stop longer than this is one of its own: what it held up is excused anew."""
 
 Act = Callable[..., Any]
 
@@ -30,12 +36,14 @@ class World:
         dice: the one source of chance.
         inbox_limit: datagrams that wait for a stopped process; the kernel refuses further ones, so the *oldest* are
             what it finds when it goes on.
+        size_of: bytes of the words of a datagram.
         trace: the latest notes (time, words), for the story before a violation.
     """
 
     def __init__(self, seed: str) -> None:
         self.now = 0.0
         self.inbox_limit = 64
+        self.size_of: Callable[[tuple[Any, ...]], int] = lambda _words: 0
         self.dice = random.Random(seed)
         self.trace: deque[tuple[float, tuple[object, ...]]] = deque(maxlen=TRACE_LENGTH)
         self.events = 0
@@ -80,6 +88,7 @@ class Host:
         offset_s, rate: of the steady clock against true time.
         wall_us: system clock minus steady clock, microseconds.
         frozen: the whole host stands still (a paused virtual machine whose steady clock goes on).
+        stands: when its steady clock stood still with the host, (start, end) in true time.
     """
 
     def __init__(self, world: World, name: str) -> None:
@@ -89,6 +98,8 @@ class Host:
         self.rate = 1.0 + world.dice.uniform(-200e-6, 200e-6)
         self.wall_us = round((1.7e9 - self.offset_s) * 1e6) + world.dice.randrange(-1500, 1500)
         self.frozen = 0
+        self.stands: list[tuple[float, float]] = []
+        self._pace = self.rate
         self.processes: list[Process] = []
 
     def now_s(self) -> float:
@@ -100,6 +111,24 @@ class Host:
         self.frozen += 1
         for process in self.processes:
             process.stop()
+
+    def stand(self, duration_s: float) -> None:
+        """Stops every process, and the steady clock with them; the system clock is right again at the end."""
+        if self.frozen:
+            return
+        self.freeze()
+        self.stands.append((self.world.now, self.world.now + duration_s))
+        self.offset_s, self.rate = self.now_s(), 0.0
+        self.world.after(duration_s, self._go_on, duration_s)
+
+    def _go_on(self, duration_s: float) -> None:
+        self.offset_s, self.rate = self.offset_s - self.world.now * self._pace, self._pace
+        self.wall_us += round(duration_s * 1e6)
+        self.thaw()
+
+    def stood_since(self, true_s: float) -> float:
+        """Returns how long the steady clock has stood still since a true time."""
+        return sum(max(0.0, end_s - max(start_s, true_s)) for start_s, end_s in self.stands)
 
     def thaw(self) -> None:
         """Continues them."""
@@ -119,6 +148,9 @@ class Process:
         stops: how many reasons keep it stopped.
         life: grows with each start; what an earlier life planned is void.
         running_since_s: true time of the last start or continuation.
+        row: stops so far with less than ROW_S between their ends. row_s: true time at which the first of
+            them ended, or the last long one.
+        stood_s: how long the last stop took.
     """
 
     def __init__(self, world: World, host: Host, name: str) -> None:
@@ -129,7 +161,12 @@ class Process:
         self.stops = 0
         self.life = 0
         self.running_since_s = 0.0
+        self.row = 0
+        self.row_s = 0.0
+        self.stood_s = 0.0
+        self._stopped_s = 0.0
         self._inbox: deque[tuple[Act, tuple[Any, ...]]] = deque()
+        self._waiting: dict[str, int] = {}
         self._overdue: list[tuple[float | None, Act]] = []
         self._tails: dict[str, float] = {}
         host.processes.append(self)
@@ -138,6 +175,10 @@ class Process:
     def running(self) -> bool:
         """It is alive and not stopped."""
         return self.alive and not self.stops
+
+    def starved(self) -> bool:
+        """Returns whether it is, or was last, stopped in slices: again soon after a stop."""
+        return self.row > 1 or (self.stops > 0 and self.row > 0 and self._stopped_s - self.running_since_s < ROW_S)
 
     def boot(self) -> None:
         """Sets the first state and the timers; called at each start. Subclasses say what that is."""
@@ -148,8 +189,10 @@ class Process:
         self.alive = True
         self.life += 1
         self.stops = self.host.frozen
-        self.running_since_s = self.world.now
+        self.running_since_s = self.row_s = self.world.now
+        self.row = 0
         self._inbox.clear()
+        self._waiting.clear()
         self._overdue.clear()
         if self.stops:
             self._inbox.append((self.boot, ()))
@@ -169,8 +212,11 @@ class Process:
 
     def stop(self) -> None:
         """SIGSTOP (they add up)."""
-        if self.alive:
-            self.stops += 1
+        if not self.alive:
+            return
+        self.stops += 1
+        if self.stops == 1:
+            self._stopped_s = self.world.now
 
     def resume(self) -> None:
         """SIGCONT. Reads what has arrived first, then does what has become due."""
@@ -180,7 +226,12 @@ class Process:
         if self.stops:
             return
         life = self.life
+        self._waiting.clear()
+        self.row = self.row + 1 if self.world.now - self.running_since_s < ROW_S else 1
         self.running_since_s = self.world.now
+        self.stood_s = self.running_since_s - self._stopped_s
+        if self.row == 1 or self.stood_s > LONG_S:
+            self.row_s = self.running_since_s
         while self._inbox and self.life == life:
             act, args = self._inbox.popleft()
             act(*args)
@@ -236,4 +287,16 @@ class Process:
         if arrival_s <= tail_s:
             arrival_s = tail_s + 1e-9
         self._tails[sender] = arrival_s
-        world.at(arrival_s, self.deliver, act, *args)
+        world.at(arrival_s, self._take_in, sender, act, args)
+
+    def _take_in(self, sender: str, act: Act, args: tuple[Any, ...]) -> None:
+        """As `deliver`; what one sender may have waiting is limited in bytes too."""
+        if not self.alive:
+            return
+        if not self.stops:
+            act(*args)
+        elif len(self._inbox) < self.world.inbox_limit:
+            waiting = self._waiting.get(sender, 0) + self.world.size_of(args)
+            if waiting <= SOCKET_BYTES:
+                self._waiting[sender] = waiting
+                self._inbox.append((act, args))

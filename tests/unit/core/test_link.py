@@ -191,6 +191,15 @@ def test_a_system_clock_that_was_set_shows_in_the_next_beat() -> None:
     assert links.clock_excess_s(link) == pytest.approx(3.0 - 0.001, abs=2 * ROUNDING_S)
 
 
+def test_a_steady_clock_that_stood_still_shows_in_the_next_beat() -> None:
+    link = talked(Clocks(5.0, 0.0), [(0.001, 0, 0.001)])
+    beat, arrived_s = Clocks(4.0, 0.0).beat(
+        NOW_S + 1, 0.100, 0, 0.100
+    )  # a paused virtual machine, its system clock set
+    link = links.hear(link, beat, ROBOT, arrived_s, us(1e6))
+    assert links.clock_excess_s(link) == 0.0
+
+
 def test_nothing_is_said_of_clocks_before_an_echo() -> None:
     assert links.clock_excess_s(Link()) == 0.0
 
