@@ -2,7 +2,7 @@
 """The planted faults: what each does wrong, its edit, and the story that finds it (docs/explanation/simulation.md).
 
 Letters: L lease, P pulse, C collector, S switcher, H health and good beats, W wishes, K links, T settings, E envelope,
-Y policy, G guardian, X the processes around them. With +: edits that remove a rule and what guards it besides.
+M mirror, V vetoes, Y policy, G guardian, X the processes around them. With +: edits that remove a rule and what guards it besides.
 """
 
 from __future__ import annotations
@@ -1022,6 +1022,44 @@ MUTANTS: dict[str, Mutant] = {
         "what waited in a stopped collector passes as new",
         "queues_after_a_pause",
         (Edit("process.collector", "if self.pauses.waited(now_s) and spec.deadline_s:", "if False:"),),
+    ),
+    "M1": Mutant(
+        "consumers in the cloud hear an older stay again",
+        "one_side_in_the_cloud",
+        (
+            Edit(
+                "mirror",
+                "    if same and (token.epoch < mirror.epoch or (token.epoch == mirror.epoch and mirror.site is not site)):\n        return mirror, False\n",
+                "",
+            ),
+        ),
+    ),
+    "M2": Mutant(
+        "consumers in the cloud hear its replica while it only gets ready",
+        "one_side_in_the_cloud",
+        (
+            Edit(
+                "mirror",
+                "return _pass(mirror, token, Site.CLOUD) if in_charge else (mirror, False)",
+                "return mirror, True",
+            ),
+        ),
+    ),
+    "V1": Mutant(
+        "a second publisher is no veto",
+        "second_publisher",
+        (
+            Edit(
+                "process.robot_control",
+                "if reason in VETOES and (",
+                "if reason in VETOES and reason != Reason.SECOND_PUBLISHER and (",
+            ),
+        ),
+    ),
+    "V2": Mutant(
+        "`strict` does not stop the wheels",
+        "second_publisher",
+        (Edit("process.robot_control", "stops=self.strict and VETOES[reason].forbids", "stops=False"),),
     ),
     "X9": Mutant(
         "what was held for a changeover is lost",

@@ -191,7 +191,22 @@ def other_parameters() -> None:
     stage.until(lambda: stage.phase is Phase.CLOUD, SWITCH_S, "then the cloud acts")
 
 
+def second_publisher() -> None:
+    """A second publisher of the wheels' topic keeps the cloud out, with `strict` it stops the wheels; until it goes."""
+    for strict in (False, True):
+        stage = Stage(strict=strict, worlds=("second publisher",))
+        stage.in_cloud()
+        stage.system.rivals.append("intruder")
+        stage.until(lambda s=stage: s.site is Site.ROBOT, 3.0, "the robot acts beside a second publisher")  # type: ignore[misc]
+        if strict:
+            stage.until_inhibited(1.0, "strict: the wheels stand")
+        stage.always(lambda s=stage: s.site is Site.ROBOT, 3.0, "and stays in charge")  # type: ignore[misc]
+        stage.system.rivals.clear()
+        stage.until(lambda s=stage: s.site is Site.CLOUD and not s.driver.inhibited, 6.0, "until it has gone")  # type: ignore[misc]
+
+
 STORIES = (
+    second_publisher,
     there_and_back,
     pinned,
     asked_while_cut,

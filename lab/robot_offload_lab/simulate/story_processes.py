@@ -292,6 +292,19 @@ def consumers_in_the_cloud() -> None:
     stage.expect(late == {Site.CLOUD}, "and the cloud while it acts")
 
 
+def one_side_in_the_cloud() -> None:
+    """Consumers in the cloud never hear an older stay again, though the robot's messages come late and twice (9)."""
+    stage = Stage()
+    stage.start()
+    stage.link.data.up.doubled = 0.9
+    stage.run(0.1)
+    stage.pin(Site.ROBOT)
+    stage.run(2.0)
+    stage.pin(None)
+    stage.until(lambda: stage.phase is Phase.CLOUD, 6.0, "the cloud is in charge")
+    stage.run(3.0)
+
+
 def nothing_is_lost() -> None:
     """With several outputs nothing is lost at a commanded changeover: what was held passes with it."""
     stage = Stage(
@@ -356,6 +369,7 @@ STORIES = (
     restarted_data,
     restarted_data_on_a_robot_that_stays,
     consumers_in_the_cloud,
+    one_side_in_the_cloud,
     nothing_is_lost,
     nothing_to_wait_for,
     replicas_missing,
