@@ -313,4 +313,15 @@ HANDOVER: dict[str, Mutant] = {
         "called_off_side_settles",
         (Edit("lease", "prepared = before.granted and before.ready and not before.in_charge", "prepared = False"),),
     ),
+    "N41": Mutant(
+        "goals that are pending end a stay",
+        "copy_before_the_change",
+        (
+            Edit(
+                "switcher",
+                "    fault = _fault(robot, now_s, acting=True)\n    if fault is not None:\n        return _take",
+                "    fault = _fault(robot, now_s, acting=True) or (robot.preparation and handing.pending(robot, robot.preparation))\n    if fault is not None:\n        return _take",
+            ),
+        ),
+    ),
 }
