@@ -146,6 +146,13 @@ def tunnel_unit(offload: RobotOffload, folder: str, realtime_priority: int) -> s
     )
 
 
+_CLOSED = (
+    "ProtectKernelTunables", "ProtectKernelModules", "ProtectKernelLogs", "ProtectControlGroups", "ProtectHostname",
+    "RestrictSUIDSGID", "RestrictNamespaces", "LockPersonality",
+)  # fmt: skip
+"""What no program of ours needs of the kernel; they run as root without its capabilities."""
+
+
 def _unit(description: str, service: Sequence[str]) -> str:
     lines = [
         "[Unit]",
@@ -163,6 +170,7 @@ def _unit(description: str, service: Sequence[str]) -> str:
         "ProtectSystem=strict",
         "ProtectHome=read-only",
         "PrivateTmp=true",
+        *(f"{word}=true" for word in _CLOSED),
         "",
         "[Install]",
         "WantedBy=multi-user.target",
