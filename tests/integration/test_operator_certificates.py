@@ -119,6 +119,7 @@ def test_the_end_of_a_robots_certificate_is_told_in_time_also_while_it_is_away(p
     assert place.condition("CertificateCurrent")["reason"] == "NotReported"
     place.renew("cloud", "LinkGood", certificate={"serial": "1f", "not_after": "2026-01-01T00:00:00Z"})
     assert place.wait_condition("CertificateCurrent", "False")["reason"] == "Expired"
+    eventually(lambda: "Expired" in {event["reason"] for event in place.events()}, "an Event")
     place.renew("robot", "LinkBad")  # nothing is said of it any more
     eventually(lambda: place.roff()["status"]["placementReason"] == "LinkBad", "a further pass")
     assert place.condition("CertificateCurrent")["reason"] == "Expired"

@@ -104,7 +104,7 @@ class _State(Collector):
         connected = sum(bool((status.get("robot") or {}).get("connected")) for status in statuses)
         yield _gauge("robot_offload_robots_connected", "Robots whose agent is connected.", connected)
         sites = Tally(status.get("placement") or "Unknown" for status in statuses)
-        placement = GaugeMetricFamily("robot_offload_placement", "Objects by acting side.", labels=["site"])
+        placement = GaugeMetricFamily("robot_offload_robots", "Robots by acting side.", labels=["site"])
         for site in ("Robot", "Cloud", "Unknown"):
             placement.add_metric([site], sites[site])
         yield placement
