@@ -46,8 +46,6 @@ def _kubelet(*, fast_failure: bool) -> Mapping[str, Any]:
     """As the kubelets of our own nodes, as far as stories notice."""
     settings: dict[str, Any] = {
         "kind": "KubeletConfiguration",
-        "syncFrequency": "2s",
-        "configMapAndSecretChangeDetectionStrategy": "Get",
         "maxPods": 60,
     }
     if fast_failure:

@@ -125,9 +125,7 @@ oom_score = 0
             "resolvConf": f"{self.home}/resolv.conf",
             "evictionHard": {"memory.available": "200Mi", "nodefs.available": "2%", "imagefs.available": "2%"},
             "imageGCHighThresholdPercent": 100,  # an image that goes cannot be pulled again
-            "syncFrequency": "2s",
-            # Watching, the first mount of a ConfigMap often fails once and costs a pod two seconds.
-            "configMapAndSecretChangeDetectionStrategy": "Get",
+            # How often and in what way it reads ConfigMaps is the default: figures of this cluster hold elsewhere.
             "nodeStatusUpdateFrequency": "2s" if self.fast_failure else "10s",
             "nodeLeaseDurationSeconds": 8 if self.fast_failure else 40,
             "volumePluginDir": f"{self.home}/plugins",
