@@ -54,6 +54,9 @@ def simulate(
         for index, outcome in campaign.run(seed, indices, 1 if chunk >= 0 else workers, mutant or None, goals=goals):
             total.add(index, outcome)
             progress.advance(task)
+            if outcome.violation:  # a long run says so at once
+                replay = replay_command(seed, index, mutant, goals=goals)
+                progress.console.print(f"VIOLATION {outcome.violation}. Replay: {replay}", markup=False, soft_wrap=True)
     for broken in sorted(total.broken, key=lambda b: b.index)[:3]:
         replay = replay_command(seed, broken.index, mutant, goals=goals)
         sys.stderr.write("\n".join([*broken.story, f"VIOLATION {broken.text}", f"Replay: {replay}", ""]))

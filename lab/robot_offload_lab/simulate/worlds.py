@@ -101,6 +101,31 @@ def _plain(scenario: Scenario, dice: random.Random) -> Scenario:
     return replace(scenario, robot_nodes=plain(scenario.robot_nodes), cloud_nodes=plain(scenario.cloud_nodes))
 
 
+def _hot(scenario: Scenario, dice: random.Random) -> Scenario:
+    """The nodes of rated outputs are Hot on both sides, and their rates are known: a missing message is a loss."""
+    names = {i: name for i, name in enumerate(scenario.publishers) if scenario.outputs[i].rated and name}
+
+    def hot(nodes: tuple[NodeSpec, ...]) -> tuple[NodeSpec, ...]:
+        return tuple(replace(n, hot=True) if n.name in names.values() else n for n in nodes)
+
+    outputs = tuple(
+        replace(o, period_s=o.period_s or scenario.settings.slower_period_s, nodes=(names[i],), hot=tuple(Site))
+        if i in names
+        else o
+        for i, o in enumerate(scenario.outputs)
+    )
+    del dice
+    return replace(
+        scenario, outputs=outputs, robot_nodes=hot(scenario.robot_nodes), cloud_nodes=hot(scenario.cloud_nodes)
+    )
+
+
+def _latched(scenario: Scenario, dice: random.Random) -> Scenario:
+    """An output whose last value late subscribers hear."""
+    output = OutputSpec("plan_shown", 0.0, nodes=("shower",), latched=True)
+    return _with_output(scenario, NodeSpec("shower"), output, Replica(None, dice.choice((2.0, 7.0))))
+
+
 def _order(scenario: Scenario, dice: random.Random) -> Scenario:
     """Nodes are brought up in another order: those that are not CORE may come first."""
     robot, cloud = list(scenario.robot_nodes), list(scenario.cloud_nodes)
@@ -240,6 +265,8 @@ KINDS: dict[str, Kind] = {
     "slow output": Kind(_slow),
     "idle output": Kind(_idle),
     "plain nodes": Kind(_plain),
+    "hot standby": Kind(_hot),
+    "latched output": Kind(_latched),
     "other order": Kind(_order),
     "dead for good": Kind(_as_is, _die),
     "results": Kind(_results),
