@@ -76,7 +76,7 @@ class DriveTo:
         self._ended[bytes(goal.goal_id.uuid)] = Future()
         goal.execute()
 
-    async def _execute(self, goal: ServerGoalHandle) -> Fibonacci.Result:
+    async def _execute(self, goal: ServerGoalHandle) -> object:
         key = bytes(goal.goal_id.uuid)
         sequence = await self._ended[key]
         del self._ended[key]

@@ -23,8 +23,10 @@ from tests.e2e.waiting import eventually
 
 LOOK_S: Final = 0.05
 GRACE_S: Final = 10.0
-WHEELCHAIR_STATE: Final = "/wheelchair/state"
-"""The account of the drive of the samples that drive; others have no such topic."""
+WHEELCHAIR: Final = {
+    "state": "/wheelchair/state", "account": "/passenger/account", "restored": "/localiser/account",
+}  # fmt: skip
+"""The accounts of the applications that drive; others have no such topics."""
 
 
 class Consumer:
@@ -53,7 +55,9 @@ class Consumer:
     @staticmethod
     def command(file: Path, outputs: Mapping[str, str], link: LinkOptions | None) -> list[str]:
         """How it is started."""
-        command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(file), "--state", WHEELCHAIR_STATE]
+        command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(file)]
+        for name, topic in WHEELCHAIR.items():
+            command += [f"--{name}", topic]
         for topic, type_name in outputs.items():
             command += ["--topic", f"{topic}={type_name}"]
         return [*command, "--link", json.dumps(dataclasses.asdict(link))] if link else command

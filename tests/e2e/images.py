@@ -27,7 +27,9 @@ from robot_offload_lab.images import ours, wheels_base
 
 REPOSITORY: Final = "localhost/robot-offload"
 APP: Final = "app"
-OURS: Final = ("agent", "operator", "discovery")
+AGENT: Final = "agent"
+OURS: Final = (AGENT, "operator", "discovery")
+INTERFACES: Final = "localhost/robot-offload/e2e-interfaces:jazzy"
 _INPUTS: Final = (
     "images",
     "core",
@@ -109,6 +111,27 @@ def _chosen(folder: Path) -> str:
     return wanted
 
 
+def renamed(images: Images, reference: str, other: str, folder: Path) -> Path:
+    """An archive that gives an image that the nodes have another name; it holds nothing else."""
+    with tarfile.open(images.archives[-1]) as opened:
+        member = opened.extractfile("index.json")
+        assert member is not None
+        index: dict[str, Any] = json.load(member)
+    entry = next(each for each in index["manifests"] if reference in each["annotations"].values())
+    renamed = {**entry, "annotations": {"org.opencontainers.image.ref.name": other}}
+    archive = folder / "renamed.tar"
+    with tarfile.open(archive, "w") as written:
+        for name, content in (
+            ("oci-layout", {"imageLayoutVersion": "1.0.0"}),
+            ("index.json", {**index, "manifests": [renamed]}),
+        ):
+            text = json.dumps(content).encode()
+            about = tarfile.TarInfo(name)
+            about.size = len(text)
+            written.addfile(about, io.BytesIO(text))
+    return archive
+
+
 # -- what they are made of --------------------------------------------------------------------------------------------
 
 
@@ -138,10 +161,11 @@ def _build(folder: Path, references: Mapping[str, str], key: str) -> None:
     settings = ours.BuildSettings(REPOSITORY, key, key, extra=wheels_base.lent("buildah"))
     stages = tuple(dict.fromkeys(image.wheels_stage for image in _ours() if image.wheels_stage))
     wheels_base.build("buildah", ours.ROOT, settings.extra, stages=stages, environment=environment)
+    run("buildah", _interfaces(settings), environment=environment)
     for image in _ours():
         assert image.wheels_stage is not None
-        wanted = ours.request(image, settings, wheels_base.tag(image.wheels_stage))
-        run("buildah", wanted, environment=environment)
+        base = INTERFACES if image.name == AGENT else wheels_base.tag(image.wheels_stage)
+        run("buildah", ours.request(image, settings, base), environment=environment)
     with tempfile.TemporaryDirectory(prefix="robot-offload-app-") as context:
         _fill_app(Path(context))
         run("buildah", _app(Path(context), references[APP], settings), environment=environment)
@@ -156,6 +180,18 @@ def _app(context: Path, tag: str, settings: ours.BuildSettings) -> Request:
         tag=tag,
         context=context,
         dockerfile=str(ours.ROOT / "tests/e2e/apps/Dockerfile"),
+        build_arguments={"BASE": INTERFACES},
+        extra=settings.extra,
+    )
+
+
+def _interfaces(settings: ours.BuildSettings) -> Request:
+    """What nodes and agent are laid over: ROS with the actions of the stories, as a user's base has the user's."""
+    folder = ours.ROOT / "tests/e2e/apps"
+    return Request(
+        tag=INTERFACES,
+        context=folder,
+        dockerfile=str(folder / "interfaces.Dockerfile"),
         build_arguments={"BASE": wheels_base.tag("ros-core")},
         extra=settings.extra,
     )

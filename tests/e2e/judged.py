@@ -38,7 +38,7 @@ def judged(measures: Measures, label: str = "") -> Measures:
     return measures
 
 
-TIMING: Final = frozenset({"Gap", "Lost"})
+TIMING: Final = frozenset({"Gap", "GoalGap", "Lost"})
 """What a machine that stands still for a moment brings about without us: such a story has a second try."""
 
 

@@ -25,7 +25,7 @@ from robot_offload_lab.judge.measures import Measures, measure
 from robot_offload_lab.run.system import NODE_PRIORITY, RECORDER_PRIORITY
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
-from tests.e2e.consumer import Consumer
+from tests.e2e.consumer import WHEELCHAIR, Consumer
 
 EXAMPLES: Final = Path(__file__).parents[2] / "examples"
 APPS: Final = Path(__file__).parent / "apps"
@@ -158,6 +158,12 @@ class Robot:
         _signal_group(child, signal.SIGKILL)
         child.wait()
 
+    def agent_pids(self) -> list[int]:
+        """The agent's processes: the supervisor, and those that it started."""
+        group = self._children["agent"].pid
+        pids = [int(path.name) for path in Path("/proc").glob("[0-9]*")]
+        return [pid for pid in pids if _in_group(pid, group)]
+
     def power_off(self) -> None:
         """Everything on the robot dies at once; its disk stays."""
         for name in list(self._children):
@@ -167,8 +173,9 @@ class Robot:
 
     @property
     def outputs(self) -> dict[str, str]:
-        """The collected outputs with their types."""
-        return {output.topic: output.type or "" for _, output in self.offload.spec.collected_outputs}
+        """The collected outputs with their types, without the accounts."""
+        outputs = [output for _, output in self.offload.spec.collected_outputs]
+        return {output.topic: output.type or "" for output in outputs if output.topic not in WHEELCHAIR.values()}
 
     def listen(self, link: LinkOptions | None = None) -> Consumer:
         """Starts the recorder; it hears from now on and writes from `begin` on.
@@ -265,6 +272,13 @@ def _script(name: str) -> Path:
         if (folder / name).exists():
             return folder / name
     raise AssertionError(f"no example is called {name}")
+
+
+def _in_group(pid: int, group: int) -> bool:
+    try:
+        return os.getpgid(pid) == group
+    except ProcessLookupError:
+        return False
 
 
 def _signal_group(child: subprocess.Popen[bytes], number: signal.Signals) -> None:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import io
-import json
-import tarfile
 from pathlib import Path
-from typing import Any
 
 from tests.e2e.chart import Chart
 from tests.e2e.faults import BACK_S, SETTLED_S, WHEELCHAIR, arrived, drive, until_cloud
 from tests.e2e.figures import figure
-from tests.e2e.images import Images
+from tests.e2e.images import renamed
 from tests.e2e.robot import Robot
 from tests.e2e.story import CONNECTED, READY, Story
 from tests.e2e.waiting import eventually
@@ -22,7 +18,7 @@ def test_a_robot_steps_aside_for_an_upgrade_and_a_rollback_and_loses_nothing(
 ) -> None:
     now = story.images.references["agent"]
     later = f"{now}-later"
-    story.cluster.import_images(_renamed(story.images, now, later, tmp_path))
+    story.cluster.import_images(renamed(story.images, now, later, tmp_path))
     robot = drive(story)
     assert _agent_image(story) == now
 
@@ -46,24 +42,3 @@ def _wait_agent(story: Story, robot: Robot, image: str) -> None:
 def _agent_image(story: Story) -> str:
     containers = [each for pod in story.pods(WHEELCHAIR, "agent") for each in pod["spec"]["containers"]]
     return next((str(each["image"]) for each in containers if each["name"] == "agent"), "")
-
-
-def _renamed(images: Images, reference: str, other: str, folder: Path) -> Path:
-    """An archive that gives an image that the nodes have another name; it holds nothing else."""
-    with tarfile.open(images.archives[-1]) as opened:
-        member = opened.extractfile("index.json")
-        assert member is not None
-        index: dict[str, Any] = json.load(member)
-    entry = next(each for each in index["manifests"] if reference in each["annotations"].values())
-    renamed = {**entry, "annotations": {"org.opencontainers.image.ref.name": other}}
-    archive = folder / "renamed.tar"
-    with tarfile.open(archive, "w") as written:
-        for name, content in (
-            ("oci-layout", {"imageLayoutVersion": "1.0.0"}),
-            ("index.json", {**index, "manifests": [renamed]}),
-        ):
-            text = json.dumps(content).encode()
-            about = tarfile.TarInfo(name)
-            about.size = len(text)
-            written.addfile(about, io.BytesIO(text))
-    return archive
