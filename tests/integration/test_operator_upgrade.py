@@ -41,6 +41,8 @@ class PretendedKubelet:
         self.starts_pods = threading.Event()
         self.starts_pods.set()
         self.counting = False
+        self.driving = ""
+        """A robot whose cloud acts, and which renews its Lease all the time."""
         self.down: list[frozenset[str]] = []
         self.servers_down: list[int] = []
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -52,6 +54,8 @@ class PretendedKubelet:
 
     def _run(self) -> None:
         while not self._ended.wait(START_S):
+            if self.driving:
+                self._place.renew("cloud", "LinkGood", name=self.driving)
             pods = self._place.list(POD)  # one moment of all robots
             if self.counting:
                 self._count(pods)
@@ -122,6 +126,8 @@ def test_an_upgrade_replaces_few_robots_at_once_and_never_both_discovery_servers
             place.create(ROBOT_OFFLOAD, walker(robot))
         for robot in ROBOTS:
             place.wait_condition("WorkloadsAvailable", "True", name=robot)
+        kubelet.driving = ROBOTS[0]
+        eventually(lambda: place.roff(ROBOTS[0])["status"].get("placement") == "Cloud", "a robot that its cloud drives")
     finally:
         assert before.stop() == 0
     kubelet.counting = True
@@ -138,6 +144,8 @@ def test_an_upgrade_replaces_few_robots_at_once_and_never_both_discovery_servers
         assert after.stop() == 0
     assert {robot for down in kubelet.down for robot in down} == set(ROBOTS)  # each was seen while it was replaced
     assert max(len(down) for down in kubelet.down) <= AT_ONCE
+    first = {robot: next(number for number, down in enumerate(kubelet.down) if robot in down) for robot in ROBOTS}
+    assert first[ROBOTS[0]] == max(first.values()), "who loses nothing goes first"
     assert max(kubelet.servers_down) == 1
 
 
