@@ -13,6 +13,7 @@ import pytest
 from robot_offload.controller import certify, reconcile, steps
 from robot_offload.controller.failures import Step
 from robot_offload.controller.reconcile import Controller, Result
+from robot_offload.controller.tools import Policy
 from robot_offload.errors import InputError
 from robot_offload.kube.configuration import connect
 from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD
@@ -41,7 +42,7 @@ def one_pass(plane: ControlPlane, namespace: str, passes: int = 1) -> Result:
     async def main() -> Result:
         api = connect(str(plane.kubeconfig))
         try:
-            controller = Controller(api, IMAGES)
+            controller = Controller(api, IMAGES, policy=Policy(home="default"))
             for _ in range(passes - 1):
                 await controller.reconcile((namespace, "walker"))
             return await controller.reconcile((namespace, "walker"))
