@@ -93,6 +93,7 @@ def supervise(configuration: Configuration) -> int:
     from robot_offload_agent.control import robot as control_robot  # noqa: PLC0415
     from robot_offload_agent.data import cloud as data_cloud  # noqa: PLC0415
     from robot_offload_agent.data import robot as data_robot  # noqa: PLC0415
+    from robot_offload_agent.process import thrift  # noqa: PLC0415
     from robot_offload_agent.process.child import HUNG_S, Child  # noqa: PLC0415
     from robot_offload_agent.process.supervisor import Supervisor  # noqa: PLC0415
     from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
@@ -104,6 +105,7 @@ def supervise(configuration: Configuration) -> int:
     # Fast DDS in shared memory waits for one to three seconds on the ports of a process that was killed; a collector
     # started again must pass messages sooner. The user's nodes keep what they use: they speak UDP as well.
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    thrift.save()
     robot = configuration.side is Site.ROBOT
     runs = {
         "pulse": pulse.run,

@@ -8,6 +8,7 @@ said otherwise; durations are microseconds, ages in a report are milliseconds.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from robot_offload_core.change import replace
@@ -225,10 +226,54 @@ class _Words:
         return text
 
 
+_ONE, _MANY = r"(-|[0-9a-f]{32})", r"(-1|[0-9]{1,18})"
+_USUAL = re.compile(
+    rf"{VERSION} ([A-Za-z0-9._-]{{1,{MAX_UID}}}) (?:r|(c)) {_ONE} ([0-9]{{1,18}}) ([0-9]{{1,18}}) "
+    rf"(-?[0-9]{{1,18}}) {_MANY} "
+    r"([0-9a-f]{32}) ([0-9]{1,18}) ([0-9]{1,18}) ([0-9]{1,18}) (?:"
+    rf"([0-9]{{1,18}}) ([0-3]) {_ONE} ([0-9]{{1,18}})|"
+    rf"{_ONE} ([0-9]{{1,18}}) ([01]) ([01]) {_ONE} {_MANY} (-|{_MANY}(?:,{_MANY})*) ([0-9a-f]{{1,{MAX_BITS // 4}}}))"
+)
+"""A whole beat with an echo; what has another form is read word by word."""
+
+
 def decode(text: str) -> Beat:
     """Reads a beat; raises BeatError for anything that is not one."""
     if len(text) > MAX_LENGTH:
         raise BeatError("BadForm", "too long")
+    usual = _USUAL.fullmatch(text)
+    if usual is not None and (usual[2] is None) is (usual[12] is not None):
+        return _usual(usual.groups())
+    return _word_by_word(text)
+
+
+def _usual(found: tuple[str, ...]) -> Beat:
+    """Returns the beat of a match, in less than half the time that reading it word by word takes."""
+    uid, cloud, incarnation, sequence, sent_us, wall_us, control_us, echoed, echo_number, echo_us, hold_us = found[:11]
+    body: Permission | CloudReport
+    if cloud is None:
+        epoch, grant, addressed, lease_us = found[11:15]
+        granted = grant in "12"
+        addressed = "" if addressed == NONE else addressed
+        body = Permission(int(epoch), granted, addressed, int(lease_us), grant == "2", presence=grant != "0")
+    else:
+        serves, epoch, acting, ready, refused, data_ms, ages = found[15:22]
+        body = CloudReport(
+            "" if serves == NONE else serves, int(epoch), acting == "1", ready == "1",
+            "" if refused == NONE else refused, _milliseconds(data_ms),
+            () if ages == NONE else tuple(map(_milliseconds, ages.split(","))), int(found[-1], 16),
+        )  # fmt: skip
+    return Beat(
+        uid, Site.ROBOT if cloud is None else Site.CLOUD, "" if incarnation == NONE else incarnation, int(sequence),
+        int(sent_us), int(wall_us), int(control_us), Echo(echoed, int(echo_number), int(echo_us), int(hold_us)), body,
+    )  # fmt: skip
+
+
+def _milliseconds(text: str) -> int:
+    return -1 if text == "-1" else int(text) * 1000
+
+
+def _word_by_word(text: str) -> Beat:
     words = _Words(text.split(" "))
     version = words.word()
     if version != VERSION:

@@ -242,20 +242,28 @@ class Robot:
 
 
 @dataclass(frozen=True)
-class CloudBeat:
-    """A beat of the cloud arrived at the pulse process. `wall_us`: system clock minus steady clock here."""
-
-    beat: Beat
-    arrived_s: float
-    wall_us: int
-
-
-@dataclass(frozen=True)
 class PulseSent:
     """The pulse process sent a beat; `granted` when it carried a grant."""
 
     sent_s: float
     granted: bool
+
+
+@dataclass(frozen=True)
+class CloudBeat:
+    """A beat of the cloud arrived at the pulse process.
+
+    Attributes:
+        beat: it.
+        arrived_s: on this host's steady clock.
+        wall_us: system clock minus steady clock here.
+        sent: the newest beat of our own, which came along; None where none did.
+    """
+
+    beat: Beat
+    arrived_s: float
+    wall_us: int
+    sent: PulseSent | None = None
 
 
 @dataclass(frozen=True)

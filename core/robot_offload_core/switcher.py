@@ -149,9 +149,11 @@ def _settle(robot: Robot, asked: Settings, now_s: float) -> Robot:
 def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> Robot:  # noqa: C901 - a flat table
     match event:
         case CloudBeat():
+            if event.sent is not None:
+                robot = _note_sent(robot, event.sent)
             robot = _hear(robot, event, now_s)
         case PulseSent():
-            robot = replace(robot, situation=replace(robot.situation, pulse_s=event.sent_s))
+            robot = _note_sent(robot, event)
         case GateReported():
             robot = _gate_reported(robot, event.report, now_s, commands)
         case DataReported():
@@ -181,6 +183,10 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
         case _:
             assert_never(event)
     return robot
+
+
+def _note_sent(robot: Robot, sent: PulseSent) -> Robot:
+    return replace(robot, situation=replace(robot.situation, pulse_s=sent.sent_s))
 
 
 def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:

@@ -138,9 +138,7 @@ class ControlShell(ABC):
                 beat = beats.decode(message.text)
             except beats.BeatError:
                 return
-            if message.sent is not None:
-                self.process.handle(message.sent)
-            self.process.arrived(beat, message.arrived_s, message.wall_us)
+            self.process.arrived(beat, message.arrived_s, message.wall_us, message.sent)
             self.report.mirror_beat(message.text, beat)
         elif isinstance(message, Lives):
             self.take_lives(message)

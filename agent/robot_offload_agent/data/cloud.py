@@ -25,7 +25,7 @@ class CloudDataShell(DataShell):
         self.publishers: dict[str, Any] = {}
         self.inputs = {i.name: i for i in configuration.inputs}
         self.outputs = [
-            raw.RawSubscription(self.node, o["cloud_topic"], o, False, partial(self.process.leave, index))
+            raw.RawSubscription(self.node, o["cloud_topic"], o, False, partial(self.leave, index))
             for index, o in enumerate(configuration.outputs)
         ]
         self.fills: dict[int, Any] = {}
@@ -39,6 +39,11 @@ class CloudDataShell(DataShell):
             for i in (() if self.carried else configuration.inputs)
             if i["max_age_ms"] > 0
         ]
+
+    def leave(self, index: int, payload: bytes) -> None:
+        """Takes a message of a replica, on the ROS thread."""
+        self.look_who_is_heard()
+        self.process.leave(index, payload)
 
     def watch(self, name: str, payload: bytes) -> None:
         """Takes an input that arrived by itself (DDS transports)."""

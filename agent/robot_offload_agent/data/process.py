@@ -16,6 +16,7 @@ from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.process.guard import Guard
+from robot_offload_agent.process.heard_memory import HeardView
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration
@@ -103,6 +104,7 @@ class DataShell(ABC):
         )
         self.carried = configuration["link.type"] == "zenoh"
         self.states: StateTopics | None = None
+        self.heard = HeardView(bus.folder)
 
     def run(self) -> None:
         """Runs until it is ended."""
@@ -127,11 +129,18 @@ class DataShell(ABC):
             while readable and (message := self.bus.receive()) is not None:
                 with self.guard:
                     self.process.handle(message)
+            self.look_who_is_heard()
             self.process.counters["garbage.data"] = self.bus.garbage + self.guard.count
             losses.report(self.bus, self.process)
             self.process.turn()
             if self.states is not None:
                 self.states.process.turn()
+
+    def look_who_is_heard(self) -> None:
+        """Takes the newest beat of the partner, for what is sent next."""
+        news = self.heard.news()
+        if news is not None:
+            self.process.handle(news)
 
     def on_message(self, channel: str, header: bytes, payload: bytes) -> None:
         """Takes a message from the link, on one of its threads; counts the bytes of each topic."""

@@ -35,6 +35,7 @@ class RobotDataShell(DataShell):
 
     def forward(self, spec: Named, payload: bytes) -> None:
         """Takes an input's message, on the ROS thread."""
+        self.look_who_is_heard()
         publishers = self.node.count_publishers(spec["topic"]) if spec["latched"] else 1
         self.process.forward(spec.name, payload, publishers)
 

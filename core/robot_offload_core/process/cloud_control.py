@@ -9,6 +9,7 @@ from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
 from robot_offload_core.events import Acting, Tick, assert_never
 from robot_offload_core.lease import Stand
+from robot_offload_core.placement import PulseSent
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import DataStatus, Egress, RelayStatus, Speak
 from robot_offload_core.process.rest import Rest
@@ -68,8 +69,9 @@ class CloudControlProcess(ControlProcess):
         self.request_until_s = self.ports.now_s() + REQUEST_LIFE_S
         self.request_key = key
 
-    def arrived(self, beat: Beat, arrived_s: float, wall_us: int) -> None:
-        """Takes a beat of a robot."""
+    def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None = None) -> None:
+        """Takes a beat of a robot; that this side's pulse sends, nobody asks here."""
+        del sent
         self.step(lease.RobotBeat(beat, arrived_s))
         if beat.incarnation == self.cloud.robot:
             self.link = links.hear(self.link, beat, self.incarnation, arrived_s, wall_us)

@@ -12,6 +12,7 @@ from robot_offload_core import guardians
 from robot_offload_core.beats import Beat
 from robot_offload_core.events import Tick
 from robot_offload_core.guardians import Flowing, Guardian, NodeEvent
+from robot_offload_core.placement import PulseSent
 from robot_offload_core.settings import OutputSpec
 
 
@@ -120,8 +121,8 @@ class ControlProcess(ABC):
     # -- what each side does in its own way ---------------------------------------------------------------------------
 
     @abstractmethod
-    def arrived(self, beat: Beat, arrived_s: float, wall_us: int) -> None:
-        """Takes a beat of the other side."""
+    def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None = None) -> None:
+        """Takes a beat of the other side, and our own newest, if that came along."""
 
     @abstractmethod
     def handle(self, message: object) -> None:

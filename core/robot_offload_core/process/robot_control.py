@@ -121,9 +121,9 @@ class RobotControlProcess(ControlProcess):
 
     # -- events in ----------------------------------------------------------------------------------------------------
 
-    def arrived(self, beat: Beat, arrived_s: float, wall_us: int) -> None:
-        """Takes a beat of the cloud."""
-        self.step(CloudBeat(beat, arrived_s, wall_us))
+    def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: placement.PulseSent | None = None) -> None:
+        """Takes a beat of the cloud, and our own newest."""
+        self.step(CloudBeat(beat, arrived_s, wall_us, sent))
 
     def handle(self, message: object) -> None:
         """Takes reports of pulse, collector and data."""

@@ -127,6 +127,8 @@ class Coverage:
     def robot(self, robot: placement.Robot, event: placement.Event, now_s: float) -> None:
         """The placement machine is about to take `event`."""
         self.met("robot", robot.phase.value, *_robot_event(robot, event, now_s))
+        if isinstance(event, placement.CloudBeat) and event.sent is not None:
+            self.met("robot", robot.phase.value, *_robot_event(robot, event.sent, now_s))
 
     def cloud(self, cloud: lease.Cloud, event: lease.Event, now_s: float) -> None:
         """The lease machine is about to take `event`."""

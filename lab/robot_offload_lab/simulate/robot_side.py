@@ -151,9 +151,7 @@ class RobotControl(Shell):
 
     def beat(self, beat: Beat, arrived_s: float, wall_us: int, sent: placement.PulseSent | None) -> None:
         """Takes a beat of the cloud; the loss that may follow is noticed to the millisecond."""
-        if sent is not None:
-            self.process.handle(sent)
-        self.process.arrived(beat, arrived_s, wall_us)
+        self.process.arrived(beat, arrived_s, wall_us, sent)
         deadline_s = self.process.next_deadline_s()
         if deadline_s != self.deadline_s and deadline_s < float("inf"):
             self.deadline_s = deadline_s

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import string
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -100,6 +101,23 @@ def test_one_changed_character_raises_nothing_but_a_beat_error(beat: Beat, data:
     text = beats.encode(beat)
     place = data.draw(st.integers(0, len(text) - 1))
     read(text[:place] + data.draw(st.characters()) + text[place + 1 :])
+
+
+def read_by(text: str, how: Callable[[str], Beat]) -> Beat | tuple[str, str]:
+    """What a text is read as: a beat, or why it is none."""
+    try:
+        return how(text)
+    except BeatError as error:
+        return error.reason, str(error)
+
+
+@many
+@given(any_beat, st.lists(st.tuples(st.integers(0, 400), st.sampled_from(["", *"0123456789abcdef-, rc"])), max_size=3))
+def test_the_short_way_of_reading_reads_what_the_long_way_reads(beat: Beat, changes: list[tuple[int, str]]) -> None:
+    text = beats.encode(beat)
+    for place, character in changes:
+        text = text[: place % len(text)] + character + text[place % len(text) + (place % 2) :] or " "
+    assert read_by(text, beats.decode) == read_by(text, beats._word_by_word)
 
 
 @many
