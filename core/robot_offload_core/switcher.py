@@ -149,8 +149,6 @@ def _settle(robot: Robot, asked: Settings, now_s: float) -> Robot:
 def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> Robot:  # noqa: C901 - a flat table
     match event:
         case CloudBeat():
-            if event.sent is not None:
-                robot = _note_sent(robot, event.sent)
             robot = _hear(robot, event, now_s)
         case PulseSent():
             robot = _note_sent(robot, event)
@@ -191,6 +189,8 @@ def _note_sent(robot: Robot, sent: PulseSent) -> Robot:
 
 def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
     beat = event.beat
+    if event.sent is not None:
+        robot = _note_sent(robot, event.sent)
     link = robot.link
     stranger = link.peer and beat.incarnation != link.peer
     live = link.heard_s is not None and now_s - link.heard_s <= robot.settings.loss_timeout_s
