@@ -12,13 +12,16 @@ from dataclasses import replace
 import pytest
 import yaml
 
+from robot_offload_agent.process.bus import KINDS
 from robot_offload_agent.process.clock import now_s
 from robot_offload_core import beats, envelope
+from robot_offload_core.process import probe
 from robot_offload_core.token import Site, Token
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PROCESSES, World
 from tests.ros.agent.passage import longest_gap_s
 from tests.ros.agent.test_identity import a_beat, voice
+from tests.unit.core.ledger.garbled import spoiled
 
 WORDS: list[object] = [
     None, True, -1, 2**63, 1e308, float("nan"), "", "x" * 5000, "edge:1", "\0", "[", [], {}, [[]], {"a": {"b": []}},
@@ -29,22 +32,11 @@ EACH = 60
 SEED = 20260117
 
 
-def spoiled(good: bytes, chance: random.Random) -> bytes:
-    """A good message with something wrong, or nothing good at all."""
-    kind = chance.randrange(5)
-    if kind == 0:
-        return good[: chance.randrange(len(good))] if good else b""
-    if kind == 1:
-        return chance.randbytes(chance.randrange(200))
-    if kind == 2:
-        place = chance.randrange(len(good))
-        return good[:place] + chance.randbytes(3) + good[place:]
-    return good + chance.randbytes(4) if kind == 3 else good.replace(b"1", b"9", 1)
-
-
 def probes(incarnation: str, chance: random.Random) -> Iterator[bytes]:
     """Probes of a known sender, each with one field that is of another kind, and some of other versions."""
-    good: dict[str, object] = {"v": 1, "i": incarnation, "l": {}, "t": {}, "n": {}, "w": "", "s": ""}
+    good: dict[str, object] = {
+        "v": probe.VERSION, "i": incarnation, "d": "", "h": "", "l": {}, "t": {}, "n": {}, "w": "", "s": "",
+    }  # fmt: skip
     for field in good:
         for word in WORDS:
             yield json.dumps({**good, field: word}).encode()
@@ -57,6 +49,8 @@ def probes(incarnation: str, chance: random.Random) -> Iterator[bytes]:
         text = json.dumps({"leaving": notes, "offer": [notes, {"pin": notes, "lease_ms": notes, "x": [notes]}]})
         yield json.dumps({**good, "s": text}).encode()
         yield json.dumps({**good, "s": json.dumps({"generation": notes, "reason": notes, "site": notes})}).encode()
+        stated = {"leaving": "", "vetoes": [[notes, notes]], "parameters": {"walker": [notes, "", {"rate_hz": notes}]}}
+        yield json.dumps({**good, "s": json.dumps(stated)}).encode()
     yield b"[" * 100_000
     for _ in range(EACH):
         yield spoiled(json.dumps(good).encode(), chance)
@@ -143,13 +137,13 @@ def test_garbage_at_the_sockets_of_the_processes_ends_none(steady: World, side: 
 
 
 def bus_garbage(chance: random.Random) -> Iterator[bytes]:
-    for kind in ("Arrived", "Egress", "SetGate", "Notes", "Limits", "Orders", "DataStatus", "Lives", "Alive", "Fatal"):
+    for kind in KINDS:
         for word in WORDS:
             yield b"m" + json.dumps([kind, word]).encode()
             yield b"m" + json.dumps([kind, [word, word]]).encode()
     for _ in range(EACH):
         yield spoiled(b'm["Heard",["ab",1,2.0]]', chance)
-        yield chance.choice([b"e", b"p", b"E", b"P"]) + chance.randbytes(chance.randrange(100))
+        yield chance.choice([b"e", b"p", b"o", b"l", b"E", b"P", b"O", b"L"]) + chance.randbytes(chance.randrange(100))
     yield b"m" + b"[" * 100_000
 
 
