@@ -5,13 +5,33 @@ The side that executes says so, control hands that on with the gate, and each si
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from robot_offload_core.change import replace
+from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site
 
 if TYPE_CHECKING:
     from robot_offload_core.collectors import Gate, OutputState
+
+RELAY_SILENT_S = 0.35
+"""A relay reports ten times a second: after so long without a report nobody knows what it executes."""
+
+
+def holding(outputs: tuple[OutputSpec, ...], executing: Collection[str], flowing: Collection[int]) -> tuple[int, ...]:
+    """Returns the outputs, by index, whose `while` is true on a side.
+
+    Args:
+        outputs: from the configuration.
+        executing: actions of which a goal is executed there.
+        flowing: outputs, by index, whose `while.topic` arrives there.
+    """
+    return tuple(
+        i
+        for i, o in enumerate(outputs)
+        if o.while_ is not None and (i in flowing or any(name in executing for name in o.while_.actions))
+    )
 
 
 def note(outputs: tuple[OutputState, ...], gate: Gate, now_s: float) -> tuple[OutputState, ...]:

@@ -28,6 +28,10 @@ class Problem(Explained):
         "IncompatibleQos", "A subscriber of an output's public topic asks for more than the replica's publisher offers",
         "Change the subscriber's quality of service, or that of the replica's publisher",
     )  # fmt: skip
+    RELAY_SILENT = (
+        "RelaySilent", "The relay of this side does not report, so outputs with `while` are not judged",
+        "Look at the agent's log; the relay is started anew by itself",
+    )  # fmt: skip
     REALTIME_REFUSED = (
         "RealtimeRefused", "The system refuses real-time priority", "Grant it, or set `realtime` to false"
     )  # fmt: skip

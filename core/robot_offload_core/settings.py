@@ -270,6 +270,10 @@ class OutputSpec:
             self.while_.check()
             if not self.deadline_s:
                 raise SettingsError("while: needs a rate, an output without one is never judged")
+            if self.while_.within_s >= self.deadline_s:
+                raise SettingsError(
+                    "while.within_s: must be less than the deadline, else the topic's end looks like a fault"
+                )
         for frame in self.frames:
             frame.check()
         if len({frame.child for frame in self.frames}) != len(self.frames):

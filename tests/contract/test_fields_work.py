@@ -55,7 +55,8 @@ def variable(reference: str, second: dict[str, str]) -> tuple[dict[str, Any], st
     return {}, ENV, *([{"name": "A", "valueFrom": {reference: each}}] for each in (first, second))
 
 
-CONDITION = {"topic": "/a", "within": "1s"}
+CONDITION = {"topic": "/a", "within": "50ms"}
+CARRIED = {"topics.toCloud.0": {"name": "/a"}, "topics.toCloud.1": {"name": "/b"}}
 FRAME = {"parent": "map", "child": "odom"}
 CALL = {"name": "/a", "type": "a/srv/A"}
 GOAL = {"name": "/a", "type": "a/action/A"}
@@ -234,8 +235,8 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
         {"actions": ["/a"]},
         {"actions": ["/b"]},
     ),
-    "nodes[].outputs[].while.topic": ({}, f"{OUTPUT}.while", CONDITION, CONDITION | {"topic": "/b"}),
-    "nodes[].outputs[].while.within": ({}, f"{OUTPUT}.while", CONDITION, CONDITION | {"within": "2s"}),
+    "nodes[].outputs[].while.topic": (CARRIED, f"{OUTPUT}.while", CONDITION, CONDITION | {"topic": "/b"}),
+    "nodes[].outputs[].while.within": (CARRIED, f"{OUTPUT}.while", CONDITION, CONDITION | {"within": "60ms"}),
     "nodes[].outputs[].shared": ({}, f"{OUTPUT}.shared", False, True),
     "nodes[].outputs[].frames": ({"nodes.1.outputs": [{"topic": "/tf"}]}, f"{OUTPUT}.frames", [], [FRAME]),
     "nodes[].outputs[].frames[].parent": (

@@ -121,6 +121,7 @@ class CloudControlShell(ControlShell):
         process = self.process
         self.report.publish_network_status(process.sustained())
         self.report.note("degraded", process.degraded())
+        self.report.note("while", process.unjudged())
         differ = replica_parameters.differences(self.comparison.compared, ())
         self.report.note("parameters", replica_parameters.problem(differ))
         self.send_notes(now)

@@ -233,6 +233,7 @@ class RobotControlShell(ControlShell):
         self.report.note("parameters", found)
         process.veto("parameters", [found] if found else [])
         self.report.note("degraded", process.degraded())
+        self.report.note("while", process.unjudged())
 
 
 def run(configuration: Configuration) -> None:

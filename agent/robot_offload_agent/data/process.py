@@ -71,6 +71,7 @@ def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
                 i["min_rate_hz"],
                 Priority(i["priority"]),
                 i["latest"],
+                i["topic"],
             )
             for i in configuration.inputs
         ),

@@ -54,6 +54,7 @@ class CloudControlProcess(ControlProcess):
         self.link = links.Link()
         self.data_s = ports.now_s()
         self.data_status: DataStatus | None = None
+        self.cloud_data: lease.CloudData | None = None
         self.complete = False
         self.request = ""
         self.requests = 0
@@ -81,6 +82,8 @@ class CloudControlProcess(ControlProcess):
         if isinstance(message, RelayStatus):
             self.relay_status = message
             self.rest.take(message, self.ports.now_s())
+            self.executing, self.relay_s = message.executing, self.ports.now_s()
+            self._note_while()
         if not isinstance(message, DataStatus) or message.cloud_data is None:
             return
         self.data_s = self.ports.now_s()
@@ -94,11 +97,21 @@ class CloudControlProcess(ControlProcess):
             accepted, _, text = answer.partition("|")
             self.ports.answer(self.request_key, accepted == "1", text)
             self.request = ""
-        self.step(message.cloud_data)
+        self.occasions, self.cloud_data = message.occasions, message.cloud_data
+        self.step(replace(message.cloud_data, rated=self._bits()))
+
+    def _note_while(self) -> None:
+        """Reports at once that other outputs must speak here."""
+        if self.cloud_data is not None and self._bits() != self.cloud.rated:
+            self.step(replace(self.cloud_data, rated=self._bits()))
+
+    def _bits(self) -> int:
+        return sum(1 << index for index in self.holding())
 
     def tick(self) -> None:
         """Lets time pass for the lease machine."""
         self.check_ready()
+        self._note_while()
         if self._able() is not self.cloud.ready:
             self.step(lease.CloudNodes(self._able()))
         self.step(Tick())

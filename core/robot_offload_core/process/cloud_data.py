@@ -223,7 +223,7 @@ class CloudDataProcess(DataProcess):
                 self.counters[f"{name}.reordered"] += 1
                 return
             self.newest[name] = source
-            self.accepted[name] = (now_s, age_s)
+            self.accepted[name], self.came_s[name] = (now_s, age_s), now_s
             if name in self.latched:
                 self._keep_latched(name, payload)
         published = self.ports.publish_input(name, payload)
@@ -318,5 +318,7 @@ class CloudDataProcess(DataProcess):
             i for i, o in enumerate(self.plan.outputs)
             if o.rated and i in self.spoke_s and now_s - self.spoke_s[i] <= o.deadline_s
         )  # fmt: skip
-        status = DataStatus(None, data, self.complete(), endpoint, word, (), problems, counters, flowing)
+        status = DataStatus(
+            None, data, self.complete(), endpoint, word, (), problems, counters, flowing, self.occasions(now_s)
+        )
         self.ports.send("control", status)

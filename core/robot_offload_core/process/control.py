@@ -8,11 +8,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Protocol
 
-from robot_offload_core import guardians
+from robot_offload_core import guardians, occasions
 from robot_offload_core.beats import Beat
 from robot_offload_core.events import Tick
 from robot_offload_core.guardians import Flowing, Guardian, NodeEvent
 from robot_offload_core.placement import PulseSent
+from robot_offload_core.problems import Problem
 from robot_offload_core.settings import OutputSpec
 
 
@@ -40,6 +41,8 @@ class ControlProcess(ABC):
 
     Attributes:
         guardian: state of its machine. told_ready: the readiness of this side's nodes that was taken into account.
+        occasions: outputs, by index, whose `while.topic` arrives here. executing: actions that the relay says this side
+            executes, at relay_s.
     """
 
     def __init__(
@@ -54,7 +57,11 @@ class ControlProcess(ABC):
         self._idle_until_s = 0.0
         self.told_ready: bool | None = None
         self.told_sustained = 0
+        self._outputs = outputs
         self._published = tuple(zip(outputs, publishers))  # noqa: B905 - publishers may be unknown
+        self.occasions: tuple[int, ...] = ()
+        self.executing: tuple[str, ...] = ()
+        self.relay_s: float | None = None
 
     def guard(self, event: guardians.Event) -> None:
         """Steps the guardian and has its commands carried out."""
@@ -84,6 +91,20 @@ class ControlProcess(ABC):
         names = tuple(dict.fromkeys(name for _, name in rated if name not in silent))
         if names != self.guardian.flowing:
             self.guard(Flowing(names))
+
+    def holding(self) -> tuple[int, ...]:
+        """Returns the outputs, by index, whose `while` is true on this side; none by a relay that has fallen silent."""
+        executing = () if self.unjudged() else self.executing
+        return occasions.holding(self._outputs, executing, self.occasions)
+
+    def unjudged(self) -> tuple[str, str] | None:
+        """Returns a problem while the relay is silent: outputs that are rated while an action runs are not judged."""
+        names = [o.shown for o in self._outputs if o.while_ is not None and o.while_.actions]
+        silent = self.relay_s is None or self.ports.now_s() - self.relay_s > occasions.RELAY_SILENT_S
+        if not names or not silent:
+            return None
+        message = f"The relay does not say which goals run: {', '.join(names)} may be silent unnoticed"
+        return Problem.RELAY_SILENT, message
 
     def degraded(self) -> tuple[str, str] | None:
         """Returns a problem while nodes that are not CORE are dead, refuse or were given up."""

@@ -69,6 +69,7 @@ class InputPlan:
         rate_hz: most messages a second to the cloud; 0: all. latched: last values are kept and exchanged.
         min_rate_hz: on a link that carries no more it is thinned to this rate at most; 0: never.
         priority: what goes first there. latest: the newest refused message is sent as soon as there is room.
+        topic: as people know it; "": the name.
     """
 
     name: str
@@ -78,6 +79,7 @@ class InputPlan:
     min_rate_hz: float = 0.0
     priority: Priority = Priority.NORMAL
     latest: bool = False
+    topic: str = ""
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class DataProcess(ABC):
         acknowledged: digest of our newest whole probe that the other side has got. whole_due_s: when to send it again.
         latched: last values of each latched input that this side holds.
         notes: of our control, for the other side.
-        problems: by key, for diagnostics. counters: by name.
+        came_s: when a message of each input last came. problems: by key, for diagnostics. counters: by name.
     """
 
     def __init__(self, plan: DataPlan, ports: DataPorts) -> None:
@@ -140,6 +142,7 @@ class DataProcess(ABC):
         self.notes_due_s = 0.0
         self.counters: Counter[str] = Counter()
         self.problems: dict[str, tuple[str, str]] = {}
+        self.came_s: dict[str, float] = {}
         self.status_due_s = self.probe_due_s = self.detail_due_s = ports.now_s()
 
     # -- the bus ------------------------------------------------------------------------------------------------------
@@ -256,6 +259,18 @@ class DataProcess(ABC):
         if received.notes and (notes != self.notes_passed or now_s >= self.notes_due_s):
             self.notes_passed, self.notes_due_s = notes, now_s + DETAIL_PERIOD_S
             self.ports.send("control", Notes(*notes))
+
+    def occasions(self, now_s: float) -> tuple[int, ...]:
+        """Returns the outputs, by index, whose `while.topic` has arrived within its time."""
+        names = {i.topic or i.name: i.name for i in self.plan.inputs}
+        found = []
+        for index, output in enumerate(self.plan.outputs):
+            condition = output.spec.while_ if output.spec is not None else None
+            if condition is not None and condition.topic:
+                came_s = self.came_s.get(names.get(condition.topic, ""))
+                if came_s is not None and now_s - came_s <= condition.within_s:
+                    found.append(index)
+        return tuple(found)
 
     def probe_age_s(self, now_s: float) -> float | None:
         """Returns seconds since the other side was last heard on the data session; None: never."""

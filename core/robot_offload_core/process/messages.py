@@ -115,6 +115,7 @@ class DataStatus:
         problems: (reason, message) for diagnostics.
         counters: (name, value) for diagnostics.
         flowing: rated outputs, by index, that a replica here has published within the deadline (cloud only).
+        occasions: outputs, by index, whose `while.topic` has arrived within its time.
     """
 
     report: placement.DataReported | None
@@ -126,6 +127,7 @@ class DataStatus:
     problems: tuple[tuple[str, str], ...] = ()
     counters: tuple[tuple[str, int], ...] = ()
     flowing: tuple[int, ...] = ()
+    occasions: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

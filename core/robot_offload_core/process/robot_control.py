@@ -12,6 +12,7 @@ from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
 from robot_offload_core.collectors import Gate
 from robot_offload_core.events import Acting, Tick, assert_never
+from robot_offload_core.limits import DATA_TIMEOUT_S
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
 from robot_offload_core.process.control import ControlPorts, ControlProcess
 from robot_offload_core.process.messages import CollectorStatus, DataStatus, Orders, RelayOrders, RelayStatus, Speak
@@ -111,7 +112,7 @@ class RobotControlProcess(ControlProcess):
         self.rest = Rest(Site.ROBOT, plan.asked.cancel_deadline_s)
         self.relay_status: RelayStatus | None = None
         self.replicas: dict[str, str] = {}
-        self.complete_s = started_s
+        self.complete_s = self.data_s = started_s
         self.effects: Site | None = None
         self.asked_in_cloud = ""
         self.cloud_answer = ""
@@ -142,6 +143,8 @@ class RobotControlProcess(ControlProcess):
                 self.data_status = message
             if message.counters:
                 self.veto("data", message.problems)
+            self.occasions, self.data_s = message.occasions, self.ports.now_s()
+            self._note_while()
             if message.replicas:
                 self.replicas = dict(message.replicas)
             self.step(message.report)
@@ -150,10 +153,20 @@ class RobotControlProcess(ControlProcess):
     def _relay_reported(self, status: RelayStatus) -> None:
         """Takes what the relay says: what a change waits for, and whether this side's nodes may be deactivated."""
         self.relay_status = status
+        self.executing, self.relay_s = status.executing, self.ports.now_s()
+        self._note_while()
         self.rest.take(status, self.ports.now_s())
         reported = placement.RelayReported(status.candidate, status.pending, status.hold, status.hold_for_s)
         if reported != self.robot.handing.report:
             self.step(reported)
+
+    def _note_while(self) -> None:
+        """Takes which outputs must speak on the robot now."""
+        if self.ports.now_s() - self.data_s > DATA_TIMEOUT_S:
+            self.occasions = ()
+        holding = self.holding()
+        if holding != self.robot.robot_while:
+            self.step(placement.WhileReported(holding))
 
     def veto(self, source: str, problems: Iterable[tuple[str, str]]) -> None:
         """Takes the problems, (reason, message), of one source: those in VETOES reach the machine."""
@@ -196,6 +209,7 @@ class RobotControlProcess(ControlProcess):
     def tick(self) -> None:
         """Lets time pass for the placement machine."""
         self.check_ready()
+        self._note_while()
         self.step(Tick())
         if switcher.effects_site(self.robot, self.ports.now_s()) is not self.effects:
             self.ports.effects_changed()

@@ -63,7 +63,7 @@ class RobotDataProcess(DataProcess):
 
     def forward(self, name: str, payload: Any, publishers: int = 1) -> None:
         """Sends an input's message to the cloud; `publishers` of a latched topic: as many values are kept."""
-        now_s = self.ports.now_s()
+        now_s = self.came_s[name] = self.ports.now_s()
         if self.pauses.waited(now_s) and name in self.aged:
             self.counters[f"{name}.waited"] += 1
             return
@@ -182,4 +182,7 @@ class RobotDataProcess(DataProcess):
         replicas = tuple(sorted(received.nodes.items())) if received and detailed else ()
         word = received.word if received else ""
         problems, counters = self.details(detailed)
-        self.ports.send("control", DataStatus(report, None, True, endpoint, word, replicas, problems, counters))
+        status = DataStatus(
+            report, None, True, endpoint, word, replicas, problems, counters, occasions=self.occasions(now_s)
+        )
+        self.ports.send("control", status)

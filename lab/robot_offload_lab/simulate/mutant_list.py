@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from robot_offload_lab.simulate.mutant_handover import HANDOVER
 from robot_offload_lab.simulate.mutant_hot import HOT, HOT_EQUIVALENT
+from robot_offload_lab.simulate.mutant_while import WHILE
 from robot_offload_lab.simulate.mutants import Edit, Equivalent, Mutant
 
 MUTANTS: dict[str, Mutant] = {
@@ -1307,6 +1308,7 @@ MUTANTS: dict[str, Mutant] = {
     ),
     **HANDOVER,
     **HOT,
+    **WHILE,
 }
 """Each is found by its story."""
 

@@ -54,6 +54,7 @@ class Node(Process):
         transition_s: longest normal transition. slow_s: added to each by faults.
         refusing, mute, hung: how many faults of that kind are at work.
         activations: grows with every change of state.
+        occupied: says whether there is something to publish for; None: always.
     """
 
     def __init__(self, world: World, host: Host, spec: NodeSpec, replica: Replica, sink: Sink) -> None:
@@ -69,6 +70,7 @@ class Node(Process):
         self.hung = 0
         self.state = State.UNCONFIGURED
         self.activations = 0
+        self.occupied: Callable[[], bool] | None = None
         self._sequence = 0
         self._busy_until_s = 0.0
 
@@ -85,7 +87,7 @@ class Node(Process):
             self.once(self.replica.period_s, partial(self._timer_of, self.activations))
 
     def _timer(self) -> None:
-        output = self.replica.output
+        output = self.replica.output if self.occupied is None or self.occupied() else None
         if self.state is State.ACTIVE and not self.hung and output is not None:
             self._sequence += 1
             self.sink(self.name, output, self._message())

@@ -76,7 +76,7 @@ class Observer(Promises):
         self.slowest_loss_s = 0.0
         self.reaction_s = run.scenario.reaction_s
         self.lanes = [Lane(0.0, BEFORE_CONTROL, {}) for _ in run.scenario.outputs]
-        self.rated = [(i, o.deadline_s) for i, o in enumerate(run.scenario.outputs) if o.rated]
+        self.rated = [(i, o.deadline_s) for i, o in enumerate(run.scenario.outputs) if o.rated and not o.while_]
         self.prompt = {i for i, deadline_s in self.rated if deadline_s <= self.settings.activation_deadline_s}
         self.slowest_s = max((deadline_s for i, deadline_s in self.rated if i not in self.prompt), default=0.0)
         self.mirrored = frozenset(run.scenario.mirrored)

@@ -185,6 +185,10 @@ class Servers:
     def _running(self, action: str) -> list[Execution]:
         return [e for e in self.executions.values() if e.action == action and not e.status.ended]
 
+    def busy(self) -> bool:
+        """Returns whether anything is executed now."""
+        return any(not e.status.ended for e in self.executions.values())
+
     def running(self, number: int) -> list[Execution]:
         """Returns what is executed of a client's goal now."""
         for action in self.of:

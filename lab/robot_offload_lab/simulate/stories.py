@@ -23,6 +23,7 @@ from robot_offload_lab.simulate import (
     story_results,
     story_shared,
     story_used,
+    story_while,
 )
 
 STORIES: dict[str, Callable[[], None]] = {
@@ -46,6 +47,7 @@ STORIES: dict[str, Callable[[], None]] = {
         story_used,
         story_mirrors,
         story_lacks,
+        story_while,
     )
     for story in module.STORIES
 }

@@ -31,6 +31,7 @@ class Walker(LifecycleNode):  # type: ignore[misc]
         self.declare_parameter("extra_topic", "")
         self.declare_parameter("padding", 0)
         self.declare_parameter("serves", False)
+        self.declare_parameter("silent_when_idle", False)
         self.counting = Counting(self) if self.get_parameter("serves").value else None
         self.sequence = 0
         self.producer = f"{self.get_name()}.{os.getpid()}" + "." * self.get_parameter("padding").value
@@ -53,7 +54,8 @@ class Walker(LifecycleNode):  # type: ignore[misc]
         return super().on_deactivate(state)
 
     def tell(self) -> None:
-        if not self.command.is_activated:
+        idle = self.counting is not None and not any(self.counting.executing.values())
+        if not self.command.is_activated or (idle and self.get_parameter("silent_when_idle").value):
             return
         self.sequence += 1
         stamp = self.get_clock().now().to_msg()

@@ -79,6 +79,25 @@ def test_a_condition_names_actions_that_are_declared() -> None:
     assert reasons({"outputs": [output]}) == [("spec.nodes[0].outputs[0].while.actions", "UnknownAction")]
 
 
+@pytest.mark.parametrize(
+    ("condition", "transport", "reason"),
+    [
+        ({"topic": "/scan", "within": "100ms"}, "Zenoh", None),
+        ({"topic": "/scan", "within": "150ms"}, "Zenoh", "EndLooksLikeFault"),
+        ({"topic": "/image", "within": "100ms"}, "Zenoh", "UnknownTopic"),
+        ({"topic": "/scan", "within": "100ms"}, "StaticPeers", "UnknownTopic"),
+    ],
+)
+def test_a_condition_names_a_topic_that_both_sides_see_and_ends_before_the_deadline(
+    condition: dict[str, str], transport: str, reason: str | None
+) -> None:
+    output = {"topic": "/cmd_vel", "rate": 20, "while": condition}
+    values = changed("spec.nodes", [NODE | {"name": "n0", "outputs": [output]}])
+    values["spec"] |= {"topics": {"toCloud": [{"name": "/scan"}]}, "transport": {"type": transport}}
+    findings = check(parse_object(values, "f.yaml", rules=()).spec)
+    assert [f.reason for f in findings if ".while" in f.path] == ([] if reason is None else [reason])
+
+
 @pytest.mark.parametrize("field", ["parameters", "cloudParameters"])
 def test_a_duplicated_amcl_that_jumps_to_its_configured_pose_is_refused(field: str) -> None:
     run = {"package": "nav2_amcl", "executable": "amcl", field: {"set_initial_pose": True}}

@@ -43,6 +43,7 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     served.names_have_one_meaning,
     served.clients_find_their_servers,
     served.conditions_name_actions_of_the_group,
+    served.conditions_name_topics_of_both_sides,
     served.poses_are_kept,
     served.hot_nodes_cost_twice,
     served.not_too_many_names,

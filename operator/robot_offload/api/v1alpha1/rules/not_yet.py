@@ -48,18 +48,13 @@ def _empty(field: str) -> str:
     return f"!has(self.{field}) || size(self.{field}) == 0"
 
 
-_NODE, _OUTPUT, _SWITCHING = "spec.nodes[]", "spec.nodes[].outputs[]", "spec.switching"
+_NODE, _SWITCHING = "spec.nodes[]", "spec.switching"
 _ACTION, _STATE = "spec.nodes[].actions[]", "spec.nodes[].state[]"
-_IN_NODE, _IN_OUTPUT = "spec.nodes.1", "spec.nodes.1.outputs.0"
+_IN_NODE = "spec.nodes.1"
 _PLAN = {"name": "/make_plan", "type": "nav_msgs/srv/GetPlan"}
 _FOLLOW = {"name": "/follow_path", "type": "nav2_msgs/action/FollowPath"}
 
 NOT_YET: Final[dict[str, Word]] = {
-    "while": Word(
-        _OUTPUT, "while", _without("__while__"), lambda it: it.while_ is not None,
-        "leave rate out where an output is silent while there is nothing to do",
-        (f"{_IN_OUTPUT}.while", {"topic": "/scan", "within": "200ms"}),
-    ),
     "Race": Word(
         "spec.nodes[].services[]", "mode", "self.mode != 'Race'", lambda it: it.mode == "Race",
         "write Idempotent instead of Race",

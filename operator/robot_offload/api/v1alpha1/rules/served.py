@@ -297,6 +297,32 @@ def conditions_name_actions_of_the_group(spec: RobotOffloadSpec) -> Iterator[Fin
                     )
 
 
+def conditions_name_topics_of_both_sides(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Whether a topic arrives is known on both sides of those that the agents carry to the cloud."""
+    carried = {topic.name for topic in spec.topics.to_cloud} if spec.transport.type == "Zenoh" else set()
+    for i, node in enumerate(spec.nodes):
+        for j, output in enumerate(node.outputs):
+            path = f"spec.nodes[{i}].outputs[{j}].while"
+            topic = output.while_.topic if output.while_ is not None else None
+            if topic is None or output.while_ is None:
+                continue
+            if output.while_.within_ms is not None and output.while_.within_ms >= output.judged_after_ms > 0:
+                yield Finding(
+                    f"{path}.within",
+                    "EndLooksLikeFault",
+                    f"must be shorter than the output's deadline, {output.judged_after_ms:g}ms: else the output counts "
+                    f"as silent each time that {topic!r} ends",
+                )
+            if topic in carried:
+                continue
+            advice = f"add {topic!r} to topics.toCloud" if spec.transport.type == "Zenoh" else "use transport Zenoh"
+            yield Finding(
+                f"{path}.topic",
+                "UnknownTopic",
+                f"the agents do not see when {topic!r} arrives on either side; {advice}, or remove while",
+            )
+
+
 def poses_are_kept(spec: RobotOffloadSpec) -> Iterator[Finding]:
     """AMCL with `set_initial_pose` jumps to the configured pose at each activation: at each change of the side."""
     for i, node in enumerate(spec.nodes):

@@ -1,0 +1,67 @@
+"""A Hot replica takes over by a missing message; an output with `while` is silent without anybody minding."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from typing import Any
+
+from robot_offload_agent.process.clock import now_s
+from tests.ros.agent.clients import Goal, action_client
+from tests.ros.agent.harness import World
+
+SLOW_LIMITS: dict[str, Any] = {
+    "loss_timeout_ms": 1500.0,
+    "lease_ms": 2000.0,
+    "output.command.deadline_ms": 3000.0,
+    "node.walker.standby_robot": "Hot",
+    "node.walker.standby_cloud": "Hot",
+    "output.command.hot": ["robot", "cloud"],
+}
+LEARNED = 130
+
+
+def test_a_hot_robot_goes_on_long_before_any_limit_breaks_and_the_heartbeats_confirm_the_loss(
+    build: Callable[..., World],
+) -> None:
+    world = build(both=SLOW_LIMITS).start()
+    world.passes("cloud", LEARNED)
+    cut_s = world.cut("both")
+    world.goes_to("robot")
+    taken = next(change for change in world.placed if change.t_s > cut_s and change.site == "robot")
+    assert taken.reason == "OutputSilent"
+    assert "/command" in taken.message
+    assert taken.t_s - cut_s < SLOW_LIMITS["loss_timeout_ms"] / 1e3
+    world.cut(None)
+    world.goes_to("cloud")
+    for side in ("robot", "cloud", "robot"):
+        world.place(side, stay=True)
+    world.check()
+
+
+def test_an_output_with_while_is_judged_while_a_goal_is_executed(build: Callable[..., World]) -> None:
+    world = build(both={"output.command.while_actions": ["/count"]}, serves=True)
+    for side in ("cloud", "robot"):
+        world.start_agent(side)
+        world.start_node(side, silent_when_idle=True)
+    world.until(lambda: world.site == "cloud", "an idle robot changes over to the cloud")
+    idle_s = now_s()
+    changes = len(world.placed)
+    world.until(lambda: now_s() - idle_s > 4, "nothing to do")
+    assert world.placed[changes:] == [], "nobody minds"
+
+    client = action_client(world.ear.node, "/count")
+    goal = Goal(client, 10_000).accepted()
+    goal.beats()
+    world.passes("cloud", 10)
+    os.killpg(world.nodes["cloud"].pid, signal.SIGSTOP)
+    stopped_s = now_s()
+    world.goes_to("robot")
+    left = next(change for change in world.placed if change.t_s > stopped_s and change.site == "robot")
+    assert left.reason == "OutputSilent"
+    assert "/command" in left.message, "the silent output is named"
+    os.killpg(world.nodes["cloud"].pid, signal.SIGCONT)
+    goal.beats()
+    assert goal.cancel() == 0
+    client.destroy()
