@@ -327,7 +327,7 @@ _KEPT_WORDS: tuple[tuple[str, str, Any], ...] = (
     ("state", _STATE, [{"snapshot": True, "maxAge": "1s", "maxSize": "16Mi"}]),
     ("stateTopic", _STATE, [{"topic": "/amcl_pose", "restore": "/initialpose"}]),
     ("stateParameters", _STATE, [{"parameters": {"nodes": ["a", "/b/c"], "except": ["use_gpu"]}}]),
-    ("while", _WHILE, {"topic": "/scan", "within": "200ms"}),
+    ("while", _WHILE, {"topic": "/scan", "within": "100ms"}),
     ("shared", f"{_OUTPUT}.shared", True),
     ("frames", _OUTPUT, TF),
     ("maxAge", "spec.nodes.2.outputs", [{"topic": "/objects", "maxAge": "500ms"}]),

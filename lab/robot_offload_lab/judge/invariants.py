@@ -14,6 +14,8 @@ reported beside them: they depend on the application too. Each violation is a se
 * `Lost`: a commanded switch over a good link loses nothing from the cloud (what the robot's own replica loses on the
   robot is counted in the report). Not judged when the switch was commanded because the agents found the loop too slow:
   a busy computer delays like a bad link, and what is too old must not pass.
+* `Unused`: the cloud acts at some time, unless the link forbids it: an input that nobody publishes, a type that differs,
+  a replica that does not get ready are mistakes of the specification, and the sentence of the agent names the culprit.
 * `Epoch`: every change of the side in charge has a higher epoch.
 
 What is promised about goals, calls and state stands in `handed`.
@@ -31,11 +33,22 @@ from robot_offload_lab.judge.measures import SWITCH_WINDOW_S, Interval, Measures
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Recording
 from robot_offload_lab.judge.streams import Gap, Stream
 
+OFFLOAD = "offload"
+"""The mode in which the agents may use both sides."""
 GAP_MARGIN_MS = 200.0
 """For what a busy computer adds to the sum of the declared times: scheduling, the middleware, the recorder itself."""
 ANNOUNCEMENT_LAG_S = 0.3
 """How late the announcement of a placement may be against the messages that pass the collector: a lease (250 ms by
 default), because control that is silent for longer makes the collector pass the robot only, and its way to us."""
+
+
+MISTAKES = frozenset({
+    Reason.INPUT_STALE, Reason.INPUTS_DIFFER, Reason.CLOUD_NOT_READY, Reason.TYPES_DIFFER, Reason.SECOND_PUBLISHER,
+    Reason.UNDECLARED_PUBLISHER, Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER,
+})  # fmt: skip
+"""Reasons against the cloud that no link explains."""
+LEAST_RUN_S = 10.0
+"""A shorter run proves nothing about what is never used."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +77,7 @@ def violations(measures: Measures) -> tuple[Violation, ...]:
         found += _gaps(measures, stream)
     found += _lost(measures)
     found += _epochs(measures)
+    found += _unused(measures)
     found += _handed(measures)
     return tuple(sorted(found, key=lambda violation: violation.t_s))
 
@@ -251,6 +265,30 @@ def _epochs(measures: Measures) -> Iterator[Violation]:
                 f"The switch from {before.site} to {switch.site} at {t_s:.3f} s went from epoch {before.epoch} to "
                 f"{switch.epoch}; every changeover must have a higher one.",
             )
+
+
+def _unused(measures: Measures) -> Iterator[Violation]:
+    """Yields what kept the cloud out for the whole run when that is a mistake of the specification.
+
+    An input that was heard for a while and grew old on the way is a matter of the link.
+    """
+    placements = measures.recording.placements
+    if measures.recording.run.mode != OFFLOAD or measures.duration_s < LEAST_RUN_S or not placements:
+        return
+    if any(change.site == "cloud" or change.phase == "Cloud" for change in placements):
+        return
+    mistakes = [change for change in placements if change.reason in MISTAKES and not _aged(change)]
+    if mistakes:
+        message = mistakes[-1].message
+        yield Violation(
+            _since_start(measures, mistakes[-1].t_s),
+            "Unused",
+            f"The cloud never acted, because of the specification and not of the link: {message}.",
+        )
+
+
+def _aged(change: PlacementChange) -> bool:
+    return change.reason == Reason.INPUT_STALE and "never arrived" not in change.message
 
 
 def _handed(measures: Measures) -> Iterator[Violation]:

@@ -54,7 +54,7 @@ class Walker(LifecycleNode):  # type: ignore[misc]
         return super().on_deactivate(state)
 
     def tell(self) -> None:
-        idle = self.counting is not None and not any(self.counting.executing.values())
+        idle = self.counting is not None and not self.counting.running()
         if not self.command.is_activated or (idle and self.get_parameter("silent_when_idle").value):
             return
         self.sequence += 1

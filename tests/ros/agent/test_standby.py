@@ -41,7 +41,7 @@ def test_a_hot_robot_goes_on_long_before_any_limit_breaks_and_the_heartbeats_con
 
 
 def test_an_output_with_while_is_judged_while_a_goal_is_executed(build: Callable[..., World]) -> None:
-    world = build(both={"output.command.while_actions": ["/count"]}, serves=True)
+    world = build(both={"output.command.while_actions": ["/many"]}, serves=True)
     for side in ("cloud", "robot"):
         world.start_agent(side)
         world.start_node(side, silent_when_idle=True)
@@ -51,7 +51,7 @@ def test_an_output_with_while_is_judged_while_a_goal_is_executed(build: Callable
     world.until(lambda: now_s() - idle_s > 4, "nothing to do")
     assert world.placed[changes:] == [], "nobody minds"
 
-    client = action_client(world.ear.node, "/count")
+    client = action_client(world.ear.node, "/many")
     goal = Goal(client, 10_000).accepted()
     goal.beats()
     world.passes("cloud", 10)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robot_offload_lab.judge.invariants import Violation, gap_limit_ms, violations
 from robot_offload_lab.judge.measures import measure
-from robot_offload_lab.judge.recording import Arrival, PlacementChange, Record, Recording
+from robot_offload_lab.judge.recording import Arrival, Ending, PlacementChange, Record, Recording
 from tests.unit.lab.judge.recordings import (
     RUN,
     START_S,
@@ -20,6 +20,7 @@ from tests.unit.lab.judge.recordings import (
     is_arrival,
     later,
     link,
+    placement,
     recording,
     stay,
 )
@@ -205,6 +206,29 @@ def test_an_epoch_that_does_not_grow_is_a_violation() -> None:
     assert only(changed(calm_run(), same_epoch)).text == (
         "The switch from cloud to robot at 10.020 s went from epoch 2 to 2; every changeover must have a higher one."
     )
+
+
+MISTAKE = "Input /camera/image never arrived in the cloud, the limit is 400 ms"
+
+
+@pytest.mark.parametrize(
+    ("reason", "message", "kinds"),
+    [
+        ("InputStale", MISTAKE, ["Unused"]),
+        ("CloudNotReady", "The cloud's nodes did not get ready in time: detector is unknown there", ["Unused"]),
+        ("InputStale", "Input /camera/image is 900 ms old in the cloud, the limit is 400 ms", []),
+        ("HeartbeatLost", "No heartbeat from the cloud for 90 ms", []),
+    ],
+)
+def test_a_cloud_that_a_mistake_kept_out_for_the_whole_run_is_a_violation_that_names_the_mistake(
+    reason: str, message: str, kinds: list[str]
+) -> None:
+    change = dataclasses.replace(placement(1.0, "robot", 1, reason), message=message)
+    run: list[Record] = [RUN, placement(0.0, "robot", 1, "Start"), change, *stay("robot", 0.0, 20.0), *link(20.0)]
+    run.append(Ending(START_S + 20.0, collisions=0, stops=0, goal_reached=True))
+    violated = found(recording(run))
+    assert [violation.kind for violation in violated] == kinds
+    assert all(message in violation.text for violation in violated)
 
 
 def test_violations_come_in_the_order_of_time() -> None:
