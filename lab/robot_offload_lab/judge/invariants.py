@@ -14,7 +14,7 @@ reported beside them: they depend on the application too. Each violation is a se
 * `Lost`: a commanded switch over a good link loses nothing from the cloud (what the robot's own replica loses on the
   robot is counted in the report). Not judged when the switch was commanded because the agents found the loop too slow:
   a busy computer delays like a bad link, and what is too old must not pass.
-* `Unused`: the cloud acts at some time, unless the link forbids it: an input that nobody publishes, a type that differs,
+* `Unused`: the cloud acts at some time unless the link forbids that. An input that nobody publishes, another type, or
   a replica that does not get ready are mistakes of the specification, and the sentence of the agent names the culprit.
 * `Epoch`: every change of the side in charge has a higher epoch.
 
