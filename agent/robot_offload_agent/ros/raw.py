@@ -21,6 +21,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robot_offload_agent.errors import StartError
 from robot_offload_agent.ros.interfaces import message_type
 from robot_offload_agent.settings.parameters import Named
+from robot_offload_core.process import kinds
 from robot_offload_core.process.rivals import Endpoint
 
 OnRaw = Callable[[bytes], None]
@@ -150,11 +151,14 @@ class RawSubscription:
         """Subscribes as soon as possible; call now and then, often until it returns True."""
         name = self.type_name or graph_type(self.node, self.topic)
         qos = subscription_qos(self.node, self.topic, self.spec, self.latched)
+        publishers = self.node.get_publishers_info_by_topic(self.topic)
+        found = [(endpoint(info).node, info.topic_type) for info in publishers]
+        otherwise = kinds.otherwise(self.topic, self.spec["type"], found)
         if self.subscription is not None and (qos is None or qos == self.qos):
-            self.problem = self._mismatch()
+            self.problem = otherwise or self._mismatch()
             return True
         if not name or qos is None:
-            self.problem = ("NoPublisher", f"{self.topic} has no publisher yet (or several types)")
+            self.problem = otherwise or ("NoPublisher", f"{self.topic} has no publisher yet (or several types)")
             return False
         try:
             cls = message_type(name)
@@ -163,7 +167,7 @@ class RawSubscription:
             return False
         if self.subscription is not None:  # a node that was restarted with other QoS
             self.node.destroy_subscription(self.subscription)
-        self.type_name, self.qos, self.problem = name, qos, None
+        self.type_name, self.qos, self.problem = name, qos, otherwise
         self.type_hash = graph_type_hash(self.node, self.topic)
         self.subscription = self.node.create_subscription(cls, self.topic, self.on_raw, qos, raw=True)
         return True
