@@ -159,6 +159,8 @@ def demo(
     result = run(options, view)
     for line in summary(result.report, options.out):
         view.say(line)
+    if result.standstill:
+        view.say(result.standstill)
     if as_json:
         typer.echo(json.dumps(result.report, indent=2))
     if result.report["violations"] or result.trouble:

@@ -32,6 +32,7 @@ from robot_offload_lab.run.ensemble import Ensemble
 from robot_offload_lab.run.free import free_domains, free_ports
 from robot_offload_lab.run.processes import Processes, Program
 from robot_offload_lab.run.showcase import showcase
+from robot_offload_lab.run.standstill import Standstill
 from robot_offload_lab.run.system import (
     DDS_WIRE,
     RECORDER,
@@ -95,10 +96,12 @@ class DemoResult:
     Attributes:
         report: as in report.json.
         trouble: what ended the run early, other than the user; empty when nothing did.
+        standstill: what is to be said of a machine that stood still; empty when it ran all the time.
     """
 
     report: Mapping[str, Any]
     trouble: str = ""
+    standstill: str = ""
 
 
 class StoppedEarlyError(RobotOffloadError):
@@ -127,12 +130,13 @@ def run(options: DemoOptions, view: View) -> DemoResult:
             watch.link = LinkSample(steady_s(), schedule.latency_ms(0.0))
         processes = stack.enter_context(Processes(system.run, system.logs, system.temporary))
         stack.callback(view.close)
+        machine = stack.enter_context(Standstill())
         trouble = Demo(system, processes, view, watch, stop).go(options.duration_s)
         view.close()
         for line in agent_errors(system):
             view.say(line)
         view.say("Writing the report")
-    return DemoResult(write_report(system), trouble)
+    return DemoResult(write_report(system), trouble, machine.sentence())
 
 
 def _system(options: DemoOptions, offload: RobotOffload, temporary: Path) -> System:

@@ -1,0 +1,66 @@
+"""Whether this machine stood still during a run: then silence and switches say nothing about the link or the agents."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+STEP_S = 0.01
+STOOD_S = 0.1
+"""A thread that asks for a hundredth of a second and gets it so much later did not run: six of the agents' turns."""
+
+
+class Standstill:
+    """A thread that does nothing but look at two clocks, for as long as the context lasts.
+
+    Attributes:
+        lengths_s: how much longer each of its sleeps took that took too long.
+        suspended_s: how long the machine was suspended: only the clock that counts that went on.
+    """
+
+    def __init__(
+        self,
+        running_s: Callable[[], float] = time.monotonic,
+        passing_s: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME),
+    ) -> None:
+        self.running_s, self.passing_s = running_s, passing_s
+        self.lengths_s: list[float] = []
+        self.suspended_s = 0.0
+        self._last = running_s(), passing_s()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="standstill", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._ended.wait(STEP_S):
+            self.look()
+
+    def look(self) -> None:
+        """Compares both clocks with the last look."""
+        before, self._last = self._last, (self.running_s(), self.passing_s())
+        ran_s, passed_s = self._last[0] - before[0], self._last[1] - before[1]
+        self.suspended_s += max(0.0, passed_s - ran_s - STOOD_S)
+        if passed_s - STEP_S > STOOD_S:
+            self.lengths_s.append(passed_s - STEP_S)
+
+    def sentence(self) -> str:
+        """Returns what people should know of it; "" when the machine ran all the time."""
+        if not self.lengths_s:
+            return ""
+        times = "once" if len(self.lengths_s) == 1 else f"{len(self.lengths_s)} times"
+        text = f"This machine stood still {times}, for up to {max(self.lengths_s) * 1e3:.0f} ms"
+        if self.suspended_s:
+            text += f" ({self.suspended_s:.1f} s of it suspended)"
+        return f"{text}: silence, alarms and switches then are the machine's, not the link's; try again with less load"
