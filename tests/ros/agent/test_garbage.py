@@ -6,7 +6,9 @@ What is thrown is made from good messages (shortened, with other values, other t
 import json
 import random
 import socket
+import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
@@ -14,18 +16,23 @@ import yaml
 
 from robot_offload_agent.process.bus import KINDS
 from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.relay.journal import Journal
 from robot_offload_core import beats, envelope
+from robot_offload_core.ledger import journal, words
 from robot_offload_core.process import probe
+from robot_offload_core.snapshots import FORMAT, HEADER, MAGIC
 from robot_offload_core.token import Site, Token
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PROCESSES, World
 from tests.ros.agent.passage import longest_gap_s
 from tests.ros.agent.test_identity import a_beat, voice
-from tests.unit.core.ledger.garbled import spoiled
+from tests.ros.agent.test_state import DECLARED
+from tests.unit.core.ledger.garbled import letters, spoiled
 
 WORDS: list[object] = [
     None, True, -1, 2**63, 1e308, float("nan"), "", "x" * 5000, "edge:1", "\0", "[", [], {}, [[]], {"a": {"b": []}},
 ]  # fmt: skip
+CALLED = ("/count", "/many", "/ask", "/do", "count", "ask")
 NAMES = ("", "odom", "map", "command", "walker", "../../x", "os", "x" * 300)
 EACH = 60
 """Messages for each door."""
@@ -174,3 +181,76 @@ def test_garbage_in_the_files_of_the_cluster_ends_no_process(build: Callable[...
         lambda: "generation 3" in world.state["settings"]["message"].lower(), "good settings are read afterwards"
     )
     assert {name: world.pid("cloud", name) for name in pids} == pids
+
+
+def snapshots(chance: random.Random) -> Iterator[bytes]:
+    """Messages for a node's state: whole ones, too large ones, torn ones, of other formats."""
+    for size in (0, 3, 1000, 5000):
+        data = chance.randbytes(size)
+        body = HEADER.pack(MAGIC, chance.choice([FORMAT, 9]), 1, size, zlib.crc32(data)) + data
+        good = b"\0\1\0\0" + bytes(8) + len(body).to_bytes(4, "little") + body
+        yield good
+        for _ in range(10):
+            yield spoiled(good, chance)
+
+
+def throw(say: Callable[..., None], writer: str, reader: str, incarnations: tuple[str, str], agent: str) -> None:
+    """Letters, snapshots and large messages, from a side whose incarnation is `agent`."""
+    chance = random.Random(SEED)
+    for frame in letters(writer, reader, agent, CALLED, chance):
+        say("relay", frame)
+    heads = list(envelopes(incarnations, chance))
+    for payload in snapshots(chance):
+        say("state/walker_1", payload, chance.choice(heads))
+        say("state/unknown", payload, chance.choice(heads))
+    for channel in ("in/odom", "in/map", "out/command", "mirror/command", "relay", "state/walker_1", "probe"):
+        say(channel, chance.randbytes(300_000), chance.choice(heads))
+
+
+def test_garbage_for_relays_states_and_large_messages_ends_no_process_of_either_side(
+    build: Callable[..., World],
+) -> None:
+    world = build(serves=True, both=DECLARED)
+    world.start_agent("robot")
+    world.start_node("robot")
+    world.passes("robot", 40)
+    robot, cloud, heard = world.placed[-1].control, "cd" * 16, list[str]()
+
+    def note(frame: bytes) -> None:
+        with suppress(words.WordError):
+            heard.append(words.decode(frame).writer)
+
+    pids = {name: world.pid("robot", name) for name in (*PROCESSES["robot"], "relay")}
+    with voice(world, "pulse", "cloud") as beat, voice(world, "data", "cloud", hears=note) as say:
+        good = replace(a_beat(world.folder.name), sender=Site.CLOUD, incarnation=cloud, body=beats.CloudReport())
+        beat("beat", beats.encode(good).encode())
+        world.until(lambda: heard, "the robot's relay is heard")
+        throw(say, "ef" * 16, heard[-1], (robot, cloud), cloud)
+        world.until(lambda: counter(world, "robot", "data", "garbage"), "the robot's relay counts it")
+    folder = world.folder / "robot"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as somebody:
+        for payload in bus_garbage(random.Random(SEED)):
+            somebody.sendto(payload, str(folder / "relay.sock"))
+    world.until(lambda: counter(world, "robot", "data", "garbage.relay"), "garbage on the bus is counted")
+    assert {name: world.pid("robot", name) for name in pids} == pids
+
+    kept = Journal(folder)
+    chance, called = random.Random(SEED), journal.call_opened(b"caller", "/ask")
+    for record in [*kept.load(), *(spoiled(called, chance) or b"x" for _ in range(EACH)), b"x", bytes(200)]:
+        kept.append(record)
+    world.kill("robot", "relay")
+    heard.clear()
+    world.start_agent("cloud")
+    world.start_node("cloud")
+    world.goes_to("cloud")
+    all_pids = {(side, name): world.pid(side, name) for side in PROCESSES for name in (*PROCESSES[side], "relay")}
+    with voice(world, "data", hears=note) as say:
+        world.until(lambda: heard, "the cloud's relay is heard")
+        throw(say, "fe" * 16, heard[-1], (robot, ""), robot)
+    with voice(world, "data", large=True) as say:
+        throw(say, "fe" * 16, heard[-1], (robot, ""), robot)
+    world.until(lambda: counter(world, "cloud", "data", "garbage"), "the cloud's relay counts it")
+    before = len(world.arrivals)  # of either side: this robot's own relay is not heard again after a thief's
+    world.until(lambda: len(world.arrivals) > before + 40, "messages pass")
+    assert {each: world.pid(*each) for each in all_pids} == all_pids, world.processes.logs()
+    world.check()

@@ -58,10 +58,14 @@ def way_in(world: World, host: str) -> Iterator[dict[str, list[str]]]:
 
 
 @contextmanager
-def voice(world: World, session: str = "pulse", side: str = "robot") -> Iterator[Callable[..., None]]:
+def voice(
+    world: World, session: str = "pulse", side: str = "robot", *, large: bool = False,
+    hears: Callable[[bytes], None] | None = None,
+) -> Iterator[Callable[..., None]]:  # fmt: skip
     """A session with the certificates of a side that can say anything on the channels of that side.
 
-    The robot's is one more beside the genuine one; the cloud's takes the place of a cloud's agent that does not run.
+    The robot's is one more beside the genuine one, with `large` as its lane for large messages; the cloud's takes the
+    place of a cloud's agent that does not run. `hears` gets what the other side's relay writes.
     """
     assert world.certificates is not None
     paths = getattr(world.certificates, side)
@@ -69,10 +73,13 @@ def voice(world: World, session: str = "pulse", side: str = "robot") -> Iterator
     settings = ZenohSettings(
         side=side, session=session, uid=world.folder.name, endpoints=(f"quic/{host}:{world.ports[session]}",),
         ca=str(paths.ca), certificate=str(paths.certificate), private_key=str(paths.private_key),
-        peer_name="cloud" if side == "robot" else "walker-1",
+        peer_name="cloud" if side == "robot" else "walker-1", fallback=(f"tls/{host}:{world.ports[session]}",),
     )  # fmt: skip
-    opened = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings))))
+    opened = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings, fallback=large))))
     try:
+        if hears is not None:
+            other = "cloud" if side == "robot" else "robot"
+            opened.declare_subscriber(key(settings, other, "relay"), lambda sample: hears(bytes(sample.payload)))
         yield lambda channel, payload, header=bytes(4): opened.put(
             key(settings, side, channel), payload, attachment=header
         )
