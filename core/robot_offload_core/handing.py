@@ -7,11 +7,11 @@ none of it, and nothing of it ends a stay.
 from __future__ import annotations
 
 from robot_offload_core.change import replace
-from robot_offload_core.placement import Phase, Preparation, Robot
+from robot_offload_core.placement import Handing, Phase, Preparation, RelayReported, Robot, StateReported
 from robot_offload_core.reasons import Kind, Reason, Verdict
 from robot_offload_core.token import Site
 
-REASONS = {reason.value: reason for reason in (Reason.GOALS_PENDING, Reason.DIVERGED)}
+REASONS = {reason.value: reason for reason in (Reason.GOALS_PENDING, Reason.DIVERGED, Reason.STATE_STALE)}
 
 
 def lacking(robot: Robot) -> Verdict | None:
@@ -24,6 +24,7 @@ def pending(robot: Robot, preparation: Preparation) -> Verdict | None:
     """Returns what the side that gets ready lacks, as the relay and the replicas say; None when nothing."""
     candidate = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT
     lacks = lacking(robot) if candidate is Site.CLOUD else None
+    lacks = lacks or _stale(robot, preparation, candidate)
     if lacks is not None or not robot.handing.served:
         return lacks
     report, preparing = robot.handing.report, robot.epoch
@@ -33,6 +34,24 @@ def pending(robot: Robot, preparation: Preparation) -> Verdict | None:
         return None
     reason, message = report.pending[0]
     return Verdict(candidate.other, REASONS.get(reason, Reason.GOALS_PENDING), message)
+
+
+def _stale(robot: Robot, preparation: Preparation, candidate: Site) -> Verdict | None:
+    """Returns what the side that gets ready lacks of the state of the one that acts; None when nothing."""
+    if not robot.handing.kept:
+        return None
+    told = next((s for s in robot.handing.states if s.site is candidate), None)
+    if told is None or told.epoch != preparation.candidate:
+        message = f"The data process of the {candidate.value} does not know of the change"
+        return Verdict(candidate.other, Reason.STATE_STALE, message)
+    return Verdict(candidate.other, Reason.STATE_STALE, told.lacking[0]) if told.lacking else None
+
+
+def told(known: Handing, report: RelayReported | StateReported) -> Handing:
+    """Returns what is handed over, with the newest word of the relay or of a data process."""
+    if isinstance(report, RelayReported):
+        return replace(known, report=report)
+    return replace(known, states=(*(s for s in known.states if s.site is not report.site), report))
 
 
 def may_arm(robot: Robot, preparation: Preparation, wish: Verdict, now_s: float) -> bool:

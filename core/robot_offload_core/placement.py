@@ -106,6 +106,20 @@ class RelayReported:
 
 
 @dataclass(frozen=True)
+class StateReported:
+    """A data process reported which state its side lacks.
+
+    Attributes:
+        site: whose. epoch: of the preparation that it is about; 0: none.
+        lacking: why the side does not know the state of the one that acts.
+    """
+
+    site: Site
+    epoch: int
+    lacking: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Handing:
     """What is handed over besides outputs.
 
@@ -113,11 +127,15 @@ class Handing:
         served: services or actions are declared, so a relay says what a change waits for.
         report: its newest report.
         held_s: since when a change waits for a goal that must not be interrupted; None: none waits.
+        kept: state is declared, so the data processes say what a change waits for.
+        states: newest report of each side about the state that it lacks.
     """
 
     served: bool = False
     report: RelayReported | None = None
     held_s: float | None = None
+    kept: bool = False
+    states: tuple[StateReported, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -353,7 +371,7 @@ class SetSettings:
 
 Event = (
     CloudBeat | PulseSent | GateReported | DataReported | NodesReported | Vetoed | SwitchByHand | SetPin | CloudLeaving
-    | SetSettings | RelayReported | WhileReported | Tick
+    | SetSettings | RelayReported | StateReported | WhileReported | Tick
 )  # fmt: skip
 
 

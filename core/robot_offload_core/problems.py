@@ -62,8 +62,8 @@ class Problem(Explained):
         "Choose the value that the message names",
     )  # fmt: skip
     MESSAGE_TOO_LARGE = (
-        "MessageTooLarge", "A message is larger than what the agent's processes hand over, and was left out",
-        "Make the message smaller (compressed, lower resolution)",
+        "MessageTooLarge", "A message is larger than `maxMessageSize`, or than the agent hands over, and was left out",
+        "Make the message smaller (compressed, lower resolution), or raise `switching.maxMessageSize`",
     )  # fmt: skip
     THINNED = (
         "Thinned", "The link does not carry all messages of an input; what would have to wait is left out",
@@ -76,10 +76,6 @@ class Problem(Explained):
     SNAPSHOT_REFUSED = (
         "SnapshotRefused", "A snapshot of a node's state was refused; the replica keeps what it had",
         "Read the reason in the message; publish with the same `robot_offload_state` on both sides",
-    )  # fmt: skip
-    STATE_STALE = (
-        "StateStale", "The replica does not know the newest state of the acting side",
-        "Let the node publish its state more often than `maxAge`, or raise that",
     )  # fmt: skip
     NOT_LIFECYCLE = (
         "NotLifecycle", "A node that is declared as managed runs without a lifecycle",

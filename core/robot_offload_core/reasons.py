@@ -251,6 +251,10 @@ class Reason(Explained):
         "Diverged", Kind.ATTEMPT, "A call that both sides execute (`mode: Both`) failed on the side that gets ready",
         "Look at the service's log there",
     )  # fmt: skip
+    STATE_STALE = (
+        "StateStale", Kind.ATTEMPT, "The side that gets ready does not know the state of the acting side in time",
+        "Let the node publish its state more often than `maxAge`, or raise that; look at the link",
+    )  # fmt: skip
     REPLICA_PARAMETERS_DIFFER = (
         "ReplicaParametersDiffer", Kind.ATTEMPT, "A replica has other parameters than the robot's node",
         "Give both the same parameters; name those that are to differ in `cloudParameters`",

@@ -37,6 +37,7 @@ from robot_offload_core.placement import (
     SetGate,
     SetPin,
     SetSettings,
+    StateReported,
     SwitchByHand,
     Vetoed,
     WhileReported,
@@ -171,8 +172,8 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
             robot = replace(robot, leaving=event)
         case SetSettings():
             robot = replace(robot, asked=event.settings, inputs=event.inputs)
-        case RelayReported():
-            robot = replace(robot, handing=replace(robot.handing, report=event))
+        case RelayReported() | StateReported():
+            robot = replace(robot, handing=handing.told(robot.handing, event))
         case SwitchByHand():
             robot, accepted, message = _by_hand(robot, event.site, now_s)
             commands.append(Answer(event.key, accepted, message))

@@ -100,6 +100,7 @@ _SERVED: tuple[Example, ...] = (
     ),
     *_of("spec.nodes[]", "OneReplica", *(("spec.nodes.2.services", [PLAN | {"mode": it}]) for it in ("Both", "Race"))),
     *_of("spec.nodes[]", "NoReplica", ("spec.nodes.2.state", [{"snapshot": True}]),
+         ("spec.nodes.2.actions", [RESENT]),
          ("spec.nodes.0.state", [{"parameters": {}}])),
     *_of(
         "spec.nodes[].state[]",

@@ -36,7 +36,7 @@ class CloudControlShell(ControlShell):
         has_relay = configuration.relay_plan() is not None
         self.process = CloudControlProcess(
             settings, configuration.node_specs(), self, self.incarnation, has_relay, configuration.output_specs(),
-            tuple(o["node"] for o in configuration.outputs),
+            tuple(o["node"] for o in configuration.outputs), bool(configuration.states),
         )  # fmt: skip
         self.liaison = liaison.Liaison(
             watched=bool(configuration["settings_file"]), signs=bool(configuration["certificate_file"])

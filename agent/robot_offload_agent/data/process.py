@@ -8,7 +8,7 @@ import threading
 from abc import ABC, abstractmethod
 from typing import Any
 
-from robot_offload_agent.data.states import StateTopics, snapshot_states
+from robot_offload_agent.data.states import StateTopics, carried_states
 from robot_offload_agent.link.choice import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel
 from robot_offload_agent.process import losses, realtime
@@ -55,7 +55,7 @@ def channels(configuration: Configuration) -> list[Channel]:
                 found.append(Channel(f"{kind}/{spec.name}", reliable=spec["reliability"] != "best_effort"))
     if configuration.relay_plan() is not None:
         found.append(LETTERS)
-    found += [Channel(f"{CHANNEL}{name}") for name in snapshot_states(configuration)]
+    found += [Channel(f"{CHANNEL}{name}") for name in carried_states(configuration)]
     return found
 
 
@@ -80,6 +80,7 @@ def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
             for spec, o in zip(configuration.output_specs(), configuration.outputs, strict=True)
         ),
         carried=configuration["link.type"] == "zenoh",
+        max_message_size=configuration["max_message_size"],
     )
 
 
@@ -109,7 +110,7 @@ class DataShell(ABC):
 
     def run(self) -> None:
         """Runs until it is ended."""
-        if snapshot_states(self.configuration):
+        if carried_states(self.configuration):
             self.states = StateTopics(self.configuration, self.node, self.process)
         self.link.start()
         threading.Thread(target=self.serve_bus, name="bus", daemon=True).start()
@@ -118,7 +119,10 @@ class DataShell(ABC):
     def work(self) -> float:
         """Looks at the graph; returns after how many seconds to look again."""
         self.beacon.sign("ros")
-        return RESOLVED_S if self.resolve() else UNRESOLVED_S
+        resolved = self.resolve()
+        if self.states is not None:
+            resolved = self.states.resolve() and resolved
+        return RESOLVED_S if resolved else UNRESOLVED_S
 
     def serve_bus(self) -> None:
         """Reads orders; sends probes and reports."""

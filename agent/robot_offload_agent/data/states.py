@@ -1,4 +1,8 @@
-"""The topics of state: `~/offload/state` of a node here is heard, `~/offload/restore` is published for it, latched."""
+"""The topics of state: what a node here says of it is heard, what its replica said is published for it.
+
+A snapshot: `~/offload/state` is heard, `~/offload/restore` is published, latched. A topic: the node's own is heard, the
+private name of `restore` is published, to a node that listens.
+"""
 
 from __future__ import annotations
 
@@ -10,50 +14,93 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import UInt8MultiArray
 
 from robot_offload_agent.process.collector_memory import HolderView
+from robot_offload_agent.ros import raw
 from robot_offload_agent.ros.managed_nodes import ros_name
-from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.declared import SnapshotState
+from robot_offload_agent.settings.parameters import Configuration, Named
+from robot_offload_agent.settings.served import private_name
+from robot_offload_core.declared import SnapshotState, TopicState
 from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataProcess
 from robot_offload_core.process.robot_data import RobotDataProcess
-from robot_offload_core.process.states import CloudStates, RobotStates, StateProcess
+from robot_offload_core.process.states import Carried, CloudStates, RobotStates, StateProcess
 
 HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 KEPT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+GIVEN = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+AS_PUBLISHED = {"type": "auto", "reliability": "auto", "durability": "auto", "depth": 10}
 
 
-def snapshot_states(configuration: Configuration) -> dict[str, SnapshotState]:
-    """Returns the declared snapshots by the names of their entries."""
+def carried_states(configuration: Configuration) -> dict[str, Carried]:
+    """Returns the declared snapshots and topics by the names of their entries."""
     named = zip(configuration.states, configuration.state_specs(), strict=True)
-    return {state.name: spec for state, spec in named if isinstance(spec, SnapshotState)}
+    return {state.name: spec for state, spec in named if isinstance(spec, (SnapshotState, TopicState))}
 
 
 class StateTopics:
-    """Both topics of each node with snapshots, and the core's exchange behind them."""
+    """The topics of each state, and the core's exchange behind them."""
 
     def __init__(self, configuration: Configuration, node: Any, data: DataProcess) -> None:
+        self.configuration, self.node = configuration, node
         self.view = HolderView(Path(configuration.runtime_dir))
-        states = snapshot_states(configuration)
+        self.states = carried_states(configuration)
         self.process: StateProcess
         if isinstance(data, RobotDataProcess):
-            self.process = RobotStates(states, self, data)
+            self.process = RobotStates(self.states, self, data)
         else:
             assert isinstance(data, CloudDataProcess)
-            self.process = CloudStates(states, self, data)
-        names = {spec.name: ros_name(configuration.side, spec) for spec in configuration.node_specs()}
-        namespace = configuration["namespace"].rstrip("/")
+            self.process = CloudStates(self.states, self, data)
+        self.side = configuration["side"]
         self.publishers: dict[str, Any] = {}
-        for name, state in states.items():
-            full = names[state.node] if names[state.node].startswith("/") else f"{namespace}/{names[state.node]}"
-            self.publishers[name] = node.create_publisher(UInt8MultiArray, f"{full}/offload/restore", KEPT)
-            node.create_subscription(
-                UInt8MultiArray, f"{full}/offload/state", partial(self.process.published, name), HEARD, raw=True
-            )
+        self.heard: dict[str, raw.RawSubscription] = {}
+        for name, state in self.states.items():
+            if isinstance(state, TopicState):
+                spec = Named(name, {**AS_PUBLISHED, "type": state.type})
+                heard = partial(self.process.published, name)
+                self.heard[name] = raw.RawSubscription(node, self._source(state), spec, False, heard)
+            else:
+                self._snapshot_topics(name, state)
 
-    def restore(self, name: str, payload: bytes) -> None:
-        """Publishes a snapshot for this side's node."""
-        self.publishers[name].publish(payload)
+    def _snapshot_topics(self, name: str, state: SnapshotState) -> None:
+        names = {spec.name: ros_name(self.configuration.side, spec) for spec in self.configuration.node_specs()}
+        namespace = self.configuration["namespace"].rstrip("/")
+        full = names[state.node] if names[state.node].startswith("/") else f"{namespace}/{names[state.node]}"
+        self.publishers[name] = self.node.create_publisher(UInt8MultiArray, f"{full}/offload/restore", KEPT)
+        self.node.create_subscription(
+            UInt8MultiArray, f"{full}/offload/state", partial(self.process.published, name), HEARD, raw=True
+        )
+
+    def _source(self, state: TopicState) -> str:
+        """Returns the topic that the node here publishes: the private one where it is an output too."""
+        outputs = self.configuration.outputs
+        private = (str(o[f"{self.side}_topic"]) for o in outputs if o["topic"] == state.topic)
+        return next(private, state.topic)
+
+    def resolve(self) -> bool:
+        """Hears topics that have got a publisher, makes publishers whose type is known; returns whether all are."""
+        resolved = True
+        for name, heard in self.heard.items():
+            state = self.states[name]
+            assert isinstance(state, TopicState)
+            resolved = heard.resolve() and resolved
+            type_name = heard.type_name or self._type_of_listener(private_name(self.side, state.restore))
+            if type_name and name not in self.publishers:
+                topic = private_name(self.side, state.restore)
+                self.publishers[name] = raw.make_publisher(self.node, topic, type_name, GIVEN)
+            resolved = resolved and name in self.publishers
+        return resolved
+
+    def _type_of_listener(self, topic: str) -> str:
+        types = {info.topic_type for info in self.node.get_subscriptions_info_by_topic(topic)}
+        return types.pop() if len(types) == 1 else ""
+
+    def restore(self, name: str, payload: bytes) -> bool:
+        """Publishes a state for this side's node; a topic's only when somebody listens."""
+        publisher = self.publishers.get(name)
+        if publisher is None or (name in self.heard and not publisher.get_subscription_count()):
+            return False
+        publisher.publish(payload)
+        return True
 
     def holder(self) -> Holding:
         """Returns who holds."""

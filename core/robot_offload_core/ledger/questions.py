@@ -69,6 +69,14 @@ def executing(ledger: Ledger, site: Site) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
+def open_goals(ledger: Ledger, view: View) -> tuple[int, int]:
+    """Returns how many goals the side that acts executes, and how many wait for it to accept them."""
+    live = [goal for goal in ledger.goals.values() if goal.ended_s is None]
+    copies = (copy_of(goal, *acts(view, ledger.actions[goal.action])) for goal in live)
+    running = sum(1 for copy in copies if copy is not None and copy.phase is Phase.ACCEPTED)
+    return running, len(live) - running
+
+
 def passes_feedback(ledger: Ledger, attempt: bytes, view: View) -> Goal | None:
     """Returns the goal whose client may hear the attempt's feedback: the holder's copy's only; None else."""
     goal = ledger.goals.get(ledger.index.get(attempt, b""))

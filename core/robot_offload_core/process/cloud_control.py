@@ -41,13 +41,18 @@ class CloudControlProcess(ControlProcess):
     def __init__(
         self, settings: Settings, nodes: tuple[NodeSpec, ...], ports: CloudControlPorts, incarnation: str,
         has_relay: bool = False, outputs: tuple[OutputSpec, ...] = (), publishers: tuple[str, ...] = (),
+        has_state: bool = False,
     ) -> None:  # fmt: skip
-        """`has_relay`: services or actions are declared; `publishers`: the node of each of `outputs`, "" unknown."""
+        """`publishers`: the node of each of `outputs`, "" unknown.
+
+        `has_relay`: services or actions are declared; `has_state`: state.
+        """
         guard = guardians.start(nodes, settings.activation_deadline_s)
         super().__init__(ports, incarnation, guard, outputs, publishers)
         self.ports: CloudControlPorts = ports
         self.settings = settings
         self.has_relay = has_relay
+        self.hands_over = has_relay or has_state
         self.rest = Rest(Site.CLOUD, settings.cancel_deadline_s)
         self.relay_status: RelayStatus | None = None
         self.cloud = lease.Cloud(incarnation, settings)
@@ -136,7 +141,7 @@ class CloudControlProcess(ControlProcess):
         """Steps the lease and carries out its commands."""
         now_s, before = self.ports.now_s(), self.cloud
         self.cloud, commands = lease.step(before, event, now_s)
-        if self.has_relay and lease.called_off(before, self.cloud):
+        if self.hands_over and lease.called_off(before, self.cloud):
             self.rest.settle(now_s + self.settings.settle_for_s)
         egress, _, said = commands[:3]
         assert isinstance(egress, lease.SetEgress)

@@ -97,6 +97,8 @@ class CloudDataProcess(DataProcess):
         if payload is None:
             return
         self.spoke_s[index] = self.ports.now_s()
+        if not self.fits(output.name, payload):
+            return
         if self.pauses.waited(self.ports.now_s()) and output.rated:
             self.counters[f"{output.name}.waited"] += 1
             return
@@ -284,7 +286,12 @@ class CloudDataProcess(DataProcess):
     def make_probe(self) -> Probe:
         """Returns identity, hashes held, types found in the graph, node states and a request."""
         egress = self.egress
-        return Probe(egress.incarnation, self.digests(), self.ports.types(), dict(egress.nodes), egress.word)
+        prepares = egress.egress.token is not None and not egress.egress.in_charge
+        preparing = egress.egress.token.epoch if prepares and egress.egress.token is not None else 0
+        return Probe(
+            egress.incarnation, self.digests(), self.ports.types(), dict(egress.nodes), egress.word,
+            preparing=preparing, lacks=self.lacks,
+        )  # fmt: skip
 
     def knows(self, incarnation: str) -> bool:
         """Returns True for the robot served: a second one of the same identity must not disturb the first."""

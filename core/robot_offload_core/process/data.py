@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from robot_offload_core import envelope
-from robot_offload_core.declared import Priority
+from robot_offload_core.declared import MEBIBYTE, Priority
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import Reopen
 from robot_offload_core.process import probe
@@ -107,11 +107,17 @@ class OutputPlan:
 
 @dataclass(frozen=True)
 class DataPlan:
-    """What the configuration says of data; `carried`: the agents carry inputs and mirrored outputs (Zenoh)."""
+    """What the configuration says of data.
+
+    Attributes:
+        inputs, outputs: declared ones. max_message_size: bytes; a larger message does not cross.
+        carried: the agents carry inputs and mirrored outputs (Zenoh).
+    """
 
     inputs: tuple[InputPlan, ...]
     outputs: tuple[OutputPlan, ...]
     carried: bool = True
+    max_message_size: int = 8 * MEBIBYTE
 
 
 class DataProcess(ABC):
@@ -123,6 +129,7 @@ class DataProcess(ABC):
         acknowledged: digest of our newest whole probe that the other side has got. whole_due_s: when to send it again.
         latched: last values of each latched input that this side holds.
         notes: of our control, for the other side.
+        lacks: why this side does not know a state of the one that acts, by name.
         came_s: when a message of each input last came. problems: by key, for diagnostics. counters: by name.
     """
 
@@ -141,6 +148,7 @@ class DataProcess(ABC):
         self.notes_passed: tuple[str, str] = ("", "")
         self.notes_due_s = 0.0
         self.counters: Counter[str] = Counter()
+        self.lacks: dict[str, str] = {}
         self.problems: dict[str, tuple[str, str]] = {}
         self.came_s: dict[str, float] = {}
         self.status_due_s = self.probe_due_s = self.detail_due_s = ports.now_s()
@@ -192,6 +200,24 @@ class DataProcess(ABC):
         if made.digest != self.acknowledged or now_s >= self.whole_due_s:
             sent, self.whole_due_s = made, now_s + DETAIL_PERIOD_S
         self.ports.cross("probe", b"-", probe.encode(sent))
+
+    def lack(self, lacks: dict[str, str]) -> None:
+        """Takes what this side lacks of the other one's state, by name; a change is said at once."""
+        if lacks != self.lacks:
+            self.lacks = lacks
+            self.probe_due_s = self.status_due_s = self.ports.now_s()
+
+    def fits(self, name: str, payload: Any) -> bool:
+        """Returns whether a message is small enough to cross; one that is not is counted and said by name."""
+        key, most = f"size {name}", self.plan.max_message_size
+        if len(payload) <= most:
+            if key in self.problems:
+                self.note(key, None)
+            return True
+        self.counters[f"{name}.too_large"] += 1
+        message = f"{name}: a message of {len(payload)} bytes is not carried, maxMessageSize is {most} bytes"
+        self.note(key, ("MessageTooLarge", message))
+        return False
 
     def note(self, key: str, problem: tuple[str, str] | None) -> None:
         """Keeps or clears a problem for diagnostics."""

@@ -75,12 +75,15 @@ class CloudTypes:
 class Orders:
     """control -> data (robot): identity for headers and probes, renewed with every beat period.
 
-    `word` answers a switch by hand that was asked for in the cloud: `REQUEST|0 or 1|message`, "" for none.
+    `word` answers a switch by hand that was asked for in the cloud: `REQUEST|0 or 1|message`, "" for none. `preparing`:
+    epoch under which the robot gets ready, 0 while it does not. `active`: nodes of this side that are Active.
     """
 
     incarnation: str
     epoch: int
     word: str = ""
+    preparing: int = 0
+    active: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,7 @@ class DataStatus:
         counters: (name, value) for diagnostics.
         flowing: rated outputs, by index, that a replica here has published within the deadline (cloud only).
         occasions: outputs, by index, whose `while.topic` has arrived within its time.
+        states: what each side lacks of the state of the other (robot only).
     """
 
     report: placement.DataReported | None
@@ -128,6 +132,7 @@ class DataStatus:
     counters: tuple[tuple[str, int], ...] = ()
     flowing: tuple[int, ...] = ()
     occasions: tuple[int, ...] = ()
+    states: tuple[placement.StateReported, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,8 @@ class Probe:
         nodes: lifecycle state of each managed node of the sender.
         word: a request to, or an answer of, the robot's control process; "" for none.
         notes: of the sender's control process (notes.py); "" for none.
+        preparing: epoch under which the sender gets ready; 0 while it does not.
+        lacks: why the sender does not know a state of the side that acts, by the state's name.
         digest, held: see Sign.
     """
 
@@ -73,6 +75,8 @@ class Probe:
     notes: str = ""
     digest: str = ""
     held: str = ""
+    preparing: int = 0
+    lacks: dict[str, str] = field(default_factory=dict)
 
 
 def encode(sent: Probe | Sign) -> bytes:
@@ -80,6 +84,7 @@ def encode(sent: Probe | Sign) -> bytes:
     body: dict[str, object] = {"v": VERSION, "i": sent.incarnation, "d": sent.digest, "h": sent.held}
     if isinstance(sent, Probe):
         body |= {"l": sent.latched, "t": sent.types, "n": sent.nodes, "w": sent.word, "s": sent.notes}
+        body |= {"p": sent.preparing, "a": sent.lacks}
     return json.dumps(body, separators=(",", ":")).encode()
 
 
@@ -110,7 +115,11 @@ def decode(data: bytes) -> Probe | Sign:
         raise ProbeError("BadForm", "an interface type has another form")
     word, notes = _text(body.get("w"), MAX_WORD), _text(body.get("s", ""), MAX_BYTES)
     latched, nodes = _table(body.get("l")), _table(body.get("n"))
-    return Probe(incarnation, latched, types, nodes, word, notes, sign.digest, sign.held)
+    preparing = body.get("p", 0)
+    if not isinstance(preparing, int) or preparing < 0:
+        raise ProbeError("BadForm", f"{preparing!r:.40} is no epoch")
+    lacks = _table(body.get("a", {}))
+    return Probe(incarnation, latched, types, nodes, word, notes, sign.digest, sign.held, preparing, lacks)
 
 
 def _text(value: object, limit: int) -> str:

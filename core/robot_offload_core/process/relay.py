@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from robot_offload_core.change import replace
 from robot_offload_core.declared import ActionSpec, ServiceSpec, UsedAction, UsedService
@@ -116,8 +117,10 @@ class RelayProcess(ABC):
         """A client calls a service."""
 
 
-def status_problems(status: RelayStatus, post: Post, counters: Counter[str]) -> RelayStatus:
-    """Returns the status with what diagnostics show."""
+def status_problems(
+    status: RelayStatus, post: Post, counters: Counter[str], levels: Mapping[str, int] = MappingProxyType({})
+) -> RelayStatus:
+    """Returns the status with what diagnostics show; `levels`: how many of what are open now, also when none are."""
     problems = (post.problem,) if post.problem is not None else ()
-    counted = tuple(sorted((counters + post.counters).items()))
+    counted = tuple(sorted({**(counters + post.counters), **levels}.items()))
     return replace(status, problems=problems, counters=counted)

@@ -62,7 +62,7 @@ class RobotPlan:
         pin: of a person on the robot.
         outputs: the collected outputs. publishers: the node that publishes each of them; "" unknown.
         strict: a second or undeclared publisher stops the driver.
-        has_relay: services or actions are declared.
+        has_relay: services or actions are declared. has_state: state is declared.
     """
 
     settings: Settings
@@ -75,6 +75,7 @@ class RobotPlan:
     publishers: tuple[str, ...] = ()
     strict: bool = False
     has_relay: bool = False
+    has_state: bool = False
 
 
 class RobotControlProcess(ControlProcess):
@@ -101,7 +102,7 @@ class RobotControlProcess(ControlProcess):
         self.robot = Robot(
             incarnation, started_us, meanwhile(plan.settings, plan.asked), plan.inputs,
             since_s=started_s, charged_s=started_s, pin=plan.pin, asked=plan.asked,
-            outputs=plan.outputs, handing=placement.Handing(served=plan.has_relay),
+            outputs=plan.outputs, handing=placement.Handing(served=plan.has_relay, kept=plan.has_state),
         )  # fmt: skip
         self.settings = plan.asked
         self.strict = plan.strict
@@ -127,7 +128,7 @@ class RobotControlProcess(ControlProcess):
         self.step(CloudBeat(beat, arrived_s, wall_us, sent))
 
     def handle(self, message: object) -> None:
-        """Takes reports of pulse, collector and data."""
+        """Takes reports of pulse, collector, relay and data."""
         if isinstance(message, placement.PulseSent):
             self.step(message)
         elif isinstance(message, CollectorStatus):
@@ -148,7 +149,14 @@ class RobotControlProcess(ControlProcess):
             if message.replicas:
                 self.replicas = dict(message.replicas)
             self.step(message.report)
+            self._states_reported(message.states)
             self._ask_for_cloud(message.word)
+
+    def _states_reported(self, states: tuple[placement.StateReported, ...]) -> None:
+        """Takes what each side lacks of the state of the other."""
+        for reported in states if self.robot.handing.kept else ():
+            if reported not in self.robot.handing.states:
+                self.step(reported)
 
     def _relay_reported(self, status: RelayStatus) -> None:
         """Takes what the relay says: what a change waits for, and whether this side's nodes may be deactivated."""
@@ -260,7 +268,7 @@ class RobotControlProcess(ControlProcess):
                 self._renew("collector", command)
             case placement.Permit():
                 self.ports.send("pulse", Speak(self.incarnation, command.permission, self.ports.now_s()))
-                self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud()))
+                self._order_data()
                 self._order_relay()
             case Acting():
                 self._act(command)
@@ -298,6 +306,16 @@ class RobotControlProcess(ControlProcess):
         ):  # fmt: skip
             self.guard(command)
 
+    def _active(self) -> tuple[str, ...]:
+        return tuple(n.spec.name for n in self.guardian.nodes if n.state is guardians.State.ACTIVE)
+
+    def _order_data(self) -> None:
+        """Sends identity and levels that the data process cannot see by itself."""
+        prepared = switcher.prepared(self.robot)
+        preparing = prepared.token.epoch if prepared is not None and prepared.site is Site.ROBOT else 0
+        active = self._active() if self.robot.handing.kept else ()
+        self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud(), preparing, active))
+
     def _order_relay(self) -> None:
         """Sends what the relay cannot see by itself."""
         if not self.has_relay:
@@ -306,11 +324,10 @@ class RobotControlProcess(ControlProcess):
         report, prepared = robot.situation.report, switcher.prepared(robot)
         cloud_able = report is not None and report.serves == self.incarnation and report.ready
         sides = ((Site.ROBOT, robot.nodes_ready), (Site.CLOUD, cloud_able))
-        active = tuple(n.spec.name for n in self.guardian.nodes if n.state is guardians.State.ACTIVE)
         orders = RelayOrders(
             self.incarnation, robot.link.peer, robot.last_epoch,
             None if prepared is None else (prepared.site, prepared.token), tuple(side for side, able in sides if able),
-            active, switcher.effects_site(robot, now_s), now_s,
+            self._active(), switcher.effects_site(robot, now_s), now_s,
         )  # fmt: skip
         self._renew("relay", orders)
 

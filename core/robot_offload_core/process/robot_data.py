@@ -7,7 +7,7 @@ from typing import Any
 
 from robot_offload_core import envelope
 from robot_offload_core.envelope import Envelope
-from robot_offload_core.placement import DataReported
+from robot_offload_core.placement import DataReported, StateReported
 from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
 from robot_offload_core.process.messages import (
     ENVELOPE,
@@ -22,7 +22,7 @@ from robot_offload_core.process.messages import (
 from robot_offload_core.process.pacing import Pace, Paces
 from robot_offload_core.process.probe import Probe
 from robot_offload_core.process.thinning import Thinning
-from robot_offload_core.token import Token
+from robot_offload_core.token import Site, Token
 
 RESEND_PERIOD_S = 0.5
 """Latched values are sent again this often until the cloud shows that it holds them."""
@@ -66,6 +66,8 @@ class RobotDataProcess(DataProcess):
         now_s = self.came_s[name] = self.ports.now_s()
         if self.pauses.waited(now_s) and name in self.aged:
             self.counters[f"{name}.waited"] += 1
+            return
+        if not self.fits(name, payload):
             return
         if now_s - self.sent_s.get(name, 0.0) < EARLY_SHARE * self.least_s[name]:
             self.counters[f"{name}.rate_limited"] += 1
@@ -123,6 +125,8 @@ class RobotDataProcess(DataProcess):
                 self.counters["garbage.bus"] += 1
                 return
             name = self.plan.outputs[message.index].name
+            if not self.fits(name, message.payload):
+                return
             channel = "mirror" if message.kind == PASSED else "others"
             self.ports.cross(f"{channel}/{name}", message.header, message.payload)
 
@@ -182,7 +186,21 @@ class RobotDataProcess(DataProcess):
         replicas = tuple(sorted(received.nodes.items())) if received and detailed else ()
         word = received.word if received else ""
         problems, counters = self.details(detailed)
+        states: tuple[StateReported, ...] = (
+            StateReported(Site.ROBOT, self.orders.preparing, tuple(self.lacks.values())),
+        )
+        if received is not None:
+            states += (StateReported(Site.CLOUD, received.preparing, tuple(received.lacks.values())),)
         status = DataStatus(
-            report, None, True, endpoint, word, replicas, problems, counters, occasions=self.occasions(now_s)
+            report,
+            None,
+            True,
+            endpoint,
+            word,
+            replicas,
+            problems,
+            counters,
+            occasions=self.occasions(now_s),
+            states=states,
         )
         self.ports.send("control", status)

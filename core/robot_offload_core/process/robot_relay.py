@@ -392,4 +392,15 @@ class RobotRelay(RelayProcess):
             return
         self.status, self.status_due_s = status, now_s + STATUS_S
         for process in ("control", "collector"):
-            self.ports.send(process, status_problems(status, self.post, self.counters))
+            self.ports.send(process, status_problems(status, self.post, self.counters, self._levels(view)))
+
+    def _levels(self, view: goals.View) -> dict[str, int]:
+        """Returns how many goals and calls are open, for diagnostics."""
+        running, waiting = questions.open_goals(self.ledger, view)
+        return {
+            "open.goals_running": running,
+            "open.goals_waiting": waiting,
+            "open.calls": len(self.requests.desk.requests),
+            "open.used_goals": len(self.used.goals.goals),
+            "open.used_calls": len(self.used.calls.calls),
+        }

@@ -1,18 +1,21 @@
-"""What the data processes do with snapshots of nodes' state: from the holder to the standby, always.
+"""What the data processes do with nodes' state, snapshots and topics: from the holder to the standby, always.
 
 Each side hears its own node. While it holds, it sends what the node said, at once and again every second, because a
-standby may come late. What arrives is given to the node here only while the other side holds.
+standby may come late. What arrives is given to the node here only while the other side holds: a snapshot at once, the
+message of a topic each time that the node has become Active and listens. What is missing, control hears (`lack`).
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 from robot_offload_core import envelope, snapshots
-from robot_offload_core.declared import SnapshotState
+from robot_offload_core.declared import SnapshotState, TopicState
 from robot_offload_core.envelope import Envelope, EnvelopeError
+from robot_offload_core.guardians import State
 from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataProcess
@@ -27,11 +30,25 @@ AGAIN_S = 1.0
 class StatePorts(Protocol):
     """What the shell does for the exchange."""
 
-    def restore(self, name: str, payload: bytes) -> None:
-        """Gives a snapshot to this side's node, which keeps the newest one until it takes it."""
+    def restore(self, name: str, payload: bytes) -> bool:
+        """Gives a state to this side's node; returns whether it has it.
+
+        A snapshot is kept until the node takes it; a topic's message is given when the node listens.
+        """
 
     def holder(self) -> Holding:
         """Returns who holds, from the collector's memory (robot only)."""
+
+
+Carried = SnapshotState | TopicState
+
+
+@dataclass
+class _Kept:
+    """The newest message of a topic of the acting side's node. `given`: in the present activation of the node here."""
+
+    payload: bytes
+    given: bool = False
 
 
 @dataclass
@@ -51,34 +68,66 @@ class StateProcess(ABC):
         sequence: of what was sent last, growing over restarts of this process.
         said: newest of the node here, by name of the entry.
         standing: what the node here has been given, by name of the entry.
+        kept: messages of topics that the node here has not outlived by one of its own. stood_by: at the last look.
     """
 
-    def __init__(self, states: dict[str, SnapshotState], ports: StatePorts, data: DataProcess) -> None:
+    def __init__(self, states: Mapping[str, Carried], ports: StatePorts, data: DataProcess) -> None:
         self.states = states
         self.ports = ports
         self.data = data
         self.sequence = round(data.ports.now_s() * 1e6)
         self.said: dict[str, _Said] = {}
         self.standing = {name: Standing() for name in states}
+        self.kept: dict[str, _Kept] = {}
+        self.stood_by = False
 
     def published(self, name: str, payload: bytes) -> None:
         """Takes what the node here said; what is no whole snapshot goes no further."""
         stay = self.stay()
-        if stay is None or not self._whole(name, payload):
+        if stay is None or not self._whole(name, payload) or not self.data.fits(f"state {name}", payload):
             return
+        if name in self.kept and self.kept[name].given:
+            del self.kept[name]
         echo_us = self.data.heard.sent_us if self.data.heard else 0
         self.said[name] = _Said(stay, payload, echo_us, self.data.ports.now_s() + AGAIN_S)
         self._send(name)
 
     def turn(self) -> None:
-        """Sends again what is due, and says how old the state of a standby is."""
+        """Sends again what is due, gives what a node can take now, and says what a standby lacks."""
         now_s = self.data.ports.now_s()
         for name, said in list(self.said.items()):
             if now_s >= said.due_s:
                 said.due_s = now_s + AGAIN_S
                 self._send(name)
+        active = self.active()
+        for name, kept in list(self.kept.items()):
+            kept.given = self.states[name].node in active and (kept.given or self.ports.restore(name, kept.payload))
         for name in self.states:
             self._judge_age(name, now_s)
+        stands_by = self.stands_by()
+        if self.stood_by and not stands_by:
+            self._note_ages(now_s)
+        self.stood_by = stands_by
+        self.data.lack(self._lacks(now_s) if stands_by else {})
+
+    def _note_ages(self, now_s: float) -> None:
+        """Counts how old the state was that this side went on with at a change."""
+        for name, standing in self.standing.items():
+            aged_s = standing.aged_s(now_s)
+            if aged_s != float("inf"):
+                self.data.counters[f"state {name}.age_at_change_ms"] = round(aged_s * 1e3)
+                self.data.counters[f"state {name}.changes"] += 1
+
+    def _lacks(self, now_s: float) -> dict[str, str]:
+        """Returns why this side does not know a state of the one that acts, by name."""
+        lacks = {}
+        for name, state in self.states.items():
+            kept = self.kept.get(name)
+            if isinstance(state, SnapshotState) and self.standing[name].aged_s(now_s) > state.max_age_s:
+                lacks[name] = f"The replica of {state.node} has no snapshot younger than {state.max_age_s * 1e3:.0f} ms"
+            elif kept is not None and not kept.given:
+                lacks[name] = f"The replica of {state.node} has not taken its state on {_restore(state)} yet"
+        return lacks
 
     def arrived(self, name: str, header: bytes, payload: bytes) -> None:
         """Takes a snapshot of the other side's node."""
@@ -101,13 +150,20 @@ class StateProcess(ABC):
                 return
             self.standing[name] = taken
         self.data.counters[f"state {name}.restored"] += 1
-        self.ports.restore(name, payload)
+        if isinstance(self.states[name], TopicState):
+            known = self.kept.get(name)
+            self.kept[name] = _Kept(payload, known is not None and known.given)
+        else:
+            self.ports.restore(name, payload)
 
     def _whole(self, name: str, payload: bytes) -> bool:
-        found = snapshots.parse(payload, self.states[name].max_size)
+        state = self.states[name]
+        if isinstance(state, TopicState):
+            return True  # what the middleware carries as one message is whole
+        found = snapshots.parse(payload, state.max_size)
         refused = isinstance(found, Refused)
         if isinstance(found, Refused):
-            node = self.states[name].node
+            node = state.node
             self.data.counters[f"state {name}.refused"] += 1
             self.data.note(f"state {name}", ("SnapshotRefused", f"A snapshot of {node} {found.value}"))
         else:
@@ -127,7 +183,7 @@ class StateProcess(ABC):
 
     def _judge_age(self, name: str, now_s: float) -> None:
         state, aged_s = self.states[name], self.standing[name].aged_s(now_s)
-        if self.stands_by() and aged_s > state.max_age_s:
+        if isinstance(state, SnapshotState) and self.stands_by() and aged_s > state.max_age_s:
             age = "no snapshot has come" if aged_s == float("inf") else f"the newest snapshot is {aged_s:.1f} s old"
             said = f"The replica of {state.node} does not know the state of the acting side: {age}"
             self.data.note(f"age {name}", ("StateStale", said))
@@ -151,6 +207,10 @@ class StateProcess(ABC):
     @abstractmethod
     def known(self, token: Token) -> bool:
         """Returns whether the echo reference of a message under that token counts on our clock."""
+
+    @abstractmethod
+    def active(self) -> tuple[str, ...]:
+        """Returns this side's nodes that are Active."""
 
     @abstractmethod
     def stands_by(self) -> bool:
@@ -183,6 +243,10 @@ class RobotStates(StateProcess):
         """See StateProcess."""
         return token.robot == self.data.orders.incarnation
 
+    def active(self) -> tuple[str, ...]:
+        """See StateProcess."""
+        return self.data.orders.active
+
     def stands_by(self) -> bool:
         """See StateProcess."""
         return self.ports.holder().site is Site.CLOUD
@@ -212,6 +276,14 @@ class CloudStates(StateProcess):
         """See StateProcess."""
         return token.cloud == self.data.egress.incarnation
 
+    def active(self) -> tuple[str, ...]:
+        """See StateProcess."""
+        return tuple(node for node, state in self.data.egress.nodes if state == State.ACTIVE.value)
+
     def stands_by(self) -> bool:
         """See StateProcess."""
         return self.holding() is None and bool(self.data.egress.robot)
+
+
+def _restore(state: Carried) -> str:
+    return state.restore if isinstance(state, TopicState) else "~/offload/restore"

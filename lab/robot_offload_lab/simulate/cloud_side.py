@@ -110,6 +110,7 @@ class CloudControl(Shell):
             outputs=scenario.outputs,
             publishers=scenario.publishers,
             has_relay=scenario.relay is not None,
+            has_state=bool(scenario.states),
         )
         process.around = self.around
         return process
@@ -262,7 +263,7 @@ class CloudData(DataShell):
         """Takes a message from the link."""
         if channel.startswith("in/"):
             payload, self.input_sent_s = payload
-        self.process.arrived(channel, header, payload)
+        super().arrived(channel, header, payload)
 
     def publish_output(self, index: int, payload: Payload) -> None:
         """Publishes to the consumers in the cloud."""

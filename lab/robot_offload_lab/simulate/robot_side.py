@@ -80,7 +80,7 @@ class WatchedControl(RobotControlProcess):
 
     def step(self, event: placement.Event) -> None:
         """Counts the event, then takes it."""
-        if not isinstance(event, placement.RelayReported | placement.WhileReported):
+        if not isinstance(event, placement.RelayReported | placement.StateReported | placement.WhileReported):
             self.watch(self.robot, event, self.ports.now_s())
         super().step(event)
 
@@ -121,6 +121,7 @@ class RobotControl(Shell):
             publishers=scenario.publishers,
             strict=scenario.strict,
             has_relay=scenario.relay is not None,
+            has_state=bool(scenario.states),
         )
         process = WatchedControl(plan, self, incarnation, round(self.host.now_s() * 1e6))
         process.watch = self.around.coverage.robot
@@ -313,7 +314,7 @@ class RobotData(DataShell):
             assert isinstance(collector, Collector)
             collector.post(self.name, collector.cloud_effect, payload)
         else:
-            self.process.arrived(channel, header, payload)
+            super().arrived(channel, header, payload)
 
 
 class WatchedCollector(CollectorProcess):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import random
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from robot_offload_core.process.data import DataPlan, InputPlan, OutputPlan
 from robot_offload_core.process.relay import RelayPlan
+from robot_offload_core.process.states import Carried
 from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 
@@ -50,6 +51,7 @@ class Scenario:
         drops: reopening a session discards what is under way in it.
         strict: a second publisher stops the wheels. asked: settings that people ask for at run time.
         worlds: what this stretch has besides, see worlds.py.
+        states: state of nodes that the standby is to know, by name; state_period_s: how often it is published.
     """
 
     settings: Settings
@@ -75,6 +77,8 @@ class Scenario:
     strict: bool = False
     asked: tuple[Settings, ...] = ()
     worlds: tuple[str, ...] = ()
+    states: dict[str, Carried] = field(default_factory=dict)
+    state_period_s: float = 0.1
 
     @cached_property
     def input_specs(self) -> tuple[InputSpec, ...]:

@@ -11,6 +11,7 @@ from robot_offload_core import beats, guardians
 from robot_offload_core.beats import Beat
 from robot_offload_core.process.data import DataProcess
 from robot_offload_core.process.messages import Carried
+from robot_offload_core.process.states import CHANNEL, StateProcess
 from robot_offload_lab.simulate.nodes import Node
 from robot_offload_lab.simulate.ports import Surroundings
 from robot_offload_lab.simulate.world import Host, Process
@@ -61,9 +62,17 @@ class Shell(Process):
 
 
 class DataShell(Shell):
-    """A data process: turns when something is due, the data session below."""
+    """A data process: turns when something is due, the data session below.
+
+    Attributes:
+        exchange: makes the exchange of state for a process that begins; None: no state is declared.
+        damage: what the way does to a state's bytes.
+    """
 
     process: DataProcess
+    exchange: Callable[[DataProcess], StateProcess] | None = None
+    damage: Callable[[bytes], bytes]
+    states: StateProcess | None = None
 
     @property
     def lock(self) -> AbstractContextManager[Any]:
@@ -71,13 +80,16 @@ class DataShell(Shell):
         return nullcontext()
 
     def boot_timers(self) -> None:
-        """Plans the first turn."""
+        """Plans the first turn; the exchange of state begins anew."""
+        self.states = self.exchange(self.process) if self.exchange is not None else None
         self.once(self.world.dice.random() * 0.04, self._turn)
 
     def _turn(self) -> None:
         process = self.process
         process.woke()
         process.turn()
+        if self.states is not None:
+            self.states.turn()
         slack_s = self.world.dice.random() * SLACK_S
         self.once(max(0.0, process.due_s - self.host.now_s()) + slack_s, self._turn)
 
@@ -88,7 +100,10 @@ class DataShell(Shell):
 
     def arrived(self, channel: str, header: bytes, payload: Any) -> None:
         """Takes a message from the link."""
-        self.process.arrived(channel, header, payload)
+        if self.states is not None and channel.startswith(CHANNEL):
+            self.states.arrived(channel.removeprefix(CHANNEL), header, self.damage(payload))
+        else:
+            self.process.arrived(channel, header, payload)
 
     def link_status(self) -> tuple[bool, str]:
         """Returns the state of the data session."""

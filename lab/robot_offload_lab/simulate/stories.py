@@ -22,6 +22,7 @@ from robot_offload_lab.simulate import (
     story_processes,
     story_results,
     story_shared,
+    story_states,
     story_used,
     story_while,
 )
@@ -48,6 +49,7 @@ STORIES: dict[str, Callable[[], None]] = {
         story_mirrors,
         story_lacks,
         story_while,
+        story_states,
     )
     for story in module.STORIES
 }

@@ -9,6 +9,7 @@ from robot_offload_lab.simulate.cloud_side import CloudSide
 from robot_offload_lab.simulate.coverage import Coverage
 from robot_offload_lab.simulate.driver import Driver
 from robot_offload_lab.simulate.handing import Handing
+from robot_offload_lab.simulate.keeping import Keeping
 from robot_offload_lab.simulate.link_model import Link
 from robot_offload_lab.simulate.nodes import Message
 from robot_offload_lab.simulate.ports import Payload, Surroundings
@@ -32,6 +33,7 @@ class System:
 
     Attributes:
         handing: relays, servers and clients where services or actions are declared.
+        keeping: nodes with state, where it is declared.
         silent_inputs: indices of inputs that faults keep silent, once per fault.
         rivals: nodes that publish the topic of output 0 besides the collector.
     """
@@ -50,6 +52,7 @@ class System:
         self.cloud = CloudSide(self.around, cloud_host)
         plan = scenario.relay
         self.handing = Handing(self.around, self.robot, self.cloud, plan) if plan is not None else None
+        self.keeping = Keeping(self.world, scenario, self.robot, self.cloud) if scenario.states else None
         self.silent_inputs: list[int] = []
         self.rivals = self.robot.collector.rivals
         self.inputs_sent = 0
@@ -61,6 +64,8 @@ class System:
         self.cloud.start()
         if self.handing is not None:
             self.handing.start()
+        if self.keeping is not None:
+            self.keeping.start()
         for index in range(len(self.scenario.inputs)):
             self._sense(index)
 

@@ -79,7 +79,7 @@ def _action(node: Node, action: Action) -> dict[str, Any]:
     return {
         "name": action.name,
         "type": action.type,
-        "on_switch": action.on_switch or CLOUD_ENDS,
+        "on_switch": CLOUD_ENDS if action.on_switch is None else action.on_switch,
         "accept": action.accept,
         "hold_for_ms": float(action.held_for_ms),
         "timeout_ms": float(action.timeout_ms),

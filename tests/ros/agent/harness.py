@@ -83,7 +83,10 @@ SERVED: dict[str, Any] = {
     "action.count.on_switch": "Resend",
     "action.count.node": "walker",
     "action.count.core": True,
-    "services": ["ask", "do"],
+    "services": ["ask", "do", "detect"],
+    "service.detect.name": "/detect",
+    "service.detect.type": "std_srvs/srv/Trigger",
+    "service.detect.of_cloud": True,
     "service.do.name": "/do",
     "service.do.type": "test_msgs/srv/BasicTypes",
     "service.do.node": "walker",
@@ -93,6 +96,14 @@ SERVED: dict[str, Any] = {
     "service.ask.mode": "Idempotent",
     "service.ask.node": "walker",
     "service.ask.core": True,
+    "used_services": ["lamp"],
+    "used_service.lamp.name": "/lamp",
+    "used_service.lamp.type": "std_srvs/srv/Trigger",
+    "used_service.lamp.node": "walker",
+    "used_actions": ["lift"],
+    "used_action.lift.name": "/lift",
+    "used_action.lift.type": "test_msgs/action/Fibonacci",
+    "used_action.lift.node": "walker",
 }
 
 

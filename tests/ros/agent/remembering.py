@@ -1,6 +1,7 @@
 """A lifecycle node with state: its replica goes on counting where it was. Run by its path, as a user's node is.
 
-While it is Active it publishes `producer.PID#count` on /command, and its count as state.
+While it is Active it publishes `producer.PID#count` on /command, and its count as state; and on /lap, a topic that is
+state too, how far it has come: `PID#lap`. It goes on from what it hears on the private name of /set_lap.
 """
 
 import contextlib
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "state"))
 from robot_offload_state import StatefulNode
@@ -27,12 +28,19 @@ class Remembering(StatefulNode):
         rate_hz = self.declare_parameter("rate_hz", 20.0).value
         self.count = 0
         self.command = self.create_lifecycle_publisher(Header, "/command", 10)
+        self.lap = 0
+        self.laps = self.create_lifecycle_publisher(String, "/lap", 10)
+        side = self.resolve_topic_name("/command").split("/")[2]
+        self.create_subscription(String, f"/offload/{side}/set_lap", self.set_lap, 10)
         self.create_timer(1.0 / rate_hz, self.tell)
 
     def take_state(self, version: int, data: bytes) -> None:
         if version != 1 or len(data) != COUNT.size:
             raise ValueError("another format")
         (self.count,) = COUNT.unpack(data)
+
+    def set_lap(self, said: String) -> None:
+        self.lap = int(said.data.partition("#")[2])
 
     def tell(self) -> None:
         if not self.command.is_activated:
@@ -41,6 +49,8 @@ class Remembering(StatefulNode):
         stamp = self.get_clock().now().to_msg()
         self.command.publish(Header(stamp=stamp, frame_id=f"{self.get_name()}.{os.getpid()}#{self.count}"))
         self.publish_state(1, COUNT.pack(self.count))
+        self.lap += 1
+        self.laps.publish(String(data=f"{os.getpid()}#{self.lap}"))
 
 
 def main() -> None:

@@ -9,8 +9,9 @@ from collections.abc import Iterator
 import pytest
 from rclpy.action import ActionClient
 
-from tests.ros.agent.clients import ABORTED, CANCELED, SUCCEEDED, Goal, action_client
+from tests.ros.agent.clients import ABORTED, CANCELED, SUCCEEDED, Goal, action_client, until
 from tests.ros.agent.harness import World
+from tests.ros.agent.lifting import Lift
 
 
 @pytest.fixture
@@ -106,3 +107,28 @@ def test_a_server_that_dies_hands_its_goal_on(serving_world: World, count: Actio
     serving_world.goes_to("robot")
     assert goal.result() == (SUCCEEDED, serving_world.nodes["robot"].pid)
     assert len(goal.results) == 1
+
+
+def test_an_action_outside_is_used_by_the_side_that_holds(serving_world: World) -> None:
+    """The test's nodes play the replicas: they use the private name of their side."""
+    lift = Lift(serving_world.ear.node)
+    clients = {
+        side: action_client(ear.node, f"/offload/{side}/lift")
+        for side, ear in (("robot", serving_world.ear), ("cloud", serving_world.cloud_ear()))
+    }
+    standby = Goal(clients["robot"], 5)
+    until(lambda: standby.handle is not None, "an answer to the standby's goal")
+    assert not standby.handle.accepted
+    first = Goal(clients["cloud"], 100).accepted()
+    first.beats()
+    serving_world.kill("robot", "relay")
+    assert first.result() == (SUCCEEDED, os.getpid())
+    left = Goal(clients["cloud"], 10_000).accepted()
+    left.beats()
+    serving_world.place("robot", stay=True)
+    assert left.result()[0] == ABORTED
+    until(lambda: not lift.running, "the server ends what the side left behind began")
+    assert Goal(clients["robot"], 5).accepted().result()[0] == SUCCEEDED
+    lift.serves = False
+    for client in clients.values():
+        client.destroy()

@@ -133,3 +133,72 @@ def test_a_large_call_crosses_and_one_beyond_the_limit_is_counted(serving_world:
     until(lambda: answered == [900_000], "the answer to a large call")
     until(lambda: int(ear.diagnostics["data"].values["/do.TooLarge"]) >= 1, "the count of what is too large")
     ear.node.destroy_client(client)
+
+
+def test_a_service_outside_is_called_by_the_side_that_holds(serving_world: World) -> None:
+    """The test's nodes play the replicas: they use the private name of their side."""
+    served: list[None] = []
+
+    def light(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        served.append(None)
+        response.success = True
+        return response
+
+    server = serving_world.ear.node.create_service(Trigger, "/lamp", light)
+    ears = {"robot": serving_world.ear, "cloud": serving_world.cloud_ear()}
+    clients = {side: ear.node.create_client(Trigger, f"/offload/{side}/lamp") for side, ear in ears.items()}
+
+    def call(side: str) -> Trigger.Response:
+        until(clients[side].service_is_ready, f"the relay of the {side}")
+        answers: list[Trigger.Response] = []
+
+        def ask() -> None:
+            clients[side].call_async(Trigger.Request()).add_done_callback(lambda done: answers.append(done.result()))
+
+        ears[side].executor.create_task(ask)
+        until(lambda: bool(answers), f"an answer to a call of the {side}")
+        return answers[0]
+
+    for holder, standby in (("cloud", "robot"), ("robot", "cloud")):
+        serving_world.place(holder, stay=True)
+        until(lambda side=holder: call(side).success, "the holder is served")
+        before = len(served)
+        refused = call(standby)
+        assert not refused.success
+        assert "standby" in refused.message
+        assert len(served) == before
+    serving_world.ear.node.destroy_service(server)
+    for side, ear in ears.items():
+        ear.node.destroy_client(clients[side])
+
+
+def test_a_node_of_the_cloud_answers_whoever_holds_and_is_refused_at_once_without_it(serving_world: World) -> None:
+    """The test's node in the cloud plays the node with placement Cloud."""
+    ear = serving_world.ear
+
+    def detect(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = True
+        return response
+
+    server = serving_world.cloud_ear().node.create_service(Trigger, "/offload/cloud/detect", detect)
+    client = ear.node.create_client(Trigger, "/detect")
+    until(client.service_is_ready, "the relay of the robot")
+    answers: list[Trigger.Response] = []
+
+    def call() -> Trigger.Response:
+        answers.clear()
+        ear.executor.create_task(
+            lambda: client.call_async(Trigger.Request()).add_done_callback(lambda done: answers.append(done.result()))
+        )
+        until(lambda: bool(answers), "an answer")
+        return answers[0]
+
+    for holder in ("cloud", "robot"):
+        serving_world.place(holder, stay=True)
+        until(lambda: call().success, "the cloud's node answers")
+    serving_world.cut("both")
+    until(lambda: "cloud is away" in call().message, "a reason")
+    serving_world.cut(None)
+    until(lambda: call().success, "the cloud's node answers again")
+    serving_world.cloud_ear().node.destroy_service(server)
+    ear.node.destroy_client(client)

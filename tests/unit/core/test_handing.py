@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robot_offload_core import handing
 from robot_offload_core.change import replace
-from robot_offload_core.placement import Handing, Phase, Preparation, RelayReported, Robot
+from robot_offload_core.placement import Handing, Phase, Preparation, RelayReported, Robot, StateReported
 from robot_offload_core.process.messages import RelayStatus
 from robot_offload_core.process.rest import RELAY_SILENT_S, Rest
 from robot_offload_core.reasons import Reason, Verdict
@@ -100,3 +100,22 @@ def test_a_side_that_was_called_off_for_its_goals_settles_and_then_sleeps() -> N
     rest.settle(40.0)
     rest.keeps_active(True, 30.0)
     assert not rest.keeps_active(False, 30.1), "it acted meanwhile"
+
+
+def keeping(*states: StateReported) -> Robot:
+    state = robot(served=False)
+    return replace(state, handing=replace(state.handing, kept=True, states=states))
+
+
+def test_the_gate_waits_for_the_state_of_the_side_that_gets_ready_and_of_this_very_preparation() -> None:
+    assert not handing.may_arm(keeping(), PREPARATION, POLICY, 1.0)
+    assert not handing.may_arm(keeping(StateReported(Site.CLOUD, 5)), PREPARATION, POLICY, 1.0)
+    assert not handing.may_arm(keeping(StateReported(Site.ROBOT, 7)), PREPARATION, POLICY, 1.0)
+    stale = keeping(StateReported(Site.CLOUD, 7, ("no snapshot",)))
+    assert not handing.may_arm(stale, PREPARATION, POLICY, 1.0)
+    why = handing.pending(stale, PREPARATION)
+    assert why is not None
+    assert (why.reason, why.message) == (Reason.STATE_STALE, "no snapshot")
+    assert handing.may_arm(keeping(StateReported(Site.CLOUD, 7)), PREPARATION, POLICY, 1.0)
+    assert handing.may_arm(stale, PREPARATION, PIN, 5.0), "a pin waits until the deadline only"
+    assert handing.may_arm(stale, replace(PREPARATION, need=True), POLICY, 0.0)

@@ -267,3 +267,18 @@ def test_a_call_of_both_that_the_acting_side_refuses_is_said() -> None:
     pair.run(0.2)
     ((reason, message),) = pair.robot.statuses[-1].lacking
     assert (reason, CLEAR in message) == (DIVERGED, True)
+
+
+def test_diagnostics_show_how_many_goals_and_calls_are_open() -> None:
+    pair = Pair()
+    pair.robot.auto = False
+    pair.goal(1)
+    pair.call(PLAN, 2)
+    used(pair.robot, 3)
+    pair.run(0.1)
+    shown = dict(pair.robot.statuses[-1].counters)
+    assert {name.partition(".")[2]: n for name, n in shown.items() if name.startswith("open.")} == {
+        "goals_running": 0, "goals_waiting": 1, "calls": 1, "used_goals": 0, "used_calls": 1,
+    }  # fmt: skip
+    pair.run(3.0)
+    assert all(n == 0 for name, n in pair.robot.statuses[-1].counters if name.startswith("open."))

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pytest
 
-from robot_offload_core.declared import SnapshotState
+from robot_offload_core.declared import SnapshotState, TopicState
 from robot_offload_core.lease import SetEgress
 from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataPlan
 from robot_offload_core.process.messages import Egress, Heard, Orders
+from robot_offload_core.process.probe import Probe, decode, encode
 from robot_offload_core.process.robot_data import RobotDataProcess
-from robot_offload_core.process.states import AGAIN_S, CHANNEL, CloudStates, RobotStates, StateProcess
+from robot_offload_core.process.states import AGAIN_S, CHANNEL, Carried, CloudStates, RobotStates, StateProcess
 from robot_offload_core.token import Site, Token
 from robot_offload_state.packing import pack
 from tests.unit.core.builders import CLOUD, ROBOT, STRANGER
@@ -39,6 +41,7 @@ class Ports:
     crossed: list[tuple[str, bytes, bytes]] = field(default_factory=list)
     restored: list[bytes] = field(default_factory=list)
     holding: Holding = field(default_factory=lambda: Holding(Site.ROBOT, 1, Token(ROBOT, 3, "")))
+    listens: bool = True
     lock: Any = field(default_factory=contextlib.nullcontext)
 
     def now_s(self) -> float:
@@ -48,12 +51,17 @@ class Ports:
         self.crossed.append((channel, header, payload))
         return True
 
-    def restore(self, name: str, payload: bytes) -> None:
+    def restore(self, name: str, payload: bytes) -> bool:
         assert name == NAME
-        self.restored.append(payload)
+        if self.listens:
+            self.restored.append(payload)
+        return self.listens
 
     def holder(self) -> Holding:
         return self.holding
+
+    def types(self) -> dict[str, str]:
+        return {}
 
     def __getattr__(self, name: str) -> Any:
         raise AssertionError(f"{name} is not for the exchange of state")
@@ -62,13 +70,13 @@ class Ports:
 class Pair:
     """Both sides; `deliver` carries what has crossed."""
 
-    def __init__(self) -> None:
+    def __init__(self, states: Mapping[str, Carried] = STATES) -> None:
         self.ports = {Site.ROBOT: Ports(), Site.CLOUD: Ports()}
         robot, cloud = self.ports.values()
         self.robot_data = RobotDataProcess(DataPlan((), ()), robot)
         self.cloud_data = CloudDataProcess(DataPlan((), ()), cloud)  # type: ignore[arg-type]
-        self.robot = RobotStates(STATES, robot, self.robot_data)
-        self.cloud = CloudStates(STATES, cloud, self.cloud_data)
+        self.robot = RobotStates(states, robot, self.robot_data)
+        self.cloud = CloudStates(states, cloud, self.cloud_data)
         self.robot_holds(3)
 
     def _meet(self, epoch: int) -> None:
@@ -195,3 +203,90 @@ def test_a_standby_says_when_what_it_knows_is_old(pair: Pair) -> None:
     pair.later(0.49)
     assert stale(pair.cloud)
     assert not stale(pair.robot)  # it holds
+
+
+TOPICS = {NAME: TopicState("amcl", "/amcl_pose", "/initialpose")}
+
+
+def robot_wakes(pair: Pair, epoch: int, *active: str, preparing: int = 0) -> None:
+    pair.robot_data.handle(Orders(ROBOT, epoch, preparing=preparing, active=active))
+    pair.robot.turn()
+
+
+def test_a_topics_message_is_given_each_time_the_node_has_become_active_and_listens() -> None:
+    pair = Pair(TOPICS)
+    pair.cloud_holds(4)
+    pair.cloud.published(NAME, b"pose 1")
+    pair.deliver()
+    robot_wakes(pair, 4)
+    assert not pair.restored(Site.ROBOT), "the node sleeps"
+    pair.ports[Site.ROBOT].listens = False
+    robot_wakes(pair, 4, "amcl")
+    pair.ports[Site.ROBOT].listens = True
+    robot_wakes(pair, 4, "amcl")
+    robot_wakes(pair, 4, "amcl")
+    assert pair.restored(Site.ROBOT) == [b"pose 1"]
+    robot_wakes(pair, 4)
+    pair.cloud.published(NAME, b"pose 2")
+    pair.deliver()
+    robot_wakes(pair, 4, "amcl")
+    assert pair.restored(Site.ROBOT) == [b"pose 1", b"pose 2"]
+
+
+def test_after_a_loss_the_robots_node_gets_the_newest_message_of_the_cloud() -> None:
+    """Also when the node publishes something of its own before it has been given that."""
+    pair = Pair(TOPICS)
+    pair.cloud_holds(4)
+    pair.cloud.published(NAME, b"pose")
+    pair.deliver()
+    pair.robot_holds(5, stay=3)
+    pair.robot.published(NAME, b"stale")
+    robot_wakes(pair, 5, "amcl")
+    assert pair.restored(Site.ROBOT) == [b"pose"]
+    pair.robot.published(NAME, b"own")
+    robot_wakes(pair, 5)
+    robot_wakes(pair, 5, "amcl")
+    assert pair.restored(Site.ROBOT) == [b"pose"], "its own is newer now"
+
+
+def test_a_side_that_gets_ready_lacks_a_message_until_its_node_has_it() -> None:
+    pair = Pair(TOPICS)
+    pair.cloud_holds(4)
+    robot_wakes(pair, 4)
+    assert pair.robot_data.lacks == {}, "nothing was ever said"
+    pair.cloud.published(NAME, b"pose")
+    pair.deliver()
+    robot_wakes(pair, 4)
+    assert "/initialpose" in pair.robot_data.lacks[NAME]
+    robot_wakes(pair, 4, "amcl")
+    assert pair.robot_data.lacks == {}
+
+
+def test_a_side_that_gets_ready_lacks_a_snapshot_that_is_too_old_and_its_age_is_counted_at_the_change() -> None:
+    pair = Pair()
+    pair.cloud_holds(4)
+    pair.robot.turn()
+    assert NAME in pair.robot_data.lacks
+    pair.cloud.published(NAME, message(b"one"))
+    pair.deliver()
+    pair.robot.turn()
+    assert pair.robot_data.lacks == {}
+    pair.later(0.6)
+    pair.robot.turn()
+    assert "500 ms" in pair.robot_data.lacks[NAME]
+    pair.robot_holds(5, stay=3)
+    pair.robot.turn()
+    assert pair.robot_data.lacks == {}
+    assert 600 <= pair.robot_data.counters[f"state {NAME}.age_at_change_ms"] <= 650
+
+
+def test_the_robots_control_hears_what_each_side_lacks_for_which_preparation() -> None:
+    pair = Pair()
+    token = Token(ROBOT, 7, CLOUD)
+    pair.cloud_data.handle(Egress(CLOUD, ROBOT, SetEgress(token, 200.0)))
+    pair.cloud.turn()
+    probe = pair.cloud_data.make_probe()
+    assert (probe.preparing, list(probe.lacks)) == (7, [NAME])
+    decoded = decode(encode(probe))
+    assert isinstance(decoded, Probe)
+    assert (decoded.preparing, decoded.lacks) == (7, probe.lacks)

@@ -62,10 +62,17 @@ def test_names_that_differ_only_in_underscores_are_refused() -> None:
 
 @pytest.mark.parametrize(("server", "client"), [("Duplicated", "Cloud"), ("Cloud", "Duplicated")])
 def test_a_client_that_nobody_would_serve_is_refused(server: str, client: str) -> None:
-    nodes = ({"actions": [RESENT], "placement": server}, {"uses": {"actions": [FOLLOW]}, "placement": client})
+    offered = RESENT if server == "Duplicated" else FOLLOW
+    nodes = ({"actions": [offered], "placement": server}, {"uses": {"actions": [FOLLOW]}, "placement": client})
     [finding] = found(*nodes)
     assert (finding.path, finding.reason) == ("spec.nodes[1].uses.actions[0].name", "NotServed")
     assert "give both nodes one placement" in finding.message
+
+
+def test_a_name_outside_that_nodes_of_two_placements_use_is_refused() -> None:
+    nodes = [{"uses": {"services": [PLAN]}, "placement": placement} for placement in ("Duplicated", "Cloud")]
+    assert reasons(*nodes) == [("spec.nodes[1].uses.services[0].name", "TwoPlacements")]
+    assert reasons(nodes[0], nodes[0]) == []
 
 
 def test_a_client_with_another_type_than_the_server_is_refused() -> None:

@@ -42,6 +42,7 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     nodes.shared_topics_are_carried,
     served.names_have_one_meaning,
     served.clients_find_their_servers,
+    served.names_outside_have_one_placement,
     served.conditions_name_actions_of_the_group,
     served.conditions_name_topics_of_both_sides,
     served.poses_are_kept,

@@ -97,6 +97,15 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule(
         "spec.nodes[]",
         "NoReplica",
+        "self.placement != 'Cloud' || !has(self.actions) || self.actions.all(a, !has(a.onSwitch))",
+        lambda node: node.placement == "Cloud" and any(it.on_switch is not None for it in node.actions),
+        "a goal of a node with placement Cloud runs whoever acts, and ends aborted when the cloud is away; remove "
+        "onSwitch",
+        "actions",
+    ),
+    Rule(
+        "spec.nodes[]",
+        "NoReplica",
         "self.placement == 'Duplicated' || !has(self.state) || size(self.state) == 0",
         lambda node: not node.duplicated and bool(node.state),
         "state goes to the replica of a Duplicated node, and this node has none; remove state",
@@ -280,6 +289,21 @@ def clients_find_their_servers(spec: RobotOffloadSpec) -> Iterator[Finding]:
             )
         if all(it.type != offered for it in node.called if it.name == name):
             yield Finding(path, "OtherType", f"{name!r} is a {offered} of {server.name!r}; write that type")
+
+
+def names_outside_have_one_placement(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Calls of Duplicated nodes pass while their side acts, those of Cloud nodes always: one name cannot do both."""
+    served = {it.name for node in spec.nodes for it in node.offered}
+    placements: dict[str, Node] = {}
+    for path, name, node in _used(spec):
+        other = placements.setdefault(name, node)
+        if name not in served and other.placement != node.placement:
+            yield Finding(
+                path,
+                "TwoPlacements",
+                f"{name!r} is used by {other.name!r} ({other.placement}) too, and the agent in the cloud could not "
+                "know whose call it is; give both nodes one placement",
+            )
 
 
 def conditions_name_actions_of_the_group(spec: RobotOffloadSpec) -> Iterator[Finding]:

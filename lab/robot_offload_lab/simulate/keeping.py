@@ -1,0 +1,126 @@
+"""State in virtual time: nodes that publish snapshots, the core's exchange, and the observer of invariant 8."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+from robot_offload_core import snapshots
+from robot_offload_core.guardians import State
+from robot_offload_core.ledger.ports import Holding
+from robot_offload_core.process.cloud_data import CloudDataProcess
+from robot_offload_core.process.data import DataProcess
+from robot_offload_core.process.robot_data import RobotDataProcess
+from robot_offload_core.process.states import Carried, CloudStates, RobotStates, StateProcess
+from robot_offload_core.token import Site, Token
+from robot_offload_lab.simulate.cloud_side import CloudSide
+from robot_offload_lab.simulate.robot_side import RobotSide
+from robot_offload_lab.simulate.scenario import Scenario
+from robot_offload_lab.simulate.violations import ViolationError
+from robot_offload_lab.simulate.world import World
+
+SAID = struct.Struct(">Bd")
+"""Who made a snapshot (1: the robot's node), and when in true time."""
+SLACK_S = 0.005
+"""Between true time and the clocks of the hosts, over the oldest age that is judged."""
+
+
+class Kept:
+    """One side's node with state, and the shell of its side's exchange.
+
+    Attributes:
+        restored_s: true time at which the newest snapshot was made that this node was given.
+        silent: faults at work that keep the node from publishing. torn: share of arrivals whose bytes are damaged.
+        took: how many snapshots the node was given.
+    """
+
+    def __init__(
+        self, world: World, site: Site, states: dict[str, Carried], side: RobotSide | CloudSide, robot: RobotSide,
+        name: str,
+    ) -> None:  # fmt: skip
+        self.world, self.site, self.states, self.side, self.robot, self.name = world, site, states, side, robot, name
+        self.node = side.nodes[self.states[name].node]
+        self.process: StateProcess | None = None
+        self.restored_s = float("-inf")
+        self.silent = 0
+        self.torn = 0.0
+        self.took = 0
+        side.data.exchange = self.make
+        side.data.damage = self.damage
+
+    def make(self, data: DataProcess) -> StateProcess:
+        """Returns the exchange of a data process that has just begun."""
+        if isinstance(data, RobotDataProcess):
+            self.process = RobotStates(self.states, self, data)
+        else:
+            assert isinstance(data, CloudDataProcess)
+            self.process = CloudStates(self.states, self, data)
+        return self.process
+
+    def say(self, period_s: float) -> None:
+        """Publishes while the node is Active, again and again."""
+        self.world.after(period_s, self.say, period_s)
+        if self.node.state is State.ACTIVE and self.node.running and not self.silent and self.process is not None:
+            data = SAID.pack(self.site is Site.ROBOT, self.world.now)
+            self.side.data.post("state", self.process.published, self.name, serialized(data))
+
+    def damage(self, payload: bytes) -> bytes:
+        """Returns what arrives of a snapshot: sometimes torn."""
+        return payload[:-1] + b"?" if self.world.dice.random() < self.torn else payload
+
+    def restore(self, name: str, payload: bytes) -> bool:
+        """Gives a snapshot to the node; judges what it gets."""
+        found = snapshots.parse(payload, 1024)
+        self.expect(isinstance(found, snapshots.Snapshot), "a torn snapshot is restored")
+        assert isinstance(found, snapshots.Snapshot)
+        assert self.process is not None
+        of_robot, made_s = SAID.unpack(found.data)
+        self.expect(bool(of_robot) is not (self.site is Site.ROBOT), "a node gets its own snapshot back")
+        self.expect(made_s >= self.restored_s, "an older snapshot is restored")
+        bound_s, true_s = self.process.standing[name].age_s, self.world.now - made_s
+        self.expect(bound_s >= true_s - SLACK_S, f"a snapshot of {true_s:.3f} s is said to be {bound_s:.3f} s old")
+        self.restored_s = made_s
+        self.took += 1
+        return True
+
+    def expect(self, holds: bool, text: str) -> None:
+        """Raises ViolationError unless invariant 8 holds."""
+        if not holds:
+            raise ViolationError("8", f"{self.site.value}: {text}", self.world.now)
+
+    def holder(self) -> Holding:
+        """Reads the collector's memory."""
+        kept = self.robot.collector.kept
+        if kept is None:
+            return Holding(Site.ROBOT, 0, Token("", 0, ""))
+        charge, _, fell_back, stay = kept
+        return Holding(Site.ROBOT if fell_back else charge.site, stay, charge.token)
+
+
+class Keeping:
+    """The nodes with state of both sides: one state, by its name.
+
+    Attributes:
+        sides: the node of each side.
+    """
+
+    def __init__(self, world: World, scenario: Scenario, robot: RobotSide, cloud: CloudSide) -> None:
+        (name,) = scenario.states
+        self.period_s = scenario.state_period_s
+        self.sides = {
+            site: Kept(world, site, scenario.states, side, robot, name)
+            for site, side in ((Site.ROBOT, robot), (Site.CLOUD, cloud))
+        }
+
+    def start(self) -> None:
+        """Lets the nodes publish."""
+        for kept in self.sides.values():
+            kept.say(self.period_s)
+
+
+def serialized(data: bytes) -> bytes:
+    """Returns a snapshot as the middleware serializes its message."""
+    head = snapshots.HEADER.pack(snapshots.MAGIC, snapshots.FORMAT, 1, len(data), zlib.crc32(data))
+    packed = head + data
+    cdr = b"\x00\x01\x00\x00" + struct.pack("<3I", 0, 0, len(packed)) + packed
+    return cdr + bytes(-len(cdr) % 4)

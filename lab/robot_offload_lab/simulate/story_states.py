@@ -1,0 +1,112 @@
+"""Stories of nodes' state over changes: what the standby knows, and what a change waits for (handover, section 5)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robot_offload_core.declared import SnapshotState
+from robot_offload_core.token import Site
+from robot_offload_lab.simulate.keeping import Kept
+from robot_offload_lab.simulate.stage import Stage
+
+ROBOT, CLOUD = Site.ROBOT, Site.CLOUD
+NAME = "controller_1"
+
+
+class StateStage(Stage):
+    """A stage whose controller has state."""
+
+    def __init__(self, **changes: Any) -> None:
+        super().__init__(states={NAME: SnapshotState("controller", max_age_s=0.5, max_size=1024)}, **changes)
+
+    def kept(self, site: Site) -> Kept:
+        """Returns the node with state of a side."""
+        assert self.system.keeping is not None
+        return self.system.keeping.sides[site]
+
+    def shown(self, name: str) -> int:
+        """Returns a counter of the robot's data process."""
+        return int(self.robot.data.process.counters[f"state {NAME}.{name}"])
+
+    def reasons(self) -> set[str]:
+        """Returns all reasons that were given so far."""
+        return {decided.verdict.reason.value for _, decided in self.seen.decisions}
+
+
+def state_over_changes() -> None:
+    """The standby knows the newest state all the time, and a change waits for no more than that."""
+    stage = StateStage()
+    stage.in_cloud()
+    for site in (ROBOT, CLOUD, ROBOT, CLOUD):
+        stage.pin(site)
+        stage.until(lambda at=site: stage.site is at, 3.0, f"the {site.value} acts")  # type: ignore[misc]
+        before = stage.kept(site.other).took
+        stage.run(2.0)
+        stage.expect(stage.kept(site.other).took - before >= 15, "the standby is told all the time")
+    stage.expect(stage.shown("changes") == 2, "both changes to the robot are counted")
+    stage.expect(stage.shown("age_at_change_ms") <= 200, "its state was young")
+
+
+def state_after_a_loss() -> None:
+    """What the cloud knew shortly before it was lost, the robot goes on with; nothing late is restored."""
+    stage = StateStage()
+    stage.in_cloud()
+    stage.run(1.0)
+    cut_s = stage.now
+    join = stage.cut()
+    stage.lost(2.0, "the robot takes over")
+    stage.expect(cut_s - stage.kept(ROBOT).restored_s <= 0.15, "the newest state is the cloud's last")
+    join()
+    stage.run(5.0)
+
+
+def stale_state_is_waited_for() -> None:
+    """A planned change is called off while the state is too old; a pin goes on without it at its deadline."""
+    stage = StateStage()
+    stage.in_cloud()
+    stage.pin(ROBOT)
+    stage.until(lambda: stage.site is ROBOT, 3.0, "the robot acts")
+    stage.kept(ROBOT).silent += 1
+    stage.run(2.0)
+    stage.pin(None)
+    stage.until(lambda: "StateStale" in stage.reasons(), 10.0, "a change is called off")
+    stage.expect(stage.site is ROBOT, "the robot goes on")
+    stage.pin(CLOUD)
+    stage.until(lambda: stage.site is CLOUD, 10.0, "a pin does not wait for ever")
+
+
+def state_on_a_bad_link() -> None:
+    """Snapshots are torn, lost, doubled, overtake each other: none of these is restored, ages are never too small."""
+    stage = StateStage()
+    stage.in_cloud()
+    for wire in (stage.link.data.up, stage.link.data.down):
+        wire.ordered = False
+        wire.losses.append(0.2)
+        wire.doubled = 0.5
+        wire.reordering += 1
+    for site in Site:
+        stage.kept(site).torn = 0.2
+    for site in (ROBOT, CLOUD, ROBOT):
+        stage.pin(site)
+        stage.until(lambda at=site: stage.site is at, 12.0, f"the {site.value} acts")  # type: ignore[misc]
+        stage.run(5.0)
+    stage.kept(ROBOT).silent += 1
+    stage.run(3.0)  # what is said again is no younger for that
+    stage.expect(min(kept.took for kept in stage.system.keeping.sides.values()) > 20, "many arrive")  # type: ignore[union-attr]
+
+
+def data_processes_die_with_state() -> None:
+    """A data process that begins anew gives its node nothing older than its predecessor did."""
+    stage = StateStage()
+    stage.in_cloud()
+    for _ in range(4):
+        for side in (stage.robot, stage.cloud):
+            stage.run(1.0)
+            side.data.kill(0.2)
+            stage.run(2.0)
+
+
+STORIES = (
+    state_over_changes, state_after_a_loss, stale_state_is_waited_for, state_on_a_bad_link,
+    data_processes_die_with_state,
+)  # fmt: skip
