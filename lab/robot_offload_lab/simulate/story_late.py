@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from robot_offload_core.collectors import Charge, Gate, GateReport
+from robot_offload_core.guardians import Observed, State
 from robot_offload_core.placement import Phase, SetGate
 from robot_offload_core.process.messages import CollectorStatus
+from robot_offload_core.pulse import compose
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.stage import Stage
@@ -101,7 +103,59 @@ def deaf_control_in_the_cloud() -> None:
     stage.until_phase(Phase.CLOUD, 2.0, "the cloud is in charge again")
 
 
+def old_word_for_a_restarted_collector() -> None:
+    """A gate of an epoch that has ended, read by a collector that has just restarted, changes nothing."""
+    stage = Stage()
+    stage.in_cloud()
+    collector, machine = stage.robot.collector, stage.machine
+    collector.kill(0.05)
+    stage.until(lambda: collector.alive, 0.1, "the collector is back")
+    old = Charge(Site.ROBOT, Token(machine.incarnation, machine.epoch - 1, ""))
+    before = collector.state.charge
+    collector.take(SetGate(Gate(machine.started_us, old)))
+    stage.expect(collector.state.charge == before, "an epoch that has ended is entered again")
+
+
+def reports_out_of_place() -> None:
+    """A collector that knows nothing reports while the cloud gets ready; the robot goes on as if it had not."""
+    stage = Stage()
+    stage.start()
+    stage.until_phase(Phase.TO_CLOUD, 8.0, "the cloud gets ready")
+    epoch = stage.machine.epoch
+    stage.robot.control.process.handle(CollectorStatus(GateReport(None, False, True, True)))
+    stage.expect(stage.machine.epoch == epoch, "nothing was entered")
+    stage.until_phase(Phase.CLOUD, 8.0, "the cloud is in charge")
+
+
+def node_that_dies_as_the_side_gets_ready() -> None:
+    """The robot's node dies while its side gets ready: the cloud goes on."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.hush("robot")
+    stage.pin(Site.ROBOT)
+    stage.until(lambda: stage.phase is Phase.TO_ROBOT and stage.machine.nodes_ready, 1.0, "its nodes are ready")
+    stage.robot.nodes["controller"].kill(1.0)
+    stage.robot.control.process.guard(Observed("controller", State.UNKNOWN))
+    stage.expect(stage.site is Site.CLOUD, "the cloud goes on")
+
+
+def old_beat_behind_a_newer_one() -> None:
+    """A beat of the robot that comes behind a newer one renews nothing."""
+    stage = Stage()
+    stage.in_cloud()
+    process, host = stage.cloud.control.process, stage.cloud.host
+    beat = stage.robot.pulse.state
+    old = compose(beat, stage.robot.host.now_s() - 0.5, stage.robot.host.wall_us)[1]
+    end_s = process.cloud.lease_end_s
+    process.arrived(old, host.now_s(), host.wall_us)
+    stage.expect(process.cloud.lease_end_s == end_s, "an old beat renews the lease")
+
+
 STORIES = (
+    old_word_for_a_restarted_collector,
+    reports_out_of_place,
+    node_that_dies_as_the_side_gets_ready,
+    old_beat_behind_a_newer_one,
     old_gate_after_a_fallback,
     old_gate_after_a_restart,
     new_control_while_the_cloud_is_next,
