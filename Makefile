@@ -62,7 +62,7 @@ fmt: venv ## Rewrite in the project's format
 	.venv/bin/ruff format .
 
 ##@ Measure
-.PHONY: bench bench-switch bench-handover bench-weight bench-operator bench-e2e
+.PHONY: bench bench-switch bench-handover bench-weight bench-links bench-operator bench-e2e
 bench: venv ## A short form of every measurement; refreshes docs/benchmarks.md (< 10 minutes, idle machine); ARGS="--resume"
 	$(PYTHON) -m robot_offload_lab.bench all --quick --docs docs $(ARGS)
 
@@ -77,6 +77,9 @@ bench-handover: venv ## Goals and service calls through switches, cuts and a kil
 
 bench-weight: venv ## Processor time and memory of both agents; ARGS="--seconds 60 --against COMMIT"
 	$(PYTHON) -m robot_offload_lab.bench weight $(ARGS)
+
+bench-links: venv ## What links carry of images and point clouds (root); ARGS="--full --resume"
+	$(PYTHON) -m robot_offload_lab.bench links --docs docs $(ARGS)
 
 bench-operator: venv ## 200 RobotOffloads on a real API server; ARGS="--objects 50"
 	$(PYTHON) -m robot_offload_lab.bench.operator_scale $(ARGS)

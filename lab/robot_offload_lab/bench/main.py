@@ -16,10 +16,12 @@ import typer
 from rich.console import Console
 
 from robot_offload.errors import InputError, RobotOffloadError
+from robot_offload_lab.bench import link_table
+from robot_offload_lab.bench.analysis import links
 from robot_offload_lab.bench.groups import detect as detection
 from robot_offload_lab.bench.groups import experiment
 from robot_offload_lab.bench.groups import lifecycle as transitions
-from robot_offload_lab.bench.options import OUT, Common, Out, measurement
+from robot_offload_lab.bench.options import OUT, Common, FolderOfDocs, Out, measurement
 from robot_offload_lab.bench.plan import Amounts
 from robot_offload_lab.bench.results import PRIORITIES, Priority
 from robot_offload_lab.bench.session import SWITCH, WIDTH, BenchSession, Group
@@ -33,6 +35,7 @@ EXAMPLES: Final = (
     "robot-offload bench all --quick",
     "robot-offload bench latency --full --out out/latency",
     "robot-offload bench switch --only cuts --cuts 20",
+    "robot-offload bench links --full --resume --docs docs",
     "robot-offload bench weight --seconds 60 --against v0.1.0",
     "robot-offload bench all --quick --docs docs --resume",
 )
@@ -162,6 +165,42 @@ def weight(
     """Processor time and memory of both agents with three topics at 20 Hz: in all, by message, by further topic."""
     amounts = replace(common.amounts, resources_s=seconds or common.amounts.resources_s)
     _run(common, [Group.RESOURCES], amounts, against=against)
+
+
+@app.command("links")
+def carried(
+    *,
+    full: Annotated[bool, typer.Option("--full/--quick", help="All 36 kinds of link, or six of them.")] = False,
+    load: Annotated[list[str] | None, _case([one.name for one in links.LOADS])] = None,
+    seconds: Annotated[float, typer.Option(min=2, help="Seconds of each observation.")] = 10.0,
+    limit: Annotated[
+        float, typer.Option(min=30, metavar="SECONDS", help="Begin no other link after so long; --resume goes on.")
+    ] = 240.0,
+    resume: Annotated[bool, typer.Option("--resume", help="Skip what this folder has from today.")] = False,
+    out: Out = OUT,
+    docs: FolderOfDocs = None,
+) -> None:
+    """What links carry of images and point clouds: delivered, age, time in the cloud, false alarms. Needs root.
+
+    Ends with 0 when all of the table is there, 3 when the limit came first.
+    """
+    try:
+        known = link_table.fresh(link_table.read(out)) if resume else []
+        loads = link_table.chosen(links.LOADS, load or ())
+        cells = links.ALL if full else links.SOME
+        done = link_table.measure(loads, cells, seconds, out, known, lambda row: _show_row(out, row), limit)
+        if docs is not None:
+            typer.echo(f"Page: {link_table.write_page(docs, link_table.read(out))}")
+    except RobotOffloadError as error:
+        raise _stop(error) from error
+    if not done:
+        raise typer.Exit(3)
+
+
+def _show_row(out: Path, row: links.Row) -> None:
+    """Keeps a row and prints it."""
+    link_table.keep(out, [row])
+    typer.echo(links.line(row))
 
 
 @app.command("all")

@@ -24,11 +24,13 @@ class Sensor:
         name: a word; the topic is /bench/NAME.
         payload_bytes: sizes that take turns.
         max_age_ms: the oldest that is enough there; 0: the cloud may act without it.
+        topic_settings: further settings of the topic.
     """
 
     name: str
     payload_bytes: tuple[int, ...] = (64,)
     max_age_ms: int = 500
+    topic_settings: tuple[tuple[str, Any], ...] = ()
 
     @property
     def topic(self) -> str:
@@ -61,7 +63,7 @@ class BenchCase:
     command_bytes: tuple[int, ...] = (64,)
     sensors: tuple[Sensor, ...] = (Sensor("odom"),)
     sensor_rate_hz: float = 20.0
-    switching: tuple[tuple[str, str], ...] = ()
+    switching: tuple[tuple[str, Any], ...] = ()
     output: tuple[tuple[str, Any], ...] = ()
     standby: str = "Warm"
     serves: bool = False
@@ -109,7 +111,7 @@ def _document(case: BenchCase) -> dict[str, Any]:
 
 
 def _topic(sensor: Sensor) -> dict[str, Any]:
-    topic = {"name": sensor.topic}
+    topic = {"name": sensor.topic, **dict(sensor.topic_settings)}
     return {**topic, "maxAge": f"{sensor.max_age_ms}ms"} if sensor.max_age_ms else topic
 
 

@@ -204,7 +204,8 @@ class MeasuredSystem:
         logs = self.system.logs
         processes = self._stack.enter_context(Processes(self.system.run, logs, self.system.temporary))
         self.programs = Ensemble(processes, logs, self._take)
-        self.wire = self._stack.enter_context(EmulatedWire(self._wire_config()))
+        self.wire = self._stack.enter_context(self._make_wire())
+        self._prepare()
         for program in programs(self.system, clients=(OBSERVER,)):
             self._start(program)
         for program in self._observers():
@@ -235,6 +236,16 @@ class MeasuredSystem:
             served=served,
         )
 
+    def _make_wire(self) -> EmulatedWire:
+        return EmulatedWire(self._wire_config())
+
+    def _prepare(self) -> None:
+        """Does what the link needs before anything is started."""
+
+    def _placed(self, program: Program) -> Program:
+        """Returns a program as it is started on its side."""
+        return program
+
     def _wire_config(self) -> WireConfig:
         config = wire_config(self.system)
         forwards = config.forwards
@@ -250,7 +261,7 @@ class MeasuredSystem:
         if program.name.endswith("-agent") and self.setting.agents is not None:
             path = os.pathsep.join(str(self.setting.agents / package) for package in ("core", "agent"))
             program = dataclasses.replace(program, environment={**program.environment, "PYTHONPATH": path})
-        child = self.programs.start(program)
+        child = self.programs.start(self._placed(program))
         priority = self._priority(program)
         if priority:
             # Threads inherit it; the program has none yet. Where it is not permitted it goes on without.

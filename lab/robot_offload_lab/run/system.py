@@ -70,6 +70,7 @@ class System:
         realtime: whether everything runs under real-time priority, where that is permitted.
         said: topics of the application's own accounts.
         dialled, served: ports of pulse and data session, as the robot dials and the cloud serves them.
+        cloud_host: where the cloud listens.
     """
 
     offload: RobotOffload
@@ -85,6 +86,7 @@ class System:
     dialled: tuple[int, int]
     served: tuple[int, int]
     said: Showcase = field(default_factory=Showcase)
+    cloud_host: str = HOST
 
     @property
     def uid(self) -> str:
@@ -230,7 +232,7 @@ def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]
     certificates = make_certificates(
         system.certificates,
         robot=system.offload.metadata.name,
-        host_names=[HOST],
+        host_names=[system.cloud_host],
         now=datetime.datetime.now(tz=datetime.UTC),
         clients=clients,
     )
@@ -279,7 +281,7 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
     ports = system.dialled if side == "robot" else system.served
     site = AgentSite(
         side=side,
-        host=HOST,
+        host=system.cloud_host,
         ca=str(files.ca),
         certificate=str(files.certificate),
         private_key=str(files.private_key),

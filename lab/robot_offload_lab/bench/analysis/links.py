@@ -1,0 +1,188 @@
+"""What links of several kinds carry of images and point clouds: cells of a table. Pure."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from robot_offload.errors import InputError
+from robot_offload_lab.bench.analysis.alarms import QuietStretch, leaves
+from robot_offload_lab.bench.analysis.share import cloud_share
+from robot_offload_lab.bench.observed import Observation, only
+from robot_offload_lab.bench.results import at_or_none
+from robot_offload_lab.judge.measures import Interval
+from robot_offload_lab.judge.recording import Arrival, PlacementChange
+
+SCHEMA: Final = "robotoffload.dev/bench-links/v1"
+BEATS: Final = ("HeartbeatLost", "CloudControlSilent", "PulseSilent")
+"""Reasons that the beats give: on a link that is there each is a false alarm."""
+
+
+@dataclass(frozen=True, order=True)
+class Cell:
+    """One kind of link.
+
+    Attributes:
+        rate_mbit: it drains so much each way.
+        round_trip_ms: without any queue.
+        loss_percent: packets lost at random each way.
+    """
+
+    rate_mbit: int
+    round_trip_ms: int
+    loss_percent: float
+
+
+@dataclass(frozen=True)
+class Load:
+    """What is published: `size` bytes at `rate_hz`."""
+
+    name: str
+    title: str
+    size: int
+    rate_hz: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """One load over one kind of link.
+
+    Attributes:
+        load: its name. cell: of the link.
+        seconds: of the observation.
+        delivered: share of the published messages that arrived in the cloud.
+        p50_ms, p99_ms: ages at arrival; None where nothing arrived.
+        cloud: share of the time with the cloud in charge, the load being a required input; after it was chosen once.
+        takeovers: how often the robot took over. alarms: of these, for a reason of the beats.
+        reasons: of the takeovers.
+        date, machine, load_average: of the measurement.
+    """
+
+    load: str
+    cell: Cell
+    seconds: float
+    delivered: float
+    p50_ms: float | None
+    p99_ms: float | None
+    cloud: float
+    takeovers: int
+    alarms: int
+    reasons: tuple[str, ...]
+    date: str
+    machine: str
+    load_average: float
+
+
+RATES: Final = (5, 20, 100)
+ROUND_TRIPS: Final = (10, 40, 100)
+LOSSES: Final = (0.0, 0.1, 1.0, 3.0)
+ALL: Final = tuple(Cell(*words) for words in itertools.product(RATES, ROUND_TRIPS, LOSSES))
+SOME: Final = (
+    Cell(100, 10, 0.0), Cell(100, 10, 0.1), Cell(100, 10, 1.0), Cell(100, 40, 1.0), Cell(20, 40, 0.1), Cell(5, 100, 1.0)
+)  # fmt: skip
+"""A look in five minutes."""
+LOADS: Final = (
+    Load("raw", "raw VGA image, 0.92 MB", 640 * 480 * 3, 10.0),
+    Load("compressed", "compressed image, 50 kB", 50_000, 10.0),
+    Load("cloud", "point cloud, 1 MB", 1_000_000, 10.0),
+)
+
+
+def row(
+    load: Load, cell: Cell, window: Interval, arrivals: Iterable[Arrival], robot: Sequence[Observation],
+    found: tuple[str, str, float],
+) -> Row:  # fmt: skip
+    """Returns what one observation gave.
+
+    Args:
+        load: what was published.
+        cell: the link.
+        window: of the observation.
+        arrivals: in the cloud.
+        robot: of the witness on the robot.
+        found: date, machine and load of the machine.
+    """
+    ages_ms = [(a.t_s - a.sent_t_s) * 1e3 for a in arrivals if window.start_s <= a.t_s <= window.end_s]
+    left = leaves(QuietStretch(window.start_s, window.end_s, tuple(robot)))
+    seconds = window.end_s - window.start_s
+    return Row(
+        load.name, cell, round(seconds, 1), min(1.0, round(len(ages_ms) / (seconds * load.rate_hz), 3)),
+        _rounded(at_or_none(ages_ms, 0.5)), _rounded(at_or_none(ages_ms, 0.99)),
+        round(cloud_share(only(PlacementChange, robot), [window]) or 0.0, 3), len(left),
+        sum(leave.reason in BEATS for leave in left), tuple(leave.reason for leave in left), *found,
+    )  # fmt: skip
+
+
+def _rounded(value_ms: float | None) -> float | None:
+    return None if value_ms is None else round(value_ms, 1)
+
+
+def encode(rows: Iterable[Row]) -> str:
+    """Returns the file of the rows."""
+    return json.dumps({"schema": SCHEMA, "rows": [asdict(one) for one in rows]}, indent=1) + "\n"
+
+
+def decode(text: str, source: str) -> list[Row]:
+    """Reads the file of the rows.
+
+    Raises:
+        InputError: the text is something else.
+    """
+    try:
+        document = json.loads(text)
+        if document["schema"] != SCHEMA:
+            raise ValueError(f"schema {document['schema']!r}")
+        return [_row(values) for values in document["rows"]]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{source}: {error}; remove it to begin anew") from error
+
+
+def _row(values: dict[str, Any]) -> Row:
+    return Row(**values | {"cell": Cell(**values["cell"]), "reasons": tuple(values["reasons"])})
+
+
+def merged(old: Iterable[Row], new: Iterable[Row]) -> list[Row]:
+    """Returns the newest row of each load and cell, in the order of the table."""
+    by_key = {(one.load, one.cell): one for one in (*old, *new)}
+    names = [load.name for load in LOADS]
+    return sorted(by_key.values(), key=lambda one: (names.index(one.load), one.cell))
+
+
+# -- as text ----------------------------------------------------------------------------------------------------------
+
+
+def page(rows: Sequence[Row]) -> str:
+    """Returns one table for each load in Markdown, and under them when and on what the rows were measured."""
+    lines: list[str] = []
+    for load in LOADS:
+        mine = [one for one in rows if one.load == load.name]
+        if not mine:
+            continue
+        lines += [
+            f"**{load.title}, {load.rate_hz:g} Hz ({load.size * 8 * load.rate_hz / 1e6:.0f} Mbit/s)**", "",
+            "| link | round trip | loss | delivered | age p50 / p99 | in the cloud | robot took over | false alarms |",
+            "|--:|--:|--:|--:|--:|--:|---|--:|",
+            *map(line, mine), "",
+        ]  # fmt: skip
+    dates = sorted({f"{one.date}, {one.machine}" for one in rows})
+    loads = [one.load_average for one in rows]
+    if rows:
+        lines.append(f"Measured {'; '.join(dates)}; load {min(loads):.1f} to {max(loads):.1f}.")
+    return "\n".join(lines) + "\n"
+
+
+def line(one: Row) -> str:
+    """Returns a row of the table."""
+    cell = one.cell
+    age = "nothing" if one.p50_ms is None or one.p99_ms is None else f"{one.p50_ms:.0f} / {one.p99_ms:.0f} ms"
+    why = ", ".join(sorted(set(one.reasons)))
+    over = f"{one.takeovers} times ({why})" if one.takeovers else "never"
+    link = f"{cell.rate_mbit} Mbit/s | {cell.round_trip_ms} ms | {cell.loss_percent:g} %"
+    return f"| {link} | {_percent(one.delivered)} | {age} | {_percent(one.cloud)} | {over} | {one.alarms} |"
+
+
+def _percent(share: float) -> str:
+    return f"{share * 100:.0f} %"

@@ -1,0 +1,157 @@
+"""What links of several kinds carry: both agents between two network namespaces, one load as a required input.
+
+The link is changed while everything runs, so each kind takes seconds. The rows stay in `links.json`, so that a table
+can be measured in several turns; with `--docs` the page is written anew from all of them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from robot_offload.errors import InputError
+from robot_offload_lab.bench import machine
+from robot_offload_lab.bench.across import AcrossHosts
+from robot_offload_lab.bench.analysis import links
+from robot_offload_lab.bench.analysis.links import Cell, Load, Row
+from robot_offload_lab.bench.resource import BenchCase, Sensor
+from robot_offload_lab.bench.world import Evidence, Setting
+from robot_offload_lab.judge.measures import Interval
+from robot_offload_lab.wire.loop import steady_s
+from robot_offload_lab.wire.options import LinkOptions
+from robot_offload_lab.wire.two_hosts import TwoHosts
+
+FILE: Final = "links.json"
+PAGE: Final = Path("explanation/links.md")
+BEGIN: Final = "<!-- link table: written by `make bench-links`; changes between these lines are lost -->\n"
+END: Final = "<!-- end of the link table -->\n"
+SETTLE_S: Final = 4.0
+"""After each change of the link: until it is known what it carries."""
+MAX_AGE_MS: Final = 500
+QUEUE_MS: Final = 100
+"""In front of the limited rate, as a home router has it."""
+TOLERANCE_MS: Final = 150
+SWITCHING: Final = (
+    ("lease", "320ms"), ("maxCommandAge", "250ms"),
+    ("holdDown", {"initial": "100ms", "max": "300ms", "flapWindow": "1s"}),
+)  # fmt: skip
+"""For round trips of 100 ms; a takeover shows as a short absence from the cloud, not as half of the observation."""
+
+
+def case(load: Load) -> BenchCase:
+    """Returns the resource in which a load is a required input, thinned to what the link carries, newest first."""
+    settings = (("minRate", 3), ("latest", True))
+    return BenchCase(
+        f"links-{load.name}", LinkOptions(delay="5ms"), tolerance_ms=TOLERANCE_MS, cloud_rate_hz=20.0,
+        sensors=(Sensor("load", (load.size,), MAX_AGE_MS, settings),), sensor_rate_hz=load.rate_hz, switching=SWITCHING,
+    )  # fmt: skip
+
+
+def measure(
+    loads: Sequence[Load], cells: Sequence[Cell], seconds: float, out: Path, known: Sequence[Row],
+    kept: Callable[[Row], None], limit_s: float,
+) -> bool:  # fmt: skip
+    """Measures what is not known yet; returns whether that is everything.
+
+    Args:
+        loads: what is published.
+        cells: the links.
+        seconds: of each observation.
+        out: folder for the runs' files.
+        known: rows that are there already.
+        kept: called with each row as soon as its load is through.
+        limit_s: no other load is begun, and no other link, after so long.
+
+    Raises:
+        InputError: this machine cannot make two hosts.
+    """
+    refusal = TwoHosts.refusal()
+    if refusal:
+        raise InputError(f"no link can be emulated between two hosts: {refusal}")
+    there, began_s = {(one.load, one.cell) for one in known}, steady_s()
+    for load in loads:
+        missing = [cell for cell in cells if (load.name, cell) not in there]
+        if missing and steady_s() - began_s < limit_s:
+            for row in _run(load, missing, seconds, out, began_s + limit_s):
+                kept(row)
+                there.add((load.name, row.cell))
+    return all((load.name, cell) in there for load in loads for cell in cells)
+
+
+def _run(load: Load, cells: Sequence[Cell], seconds: float, out: Path, until_s: float) -> list[Row]:
+    windows: list[tuple[Cell, Interval, float]] = []
+    setting = Setting(out / "runs" / f"links-{load.name}", realtime=True, latency=True, beats=False)
+    with AcrossHosts(case(load), setting) as world:
+        for cell in cells:
+            if steady_s() > until_s and windows:
+                break
+            world.wire.set(
+                delay_ms=cell.round_trip_ms / 2 - 5, loss=cell.loss_percent / 100, rate_kbit_s=cell.rate_mbit * 1000,
+                queue_ms=QUEUE_MS,
+            )  # fmt: skip
+            world.rest(SETTLE_S)
+            start_s = steady_s()
+            world.rest(seconds)
+            windows.append((cell, Interval(start_s, steady_s()), machine.load()))
+        evidence = world.finish()
+    return [_row(load, cell, window, evidence, average) for cell, window, average in windows]
+
+
+def _row(load: Load, cell: Cell, window: Interval, evidence: Evidence, average: float) -> Row:
+    assert evidence.inputs is not None
+    arrivals = [arrival for found in evidence.inputs.outputs.values() for arrival in found]
+    found = (machine.today(), machine.words(machine.describe()), round(average, 1))
+    return links.row(load, cell, window, arrivals, evidence.robot, found)
+
+
+def read(out: Path) -> list[Row]:
+    """Returns the rows that are kept in a folder.
+
+    Raises:
+        InputError: the file is something else.
+    """
+    path = out / FILE
+    return links.decode(path.read_text(encoding="utf-8"), str(path)) if path.exists() else []
+
+
+def keep(out: Path, rows: Sequence[Row]) -> list[Row]:
+    """Adds rows to those of a folder; returns all."""
+    found = links.merged(read(out), rows)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / FILE).write_text(links.encode(found), encoding="utf-8")
+    return found
+
+
+def write_page(docs: Path, rows: Sequence[Row]) -> Path:
+    """Writes the table into its page, between the two lines; returns the page.
+
+    Raises:
+        InputError: the page lacks the lines.
+    """
+    path = docs / PAGE
+    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise InputError(f"{path}: the two lines around the table are missing; restore them")
+    path.write_text(f"{before}{BEGIN}\n{links.page(rows)}\n{END}{after}", encoding="utf-8")
+    return path
+
+
+def fresh(rows: Sequence[Row]) -> list[Row]:
+    """Returns the rows of today: what `--resume` does not measure again."""
+    return [row for row in rows if row.date == time.strftime("%Y-%m-%d", time.gmtime())]
+
+
+def chosen(loads: Sequence[Load], names: Sequence[str]) -> list[Load]:
+    """Returns the loads of these names, all without any.
+
+    Raises:
+        InputError: there is no such load.
+    """
+    unknown = [name for name in names if name not in {load.name for load in loads}]
+    if unknown:
+        raise InputError(f"--load: there is no {unknown[0]!r}; known are {', '.join(load.name for load in loads)}")
+    return [replace(load) for load in loads if not names or load.name in names]
