@@ -34,6 +34,8 @@ MAX_AGE_MS: Final = 500
 QUEUE_MS: Final = 100
 """In front of the limited rate, as a home router has it."""
 TOLERANCE_MS: Final = 150
+DOMAINS: Final = (1, 2)
+"""Any: each side is a host of its own."""
 SWITCHING: Final = (
     ("lease", "320ms"), ("maxCommandAge", "250ms"),
     ("holdDown", {"initial": "100ms", "max": "300ms", "flapWindow": "1s"}),
@@ -83,7 +85,7 @@ def measure(
 
 def _run(load: Load, cells: Sequence[Cell], seconds: float, out: Path, until_s: float) -> list[Row]:
     windows: list[tuple[Cell, Interval, float]] = []
-    setting = Setting(out / "runs" / f"links-{load.name}", realtime=True, latency=True, beats=False)
+    setting = Setting(out / "runs" / f"links-{load.name}", realtime=True, domains=DOMAINS, latency=True, beats=False)
     with AcrossHosts(case(load), setting) as world:
         for cell in cells:
             if steady_s() > until_s and windows:
