@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -31,6 +32,9 @@ class AcrossHosts(MeasuredSystem):
     def _system(self, temporary: Path) -> System:
         system = super()._system(temporary)
         return dataclasses.replace(system, dialled=system.served, cloud_host=CLOUD_ADDRESS)
+
+    def _observers(self) -> Sequence[Program]:
+        return (*super()._observers(), self._input_recorder())
 
     def _prepare(self) -> None:
         done = subprocess.run([*self._enter("robot"), "sysctl", "-q", "-w", BBR], capture_output=True, check=False)

@@ -85,7 +85,7 @@ def measure(
 
 def _run(load: Load, cells: Sequence[Cell], seconds: float, out: Path, until_s: float) -> list[Row]:
     windows: list[tuple[Cell, Interval, float]] = []
-    setting = Setting(out / "runs" / f"links-{load.name}", realtime=True, domains=DOMAINS, latency=True, beats=False)
+    setting = Setting(out / "runs" / f"links-{load.name}", realtime=True, domains=DOMAINS, beats=False)
     with AcrossHosts(case(load), setting) as world:
         for cell in cells:
             if steady_s() > until_s and windows:
