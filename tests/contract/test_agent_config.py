@@ -201,7 +201,7 @@ EVERY_WORD: dict[str, Any] = {
     "outputs": [
         {"topic": "/cmd_vel", "rate": 20, "while": {"actions": ["/follow_path"]}, "shared": True},
         {"topic": "/tf", "frames": [{"parent": "map", "child": "odom"}]},
-        {"topic": "/boxes", "rate": 30, "while": {"topic": "/image", "within": "200ms"}},
+        {"topic": "/boxes", "rate": 30, "while": {"topic": "/image", "within": "50ms"}},
     ],
     "services": [CLEAR | {"mode": "Both", "timeout": "1s"}],
     "actions": [FOLLOW | {"onSwitch": "Hold", "holdFor": "3s", "resultTimeout": "1m", "accept": "Holder"}],
@@ -242,7 +242,7 @@ def test_the_agent_reads_what_moves_with_the_execution(side: Side) -> None:
     )
     assert snapshot == SnapshotState("controller", 1.0, 2 << 20)
     command, tf, boxes = configuration.output_specs()
-    assert (command.while_, boxes.while_) == (While(("/follow_path",)), While(topic="/image", within_s=0.2))
+    assert (command.while_, boxes.while_) == (While(("/follow_path",)), While(topic="/image", within_s=0.05))
     assert (command.shared, tf.shared, boxes.shared, tf.frames) == (True, True, False, (Frame("map", "odom"),))
     assert command.waits
     assert [it.value for it in command.hot] == ["robot"]
