@@ -1,4 +1,4 @@
-"""Both discovery servers die at once and return: a node that is made then and those that were there find each other.
+"""Both discovery servers go at once and return: a node that is made then and those that were there find each other.
 
 The servers are begun by the start script of their image, as the kubelet begins them; the agent is a super client.
 """
@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -30,6 +30,7 @@ class Servers:
     def __init__(self, processes: Processes) -> None:
         self.addresses = [f"{HOST}:{free_port()}" for _ in range(2)]
         self._processes = processes
+        self._homes = 0
         self._running = [self._begin(server) for server in range(2)]
 
     def die_and_return(self) -> None:
@@ -39,8 +40,16 @@ class Servers:
             process.wait(30)
         self._running = [self._begin(server) for server in range(2)]
 
+    def be_replaced(self) -> None:
+        """Ends both in order, and begins new ones with empty folders as soon as they have ended, as new pods are."""
+        for process in self._running:
+            process.terminate()
+        assert [process.wait(30) for process in self._running] == [0, 0]
+        self._homes += 1
+        self._running = [self._begin(server) for server in range(2)]
+
     def _begin(self, server: int) -> subprocess.Popen[bytes]:
-        home = self._processes.folder / f"server-{server}"
+        home = self._processes.folder / f"server-{server}-{self._homes}"
         home.mkdir(exist_ok=True)
         _, _, port = self.addresses[server].partition(":")
         environment = {
@@ -60,7 +69,10 @@ def processes(tmp_path: Path) -> Iterator[Processes]:
     assert processes.close() == []
 
 
-def test_a_node_made_after_all_discovery_servers_died_is_found(processes: Processes) -> None:
+@pytest.mark.parametrize("how", [Servers.die_and_return, Servers.be_replaced])
+def test_a_node_made_after_all_discovery_servers_went_is_found(
+    processes: Processes, how: Callable[[Servers], None]
+) -> None:
     servers = Servers(processes)
     found_by = {"ROS_DISCOVERY_SERVER": ";".join(servers.addresses)}
 
@@ -78,7 +90,7 @@ def test_a_node_made_after_all_discovery_servers_died_is_found(processes: Proces
     node("early", "to_agent", "to_nodes")
     heard("agent", "early")
     heard("early", "agent")
-    servers.die_and_return()
+    how(servers)
     node("late", "to_agent", "to_nodes")
     heard("agent", "late")
     heard("late", "agent")

@@ -13,7 +13,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from robot_offload.decide.ownership import Key, described, key_of
 from robot_offload.decide.plan import Apply, Obstacle, Plan
-from robot_offload.decide.workloads import workload
+from robot_offload.decide.workloads import settled, workload
 from robot_offload.kube.kinds import DEPLOYMENT, STATEFUL_SET
 from robot_offload.kube.port import Manifest
 
@@ -42,16 +42,19 @@ def rolls(step: Apply, live: Mapping[Key, Manifest]) -> bool:
 
 
 def in_turn(steps: Plan, live: Mapping[Key, Manifest]) -> Plan:
-    """Returns the plan with one StatefulSet at most that is not ready at a time: discovery servers stand in for others.
+    """Returns the plan with one StatefulSet at most that is not settled: discovery servers stand in for each other.
 
-    Those that are not ready anyway go first: a new version may be what mends them.
+    A server that has just returned knows nobody until the participants have told it. Those that are not ready anyway go
+    first: a new version may be what mends them.
     """
     rolling = [step for step in steps.applies if key_of(step.manifest)[0] == STATEFUL_SET and rolls(step, live)]
-    down = {key for key, child in live.items() if key[0] == STATEFUL_SET and not workload(child).holds}
+    servers = {key: child for key, child in live.items() if key[0] == STATEFUL_SET}
+    down = {key for key, child in servers.items() if not workload(child).holds}
+    new = {key for key, child in servers.items() if not settled(child)}
     mending = [step for step in rolling if key_of(step.manifest) in down]
-    allowed = mending or ([] if down else rolling[:1])
+    allowed = mending or ([] if new else rolling[:1])
     held = [step for step in rolling if step not in allowed]
-    return _without(steps, held, "it is replaced when the other discovery servers are ready")
+    return _without(steps, held, "it is replaced when the other discovery servers have been ready for some seconds")
 
 
 def held_back(steps: Plan, live: Mapping[Key, Manifest]) -> Plan:

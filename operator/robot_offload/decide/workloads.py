@@ -37,6 +37,13 @@ def workload(manifest: Manifest, pods: Iterable[Manifest] = ()) -> Verdict:
     )
 
 
+def settled(manifest: Manifest) -> bool:
+    """Returns whether a workload's pods have been ready for its `minReadySeconds`."""
+    status: Mapping[str, Any] = manifest.get("status") or {}
+    available = int(status.get("availableReplicas", status.get("readyReplicas")) or 0)
+    return workload(manifest).holds and available >= int((manifest.get("spec") or {}).get("replicas", 1))
+
+
 def conditions(
     offload: RobotOffload, live: Mapping[Key, Manifest], pods: Iterable[Manifest], wanted: bool, why: Verdict
 ) -> dict[str, Verdict]:

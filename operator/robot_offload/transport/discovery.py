@@ -28,6 +28,10 @@ PORT: Final = ContainerPort("discovery", "UDP", 11811)
 FOUND_AT_ONCE: Final = {"publishNotReadyAddresses": True}
 """Of a server's Service. While a Service leads nowhere, what participants keep sending to it may be remembered on its
 way (connection tracking) as leading nowhere, and they do not reach the server when it comes back."""
+GONE_S: Final = 6
+"""How long a server that ends stays away (images/discovery/start): longer than participants believe in it."""
+SETTLED_S: Final = 5
+"""Seconds in which participants find a server again that has returned (they ask each 0.45 s) and tell it all."""
 SERVER_LABEL: Final = "robotoffload.dev/discovery-server"
 
 
@@ -94,11 +98,12 @@ def _stateful_set(parent: Parent, server: int, name: str) -> Manifest:
         own,
         [container],
         read=config_hash("discovery"),
-        grace_s=5,
+        grace_s=GONE_S + 6,
         extra={"affinity": _apart(parent.offload)},
     )
     spec = {
         "replicas": 1,
+        "minReadySeconds": SETTLED_S,
         "serviceName": name,
         "revisionHistoryLimit": 2,
         "selector": {"matchLabels": parent.selector(own)},

@@ -59,6 +59,15 @@ def test_the_second_discovery_server_waits_until_the_first_one_is_back() -> None
     assert step([live(one) for one in new], new)[1] == []
 
 
+def test_a_server_that_has_just_returned_is_waited_for() -> None:
+    old, new = [live(one) for one in servers("server:1")], servers("server:2")
+    returned = live(new[0])
+    returned["status"]["availableReplicas"] = 0
+    assert step([returned, old[1]], new)[1] == []
+    returned["status"]["availableReplicas"] = 1
+    assert step([returned, old[1]], new)[1] == ["walker-discovery-1"]
+
+
 def test_a_server_that_does_not_start_is_mended_and_its_fellow_stays() -> None:
     there = [
         live(workload("StatefulSet", "walker-discovery-0", "missing:1"), ready=False),
