@@ -16,7 +16,7 @@ from robot_offload.errors import InputError
 from robot_offload_lab.bench import machine
 from robot_offload_lab.bench.across import AcrossHosts
 from robot_offload_lab.bench.analysis import links
-from robot_offload_lab.bench.analysis.links import Cell, Load, Row
+from robot_offload_lab.bench.analysis.links import Cell, Row, TopicLoad
 from robot_offload_lab.bench.resource import BenchCase, Sensor
 from robot_offload_lab.bench.world import Evidence, Setting
 from robot_offload_lab.judge.measures import Interval
@@ -43,7 +43,7 @@ SWITCHING: Final = (
 """For round trips of 100 ms; a takeover shows as a short absence from the cloud, not as half of the observation."""
 
 
-def case(load: Load) -> BenchCase:
+def case(load: TopicLoad) -> BenchCase:
     """Returns the resource in which a load is a required input, thinned to what the link carries, newest first."""
     settings = (("minRate", 3), ("latest", True))
     return BenchCase(
@@ -53,7 +53,7 @@ def case(load: Load) -> BenchCase:
 
 
 def measure(
-    loads: Sequence[Load], cells: Sequence[Cell], seconds: float, out: Path, known: Sequence[Row],
+    loads: Sequence[TopicLoad], cells: Sequence[Cell], seconds: float, out: Path, known: Sequence[Row],
     kept: Callable[[Row], None], limit_s: float,
 ) -> bool:  # fmt: skip
     """Measures what is not known yet; returns whether that is everything.
@@ -83,7 +83,7 @@ def measure(
     return all((load.name, cell) in there for load in loads for cell in cells)
 
 
-def _run(load: Load, cells: Sequence[Cell], seconds: float, out: Path, until_s: float) -> list[Row]:
+def _run(load: TopicLoad, cells: Sequence[Cell], seconds: float, out: Path, until_s: float) -> list[Row]:
     windows: list[tuple[Cell, Interval, float]] = []
     setting = Setting(out / "runs" / f"links-{load.name}", realtime=True, domains=DOMAINS, beats=False)
     with AcrossHosts(case(load), setting) as world:
@@ -102,7 +102,7 @@ def _run(load: Load, cells: Sequence[Cell], seconds: float, out: Path, until_s: 
     return [_row(load, cell, window, evidence, average) for cell, window, average in windows]
 
 
-def _row(load: Load, cell: Cell, window: Interval, evidence: Evidence, average: float) -> Row:
+def _row(load: TopicLoad, cell: Cell, window: Interval, evidence: Evidence, average: float) -> Row:
     assert evidence.inputs is not None
     arrivals = [arrival for found in evidence.inputs.outputs.values() for arrival in found]
     found = (machine.today(), machine.words(machine.describe()), round(average, 1))
@@ -147,7 +147,7 @@ def fresh(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row.date == time.strftime("%Y-%m-%d", time.gmtime())]
 
 
-def chosen(loads: Sequence[Load], names: Sequence[str]) -> list[Load]:
+def chosen(loads: Sequence[TopicLoad], names: Sequence[str]) -> list[TopicLoad]:
     """Returns the loads of these names, all without any.
 
     Raises:

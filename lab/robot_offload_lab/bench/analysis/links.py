@@ -37,7 +37,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Load:
+class TopicLoad:
     """What is published: `size` bytes at `rate_hz`."""
 
     name: str
@@ -85,14 +85,14 @@ SOME: Final = (
 )  # fmt: skip
 """A look in five minutes."""
 LOADS: Final = (
-    Load("raw", "raw VGA image, 0.92 MB", 640 * 480 * 3, 10.0),
-    Load("compressed", "compressed image, 50 kB", 50_000, 10.0),
-    Load("cloud", "point cloud, 1 MB", 1_000_000, 10.0),
+    TopicLoad("raw", "raw VGA image, 0.92 MB", 640 * 480 * 3, 10.0),
+    TopicLoad("compressed", "compressed image, 50 kB", 50_000, 10.0),
+    TopicLoad("cloud", "point cloud, 1 MB", 1_000_000, 10.0),
 )
 
 
 def row(
-    load: Load, cell: Cell, window: Interval, arrivals: Iterable[Arrival], robot: Sequence[Observation],
+    load: TopicLoad, cell: Cell, window: Interval, arrivals: Iterable[Arrival], robot: Sequence[Observation],
     found: tuple[str, str, float],
 ) -> Row:  # fmt: skip
     """Returns what one observation gave.
