@@ -140,7 +140,8 @@ class Faults:
 
     def quiet_s(self) -> float:
         """For how long nothing has been wrong; 0 while something is."""
-        return 0.0 if self.active else max(0.0, self.run.world.now - self.ended_s - SETTLE_S)
+        ended_s = max(self.ended_s, self.run.cut_short_s)
+        return 0.0 if self.active else max(0.0, self.run.world.now - ended_s - SETTLE_S)
 
     def entered(self, state: str) -> None:
         """A machine has entered `state` ("robot ToCloud"): springs an ambush if one waits there and a storm is on."""

@@ -36,6 +36,7 @@ class System:
         keeping: nodes with state, where it is declared.
         silent_inputs: indices of inputs that faults keep silent, once per fault.
         rivals: nodes that publish the topic of output 0 besides the collector.
+        cut_short_s: true time when pods were last gone before the robot had taken over, as they had asked for.
     """
 
     def __init__(self, scenario: Scenario, name: str) -> None:
@@ -56,6 +57,7 @@ class System:
         self.silent_inputs: list[int] = []
         self.rivals = self.robot.collector.rivals
         self.inputs_sent = 0
+        self.cut_short_s = float("-inf")
 
     def start(self) -> None:
         """Starts both sides, the driver and the sensors."""

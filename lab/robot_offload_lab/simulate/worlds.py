@@ -18,6 +18,7 @@ from robot_offload_lab.simulate.ports import Payload
 from robot_offload_lab.simulate.promises import OTHERS
 from robot_offload_lab.simulate.scenario import Replica, Scenario
 from robot_offload_lab.simulate.system import System
+from robot_offload_lab.simulate.world import Process
 
 FOREVER_S = 1e9
 OTHERS_S = 0.033
@@ -223,12 +224,19 @@ def _adopt(system: System, settings: Settings) -> None:
 
 
 def _replaced(system: System, dice: random.Random) -> None:
-    """The cloud's pods are replaced: they say so, end, and new ones come up."""
+    """The cloud's pods are replaced: they say so, end, and return. Some end before the robot has taken over."""
     for start_s in (dice.uniform(5.0, 15.0), dice.uniform(20.0, 30.0)):
         end_s = start_s + dice.uniform(0.0, 3.0)
         system.world.at(start_s, system.cloud.control.deliver, _announce, system)
         for process in (*system.cloud.processes, *system.cloud.nodes.values()):
-            system.world.at(end_s + dice.uniform(0.0, 0.3), process.kill, dice.uniform(0.3, 1.0))
+            system.world.at(end_s + dice.uniform(0.0, 0.3), _end, system, process, dice.uniform(0.3, 1.0))
+
+
+def _end(system: System, process: Process, away_s: float) -> None:
+    charge = system.robot.collector.state.charge
+    if charge is not None and charge.site is Site.CLOUD:
+        system.cut_short_s = system.world.now
+    process.kill(away_s)
 
 
 def _announce(system: System) -> None:
