@@ -13,9 +13,15 @@ def free_port() -> int:
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tcp:
             tcp.bind((HOST, 0))
             port = int(tcp.getsockname()[1])
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
-                try:
-                    udp.bind((HOST, port))
-                except OSError:
-                    continue
-            return port
+            if free_for_udp(port):
+                return port
+
+
+def free_for_udp(port: int) -> bool:
+    """Returns whether nobody has a port of any interface for UDP now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+        try:
+            udp.bind(("", port))
+        except OSError:
+            return False
+    return True

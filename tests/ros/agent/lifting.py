@@ -15,12 +15,13 @@ class Lift:
     """See the module.
 
     Attributes:
-        running: ticks of each goal that is executed, and what its end is told to.
+        running: by the goal's number, each goal that is executed and its ticks.
+        ends: by the goal's number, what its end is told to.
     """
 
     def __init__(self, node: Node) -> None:
         self.serves = True
-        self.running: dict[ServerGoalHandle, tuple[int, Future]] = {}
+        self.running: dict[bytes, tuple[ServerGoalHandle, int]] = {}
         self.ends: dict[bytes, Future] = {}
         self.server = ActionServer(
             node, Fibonacci, "/lift", self.execute,
@@ -30,8 +31,9 @@ class Lift:
         node.create_timer(TICK_S, self.count)
 
     def accepted(self, goal: ServerGoalHandle) -> None:
-        end = self.ends[bytes(goal.goal_id.uuid)] = Future()
-        self.running[goal] = 0, end
+        number = bytes(goal.goal_id.uuid)
+        self.ends[number] = Future()
+        self.running[number] = goal, 0
         goal.execute()
 
     async def execute(self, goal: ServerGoalHandle) -> Fibonacci.Result:
@@ -39,10 +41,10 @@ class Lift:
         return Fibonacci.Result(sequence=[os.getpid(), goal.request.order])
 
     def count(self) -> None:
-        for goal, (tick, end) in list(self.running.items()):
-            self.running[goal] = tick + 1, end
+        for number, (goal, tick) in list(self.running.items()):
+            self.running[number] = goal, tick + 1
             goal.publish_feedback(Fibonacci.Feedback(sequence=[os.getpid(), tick + 1]))
             if goal.is_cancel_requested or tick + 1 >= goal.request.order:
-                del self.running[goal]
+                del self.running[number]
                 (goal.canceled if goal.is_cancel_requested else goal.succeed)()
-                end.set_result(None)
+                self.ends[number].set_result(None)
