@@ -215,6 +215,7 @@ def test_garbage_for_relays_states_and_large_messages_ends_no_process_of_either_
     world.start_agent("robot")
     world.start_node("robot")
     world.passes("robot", 40)
+    world.until(lambda: world.placed, "the robot's placement")
     robot, cloud, heard = world.placed[-1].control, "cd" * 16, list[str]()
 
     def note(frame: bytes) -> None:
