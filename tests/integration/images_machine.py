@@ -158,8 +158,12 @@ class Container:
 
     def end(self) -> int:
         """What a kubelet does: SIGTERM to process 1; the exit code of the container."""
-        subprocess.run(("runc", "kill", self.name, "TERM"), check=True)
+        self.signal("TERM")
         return self.process.wait(WAIT_S)
+
+    def signal(self, name: str) -> None:
+        """Sends process 1 a signal."""
+        subprocess.run(("runc", "kill", self.name, name), check=True)
 
     def _state(self) -> str:
         asked = subprocess.run(("runc", "state", self.name), capture_output=True, text=True, check=False)
@@ -183,6 +187,7 @@ def _write_bundle(
         "terminal": False,
         "user": {"uid": user, "gid": group},
         "args": [*image["Entrypoint"], *(command or image["Cmd"])],
+        "cwd": image.get("WorkingDir") or "/",
         "env": [*image["Env"], *(f"{name}={value}" for name, value in environment.items())],
         "capabilities": {key: [] for key in spec["process"]["capabilities"]},
         "noNewPrivileges": True,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -12,8 +13,9 @@ from importlib.metadata import version
 import pytest
 
 from robot_offload.render.build_scripts import FETCH, SCRATCH
+from robot_offload.transport import discovery
 from tests.integration import images_machine
-from tests.integration.images_machine import Container, Machine, figure
+from tests.integration.images_machine import WAIT_S, Container, Machine, figure
 
 pytestmark = [pytest.mark.images, pytest.mark.timeout(2400)]
 REGISTRY = "localhost/robot-offload-test"
@@ -83,7 +85,13 @@ PROGRAMS = (
         },
         {"/tmp/kubeconfig": KUBECONFIG},
     ),
-    Program("discovery", (), "fast-discovery-server -i 0", "grep -q :2E23 /proc/net/udp"),
+    # The one shell that stays: it outlives the server, so that no successor begins too early (images/discovery/serve).
+    Program(
+        "discovery",
+        (),
+        "/bin/bash /opt/robot_offload/serve fast-discovery-server -i 0",
+        "grep -q :2E23 /proc/net/udp",
+    ),
 )  # fmt: skip
 IMAGES = sorted({"git", *(program.image for program in PROGRAMS)})
 
@@ -135,8 +143,25 @@ def test_it_runs_without_root_on_a_read_only_root_and_ends_in_order(machine: Mac
         assert container.run("touch", "/opt/robot_offload/x").returncode != 0, "the root file system is read-only"
         assert container.run("touch", "/tmp/x").returncode == 0
         words = container.run("cat", "/proc/1/cmdline").stdout.replace("\0", " ")
-        assert words.startswith(program.process), "process 1 is the program itself, no shell"
+        assert words.startswith(program.process), "process 1 is the program itself, no start script"
         assert container.end() == 0, container.said()
+
+
+def test_a_discovery_server_gets_sigterm_and_leaves_nothing_behind_while_its_pod_stays_away(machine: Machine) -> None:
+    with machine.running(named("discovery")) as container:
+        container.until(lambda: container.run("grep", "-q", ":2E23", "/proc/net/udp").returncode == 0)
+        assert "fast-discovery-" in programs(container)
+        begun = time.monotonic()
+        container.signal("TERM")
+        container.until(lambda: "fast-discovery-" not in programs(container))
+        assert set(programs(container)) <= {"serve", "sleep", "sh", "cat"}, "no zombie of the server either"
+        assert container.process.wait(WAIT_S) == 0, container.said()
+        assert time.monotonic() - begun > discovery.GONE_S - 1
+
+
+def programs(container: Container) -> list[str]:
+    """The names of all processes of a container, those that have ended and were not waited for included."""
+    return container.run("sh", "-c", "cat /proc/[0-9]*/comm").stdout.split()
 
 
 def test_the_image_of_git_fetches_a_source_as_the_operator_asks_for_it(machine: Machine) -> None:

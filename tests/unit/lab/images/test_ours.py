@@ -58,7 +58,7 @@ def test_no_image_runs_as_root_or_writes_outside_of_tmp(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FOLDERS)
-def test_process_1_is_the_program_and_gets_sigterm(name: str) -> None:
+def test_process_1_is_what_the_start_script_becomes_and_gets_sigterm(name: str) -> None:
     instructions = dict(parsed.instructions(text_of(name)))
     assert instructions["STOPSIGNAL"] == "SIGTERM"
     assert instructions["ENTRYPOINT"].startswith("["), "the exec form: a shell would keep the signal for itself"
@@ -89,7 +89,7 @@ def test_the_linter_finds_nothing(name: str) -> None:
     assert (done.returncode, done.stdout) == (0, "")
 
 
-@pytest.mark.parametrize("script", ["agent/start", "agent/robot-offload-agent", "discovery/start"])
+@pytest.mark.parametrize("script", ["agent/start", "agent/robot-offload-agent", "discovery/start", "discovery/serve"])
 def test_the_start_scripts_are_correct(script: str) -> None:
     done = subprocess.run(["bash", "-n", ROOT / "images" / script], text=True, capture_output=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
