@@ -7,21 +7,17 @@ the action `drive_to`, or else the newest on the topic `goal_pose`. The node is 
 """
 
 import math
-import signal
 import time
-from types import FrameType
 
 import numpy as np
-import rclpy
 from drive_to import DriveTo  # type: ignore[import-not-found]  # beside this script, as planning is
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from planning import GOAL_RADIUS_M, Floats, Planner, Pose  # type: ignore[import-not-found]
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
+from running import run  # type: ignore[import-not-found]
 from sensor_msgs.msg import LaserScan
 
 MAX_INPUT_AGE_S = 0.3
@@ -117,29 +113,14 @@ class Controller(LifecycleNode):
         self._output.publish(command)
 
 
-def main() -> None:
-    """Runs the node until SIGINT or SIGTERM."""
-    stop = False
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        nonlocal stop
-        stop = True
-
-    signal.signal(signal.SIGINT, on_signal)
-    signal.signal(signal.SIGTERM, on_signal)
-    # Own handlers: with those of rclpy the context can vanish under a publish, which then raises.
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+def make() -> Controller:
+    """Returns the node, Active when nobody else manages it (`autostart`)."""
     node = Controller()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
     if node.get_parameter("autostart").value:
         node.trigger_configure()
         node.trigger_activate()
-    while not stop:
-        executor.spin_once(timeout_sec=0.2)
-    node.destroy_node()
-    rclpy.shutdown()
+    return node
 
 
 if __name__ == "__main__":
-    main()
+    run(make)

@@ -8,20 +8,16 @@ replica that starts clean is wrong by all that has drifted, until it passes a ma
 
 import json
 import math
-import signal
 import struct
 from collections import deque
-from dataclasses import dataclass
-from types import FrameType
 
-import rclpy
 from geometry_msgs.msg import Pose, PoseStamped
 from nav_msgs.msg import Odometry
+from place import Place  # type: ignore[import-not-found]  # beside this script, as running is
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
+from running import run  # type: ignore[import-not-found]
 from std_msgs.msg import String
 
 from robot_offload_state import StatefulNode
@@ -31,28 +27,6 @@ STATE = struct.Struct("<4d")
 """A correction, and when it was published (system time, seconds)."""
 KEPT_ODOMETRY = 50
 """Messages: a second of them, to find the one of a marker's moment."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """A place and a heading; as a correction: where the origin of the odometry is in the corridor."""
-
-    x_m: float = 0.0
-    y_m: float = 0.0
-    yaw_rad: float = 0.0
-
-    def then(self, other: "Place") -> "Place":
-        """Returns `other`, which was seen from here, as it is seen from where this place was seen."""
-        cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        x_m = self.x_m + cosine * other.x_m - sine * other.y_m
-        y_m = self.y_m + sine * other.x_m + cosine * other.y_m
-        return Place(x_m, y_m, math.remainder(self.yaw_rad + other.yaw_rad, math.tau))
-
-    def inverse(self) -> "Place":
-        """Returns the place from which this one was seen, as it is seen from here."""
-        cosine, sine = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        x_m, y_m = cosine * self.x_m + sine * self.y_m, cosine * self.y_m - sine * self.x_m
-        return Place(-x_m, -y_m, -self.yaw_rad)
 
 
 class Localiser(StatefulNode):
@@ -127,26 +101,5 @@ def _seconds(stamped: Odometry | PoseStamped) -> float:
     return seconds
 
 
-def main() -> None:
-    """Runs the node until SIGINT or SIGTERM."""
-    stop = False
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        nonlocal stop
-        stop = True
-
-    signal.signal(signal.SIGINT, on_signal)
-    signal.signal(signal.SIGTERM, on_signal)
-    # Own handlers: with those of rclpy the context can vanish under a publish, which then raises.
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = Localiser()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while not stop:
-        executor.spin_once(timeout_sec=0.2)
-    node.destroy_node()
-    rclpy.shutdown()
-
-
 if __name__ == "__main__":
-    main()
+    run(Localiser)

@@ -6,18 +6,14 @@ An ordinary client on the robot: it knows one server of `drive_to` and of `how_f
 """
 
 import json
-import signal
 import time
 from dataclasses import asdict, dataclass, field
-from types import FrameType
 from typing import Any
 
-import rclpy
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
+from running import run  # type: ignore[import-not-found]  # beside this script
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from test_msgs.action import Fibonacci
@@ -171,26 +167,5 @@ class Passenger(Node):
         calls.longest_ms = max(calls.longest_ms, round((time.monotonic() - asked_s) * 1e3, 1))
 
 
-def main() -> None:
-    """Runs the node until SIGINT or SIGTERM."""
-    stop = False
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        nonlocal stop
-        stop = True
-
-    signal.signal(signal.SIGINT, on_signal)
-    signal.signal(signal.SIGTERM, on_signal)
-    # Own handlers: with those of rclpy the context can vanish under a publish, which then raises.
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = Passenger()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while not stop:
-        executor.spin_once(timeout_sec=0.2)
-    node.destroy_node()
-    rclpy.shutdown()
-
-
 if __name__ == "__main__":
-    main()
+    run(Passenger)

@@ -8,20 +8,16 @@ first command (plus `start_delay_s`).
 
 import json
 import math
-import signal
 import time
 from pathlib import Path
-from types import FrameType
 
-import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
-from rclpy.signals import SignalHandlerOptions
+from running import run  # type: ignore[import-not-found]
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
@@ -161,26 +157,5 @@ class Wheelchair(Node):
                 log.write(text + "\n")
 
 
-def main() -> None:
-    """Runs the node until SIGINT or SIGTERM."""
-    stop = False
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        nonlocal stop
-        stop = True
-
-    signal.signal(signal.SIGINT, on_signal)
-    signal.signal(signal.SIGTERM, on_signal)
-    # Own handlers: with those of rclpy the context can vanish under a publish, which then raises.
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = Wheelchair()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while not stop:
-        executor.spin_once(timeout_sec=0.2)
-    node.destroy_node()
-    rclpy.shutdown()
-
-
 if __name__ == "__main__":
-    main()
+    run(Wheelchair)

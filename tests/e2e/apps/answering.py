@@ -4,15 +4,11 @@
 Parameters: `place`, the first word of all names, and `says`, what it calls itself.
 """
 
-import signal
-from types import FrameType
 from typing import Any
 
-import rclpy
 from rclpy.action import ActionServer
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
+from running import run  # type: ignore[import-not-found]  # of the wheelchair, in the same folder there
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from test_msgs.action import Fibonacci
@@ -45,25 +41,5 @@ class Answering(Node):
         return Fibonacci.Result(sequence=numbers)
 
 
-def main() -> None:
-    """Runs the node until SIGINT or SIGTERM."""
-    stop = False
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        nonlocal stop
-        stop = True
-
-    signal.signal(signal.SIGINT, on_signal)
-    signal.signal(signal.SIGTERM, on_signal)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = Answering()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while not stop:
-        executor.spin_once(timeout_sec=0.2)
-    node.destroy_node()
-    rclpy.shutdown()
-
-
 if __name__ == "__main__":
-    main()
+    run(Answering)

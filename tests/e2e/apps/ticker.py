@@ -1,15 +1,10 @@
 #!/usr/bin/env python3
 """ROS lifecycle node `ticker`: a stamped message on `tick` while it is Active, and nothing else to do."""
 
-import signal
-from types import FrameType
-
-import rclpy
 from geometry_msgs.msg import TwistStamped
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.signals import SignalHandlerOptions
+from running import run  # type: ignore[import-not-found]  # of the wheelchair, in the same folder there
 
 
 class Ticker(LifecycleNode):
@@ -44,25 +39,5 @@ class Ticker(LifecycleNode):
         self._output.publish(message)
 
 
-def main() -> None:
-    """Runs the node until SIGINT or SIGTERM."""
-    stop = False
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        nonlocal stop
-        stop = True
-
-    signal.signal(signal.SIGINT, on_signal)
-    signal.signal(signal.SIGTERM, on_signal)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = Ticker()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while not stop:
-        executor.spin_once(timeout_sec=0.2)
-    node.destroy_node()
-    rclpy.shutdown()
-
-
 if __name__ == "__main__":
-    main()
+    run(Ticker)

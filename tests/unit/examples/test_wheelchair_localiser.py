@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from examples.wheelchair.localiser import Place
+from examples.wheelchair.place import Place
 from examples.wheelchair.world import FIRST_MARKER_M, MARKER_EVERY_M, Markers, WheelOdometry, World
 
 DRIFT = 0.05
