@@ -25,11 +25,13 @@ from robot_offload_lab.wire.options import LinkOptions
 EXAMPLES = (
     "robot-offload demo",
     "robot-offload demo --mode cloud-only",
+    "robot-offload demo --example sedia",
     "robot-offload demo --outage 4/20 --slow 3/31@120ms --delay 5ms --jitter 2ms --loss 1%",
     "robot-offload demo --trace examples/traces/yard-4g.csv --duration 40",
     "robot-offload demo examples/talker/robotoffload.yaml --duration 12 --outage 2/6 --no-ui --json",
 )
-WHEELCHAIR = Path("examples/wheelchair/robotoffload.yaml")
+DEFAULT_EXAMPLE = "wheelchair"
+FILE = "robotoffload.yaml"
 DEFAULT_DELAY = "5ms"
 DEFAULT_JITTER = "2ms"
 DEFAULT_LOSS = "1%"
@@ -68,6 +70,10 @@ def _option(name: str, metavar: str, text: str) -> Any:
 Spec = Annotated[
     Path | None,
     typer.Argument(metavar="SPEC", help="YAML file with one RobotOffload. Default: the wheelchair example."),
+]
+Example = Annotated[
+    str,
+    _option("example", "NAME", "Example of the repository instead of SPEC: wheelchair, sedia or talker."),
 ]
 Modes = Annotated[
     Mode, typer.Option(help="offload: both sides; robot-only: no cloud; cloud-only: no replicas on the robot.")
@@ -112,6 +118,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print report.json on stand
 def demo(
     spec: Spec = None,
     *,
+    example: Example = "",
     mode: Modes = Mode.OFFLOAD,
     duration: Duration = None,
     outage: Outages = None,
@@ -135,7 +142,7 @@ def demo(
     was kept, with 1 when one was broken or a process died, and with 2 when the input is wrong.
     """
     options = DemoOptions(
-        spec=_found(spec),
+        spec=_found(spec, example),
         mode=mode,
         duration_s=_duration_s(duration),
         link=LinkOptions(
@@ -167,21 +174,27 @@ def demo(
         raise typer.Exit(1)
 
 
-def _found(spec: Path | None) -> Path:
-    """Returns the specification, or else the wheelchair example of the repository that this runs in or comes from.
+def _found(spec: Path | None, example: str = "") -> Path:
+    """Returns the specification, or else that of an example of the repository that this runs in or comes from.
 
     Raises:
-        InputError: no specification is named, and there is no repository.
+        InputError: both are named, there is no such example, or there is no repository.
     """
+    if spec is not None and example:
+        raise InputError("SPEC and --example: name one of the two")
     if spec is not None:
         return spec
+    wanted = example or DEFAULT_EXAMPLE
     here = Path.cwd()
     for folder in (here, *here.parents, *Path(__file__).resolve().parents):
-        if (folder / WHEELCHAIR).exists():
-            return folder / WHEELCHAIR
+        known = sorted(path.parent.name for path in (folder / "examples").glob(f"*/{FILE}"))
+        if wanted in known:
+            return folder / "examples" / wanted / FILE
+        if DEFAULT_EXAMPLE in known:
+            raise InputError(f"--example: {wanted!r} is not one of {', '.join(known)}")
     raise InputError(
-        f"SPEC: name a file with a RobotOffload; without one the demo drives {WHEELCHAIR}, which is in the repository "
-        "and not in the installed package"
+        f"SPEC: name a file with a RobotOffload; without one the demo drives the example {wanted}, which is in the "
+        "repository and not in the installed package"
     )
 
 

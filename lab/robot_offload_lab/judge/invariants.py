@@ -10,7 +10,8 @@ reported beside them: they depend on the application too. Each violation is a se
 * `Stale`: nothing from the cloud passes that is older than maxCommandAge. What the robot's own replica publishes never
   crosses the link; its delays are counted in the report, and a long one is a `Gap`.
 * `Gap`: no silence is longer than lossTimeout + activationDeadline + the slower period + 200 ms, not counting the
-  time in which the driver was inhibited (then the robot stands and nothing may be expected).
+  time in which the driver was inhibited (then the robot stands and nothing may be expected). Outputs without a rate
+  or with a condition (`while`) are not judged: the feedback of the goals is.
 * `Lost`: a commanded switch over a good link loses nothing from the cloud (what the robot's own replica loses on the
   robot is counted in the report). Not judged when the switch was commanded because the agents found the loop too slow:
   a busy computer delays like a bad link, and what is too old must not pass.
@@ -183,6 +184,8 @@ def _started_before(stream: Stream, change: PlacementChange) -> bool:
 
 
 def _gaps(measures: Measures, stream: Stream) -> Iterator[Violation]:
+    if stream.topic in measures.recording.run.silent:
+        return
     limit_ms = gap_limit_ms(measures.recording)
     held = inhibited(measures.recording)
     for gap in stream.gaps:

@@ -233,7 +233,7 @@ class ConsumerRecorder:
 
     def _obey(self, command: dict[str, Any]) -> None:
         if "start" in command:
-            self._begin(RunInfo(**command["start"]))
+            self._begin(RunInfo(**{**command["start"], "silent": tuple(command["start"]["silent"])}))
         elif "end" in command:
             self.end(steady_s() if command["end"] is None else float(command["end"]))
 

@@ -35,6 +35,7 @@ class RunInfo(Record):
         threshold_ms: loop latency up to which the cloud is worth it; a link below it is called good.
         corridor_length_m, corridor_width_m: of the drive: x runs from 0 to the length, y = 0 is the middle line;
             0 when there is no account of a drive.
+        silent: outputs whose silence is no fault.
     """
 
     mode: str
@@ -48,6 +49,7 @@ class RunInfo(Record):
     threshold_ms: float
     corridor_length_m: float = 0.0
     corridor_width_m: float = 0.0
+    silent: tuple[str, ...] = ()
 
 
 def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunInfo:
@@ -63,7 +65,14 @@ def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunI
         robot_period_ms=float(switching.latency.robot_period_ms),
         cloud_period_ms=float(switching.latency.cloud_period_ms),
         threshold_ms=float(switching.latency.allowed_loop_ms),
+        silent=silent_at_times(spec),
     )
+
+
+def silent_at_times(spec: RobotOffloadSpec) -> tuple[str, ...]:
+    """Returns the outputs whose silence is no fault: without a rate, or judged only while something is done."""
+    outputs = [output for _, output in spec.collected_outputs]
+    return tuple(output.topic for output in outputs if output.rate_hz is None or output.while_ is not None)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from robot_offload_lab.judge.recording import LinkSample
 from robot_offload_lab.run.ensemble import Ensemble
 from robot_offload_lab.run.free import free_domains, free_ports
 from robot_offload_lab.run.processes import Processes, Program
-from robot_offload_lab.run.showcase import showcase
+from robot_offload_lab.run.showcase import Showcase, showcase
 from robot_offload_lab.run.standstill import Standstill
 from robot_offload_lab.run.system import (
     DDS_WIRE,
@@ -117,15 +117,16 @@ def run(options: DemoOptions, view: View) -> DemoResult:
         StoppedEarlyError: a signal came before the system was up.
     """
     offload = load(options.spec)
-    check_runnable(offload, options.spec)
+    said = showcase(options.spec)
+    check_runnable(offload, options.spec, said)
     schedule = options.link.schedule()
     with ExitStack() as stack:
         stop = stack.enter_context(stop_requests())
         _claim(options.out, stack)
         temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="ro-", ignore_cleanup_errors=True))
-        system = _system(options, offload, Path(temporary))
+        system = _system(options, offload, said, _made(options.spec.parent, said, view), Path(temporary))
         _clear(system)
-        watch = LiveRun(threshold_ms=system.spec.switching.latency.allowed_loop_ms, outputs=tuple(system.outputs))
+        watch = LiveRun(threshold_ms=system.spec.switching.latency.allowed_loop_ms, outputs=system.awaited)
         if system.wired:
             watch.link = LinkSample(steady_s(), schedule.latency_ms(0.0))
         processes = stack.enter_context(Processes(system.run, system.logs, system.temporary))
@@ -139,7 +140,19 @@ def run(options: DemoOptions, view: View) -> DemoResult:
     return DemoResult(write_report(system), trouble, machine.sentence())
 
 
-def _system(options: DemoOptions, offload: RobotOffload, temporary: Path) -> System:
+def _made(folder: Path, said: Showcase, view: View) -> tuple[Path, ...]:
+    """Makes the interface packages of an example, once for all runs; returns where they are."""
+    if not said.interfaces:
+        return ()
+    from robot_offload_lab.run import interfaces  # noqa: PLC0415 - the generators are slow to import
+
+    view.say(f"Making the interfaces {', '.join(Path(name).name for name in said.interfaces)}, the first time only")
+    return tuple(interfaces.cached(interfaces.read(folder / name)) for name in said.interfaces)
+
+
+def _system(
+    options: DemoOptions, offload: RobotOffload, said: Showcase, made: tuple[Path, ...], temporary: Path
+) -> System:
     dialled, served = free_ports()
     return System(
         offload=adapted(offload, options.mode, options.seed, options.transport),
@@ -154,7 +167,8 @@ def _system(options: DemoOptions, offload: RobotOffload, temporary: Path) -> Sys
         realtime=options.realtime,
         dialled=dialled,
         served=served,
-        said=showcase(options.spec),
+        said=said,
+        interfaces=made,
     )
 
 

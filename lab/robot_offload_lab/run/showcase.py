@@ -13,6 +13,22 @@ from robot_offload.errors import InputError
 FILE: Final = "demo.yaml"
 
 
+class Together(BaseModel):
+    """Nodes that share one process on each side, as components of a container do.
+
+    Attributes:
+        name: of the process.
+        command: the program; the names of the nodes that it shall run follow, then their ROS arguments.
+        nodes: the nodes, by their names in the RobotOffload. They need no `run` of their own.
+    """
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+    name: str
+    command: list[str]
+    nodes: list[str]
+
+
 class Showcase(BaseModel):
     """The content of the file.
 
@@ -21,6 +37,8 @@ class Showcase(BaseModel):
             not, and the report has nothing of collisions, stops and goal.
         account: topic on which a client on the robot says what became of its goals and calls (`judge.accounts`).
         restored: topic on which the acting replica of a node with state says how old the state was that it began with.
+        interfaces: folders of interface packages that the nodes need and that no wheel has; made before the run.
+        processes: which nodes share a process; every other node has one of its own.
     """
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
@@ -28,6 +46,13 @@ class Showcase(BaseModel):
     state: str = ""
     account: str = ""
     restored: str = ""
+    interfaces: list[str] = []
+    processes: list[Together] = []
+
+    @property
+    def accounts(self) -> dict[str, str]:
+        """The topics of the application's own accounts, by their names here."""
+        return {"state": self.state, "account": self.account, "restored": self.restored}
 
 
 def showcase(spec: Path) -> Showcase:

@@ -23,12 +23,12 @@ from robot_offload.api.v1alpha1.names import Side
 from robot_offload.errors import InputError
 from robot_offload.render import ros_names
 from robot_offload.render.agent_config import AgentSite, agent_config
-from robot_offload_lab.judge.recording import RunInfo, of_run
+from robot_offload_lab.judge.recording import RunInfo, of_run, silent_at_times
 from robot_offload_lab.run import routed
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from robot_offload_lab.run.free import HOST
 from robot_offload_lab.run.processes import Program
-from robot_offload_lab.run.showcase import Showcase
+from robot_offload_lab.run.showcase import FILE, Showcase
 from robot_offload_lab.wire.dds_options import DdsWireConfig, carried
 from robot_offload_lab.wire.options import Forward, LinkOptions, WireConfig
 from robot_offload_lab.wire.process import REALTIME_PRIORITY
@@ -68,7 +68,8 @@ class System:
         link: what the wire does.
         seed: of everything random.
         realtime: whether everything runs under real-time priority, where that is permitted.
-        said: topics of the application's own accounts.
+        said: what the example says of itself: topics of its accounts, processes that nodes share.
+        interfaces: where the interface packages were made that the nodes need.
         dialled, served: ports of pulse and data session, as the robot dials and the cloud serves them.
         cloud_host: where the cloud listens.
     """
@@ -87,6 +88,7 @@ class System:
     served: tuple[int, int]
     said: Showcase = field(default_factory=Showcase)
     cloud_host: str = HOST
+    interfaces: tuple[Path, ...] = ()
 
     @property
     def uid(self) -> str:
@@ -106,9 +108,14 @@ class System:
     @property
     def outputs(self) -> dict[str, str]:
         """The collected outputs but the accounts, with their types; an empty type is read from the running system."""
-        accounts = dict(self.said).values()
+        accounts = self.said.accounts.values()
         outputs = [output for _, output in self.spec.collected_outputs if output.topic not in accounts]
         return {output.topic: output.type or "" for output in outputs}
+
+    @property
+    def awaited(self) -> tuple[str, ...]:
+        """The outputs that are heard all the time: those with a rate and without a condition."""
+        return tuple(topic for topic in self.outputs if topic not in silent_at_times(self.spec))
 
     @property
     def managed_on_robot(self) -> tuple[str, ...]:
@@ -182,15 +189,19 @@ def _seeded(node: Node, seed: int) -> Node:
     return node.model_copy(update={"run": run})
 
 
-def check_runnable(offload: RobotOffload, file: Path) -> None:
-    """Checks that everything that the run needs can be started.
+def check_runnable(offload: RobotOffload, file: Path, said: Showcase | None = None) -> None:
+    """Checks that everything that the run needs can be started; `said` is what the example says of itself.
 
     Raises:
         NotRunnableError: with a line for each node that cannot.
     """
-    problems = []
+    sharing = {name for shared in (said.processes if said else ()) for name in shared.nodes}
+    unknown = sharing - {node.name for node in offload.spec.nodes}
+    problems = [f"{file.parent / FILE}: processes: {name!r} is no node of {file.name}" for name in sorted(unknown)]
     for index, node in enumerate(offload.spec.nodes):
         path = f"{file}: spec.nodes[{index}].run"
+        if node.name in sharing:
+            continue
         if node.run is None:
             problems.append(f"{path}: nothing says how to start {node.name!r}; write a command")
         elif not node.run.command and shutil.which("ros2") is None:
@@ -257,7 +268,7 @@ def recorder(system: System) -> Program:
     command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(system.recording)]
     for topic, type_name in system.outputs.items():
         command += ["--topic", f"{topic}={type_name}"]
-    for name, topic in system.said:
+    for name, topic in system.said.accounts.items():
         command += [f"--{name}", topic] if topic else []
     if system.wired:
         command += ["--link", json.dumps(dataclasses.asdict(system.link))]
@@ -300,18 +311,38 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
 
 
 def _nodes(system: System, side: Side) -> Iterator[Program]:
-    """Yields the user's nodes of one side."""
-    for node in system.runs_on(side):
-        program, *arguments = ros_names.command(system.spec, node, side)
-        command = (sys.executable if program in ("python", "python3") else program, *arguments)
-        name = f"{side}-{ros_names.replica_name(node, side)}"
-        priority = NODE_PRIORITY if system.realtime else 0
-        yield Program(name, command, system.source, environment(system, side), priority=priority)
+    """Yields the programs of the user's nodes of one side, in the order of the nodes."""
+    shared = {name: together for together in system.said.processes for name in together.nodes}
+    here = system.runs_on(side)
+    started = set()
+    for node in here:
+        together = shared.get(node.name)
+        if together is None:
+            name, command = ros_names.replica_name(node, side), ros_names.command(system.spec, node, side)
+        elif together.name in started:
+            continue
+        else:
+            started.add(together.name)
+            nodes = [it for it in here if it.name in together.nodes]
+            name = together.name
+            command = ros_names.shared_command(system.spec, together.command, nodes, side)
+        program, *arguments = command
+        yield Program(
+            f"{side}-{name}",
+            (sys.executable if program in ("python", "python3") else program, *arguments),
+            system.source,
+            environment(system, side),
+            priority=NODE_PRIORITY if system.realtime else 0,
+        )
 
 
 def environment(system: System, side: Side) -> Mapping[str, str]:
     """Returns the variables of a side's processes."""
     own = {name: value for name, value in os.environ.items() if name not in _FOREIGN}
+    if system.interfaces:
+        from robot_offload_lab.run import interfaces  # noqa: PLC0415 - the generators are slow to import
+
+        own |= interfaces.environment(*system.interfaces)
     return own | {
         "ROS_DOMAIN_ID": str(_domain(system, side)),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1 import Node, RobotOffloadSpec, Run
@@ -54,6 +54,22 @@ def command(spec: RobotOffloadSpec, node: Node, side: Side, *, params_file: str 
     file = () if params_file is None else ("--params-file", params_file)
     # What comes later wins, so the file comes first.
     return (*program, "--ros-args", *file, *run_arguments(spec, node, side))
+
+
+def shared_command(
+    spec: RobotOffloadSpec, program: Sequence[str], nodes: Sequence[Node], side: Side
+) -> tuple[str, ...]:
+    """The command line of a process that runs several nodes on one side, given their names as arguments.
+
+    Every rule but that of the name is bound to its node, by the name that it has then (rcl `remap.c`).
+    """
+    arguments: list[str] = []
+    for node in nodes:
+        name = replica_name(node, side)
+        own = run_arguments(spec, node, side)
+        for flag, rule in zip(own[::2], own[1::2], strict=True):
+            arguments += [flag, rule if ":__" in rule else f"{name}:{rule}"]
+    return (*program, *(node.name for node in nodes), "--ros-args", *arguments)
 
 
 def run_arguments(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, ...]:

@@ -10,11 +10,28 @@ from typing import Any
 import pytest
 from rclpy.action import ActionClient
 
-from tests.ros.agent import made_interfaces
+from robot_offload_lab.run import interfaces
 from tests.ros.agent.clients import SUCCEEDED, until
 from tests.ros.agent.harness import World
 
 EXIT_S = 30.0
+OWN = interfaces.Package(
+    "made_on_the_spot",
+    {
+        "action/Dig.idl": """#include "builtin_interfaces/msg/Time.idl"
+module made_on_the_spot { module action {
+  struct Dig_Goal { builtin_interfaces::msg::Time started; sequence<double> depths; };
+  struct Dig_Result { string done; };
+  struct Dig_Feedback { uint32 spoonfuls; double depth; };
+}; };
+""",
+        "srv/Ask.idl": """module made_on_the_spot { module srv {
+  struct Ask_Request { string question; };
+  struct Ask_Response { boolean success; string answer; };
+}; };
+""",
+    },
+)
 DECLARED: dict[str, Any] = {
     "actions": ["dig"],
     "action.dig.name": "/dig",
@@ -34,12 +51,12 @@ DECLARED: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The package, on the search paths of this process and of those that it starts."""
-    folder = made_interfaces.make(tmp_path_factory.mktemp("interfaces"))
+    folder = interfaces.make(tmp_path_factory.mktemp("interfaces"), OWN)
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in made_interfaces.environment(folder).items():
+        for name, value in interfaces.environment(folder).items():
             patch.setenv(name, value)
         patch.syspath_prepend(str(folder))
-        made_interfaces.load(folder)
+        interfaces.load(folder, OWN)
         yield folder
 
 

@@ -1,5 +1,6 @@
 """How a run is laid out on one machine: ports, domains, what is changed in the resource, which programs run where."""
 
+import dataclasses
 import json
 import socket
 import subprocess
@@ -12,6 +13,7 @@ import yaml
 from robot_offload.api.files import load
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload_lab.run.free import free_domains, free_ports
+from robot_offload_lab.run.showcase import Showcase, Together
 from robot_offload_lab.run.system import (
     HOST,
     Mode,
@@ -21,6 +23,7 @@ from robot_offload_lab.run.system import (
     check_runnable,
     environment,
     programs,
+    run_info,
     wire_config,
 )
 from robot_offload_lab.wire.dds_options import DdsWireConfig, carried
@@ -186,3 +189,48 @@ def test_a_parameter_file_of_a_cluster_cannot_be_used_on_one_machine() -> None:
     offload = parse_object(changed("spec.nodes.1.run.parametersFrom", reference), "spec.yaml")
     with pytest.raises(NotRunnableError, match=r"nodes\[1\]\.run\.parametersFrom: .*use parameters"):
         check_runnable(offload, Path("spec.yaml"))
+
+
+def shared(tmp_path: Path, mode: Mode = Mode.OFFLOAD) -> System:
+    together = Together(name="stack", command=["python3", "stack.py"], nodes=["localiser", "controller", "passenger"])
+    return dataclasses.replace(system(tmp_path, mode), said=Showcase(processes=[together]))
+
+
+def test_nodes_that_share_a_process_get_rules_of_their_own(tmp_path: Path) -> None:
+    found = {program.name: program.command for program in programs(shared(tmp_path))}
+    assert {"robot-stack", "cloud-stack"} <= set(found)
+    assert not {"robot-localiser", "robot-passenger", "cloud-remote_controller"} & set(found)
+    assert found["robot-stack"][1:6] == ("stack.py", "passenger", "localiser", "controller", "--ros-args")
+    assert found["cloud-stack"][1:5] == ("stack.py", "localiser", "controller", "--ros-args")
+    cloud = set(found["cloud-stack"])
+    assert "controller:__node:=remote_controller" in cloud
+    assert "remote_controller:/cmd_vel:=/offload/cloud/cmd_vel" in cloud
+    assert "remote_controller:rate_hz:=50.0" in cloud
+    assert "controller:rate_hz:=20.0" in found["robot-stack"]
+
+
+def test_a_process_that_only_the_robot_needs_runs_there_alone(tmp_path: Path) -> None:
+    found = {program.name: program.command for program in programs(shared(tmp_path, Mode.CLOUD_ONLY))}
+    assert found["robot-stack"][1:4] == ("stack.py", "passenger", "--ros-args")
+
+
+def test_a_node_that_shares_a_process_needs_no_run_and_a_stranger_in_it_is_named(tmp_path: Path) -> None:
+    offload = load(WHEELCHAIR)
+    bare = [node.model_copy(update={"run": None}) for node in offload.spec.nodes]
+    offload = offload.model_copy(update={"spec": offload.spec.model_copy(update={"nodes": tuple(bare)})})
+    names = [node.name for node in bare]
+    together = Together(name="all", command=["all.py"], nodes=names)
+    check_runnable(offload, tmp_path / "spec.yaml", Showcase(processes=[together]))
+    stranger = together.model_copy(update={"nodes": [*names, "stranger"]})
+    with pytest.raises(NotRunnableError, match=r"processes: 'stranger' is no node of spec\.yaml"):
+        check_runnable(offload, tmp_path / "spec.yaml", Showcase(processes=[stranger]))
+
+
+def test_an_output_that_is_silent_while_nothing_is_done_is_not_waited_for(tmp_path: Path) -> None:
+    assert system(tmp_path).awaited == ("/cmd_vel",)
+    at_times = {"topic": "/cmd_vel", "rate": 20, "while": {"actions": ["/drive_to"]}}
+    raw = yaml.safe_load(WHEELCHAIR.read_text())
+    raw["spec"]["nodes"][3]["outputs"] = [at_times]
+    one = dataclasses.replace(system(tmp_path), offload=parse_object(raw, "wheelchair.yaml"))
+    assert one.awaited == ()
+    assert run_info(one, 0.0).silent == ("/localiser/account", "/cmd_vel")
