@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robot_offload_core import envelope, placement
-from robot_offload_core.switcher import PREPARE_EXTRA_S
+from robot_offload_core.changeovers import PREPARE_EXTRA_S
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.fault_hosts import HOSTS
 from robot_offload_lab.simulate.fault_types import Fault, Kind, Undo, nothing, option, raised

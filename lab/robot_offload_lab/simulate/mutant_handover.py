@@ -319,8 +319,8 @@ HANDOVER: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "    fault = _fault(robot, now_s, acting=True)\n    if fault is not None:\n        return _take",
-                "    fault = _fault(robot, now_s, acting=True) or (robot.preparation and handing.pending(robot, robot.preparation))\n    if fault is not None:\n        return _take",
+                "    fault = _fault(robot, now_s, acting=True)\n    if fault is not None:\n        return changeovers.take",
+                "    fault = _fault(robot, now_s, acting=True) or (robot.preparation and handing.pending(robot, robot.preparation))\n    if fault is not None:\n        return changeovers.take",
             ),
         ),
     ),

@@ -71,15 +71,15 @@ HOT: dict[str, Mutant] = {
     ),
     "A16": Mutant(
         "a takeover by silence closes the sessions", "late_message_after_a_takeover",
-        (Edit("switcher", "    if not by_silence:\n", "    if True:\n"),),
+        (Edit("changeovers", "    if not by_silence:\n", "    if True:\n"),),
     ),
     "A17": Mutant(
         "a takeover by silence ends a wish by hand", "late_message_after_a_takeover",
-        (Edit("switcher", "keeps = by_silence or (robot.manual", "keeps = (robot.manual"),),
+        (Edit("changeovers", "keeps = by_silence or (robot.manual", "keeps = (robot.manual"),),
     ),
     "A18": Mutant(
         "a takeover by silence is a flap", "third_mistake_within_ten_minutes",
-        (Edit("switcher", "policy = robot.policy if by_silence else policies.lost", "policy = policies.lost"),),
+        (Edit("changeovers", "policy = robot.policy if by_silence else policies.lost", "policy = policies.lost"),),
     ),
 }  # fmt: skip
 HOT_EQUIVALENT: dict[str, Equivalent] = {

@@ -276,7 +276,7 @@ MUTANTS: dict[str, Mutant] = {
         "effects_wait_for_the_lease",
         (
             Edit(
-                "switcher",
+                "changeovers",
                 "return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
                 "return revoked_s + PERMISSION_BEATS * settings.beat_period_s",
             ),
@@ -287,7 +287,7 @@ MUTANTS: dict[str, Mutant] = {
         "effects_wait_for_the_lease",
         (
             Edit(
-                "switcher",
+                "changeovers",
                 "return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
                 "return revoked_s + settings.lease_s",
             ),
@@ -296,7 +296,11 @@ MUTANTS: dict[str, Mutant] = {
     "S3": Mutant(
         "calling off keeps the epoch",
         "called_off",
-        (Edit("switcher", "    if phase is Phase.ROBOT:  # the candidate may", "    if False:  # the candidate may"),),
+        (
+            Edit(
+                "changeovers", "    if phase is Phase.ROBOT:  # the candidate may", "    if False:  # the candidate may"
+            ),
+        ),
     ),
     "S4": Mutant(
         "effects while the changeover is offered",
@@ -317,7 +321,7 @@ MUTANTS: dict[str, Mutant] = {
     "S6": Mutant(
         "no Reopen at a loss",
         "first_command_after_a_cut",
-        (Edit("switcher", "    commands.append(Reopen(fault.reason))\n", ""),),
+        (Edit("changeovers", "    commands.append(Reopen(fault.reason))\n", ""),),
     ),
     "S8": Mutant(
         "robot armed before its nodes are ready",
@@ -333,7 +337,7 @@ MUTANTS: dict[str, Mutant] = {
     "S9": Mutant(
         "no wait between attempts",
         "attempts_grow_apart",
-        (Edit("switcher", "RETRY_FIRST_S = 1.0", "RETRY_FIRST_S = 0.0"),),
+        (Edit("changeovers", "RETRY_FIRST_S = 1.0", "RETRY_FIRST_S = 0.0"),),
     ),
     "S10": Mutant(
         "by hand in spite of faults",
@@ -362,7 +366,7 @@ MUTANTS: dict[str, Mutant] = {
         "first_command_after_a_cut",
         (
             Edit(
-                "switcher",
+                "levels",
                 "acting=robot.phase is not Phase.CLOUD,",
                 "acting=robot.phase not in (Phase.CLOUD, Phase.TAKEOVER),",
             ),
@@ -371,15 +375,15 @@ MUTANTS: dict[str, Mutant] = {
     "S13": Mutant(
         "robot's silent outputs never stop the driver",
         "inhibited_by_silence",
-        (Edit("switcher", "    return gate is not None and gate.robot_flows\n", "    return True\n"),),
+        (Edit("levels", "    return gate is not None and gate.robot_flows\n", "    return True\n"),),
     ),
     "S14": Mutant(
         "dead collector counts as acting",
         "hung_collector",
         (
             Edit(
-                "switcher",
-                "    if now_s - (started_s if reported_s is None else reported_s) > robot.settings.lease_s:\n        return now_s < robot.stalls.until_s and not _starved(robot, now_s)  # its reports may still be unread\n",
+                "levels",
+                "    if now_s - (started_s if reported_s is None else reported_s) > robot.settings.lease_s:\n        return now_s < robot.stalls.until_s and not starved(robot, now_s)  # its reports may still be unread\n",
                 "",
             ),
         ),
@@ -389,7 +393,7 @@ MUTANTS: dict[str, Mutant] = {
         "hold_down_after_a_loss",
         (
             Edit(
-                "switcher",
+                "changeovers",
                 "manual = robot.manual if keeps else None",
                 "manual = robot.manual",
             ),
@@ -401,7 +405,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "switcher",
-                "hurried_s = robot.retry_s if robot.both_silent else robot.since_s + RETRY_FIRST_S",
+                "hurried_s = robot.retry_s if robot.both_silent else robot.since_s + changeovers.RETRY_FIRST_S",
                 "hurried_s = robot.retry_s",
             ),
         ),
@@ -722,8 +726,8 @@ MUTANTS: dict[str, Mutant] = {
         "stall_inhibits_nobody",
         (
             Edit(
-                "switcher",
-                "return now_s < robot.stalls.until_s and not _starved(robot, now_s)  # its reports",
+                "levels",
+                "return now_s < robot.stalls.until_s and not starved(robot, now_s)  # its reports",
                 "return False  # its reports",
             ),
         ),
@@ -731,14 +735,14 @@ MUTANTS: dict[str, Mutant] = {
     "S22": Mutant(
         "grace after a pause lifts an inhibit",
         "released_by_messages",
-        (Edit("switcher", "    return passes and due <= set(gate.robot_flowing)\n", "    return passes\n"),),
+        (Edit("levels", "    return passes and due <= set(gate.robot_flowing)\n", "    return passes\n"),),
     ),
     "S23": Mutant(
         "reports from before a hang lift an inhibit",
         "no_release_by_old_reports",
         (
             Edit(
-                "switcher",
+                "levels",
                 "    if gate is None or reported_s is None or now_s - reported_s > settings.lease_s:\n        return False\n    passes",
                 "    if gate is None:\n        return False\n    passes",
             ),
@@ -749,7 +753,7 @@ MUTANTS: dict[str, Mutant] = {
         "held_back_is_not_heard",
         (
             Edit(
-                "switcher",
+                "levels",
                 "passes = gate.charge is None or gate.charge.site is Site.ROBOT or gate.fell_back",
                 "passes = True",
             ),
@@ -758,7 +762,7 @@ MUTANTS: dict[str, Mutant] = {
     "S25": Mutant(
         "slow outputs hold the driver after nodes that woke late",
         "slow_outputs_hold_nobody",
-        (Edit("switcher", " and not settings.activation_deadline_s < o.deadline_s >= charged_for_s\n", "\n"),),
+        (Edit("levels", " and not settings.activation_deadline_s < o.deadline_s >= charged_for_s\n", "\n"),),
     ),
     "S26": Mutant(
         "silence is judged before all that waits was read",
@@ -1344,7 +1348,7 @@ EQUIVALENT: dict[str, Equivalent] = {
         "the next attempt forgets the good beat too, before anything judges it",
         (
             Edit(
-                "switcher",
+                "changeovers",
                 "        situation=replace(robot.situation, good_s=None),\n    )  # fmt: skip\n    if not by_silence:",
                 "    )  # fmt: skip\n    if not by_silence:",
             ),

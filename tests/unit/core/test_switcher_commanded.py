@@ -9,6 +9,7 @@ import pytest
 
 from robot_offload_core import collectors, switcher
 from robot_offload_core.beats import Permission
+from robot_offload_core.changeovers import PREPARE_EXTRA_S, REPORT_BEATS, RETRY_MAX_S
 from robot_offload_core.collectors import Gate
 from robot_offload_core.events import Acting, Tick
 from robot_offload_core.placement import (
@@ -26,7 +27,6 @@ from robot_offload_core.placement import (
 )
 from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import OutputSpec, Settings
-from robot_offload_core.switcher import PREPARE_EXTRA_S, REPORT_BEATS, RETRY_MAX_S
 from robot_offload_core.token import Site, presence
 from tests.unit.core.builders import (
     BEAT_S,
