@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from robot_offload_core.guardians import State
 from robot_offload_core.limits import cloud_fault
+from robot_offload_core.managed_nodes import State
 from robot_offload_core.placement import Robot
 from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import OutputSpec

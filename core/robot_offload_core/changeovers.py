@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robot_offload_core import policies
 from robot_offload_core.change import replace
-from robot_offload_core.collectors import Charge
+from robot_offload_core.gates import Charge
 from robot_offload_core.placement import IN_CHARGE, Command, Decided, Phase, Preparation, Reopen, Robot
 from robot_offload_core.pulse import PERMISSION_BEATS
 from robot_offload_core.reasons import Kind, Verdict

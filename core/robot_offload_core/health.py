@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from robot_offload_core import links
 from robot_offload_core.beats import Beat, CloudReport
-from robot_offload_core.collectors import GateReport
+from robot_offload_core.gates import GateReport
 from robot_offload_core.links import Link
 from robot_offload_core.policies import Fitness
 from robot_offload_core.reasons import Reason, Verdict

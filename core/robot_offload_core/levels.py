@@ -6,8 +6,8 @@ from robot_offload_core import wishes
 from robot_offload_core.beats import Permission
 from robot_offload_core.change import replace
 from robot_offload_core.changeovers import charge
-from robot_offload_core.collectors import Gate
 from robot_offload_core.events import Acting
+from robot_offload_core.gates import Gate
 from robot_offload_core.placement import IN_CHARGE, Command, Permit, Phase, Robot, SetGate
 from robot_offload_core.stalls import starved
 from robot_offload_core.token import Site, presence

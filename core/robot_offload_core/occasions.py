@@ -9,11 +9,12 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from robot_offload_core.change import replace
+from robot_offload_core.gates import Gate
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site
 
 if TYPE_CHECKING:
-    from robot_offload_core.collectors import Gate, OutputState
+    from robot_offload_core.collectors import OutputState
 
 RELAY_SILENT_S = 0.35
 """A relay reports ten times a second: after so long without a report nobody knows what it executes."""

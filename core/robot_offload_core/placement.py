@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.collectors import Gate, GateReport
 from robot_offload_core.events import Acting, Tick
+from robot_offload_core.gates import Gate, GateReport
 from robot_offload_core.health import Situation
 from robot_offload_core.links import Link
 from robot_offload_core.policies import Policy

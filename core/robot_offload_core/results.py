@@ -7,8 +7,9 @@ that stood still from the consumers: so the age is judged per message, and contr
 from __future__ import annotations
 
 from robot_offload_core.change import replace
-from robot_offload_core.collectors import Collector, OutputState, Passage, Ruling
+from robot_offload_core.collectors import Collector, OutputState
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.gates import Passage, Ruling
 
 
 def offer(collector: Collector, index: int, envelope: Envelope, now_s: float) -> tuple[Collector, Passage]:

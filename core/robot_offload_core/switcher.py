@@ -12,8 +12,8 @@ from robot_offload_core import changeovers, early, handing, levels, links, polic
 from robot_offload_core.beats import CloudReport
 from robot_offload_core.change import replace
 from robot_offload_core.checks import require
-from robot_offload_core.collectors import Charge, GateReport
 from robot_offload_core.events import Tick, assert_never
+from robot_offload_core.gates import Charge, GateReport
 from robot_offload_core.health import Frame, is_good
 from robot_offload_core.limits import cloud_fault
 from robot_offload_core.placement import (

@@ -7,10 +7,10 @@ from typing import Final
 
 from robot_offload_agent.link.port import LinkCause
 from robot_offload_agent.settings.offer import Answer
-from robot_offload_core.collectors import Ruling
-from robot_offload_core.guardians import NodeEvent
+from robot_offload_core.gates import Ruling
 from robot_offload_core.lease import Stand
 from robot_offload_core.limits import LIMITS, Basis
+from robot_offload_core.managed_nodes import NodeEvent
 from robot_offload_core.problems import Problem
 from robot_offload_core.reasons import Explained, Kind, Reason
 

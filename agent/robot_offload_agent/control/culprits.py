@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from robot_offload_core.guardians import Node, State
+from robot_offload_core.managed_nodes import Node, State
 from robot_offload_core.reasons import Reason
 
 CLOUD_NODES = (Reason.CLOUD_NOT_READY, Reason.CLOUD_NODES_DOWN)

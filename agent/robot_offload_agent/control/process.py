@@ -26,7 +26,7 @@ from robot_offload_agent.ros.managed_nodes import ManagedNodes
 from robot_offload_agent.ros.replica_parameters import ReplicaParameters
 from robot_offload_agent.ros.report import Problem, Report
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import beats, guardians
+from robot_offload_core import beats, guardians, managed_nodes
 from robot_offload_core.process.control import ControlProcess
 from robot_offload_core.process.messages import Arrived, Fatal, Lives, Notes, PulseStatus
 from robot_offload_core.reasons import Reason
@@ -217,9 +217,9 @@ class ControlShell(ABC):
         """Sends a message to another process of this agent."""
         return self.bus.send(to, message)
 
-    def carry_out(self, command: guardians.Command) -> None:
+    def carry_out(self, command: managed_nodes.Command) -> None:
         """Calls a lifecycle service or the driver, or logs what the guardian reports."""
-        if isinstance(command, guardians.NodeNews):
+        if isinstance(command, managed_nodes.NodeNews):
             log.info("Node %s: %s reason=%s", command.name, command.message, command.reason)
         else:
             self.managed.carry_out(command)

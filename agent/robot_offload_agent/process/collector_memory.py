@@ -12,7 +12,8 @@ import os
 import zlib
 from pathlib import Path
 
-from robot_offload_core.collectors import Charge, Collector
+from robot_offload_core.collectors import Collector
+from robot_offload_core.gates import Charge
 from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.token import Site, Token
 

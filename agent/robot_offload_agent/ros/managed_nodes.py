@@ -17,9 +17,9 @@ from std_srvs.srv import SetBool
 
 from robot_offload_agent.ros.undeclared import Declared, Undeclared
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import guardians
+from robot_offload_core import guardians, managed_nodes
 from robot_offload_core.events import assert_never
-from robot_offload_core.guardians import State, Transition
+from robot_offload_core.managed_nodes import State, Transition
 from robot_offload_core.settings import NodeSpec
 from robot_offload_core.token import Site
 
@@ -113,18 +113,18 @@ class ManagedNodes:
     def _event(self, name: str, message: TransitionEvent) -> None:
         state = STATES.get(message.goal_state.id)
         if state is not None:
-            self.post(guardians.Observed(name, state))
+            self.post(managed_nodes.Observed(name, state))
 
-    def carry_out(self, command: guardians.Command) -> None:
+    def carry_out(self, command: managed_nodes.Command) -> None:
         """Carries out one command of the core; news of nodes are for the log and not for us."""
         match command:
-            case guardians.ChangeState():
+            case managed_nodes.ChangeState():
                 self._change(command.name, command.transition)
-            case guardians.GetState():
+            case managed_nodes.GetState():
                 self._read(command.name)
-            case guardians.Inhibit():
+            case managed_nodes.Inhibit():
                 self._inhibit(command)
-            case guardians.NodeNews():
+            case managed_nodes.NodeNews():
                 pass
             case _:
                 assert_never(command)
@@ -139,25 +139,25 @@ class ManagedNodes:
         def done(future: Any) -> None:
             response = future.result()
             if response is not None:
-                self.post(guardians.Answered(name, transition, response.success))
+                self.post(managed_nodes.Answered(name, transition, response.success))
 
         self._call(client, request, done)
 
     def _read(self, name: str) -> None:
         client = self.read[name]
         if not client.service_is_ready():
-            self.post(guardians.Observed(name, State.UNKNOWN))
+            self.post(managed_nodes.Observed(name, State.UNKNOWN))
             return
 
         def done(future: Any) -> None:
             response = future.result()
             state = STATES.get(response.current_state.id) if response is not None else None
             if state is not None:  # in transition: the event reports its end
-                self.post(guardians.Observed(name, state))
+                self.post(managed_nodes.Observed(name, state))
 
         self._call(client, GetState.Request(), done)
 
-    def _inhibit(self, command: guardians.Inhibit) -> None:
+    def _inhibit(self, command: managed_nodes.Inhibit) -> None:
         assert self.inhibit is not None
         if not self.inhibit.service_is_ready():
             return  # said again until it is confirmed

@@ -22,9 +22,9 @@ from robot_offload_agent.settings.parameter import Parameter
 from robot_offload_agent.settings.parameters import GENERAL, Configuration
 from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat
-from robot_offload_core.guardians import Node as GuardedNode
-from robot_offload_core.guardians import State
 from robot_offload_core.links import Health
+from robot_offload_core.managed_nodes import Node as GuardedNode
+from robot_offload_core.managed_nodes import State
 from robot_offload_core.process.messages import PulseStatus
 from robot_offload_core.token import Site
 

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from robot_offload_core.declared import ActionSpec, ServiceSpec, UsedAction, UsedService
-from robot_offload_core.guardians import State
 from robot_offload_core.ledger.executor import SEEN_WITHIN_S, Executor, OfferAnswered, Outcome, Run, RunEnded, RunGone
 from robot_offload_core.ledger.goals import CancelRequested
 from robot_offload_core.ledger.ports import CancelCode, CloudRelayPorts, Face, GoalStatus
@@ -25,6 +24,7 @@ from robot_offload_core.ledger.words import (
     Verdict,
     Word,
 )
+from robot_offload_core.managed_nodes import State
 from robot_offload_core.process.cloud_used import CloudUsed
 from robot_offload_core.process.messages import Egress, Letters, RelayStatus
 from robot_offload_core.process.relay import MAX_PAYLOAD, STATUS_S, RelayPlan, RelayProcess, status_problems

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from robot_offload_core import collectors, envelope, results, standby
-from robot_offload_core.collectors import Charge, Collector, Passage, Ruling
+from robot_offload_core import collectors, envelope, gates, results, standby
+from robot_offload_core.collectors import Collector
 from robot_offload_core.envelope import Envelope, EnvelopeError
+from robot_offload_core.gates import Charge, Passage, Ruling
 from robot_offload_core.placement import SetGate
 from robot_offload_core.problems import Problem
 from robot_offload_core.process.loops import Loop
@@ -114,7 +115,7 @@ class CollectorProcess:
         self.loops = {index: Loop(spec) for index, spec in enumerate(plan.outputs) if spec.shared}
         self.detail_due_s = self.report_due_s = 0.0
         self.report_period_s = report_period_s(plan.lease_s)
-        self.reported: collectors.GateReport | None = None
+        self.reported: gates.GateReport | None = None
 
     def note(self, key: str, problem: tuple[str, str] | None) -> None:
         """Keeps or clears a problem for diagnostics."""

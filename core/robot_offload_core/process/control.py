@@ -8,10 +8,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Protocol
 
-from robot_offload_core import guardians, occasions
+from robot_offload_core import guardians, managed_nodes, occasions
 from robot_offload_core.beats import Beat
 from robot_offload_core.events import Tick
-from robot_offload_core.guardians import Flowing, Guardian, NodeEvent
+from robot_offload_core.guardians import Flowing, Guardian
+from robot_offload_core.managed_nodes import NodeEvent
 from robot_offload_core.placement import PulseSent
 from robot_offload_core.problems import Problem
 from robot_offload_core.settings import OutputSpec
@@ -26,7 +27,7 @@ class ControlPorts(Protocol):
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""
 
-    def carry_out(self, command: guardians.Command) -> None:
+    def carry_out(self, command: managed_nodes.Command) -> None:
         """Calls a lifecycle service or the driver, or logs what the guardian reports."""
 
     def answer(self, key: int, accepted: bool, message: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from robot_offload_core import beats, collectors, lease, placement
+from robot_offload_core import beats, gates, lease, placement
 from robot_offload_core.token import Site, Token
 
 ENVELOPE = b"e"
@@ -139,7 +139,7 @@ class DataStatus:
 class CollectorStatus:
     """collector -> control, every 20 ms; once a second with problems and counters."""
 
-    report: collectors.GateReport
+    report: gates.GateReport
     problems: tuple[tuple[str, str], ...] = ()
     counters: tuple[tuple[str, int], ...] = ()
 

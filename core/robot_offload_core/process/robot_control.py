@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from robot_offload_core import guardians, handing, health, placement, switcher
+from robot_offload_core import guardians, handing, health, managed_nodes, placement, switcher
 from robot_offload_core.availability import Available, available
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
-from robot_offload_core.collectors import Gate
 from robot_offload_core.events import Acting, Tick, assert_never
+from robot_offload_core.gates import Gate
 from robot_offload_core.limits import DATA_TIMEOUT_S
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
 from robot_offload_core.process.control import ControlPorts, ControlProcess
@@ -23,7 +23,7 @@ from robot_offload_core.settling import meanwhile
 from robot_offload_core.token import Site
 
 LEVELS_PER_LEASE = 5
-UNSEEN = guardians.State.UNKNOWN.value
+UNSEEN = managed_nodes.State.UNKNOWN.value
 REPLICA_GRACE_S = 3.0
 """How long a replica may be on its way before it is reported missing."""
 DEADLINE_MARGIN_S = 0.0005
@@ -245,7 +245,7 @@ class RobotControlProcess(ControlProcess):
             found.append(f"{lacks.reason}: {lacks.message}")
         if self.relay_status is not None:
             found += [f"{reason}: {message}" for reason, message in self.relay_status.lacking]
-        return (guardians.NodeEvent.DEGRADED, "; ".join(found)) if found else None
+        return (managed_nodes.NodeEvent.DEGRADED, "; ".join(found)) if found else None
 
     def ready_changed(self, ready: bool) -> None:
         """Takes the changed readiness of the robot's nodes."""
@@ -307,7 +307,7 @@ class RobotControlProcess(ControlProcess):
             self.guard(command)
 
     def _active(self) -> tuple[str, ...]:
-        return tuple(n.spec.name for n in self.guardian.nodes if n.state is guardians.State.ACTIVE)
+        return tuple(n.spec.name for n in self.guardian.nodes if n.state is managed_nodes.State.ACTIVE)
 
     def _order_data(self) -> None:
         """Sends identity and levels that the data process cannot see by itself."""

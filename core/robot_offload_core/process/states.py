@@ -15,8 +15,8 @@ from typing import Protocol
 from robot_offload_core import envelope, snapshots
 from robot_offload_core.declared import SnapshotState, TopicState
 from robot_offload_core.envelope import Envelope, EnvelopeError
-from robot_offload_core.guardians import State
 from robot_offload_core.ledger.ports import Holding
+from robot_offload_core.managed_nodes import State
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataProcess
 from robot_offload_core.process.robot_data import RobotDataProcess

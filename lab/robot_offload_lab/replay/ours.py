@@ -7,7 +7,7 @@ from typing import Final
 
 from robot_offload_core import links, policies
 from robot_offload_core.beats import Beat, CloudReport, Echo
-from robot_offload_core.collectors import GateReport
+from robot_offload_core.gates import GateReport
 from robot_offload_core.health import Frame, Situation, fitness
 from robot_offload_core.limits import cloud_fault
 from robot_offload_core.links import Link

@@ -8,8 +8,9 @@ from typing import Any
 
 from robot_offload_core import lease, pulse
 from robot_offload_core.beats import Beat, CloudReport
-from robot_offload_core.guardians import Command, Guardian
+from robot_offload_core.guardians import Guardian
 from robot_offload_core.lease import Stand
+from robot_offload_core.managed_nodes import Command
 from robot_offload_core.process.cloud_control import CloudControlProcess
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.messages import Heard, Notes, Speak

@@ -12,9 +12,10 @@ from fnmatch import fnmatchcase
 
 from robot_offload_core import lease, placement
 from robot_offload_core.beats import Beat, CloudReport, Permission
-from robot_offload_core.collectors import Collector, Gate, Ruling
+from robot_offload_core.collectors import Collector
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.events import Tick
+from robot_offload_core.gates import Gate, Ruling
 from robot_offload_core.token import Site, Token
 
 Pair = tuple[str, str, str]

@@ -6,8 +6,8 @@ import struct
 import zlib
 
 from robot_offload_core import snapshots
-from robot_offload_core.guardians import State
 from robot_offload_core.ledger.ports import Holding
+from robot_offload_core.managed_nodes import State
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataProcess
 from robot_offload_core.process.robot_data import RobotDataProcess

@@ -621,7 +621,13 @@ MUTANTS: dict[str, Mutant] = {
     "G1": Mutant(
         "nodes do not wait for each other",
         "order_of_bring_up",
-        (Edit("guardians", "waits_core = waits_core or (node.spec.core and _rises(node))", "waits = False"),),
+        (
+            Edit(
+                "guardians",
+                "waits_core = waits_core or (node.spec.core and managed_nodes.rises(node))",
+                "waits = False",
+            ),
+        ),
     ),
     "G2": Mutant(
         "one CORE node is enough",
@@ -629,7 +635,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "guardians",
-                "return all(_stays_active(n) for n in core)",
+                "return all(managed_nodes.stays_active(n) for n in core)",
                 "return any(_stays_active(n) for n in core)",
             ),
         ),
@@ -639,13 +645,15 @@ MUTANTS: dict[str, Mutant] = {
         "change_of_mind",
         (
             Edit(
-                "guardians",
+                "managed_nodes",
                 "return node.state is State.ACTIVE and node.asked is not Transition.DEACTIVATE",
                 "return node.state is State.ACTIVE",
             ),
         ),
     ),
-    "G5": Mutant("gives up after 1 s", "restarted_node", (Edit("guardians", "GIVE_UP_S = 60.0", "GIVE_UP_S = 1.0"),)),
+    "G5": Mutant(
+        "gives up after 1 s", "restarted_node", (Edit("managed_nodes", "GIVE_UP_S = 60.0", "GIVE_UP_S = 1.0"),)
+    ),
     "G6": Mutant(
         "inhibit is said once",
         "forgetful_driver",
@@ -671,7 +679,7 @@ MUTANTS: dict[str, Mutant] = {
     "G8": Mutant(
         "nodes are never read again",
         "restarted_node",
-        (Edit("guardians", "READ_PERIOD_S = 1.0", "READ_PERIOD_S = 1e9"),),
+        (Edit("managed_nodes", "READ_PERIOD_S = 1.0", "READ_PERIOD_S = 1e9"),),
     ),
     "G9": Mutant(
         "silence never stops the driver",
@@ -705,7 +713,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "guardians",
-                "waits_core = waits_core or (node.spec.core and _rises(node))",
+                "waits_core = waits_core or (node.spec.core and managed_nodes.rises(node))",
                 "waits_core = waits_core or node.state is not State.ACTIVE",
             ),
         ),
@@ -878,7 +886,7 @@ MUTANTS: dict[str, Mutant] = {
     "G20": Mutant(
         "a node without a lifecycle is taken for alive",
         "plain_node_that_is_not_there",
-        (Edit("guardians", "State.ACTIVE if seen else State.UNKNOWN", "State.ACTIVE"),),
+        (Edit("managed_nodes", "State.ACTIVE if seen else State.UNKNOWN", "State.ACTIVE"),),
     ),
     "G21": Mutant(
         "a node without a lifecycle is asked for transitions",
@@ -1393,7 +1401,7 @@ EQUIVALENT: dict[str, Equivalent] = {
     "G4": Equivalent(
         "unanswered transition counts as done",
         "a node that leaves a transition unanswered leaves reads unanswered too, and is not asked while it is unknown",
-        (Edit("guardians", "        node = replace(node, read_due_s=now_s, state=State.UNKNOWN)\n", ""),),
+        (Edit("managed_nodes", "        node = replace(node, read_due_s=now_s, state=State.UNKNOWN)\n", ""),),
     ),
     "H13": Equivalent(
         "loss timeout doubled",

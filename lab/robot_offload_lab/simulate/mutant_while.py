@@ -36,7 +36,7 @@ WHILE: dict[str, Mutant] = {
     ),
     "B8": Mutant(
         "an idle robot is not heard, so its inhibit stays", "robot_silent_while_it_executes",
-        (Edit("switcher", "        due -= set(gate.idle)\n", "        pass\n"),),
+        (Edit("levels", "        due -= set(gate.idle)\n", "        pass\n"),),
     ),
     "B9": Mutant(
         "a topic counts for ever", "rated_while_a_topic_arrives",

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from robot_offload_core.guardians import GOAL, State, Transition
+from robot_offload_core.managed_nodes import GOAL, State, Transition
 from robot_offload_core.settings import NodeSpec
 from robot_offload_lab.simulate.scenario import Replica
 from robot_offload_lab.simulate.world import Act, Host, Process, World

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 from robot_offload_core import placement, policies
 from robot_offload_core.beats import Beat, CloudReport, Permission
-from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.envelope import Envelope
-from robot_offload_core.guardians import INHIBIT_PERIOD_S, State
+from robot_offload_core.gates import Charge, Gate
+from robot_offload_core.guardians import INHIBIT_PERIOD_S
+from robot_offload_core.managed_nodes import State
 from robot_offload_core.settings import Mode
 from robot_offload_core.token import Site, Token, presence
 from robot_offload_lab.simulate.nodes import Message

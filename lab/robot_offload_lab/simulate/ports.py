@@ -13,8 +13,8 @@ from typing import NamedTuple, Protocol
 
 from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.envelope import decode
+from robot_offload_core.gates import Charge, Gate
 from robot_offload_core.placement import Decided, Robot
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.coverage import Coverage

@@ -9,8 +9,9 @@ from typing import Any
 from robot_offload_core import collectors, placement, pulse, switcher
 from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.collectors import Charge, Passage
-from robot_offload_core.guardians import Command, Guardian, Inhibit, InhibitAnswered
+from robot_offload_core.gates import Charge, Passage
+from robot_offload_core.guardians import Guardian, InhibitAnswered
+from robot_offload_core.managed_nodes import Command, Inhibit
 from robot_offload_core.process.collector import CollectorPlan, CollectorProcess
 from robot_offload_core.process.messages import Carried, Heard, Limits, Notes, Speak
 from robot_offload_core.process.robot_control import RobotControlProcess, RobotPlan

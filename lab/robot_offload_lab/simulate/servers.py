@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from robot_offload_core.guardians import State
 from robot_offload_core.ledger.ports import CancelCode, Face, GoalStatus
 from robot_offload_core.ledger.wire_ids import GOAL_ID, goal_id_of
+from robot_offload_core.managed_nodes import State
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.nodes import Node
 from robot_offload_lab.simulate.world import Process, World

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
-from robot_offload_core import beats, guardians
+from robot_offload_core import beats, guardians, managed_nodes
 from robot_offload_core.beats import Beat
 from robot_offload_core.process.data import DataProcess
 from robot_offload_core.process.messages import Carried
@@ -138,25 +138,25 @@ def read(sent: Beat | str) -> Beat | None:
 
 
 def call_node(
-    control: Process, guard: Callable[[guardians.Event], None], nodes: dict[str, Node], command: guardians.Command
+    control: Process, guard: Callable[[guardians.Event], None], nodes: dict[str, Node], command: managed_nodes.Command
 ) -> None:
     """Calls a node's lifecycle service; an answer to an earlier life of control, or after the deadline, is lost."""
     life, world = control.life, control.world
 
-    if isinstance(command, guardians.ChangeState):
+    if isinstance(command, managed_nodes.ChangeState):
         until_s = world.now + command.deadline_s
 
-        def changed(transition: guardians.Transition, success: bool) -> None:
+        def changed(transition: managed_nodes.Transition, success: bool) -> None:
             if control.life == life and world.now <= until_s:
-                guard(guardians.Answered(command.name, transition, success))
+                guard(managed_nodes.Answered(command.name, transition, success))
 
         nodes[command.name].change_state(command.transition, control, changed)
-    elif isinstance(command, guardians.GetState):
+    elif isinstance(command, managed_nodes.GetState):
         until_s = world.now + command.deadline_s
 
-        def read_back(state: guardians.State) -> None:
+        def read_back(state: managed_nodes.State) -> None:
             if control.life == life and world.now <= until_s:
-                guard(guardians.Observed(command.name, state))
+                guard(managed_nodes.Observed(command.name, state))
 
         nodes[command.name].get_state(control, read_back)
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from robot_offload_core import placement
 from robot_offload_core.availability import Available
-from robot_offload_core.guardians import State
+from robot_offload_core.managed_nodes import State
 from robot_offload_core.placement import Phase, Robot, Wish
 from robot_offload_core.process.data import InputPlan
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
@@ -28,6 +28,9 @@ STEP_S = 0.001
 SETTLE_S = 8.0
 WHEELS = NodeSpec("wheels", duplicated=False, core=True)
 CONTROLLER = NodeSpec("controller", core=True)
+ARM = NodeSpec("arm", core=True)
+STRANGER = "ee" * 16
+"""The incarnation of an agent that is none of the two."""
 PLANNER = NodeSpec("planner")
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from robot_offload_lab.simulate import (
     story_calls,
     story_fence,
+    story_gate,
     story_goals,
     story_graphs,
     story_hot,
@@ -32,6 +33,7 @@ STORIES: dict[str, Callable[[], None]] = {
     for module in (
         story_link,
         story_fence,
+        story_gate,
         story_people,
         story_nodes,
         story_graphs,

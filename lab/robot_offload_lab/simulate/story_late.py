@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from robot_offload_core.collectors import Charge, Gate, GateReport
-from robot_offload_core.guardians import Observed, State
+from robot_offload_core.gates import Charge, Gate, GateReport
+from robot_offload_core.managed_nodes import Observed, State
 from robot_offload_core.placement import Phase, SetGate
 from robot_offload_core.process.messages import CollectorStatus
 from robot_offload_core.pulse import compose

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from robot_offload_core.placement import Phase
-from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
+from robot_offload_core.settings import OutputSpec, Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.scenario import Replica
-from robot_offload_lab.simulate.stage import CONTROLLER, Stage
+from robot_offload_lab.simulate.stage import ARM, CONTROLLER, Stage
 
-ARM = NodeSpec("arm", core=True)
 UNRATED = (OutputSpec("cmd_vel", 0.0),)
 TWO: dict[str, Any] = {
     "nodes": (CONTROLLER, ARM),

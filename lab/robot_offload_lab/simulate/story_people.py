@@ -8,13 +8,12 @@ from robot_offload_core import placement
 from robot_offload_core.placement import Phase
 from robot_offload_core.process import probe
 from robot_offload_core.reasons import Reason
-from robot_offload_core.settings import Mode, NodeSpec, OutputSpec, Settings
+from robot_offload_core.settings import Mode, OutputSpec, Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.scenario import Replica
-from robot_offload_lab.simulate.stage import CONTROLLER, Stage
+from robot_offload_lab.simulate.stage import ARM, CONTROLLER, Stage
 
 SWITCH_S = 1.0
-ARM = NodeSpec("arm", core=True)
 
 
 def there_and_back() -> None:

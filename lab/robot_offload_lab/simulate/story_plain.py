@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot_offload_core.guardians import State
+from robot_offload_core.managed_nodes import State
 from robot_offload_core.placement import Phase
 from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import NodeSpec

@@ -9,10 +9,8 @@ from robot_offload_core.process.data import InputPlan
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.scenario import Replica
-from robot_offload_lab.simulate.stage import CONTROLLER, Stage
+from robot_offload_lab.simulate.stage import ARM, CONTROLLER, STRANGER, Stage
 
-ARM = NodeSpec("arm", core=True)
-STRANGER = "ee" * 16
 NEWEST = 10**17
 """A sequence beyond those that the robot of a story has sent."""
 

@@ -12,7 +12,7 @@ import hypothesis
 
 from robot_offload_core import links
 from robot_offload_core.beats import Beat, CloudReport, Echo, Permission
-from robot_offload_core.collectors import Charge, GateReport
+from robot_offload_core.gates import Charge, GateReport
 from robot_offload_core.health import Situation
 from robot_offload_core.links import Link
 from robot_offload_core.placement import IN_CHARGE, Command, Phase, Preparation, Robot, Stalls

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from robot_offload_core import guardians
 from robot_offload_core.events import Acting, Tick
-from robot_offload_core.guardians import (
+from robot_offload_core.guardians import Guardian, InhibitAnswered
+from robot_offload_core.managed_nodes import (
     GOAL,
     Answered,
     ChangeState,
     Command,
     GetState,
-    Guardian,
     Inhibit,
-    InhibitAnswered,
     NodeNews,
     Observed,
     State,

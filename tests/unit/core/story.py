@@ -15,9 +15,9 @@ from typing import TypeVar
 
 from robot_offload_core import beats, collectors, lease, placement, pulse, switcher
 from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.collectors import Passage
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.events import Acting
+from robot_offload_core.gates import Passage
 from robot_offload_core.placement import Answer, Decided, Permit, Phase, Reopen, Robot, SetGate
 from robot_offload_core.settings import OutputSpec, Settings
 from robot_offload_core.token import Site

@@ -10,8 +10,8 @@ from robot_offload_core import collectors, guardians, lease, switcher
 from robot_offload_core.beats import Beat, Echo, Permission
 from robot_offload_core.change import replace
 from robot_offload_core.checks import InvariantError
-from robot_offload_core.collectors import Charge, Gate
 from robot_offload_core.events import Tick
+from robot_offload_core.gates import Charge, Gate
 from robot_offload_core.guardians import Guardian
 from robot_offload_core.lease import Cloud, RobotBeat
 from robot_offload_core.placement import Phase, Preparation, Robot

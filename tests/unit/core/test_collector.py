@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from robot_offload_core import collectors
-from robot_offload_core.collectors import PAUSE_GRACE_S, PAUSE_S, Charge, Collector, Gate, GateReport, Passage, Ruling
+from robot_offload_core.collectors import PAUSE_GRACE_S, PAUSE_S, Collector
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.gates import Charge, Gate, GateReport, Passage, Ruling
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, STRANGER, charge, us

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_core import collectors
-from robot_offload_core.collectors import Charge, Gate, Passage
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.gates import Charge, Gate, Passage
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, STRANGER, few, many, us

@@ -10,18 +10,17 @@ from hypothesis import strategies as st
 
 from robot_offload_core import guardians
 from robot_offload_core.events import Acting
-from robot_offload_core.guardians import (
+from robot_offload_core.guardians import Flowing, Seen
+from robot_offload_core.managed_nodes import (
     GIVE_UP_S,
     READ_DEADLINE_S,
     READ_PERIOD_S,
     TRANSITION_DEADLINE_S,
     Answered,
     ChangeState,
-    Flowing,
     GetState,
     NodeNews,
     Observed,
-    Seen,
     State,
     Transition,
 )

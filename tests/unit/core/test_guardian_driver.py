@@ -6,9 +6,10 @@ import itertools
 
 import pytest
 
-from robot_offload_core import guardians
+from robot_offload_core import guardians, managed_nodes
 from robot_offload_core.events import Acting
-from robot_offload_core.guardians import INHIBIT_PERIOD_S, Inhibit, InhibitAnswered, State
+from robot_offload_core.guardians import INHIBIT_PERIOD_S, InhibitAnswered
+from robot_offload_core.managed_nodes import Inhibit, State
 from robot_offload_core.settings import NodeSpec
 from tests.unit.core.shift import GRACE_S, STEP_S, Shift
 
@@ -30,7 +31,7 @@ def fail(shift: Shift, name: str = "controller") -> float:
     """A node falls back to inactive and refuses; returns when."""
     shift.stubborn.add(name)
     shift.states[name] = State.INACTIVE
-    shift.happen(guardians.Observed(name, State.INACTIVE))
+    shift.happen(managed_nodes.Observed(name, State.INACTIVE))
     return shift.now_s
 
 

@@ -10,8 +10,8 @@ import pytest
 from robot_offload_core import collectors, switcher
 from robot_offload_core.beats import Permission
 from robot_offload_core.changeovers import PREPARE_EXTRA_S, REPORT_BEATS, RETRY_MAX_S
-from robot_offload_core.collectors import Gate
 from robot_offload_core.events import Acting, Tick
+from robot_offload_core.gates import Gate
 from robot_offload_core.placement import (
     CloudLeaving,
     Decided,

@@ -8,8 +8,8 @@ from itertools import pairwise
 import pytest
 
 from robot_offload_core import switcher
-from robot_offload_core.collectors import GateReport
 from robot_offload_core.events import Acting, Tick
+from robot_offload_core.gates import GateReport
 from robot_offload_core.placement import GateReported, Permit, Phase, Robot, SetGate, SetPin, SwitchByHand, Wish
 from robot_offload_core.pulse import PERMISSION_BEATS
 from robot_offload_core.settings import STALL_BEATS, OutputSpec

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from robot_offload_core import switcher
 from robot_offload_core.beats import CloudReport, Echo
-from robot_offload_core.collectors import Charge, GateReport
 from robot_offload_core.events import Tick
+from robot_offload_core.gates import Charge, GateReport
 from robot_offload_core.placement import (
     Answer,
     CloudBeat,

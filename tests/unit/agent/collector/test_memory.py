@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robot_offload_agent.process.collector_memory import MEMORY_BYTES, NOBODY, HolderView, Memory
 from robot_offload_core import collectors
-from robot_offload_core.collectors import Charge
+from robot_offload_core.gates import Charge
 from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.token import Site, Token
 

@@ -1,7 +1,7 @@
 """A decision names the nodes and topics that it is about."""
 
 from robot_offload_agent.control.culprits import explained
-from robot_offload_core.guardians import Node, State
+from robot_offload_core.managed_nodes import Node, State
 from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import NodeSpec
 

@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 
 from robot_offload_core import envelope
-from robot_offload_core.collectors import Charge, Collector, Gate
+from robot_offload_core.collectors import Collector
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.gates import Charge, Gate
 from robot_offload_core.placement import SetGate
 from robot_offload_core.process.collector import CollectorPlan, CollectorProcess, same_type
 from robot_offload_core.process.messages import ENVELOPE, Carried, CloudTypes, CollectorStatus

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from robot_offload_core import guardians, placement
+from robot_offload_core import managed_nodes, placement
 from robot_offload_core.availability import Available
 from robot_offload_core.change import replace
 from robot_offload_core.placement import SetGate
@@ -28,7 +28,7 @@ class Ports:
         self.sent.append((to, message))
         return True
 
-    def carry_out(self, command: guardians.Command) -> None: ...
+    def carry_out(self, command: managed_nodes.Command) -> None: ...
 
     def answer(self, key: int, accepted: bool, message: str) -> None: ...
 
