@@ -636,7 +636,7 @@ MUTANTS: dict[str, Mutant] = {
             Edit(
                 "guardians",
                 "return all(managed_nodes.stays_active(n) for n in core)",
-                "return any(_stays_active(n) for n in core)",
+                "return any(managed_nodes.stays_active(n) for n in core)",
             ),
         ),
     ),
