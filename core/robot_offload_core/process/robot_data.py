@@ -92,17 +92,19 @@ class RobotDataProcess(DataProcess):
         header = envelope.encode(Envelope(token, sequence, heard.sent_us if heard else 0))
         sent = self._cross_input(name, header, payload)
         with self.ports.lock:
-            if sent:
-                self.waiting.pop(name, None)
-            elif name in self.latest:
+            replaced = self.waiting.pop(name, None)
+            if not sent and name in self.latest:
                 self.waiting[name] = self.ports.now_s(), header, payload
+        # One that waits may still be sent in time: only when the next one takes its place the link carries too little.
+        left_out = not sent and (name not in self.latest or replaced is not None)
+        if left_out and self.ports.link_status()[0]:
+            self.paces.refused(name, self.ports.now_s())
 
     def _cross_input(self, name: str, header: bytes, payload: Any) -> bool:
+        """Sends an input's message; returns whether the link took it."""
         sent = self.ports.cross(f"in/{name}", header, payload)
         self.counters[f"{name}.{'sent' if sent else 'unsent'}"] += 1
         self.thinning[name].count(len(payload) if sent else 0, sent=sent)
-        if not sent and self.ports.link_status()[0]:
-            self.paces.refused(name, self.ports.now_s())
         return sent
 
     def room(self, name: str) -> None:

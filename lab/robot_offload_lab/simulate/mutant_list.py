@@ -1216,7 +1216,7 @@ MUTANTS: dict[str, Mutant] = {
     "D4": Mutant(
         "what was refused is never sent",
         "newest_first",
-        (Edit("process.robot_data", "elif name in self.latest:", "elif False:"),),
+        (Edit("process.robot_data", "if not sent and name in self.latest:", "if False:"),),
     ),
     "D5": Mutant(
         "what was sent later is sent again",

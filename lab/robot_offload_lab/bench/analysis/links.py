@@ -88,6 +88,7 @@ LOADS: Final = (
     TopicLoad("raw", "raw VGA image, 0.92 MB", 640 * 480 * 3, 10.0),
     TopicLoad("compressed", "compressed image, 50 kB", 50_000, 10.0),
     TopicLoad("cloud", "point cloud, 1 MB", 1_000_000, 10.0),
+    TopicLoad("compressed-cloud", "compressed point cloud, 150 kB", 150_000, 10.0),
 )
 
 

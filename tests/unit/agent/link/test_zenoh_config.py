@@ -203,9 +203,24 @@ def test_where_the_newest_counts_few_are_on_their_way() -> None:
     backlog.acknowledged(1, 0.04)
     assert backlog.admit(0.1) == 2
     assert backlog.admit(0.15) == 3, "the one before is no older than it has to be"
-    assert backlog.admit(0.17) is None, "the oldest has waited for others"
-    assert backlog.acknowledged(2, 0.18)
-    assert backlog.admit(0.18) == 4
+    assert backlog.admit(0.21) is None, "the oldest has waited for others"
+    assert backlog.acknowledged(2, 0.22)
+    assert backlog.admit(0.22) == 4
+
+
+def test_where_the_newest_counts_one_lost_packet_holds_up_no_other_message() -> None:
+    backlog = Backlog(limit_s=0.15, forget_s=1.0, latest=True)
+    round_trip_s, sent_s = 0.04, 0.0
+    for number in range(200):
+        lost = number % 3 == 2  # of the packets of a message one in three loses one
+        assert backlog.admit(sent_s) is not None
+        took_s = round_trip_s * (2.125 if lost else 1.0)  # RFC 9002, section 6.1.2
+        if lost:
+            assert backlog.admit(sent_s + 0.08) is not None, "the next one, while the lost packet is sent again"
+            backlog.acknowledged(backlog.sequence - 1, sent_s + took_s)
+            sent_s += 0.08
+        backlog.acknowledged(backlog.sequence, sent_s + round_trip_s)
+        sent_s += 0.1
 
 
 def test_where_the_newest_counts_a_path_that_became_longer_is_used_whole() -> None:
