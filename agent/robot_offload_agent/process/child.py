@@ -46,6 +46,7 @@ class Child:
         broken: how many of the deaths were for a broken invariant.
         started_s, start_due_s: of its present or next life.
         signed_s: its last sign of life, None before the first one of a life.
+        given_up: it hung in this life and is being killed; what it still says does not count.
         quick_deaths: in a row.
     """
 
@@ -60,11 +61,18 @@ class Child:
     started_s: float = 0.0
     start_due_s: float = 0.0
     signed_s: float | None = None
+    given_up: bool = False
     quick_deaths: int = 0
 
     def begin(self, pid: int, now_s: float) -> None:
         """A life begins."""
         self.pid, self.started_s, self.signed_s, self.starts = pid, now_s, None, self.starts + 1
+        self.given_up = False
+
+    def sign(self, now_s: float) -> None:
+        """The process has given a sign of life."""
+        if not self.given_up:
+            self.signed_s = now_s
 
     def end(self, now_s: float, code: int) -> float:
         """A life has ended with an exit code; returns in how many seconds the next one begins."""
@@ -76,7 +84,8 @@ class Child:
 
     def give_up(self, now_s: float) -> None:
         """The process hangs and is being killed; one that does not die of that is killed again after as long a wait."""
-        self.hangs, self.signed_s = self.hangs + 1, now_s
+        self.hangs += not self.given_up
+        self.given_up, self.signed_s = True, now_s
 
     def silent_s(self, now_s: float) -> float:
         """Returns by how much the process has been silent for longer than it may be; negative while all is well."""

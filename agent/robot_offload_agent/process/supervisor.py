@@ -236,7 +236,7 @@ class Supervisor:
     def _sign(self, message: Alive) -> None:
         for child in self.children:
             if (child.name, child.pid) == (message.process, message.pid):
-                child.signed_s = self.awake_s - message.age_s
+                child.sign(self.awake_s - message.age_s)
 
     def _fail(self, message: Fatal) -> None:
         log.error("%s: %s", message.process, message.message)
