@@ -21,7 +21,7 @@ SAMPLES = {
     for document in yaml.safe_load_all(file.read_text())
     if document["kind"] == "RobotOffload"
 }
-CONFIGS = {"nav2-parameters/nav2.yaml": "amcl:\n  ros__parameters: {alpha1: 0.2}\n"}
+CONFIGS = {"nav2-parameters/nav2_params.yaml": "amcl:\n  ros__parameters: {alpha1: 0.2}\n"}
 FACTS = facts(endpoints=EVERY_ENDPOINT, robot_connected=True, user_config_hashes=CONFIGS, user_configs=CONFIGS)
 SECRETS = BundleSecrets(b"the cloud's authority\n", b"the robot's certificate\n", b"the robot's key\n")
 BUNDLES = ("dds-router", "discovery-server", "static-peers", "wheelchair")

@@ -121,9 +121,30 @@ def demo(tmp_path: Path) -> Iterator[Demo]:
             os.kill(pid, signal.SIGKILL)
 
 
+def packaged(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The talker's specification with its nodes as a built package of a sourced workspace."""
+    for name in ("talker", "listener"):
+        program = folder / "install" / "lib" / "hello" / name
+        program.parent.mkdir(parents=True, exist_ok=True)
+        program.write_text(f'#!/bin/sh\nexec {sys.executable} {TALKER.parent / name}.py "$@"\n')
+        program.chmod(0o755)
+    index = folder / "install" / "share" / "ament_index" / "resource_index" / "packages"
+    index.mkdir(parents=True)
+    (index / "hello").touch()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(folder / "install"))
+    text = TALKER.read_text()
+    for name in ("talker", "listener"):
+        text = text.replace(f"command: [python3, {name}.py]", f"package: hello, executable: {name}")
+    (folder / "packaged.yaml").write_text(text)
+    return folder / "packaged.yaml"
+
+
 @pytest.mark.ros
-def test_a_talker_moves_between_the_sides_and_nobody_hears_it_twice(demo: Demo) -> None:
-    code, said, errors = demo.run(str(TALKER), "--duration", "12", "--outage", "2/6", "--slow", "none", "--json")
+def test_a_packaged_talker_moves_between_the_sides_and_nobody_hears_it_twice(
+    demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = packaged(tmp_path, monkeypatch)
+    code, said, errors = demo.run(str(spec), "--duration", "12", "--outage", "2/6", "--slow", "none", "--json")
     report = json.loads(said)
     assert demo.broken_promises(report) == []
     assert code == (1 if report["violations"] else 0), errors

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from std_msgs.msg import String
 from test_msgs.action import Fibonacci
 from test_msgs.srv import Empty
 
+from robot_offload.api.files import load
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.names import SIDES, Side
 from robot_offload.api.v1alpha1.parsing import parse_object
@@ -124,6 +126,46 @@ def test_rules_of_the_launch_file_touch_only_their_node_in_a_process_with_others
     finally:
         other.destroy_node()
         node.destroy_node()
+
+
+CONTAINER = Context()
+NAV2 = load(Path(__file__).parents[2] / "manifests/samples/nav2.yaml")
+
+
+def composed(node: str, own: tuple[str, ...], rules: tuple[tuple[str, str], ...]) -> Node:
+    """A node as a container starts it: all rules of the launch file as its own arguments, then those of Nav2's file."""
+    words = [word for source, target in rules for word in ("-r", f"{source}:={target}")]
+    words += [word for rule in own for word in ("-r", rule)]
+    return Node(node, cli_args=["--ros-args", *words], context=CONTAINER, start_parameter_services=False)
+
+
+def test_components_of_nav2_in_one_container_get_their_own_rules_before_nav2s() -> None:
+    """`/tf` of amcl alone is private, `cmd_vel` of each node leads where the sample says, children stay public."""
+    rclpy.init(args=[], context=CONTAINER, domain_id=DOMAIN)
+    rules, transforms = node_rules(NAV2), ("/tf:=tf", "/tf_static:=tf_static")
+    nodes = {name: composed(name, transforms, rules) for name in ("amcl", "planner_server", "local_costmap")}
+    moving = (*transforms, "cmd_vel:=cmd_vel_nav")
+    nodes |= {name: composed(name, moving, rules) for name in ("controller_server", "behavior_server", "teleop")}
+    nodes["velocity_smoother"] = composed("velocity_smoother", moving, rules)
+    try:
+        for name, topic, expected in (
+            ("amcl", "/tf", "/offload/robot/tf"),
+            ("amcl", "initialpose", "/offload/robot/initialpose"),
+            ("planner_server", "/tf", "/tf"),
+            ("planner_server", "plan", "/offload/robot/plan"),
+            ("local_costmap", "/tf", "/tf"),
+            ("local_costmap", "plan", "/plan"),
+            ("controller_server", "cmd_vel", "/offload/robot/cmd_vel_nav"),
+            ("behavior_server", "cmd_vel", "/offload/robot/cmd_vel_behavior"),
+            ("velocity_smoother", "cmd_vel", "/cmd_vel_mux"),
+            ("velocity_smoother", "cmd_vel_smoothed", "/cmd_vel_smoothed"),
+            ("teleop", "cmd_vel", "/cmd_vel_nav"),
+        ):
+            assert nodes[name].create_publisher(String, topic, 1).topic_name == expected, (name, topic)
+    finally:
+        for node in nodes.values():
+            node.destroy_node()
+        CONTAINER.try_shutdown()
 
 
 @pytest.mark.parametrize("context", [node_arguments("robot")], indirect=True)

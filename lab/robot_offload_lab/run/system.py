@@ -10,7 +10,6 @@ import dataclasses
 import datetime
 import json
 import os
-import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,13 +17,13 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
-from robot_offload.api.v1alpha1 import Node, RobotOffload, RobotOffloadSpec
+from robot_offload.api.v1alpha1 import Node, RobotOffload, RobotOffloadSpec, Run
 from robot_offload.api.v1alpha1.names import Side
 from robot_offload.errors import InputError
 from robot_offload.render import ros_names
 from robot_offload.render.agent_config import AgentSite, agent_config
 from robot_offload_lab.judge.recording import RunInfo, of_run, silent_at_times
-from robot_offload_lab.run import routed
+from robot_offload_lab.run import packages, routed
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from robot_offload_lab.run.free import HOST
 from robot_offload_lab.run.processes import Program
@@ -204,12 +203,19 @@ def check_runnable(offload: RobotOffload, file: Path, said: Showcase | None = No
             continue
         if node.run is None:
             problems.append(f"{path}: nothing says how to start {node.name!r}; write a command")
-        elif not node.run.command and shutil.which("ros2") is None:
-            problems.append(f"{path}: `ros2 run` needs ROS 2's command line, which is not installed; write a command")
+        elif not node.run.command:
+            problems += [f"{path}: {problem}" for problem in _not_installed(node.run)]
         if node.run is not None and node.run.parameters_from is not None:
             problems.append(f"{path}.parametersFrom: there are no ConfigMaps without a cluster; use parameters")
     if problems:
         raise NotRunnableError(problems)
+
+
+def _not_installed(run: Run) -> Iterator[str]:
+    try:
+        _executable(run)
+    except packages.NotInstalledError as error:
+        yield str(error)
 
 
 class NotRunnableError(InputError):
@@ -318,7 +324,7 @@ def _nodes(system: System, side: Side) -> Iterator[Program]:
     for node in here:
         together = shared.get(node.name)
         if together is None:
-            name, command = ros_names.replica_name(node, side), ros_names.command(system.spec, node, side)
+            name, command = ros_names.replica_name(node, side), _command(system, node, side)
         elif together.name in started:
             continue
         else:
@@ -334,6 +340,18 @@ def _nodes(system: System, side: Side) -> Iterator[Program]:
             environment(system, side),
             priority=NODE_PRIORITY if system.realtime else 0,
         )
+
+
+def _command(system: System, node: Node, side: Side) -> tuple[str, ...]:
+    """Returns the command line of a node; the executable of a package is started by its path."""
+    command = ros_names.command(system.spec, node, side)
+    if node.run is None or node.run.command:
+        return command
+    return (str(_executable(node.run)), *command[3:])  # instead of `ros2 run PACKAGE NAME`
+
+
+def _executable(run: Run) -> Path:
+    return packages.executable(str(run.package), str(run.executable), os.environ)
 
 
 def environment(system: System, side: Side) -> Mapping[str, str]:

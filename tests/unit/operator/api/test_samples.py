@@ -38,11 +38,18 @@ def test_the_samples_show_every_transport_every_exposure_and_every_standby() -> 
     assert any("nvidia.com/gpu" in node.resources.limits for spec in specs for node in spec.nodes)
 
 
-def test_the_navigation_stack_has_ten_nodes_and_core_ones_on_both_sides() -> None:
-    nodes = load(ROOT / "manifests" / "samples" / "nav2.yaml").spec.nodes
-    assert len(nodes) == 10
-    assert {node.placement for node in nodes} == {"Robot", "Cloud", "Duplicated"}
-    assert {node.placement for node in nodes if node.core} == {"Robot", "Duplicated"}
+def test_nav2s_nodes_are_those_of_its_bringup_and_what_guards_the_robot_stays_there() -> None:
+    nodes = {node.name: node for node in load(ROOT / "manifests" / "samples" / "nav2.yaml").spec.nodes}
+    assert {name for name, node in nodes.items() if node.duplicated} == {
+        "amcl", "behavior_server", "bt_navigator", "controller_server", "planner_server", "smoother_server",
+    }  # fmt: skip
+    assert {"collision_monitor", "map_server", "velocity_smoother", "waypoint_follower"} <= {
+        name for name, node in nodes.items() if node.placement == "Robot"
+    }
+    assert {node.placement for node in nodes.values() if node.core} == {"Robot", "Duplicated"}
+    assert all(node.run and node.run.parameters_from for node in nodes.values() if node.duplicated)
+    page = (ROOT / "docs" / "how-to" / "nav2.md").read_text()
+    assert [name for name in nodes if f"`{name}`" not in page and name != "base_driver"] == []
 
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.parent.name)

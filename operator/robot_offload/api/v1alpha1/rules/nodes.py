@@ -136,12 +136,12 @@ def nodes_do_what_they_say(spec: RobotOffloadSpec) -> Iterator[Finding]:
     """What is allowed and most likely not meant."""
     for i, node in enumerate(spec.nodes):
         path = f"spec.nodes[{i}]"
-        if node.duplicated and node.core and not node.outputs:
+        if node.duplicated and node.core and not node.outputs and not node.offered:
             yield Finding(
                 f"{path}.outputs",
                 "NothingCollected",
-                f"core node {node.name!r} is Duplicated but declares no outputs, so both replicas could be "
-                "heard; list the topics that it publishes",
+                f"core node {node.name!r} is Duplicated but declares neither outputs nor services nor actions, so "
+                "both replicas could be heard; list what others get from it",
                 "warning",
             )
         if not node.duplicated and "standby" in node.model_fields_set:
