@@ -125,7 +125,7 @@ class Servers:
             self.executions[attempt] = execution
             self.began.append(execution)
             self.watch(execution)
-        client.post(node.name, done, accepted)
+        client.reply(node.name, f"{action}/send_goal", done, accepted)
 
     def cancel(self, client: Process, action: str, attempt: bytes, done: Done) -> None:
         """The service cancel_goal for one goal."""
@@ -138,14 +138,14 @@ class Servers:
         self._forget(action)
         execution = self.executions.get(attempt)
         if execution is None:
-            client.post(node.name, done, CancelCode.UNKNOWN_GOAL)
+            client.reply(node.name, f"{action}/cancel_goal", done, CancelCode.UNKNOWN_GOAL)
             return
         if execution.asked_s is None:
             execution.asked_s = self.world.now
         if self.traits[action].deaf:
-            client.post(node.name, done, CancelCode.REJECTED)
+            client.reply(node.name, f"{action}/cancel_goal", done, CancelCode.REJECTED)
             return
-        client.post(node.name, done, CancelCode.NONE)
+        client.reply(node.name, f"{action}/cancel_goal", done, CancelCode.NONE)
         if not execution.status.ended:
             self.world.after(LOOK_S, self._end, execution, GoalStatus.CANCELED)
 
@@ -159,7 +159,7 @@ class Servers:
         execution = self.executions.get(attempt)
 
         def answer(status: GoalStatus) -> None:
-            client.post(node.name, done, status, self._result(execution, status))
+            client.reply(node.name, f"{action}/get_result", done, status, self._result(execution, status))
 
         if execution is None:
             answer(GoalStatus.UNKNOWN)
@@ -240,4 +240,4 @@ class Servers:
             self.called.append((service, payload, self.world.now))
             self.heard_call(service, payload)
         words = payload + (b"r" if self.site is Site.ROBOT else b"c")
-        self.world.after(traits.call_s, client.post, node.name, done, words)
+        self.world.after(traits.call_s, client.reply, node.name, service, done, words)

@@ -18,6 +18,8 @@ TRACE_LENGTH = 400
 IPC_LEAST_S = 0.00005
 IPC_SPREAD_S = 0.00195
 """Hand-over between two processes of a host: 0.05 to 2 ms, mostly short."""
+REPLIES_KEPT = 10
+"""Answers that wait for a stopped process, of each service: the history of the middleware, keep last 10."""
 SOCKET_BYTES = 212_992
 """What one sender may have waiting in the socket of another process: the default of the kernel."""
 ROW_S = 0.5
@@ -167,6 +169,7 @@ class Process:
         self._stopped_s = 0.0
         self._inbox: deque[tuple[Act, tuple[Any, ...]]] = deque()
         self._waiting: dict[str, int] = {}
+        self._replies: dict[str, int] = {}
         self._overdue: list[tuple[float | None, Act]] = []
         self._tails: dict[str, float] = {}
         host.processes.append(self)
@@ -193,6 +196,7 @@ class Process:
         self.row = 0
         self._inbox.clear()
         self._waiting.clear()
+        self._replies.clear()
         self._overdue.clear()
         if self.stops:
             self._inbox.append((self.boot, ()))
@@ -227,6 +231,7 @@ class Process:
             return
         life = self.life
         self._waiting.clear()
+        self._replies.clear()
         self.row = self.row + 1 if self.world.now - self.running_since_s < ROW_S else 1
         self.running_since_s = self.world.now
         self.stood_s = self.running_since_s - self._stopped_s
@@ -270,24 +275,43 @@ class Process:
             self.world.after(period_s + self.world.dice.random() * 1e-4, self._fire, life, period_s, act)
         act()
 
+    def _datagrams(self) -> int:
+        return len(self._inbox) - sum(self._replies.values())
+
     def deliver(self, act: Act, *args: Any) -> None:
         """Something has arrived: handled now, kept while stopped, lost while dead."""
         if not self.alive:
             return
         if not self.stops:
             act(*args)
-        elif len(self._inbox) < self.world.inbox_limit:
+        elif self._datagrams() < self.world.inbox_limit:
             self._inbox.append((act, args))
 
     def post(self, sender: str, act: Act, *args: Any) -> None:
         """Hands over a local datagram from `sender`: short random delay, order kept per sender."""
+        self.world.at(self._arrival_s(sender), self._take_in, sender, act, args)
+
+    def reply(self, sender: str, service: str, act: Act, *args: Any) -> None:
+        """Hands over a server's answer; while the process is stopped the middleware keeps some of each service."""
+        self.world.at(self._arrival_s(sender), self._take_reply, service, act, args)
+
+    def _arrival_s(self, sender: str) -> float:
         world = self.world
         arrival_s = world.now + IPC_LEAST_S + world.dice.random() ** 4 * IPC_SPREAD_S
         tail_s = self._tails.get(sender, 0.0)
         if arrival_s <= tail_s:
             arrival_s = tail_s + 1e-9
         self._tails[sender] = arrival_s
-        world.at(arrival_s, self._take_in, sender, act, args)
+        return arrival_s
+
+    def _take_reply(self, service: str, act: Act, args: tuple[Any, ...]) -> None:
+        if not self.alive:
+            return
+        if not self.stops:
+            act(*args)
+        elif self._replies.get(service, 0) < REPLIES_KEPT:
+            self._replies[service] = self._replies.get(service, 0) + 1
+            self._inbox.append((act, args))
 
     def _take_in(self, sender: str, act: Act, args: tuple[Any, ...]) -> None:
         """As `deliver`; what one sender may have waiting is limited in bytes too."""
@@ -295,7 +319,7 @@ class Process:
             return
         if not self.stops:
             act(*args)
-        elif len(self._inbox) < self.world.inbox_limit:
+        elif self._datagrams() < self.world.inbox_limit:
             waiting = self._waiting.get(sender, 0) + self.world.size_of(args)
             if waiting <= SOCKET_BYTES:
                 self._waiting[sender] = waiting
