@@ -42,7 +42,7 @@ class Situation:
     data_s: float | None = None
 
 
-class Frame(NamedTuple):
+class Circumstances(NamedTuple):
     """Against what the situation is judged.
 
     Attributes:
@@ -65,7 +65,7 @@ class Frame(NamedTuple):
     outputs: tuple[OutputSpec, ...] = ()
 
 
-def is_good(beat: Beat, arrived_s: float, link: Link, frame: Frame) -> bool:
+def is_good(beat: Beat, arrived_s: float, link: Link, frame: Circumstances) -> bool:
     """Returns whether a beat proves that the cloud acts: current token, a living loop, and it says so.
 
     Args:

@@ -13,7 +13,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from robot_offload_core.beats import CloudReport
-from robot_offload_core.health import Frame, Situation
+from robot_offload_core.health import Circumstances, Situation
 from robot_offload_core.links import Link
 from robot_offload_core.reasons import Reason, Verdict, silence
 from robot_offload_core.token import Site
@@ -22,12 +22,12 @@ DATA_TIMEOUT_S = 0.5
 """Silence of the data session's probes (ten a second) that means it is dead, while rated outputs are judged sooner."""
 
 
-class View(NamedTuple):
+class Readings(NamedTuple):
     """What the limits are held against; `report` is the situation's. Times on the robot's steady clock, seconds."""
 
     situation: Situation
     link: Link
-    frame: Frame
+    frame: Circumstances
     now_s: float
     report: CloudReport | None
 
@@ -57,11 +57,11 @@ class Limit:
     reason: Reason
     basis: Basis
     only_acting: bool
-    broken: Callable[[View], str]
+    broken: Callable[[Readings], str]
 
 
 def cloud_fault(
-    situation: Situation, link: Link, frame: Frame, now_s: float, *, acting: bool,
+    situation: Situation, link: Link, frame: Circumstances, now_s: float, *, acting: bool,
     without: frozenset[Reason] = frozenset(),
 ) -> Verdict | None:  # fmt: skip
     """Returns the first broken hard limit, None when all hold.
@@ -78,7 +78,7 @@ def cloud_fault(
         without: limits that are not judged.
     """
     stalled = now_s < frame.stall_until_s
-    view = View(situation, link, frame, now_s, situation.report)
+    view = Readings(situation, link, frame, now_s, situation.report)
     if stalled:
         fault = _stalled(view, acting)
         if fault is not None:
@@ -90,7 +90,7 @@ def cloud_fault(
     return None
 
 
-def _stalled(view: View, acting: bool) -> Verdict | None:
+def _stalled(view: Readings, acting: bool) -> Verdict | None:
     if view.frame.starved:
         message = "The robot's own control process gets its CPU in slices and cannot tell silence from its own pauses"
         return Verdict(Site.ROBOT, Reason.CONTROL_STARVED, message)
@@ -103,23 +103,23 @@ def _stalled(view: View, acting: bool) -> Verdict | None:
 # -- pulse ------------------------------------------------------------------------------------------------------------
 
 
-def _pulse_silent(view: View) -> str:
+def _pulse_silent(view: Readings) -> str:
     broken = view.silent(view.situation.pulse_s, view.frame.settings.loss_timeout_s)
     return "The robot's own pulse process does not send" if broken else ""
 
 
-def _never_heard(view: View) -> str:
+def _never_heard(view: Readings) -> str:
     return "The cloud has not been heard yet" if view.link.heard_s is None else ""
 
 
-def _heartbeat_lost(view: View) -> str:
+def _heartbeat_lost(view: Readings) -> str:
     heard_s = view.link.heard_s
     if heard_s is None or not view.silent(heard_s, view.frame.settings.loss_timeout_s):
         return ""
     return f"No heartbeat from the cloud for {(view.now_s - heard_s) * 1e3:.0f} ms"
 
 
-def _cloud_control_silent(view: View) -> str:
+def _cloud_control_silent(view: Readings) -> str:
     age_s = view.situation.control_age_s
     if view.link.heard_s is None:
         return ""
@@ -127,7 +127,7 @@ def _cloud_control_silent(view: View) -> str:
     return "The cloud's control process does not renew its report" if broken else ""
 
 
-def _echo_stale(view: View) -> str:
+def _echo_stale(view: Readings) -> str:
     refused = view.report is not None and view.report.refused == view.frame.incarnation
     if refused or not view.silent(view.link.echo_sent_s, view.frame.settings.echo_limit_s):
         return ""  # who is refused gets no echoes: the refusal is what a person must read
@@ -137,12 +137,12 @@ def _echo_stale(view: View) -> str:
 # -- identity ---------------------------------------------------------------------------------------------------------
 
 
-def _duplicate_identity(view: View) -> str:
+def _duplicate_identity(view: Readings) -> str:
     broken = view.report is not None and view.report.refused == view.frame.incarnation
     return "Another robot with this identity is being served; give each robot its own bundle" if broken else ""
 
 
-def _not_served(view: View) -> str:
+def _not_served(view: Readings) -> str:
     broken = view.report is not None and view.report.serves != view.frame.incarnation
     return "The cloud does not serve this robot (yet)" if broken else ""
 
@@ -150,26 +150,26 @@ def _not_served(view: View) -> str:
 # -- data -------------------------------------------------------------------------------------------------------------
 
 
-def _data_process_silent(view: View) -> str:
+def _data_process_silent(view: Readings) -> str:
     broken = view.silent(view.situation.data_s, DATA_TIMEOUT_S)
     return "The robot's own data process does not report" if broken else ""
 
 
-def _data_disconnected(view: View) -> str:
+def _data_disconnected(view: Readings) -> str:
     broken = view.situation.data_s is not None and not view.situation.data_connected
     return "The data session is not connected" if broken else ""
 
 
-def _data_silent(view: View) -> str:
+def _data_silent(view: Readings) -> str:
     return "Nothing arrives on the data session" if view.silent(view.situation.data_heard_s, DATA_TIMEOUT_S) else ""
 
 
-def _data_mismatch(view: View) -> str:
+def _data_mismatch(view: Readings) -> str:
     broken = view.situation.data_heard_s is not None and view.situation.data_cloud != view.link.peer
     return "Pulse and data sessions end at different cloud agents" if broken else ""
 
 
-def _data_unheard(view: View) -> str:
+def _data_unheard(view: Readings) -> str:
     broken = view.report is not None and not 0 <= view.report.data_age_us <= DATA_TIMEOUT_S * 1e6
     return "The cloud hears nothing on the data session" if broken else ""
 
@@ -177,27 +177,27 @@ def _data_unheard(view: View) -> str:
 # -- a cloud in charge ------------------------------------------------------------------------------------------------
 
 
-def _cloud_restarted(view: View) -> str:
+def _cloud_restarted(view: Readings) -> str:
     return "Another incarnation of the cloud agent answers" if view.link.peer != view.frame.partner else ""
 
 
-def _cloud_nodes_down(view: View) -> str:
+def _cloud_nodes_down(view: Readings) -> str:
     return "The cloud's CORE nodes are not Active" if view.report is not None and not view.report.ready else ""
 
 
 NOT_ACTING = "The cloud is heard but does not act under the current epoch"
 
 
-def _not_acting(view: View) -> str:
+def _not_acting(view: Readings) -> str:
     says_so = view.report is not None and view.report.acting and view.report.epoch == view.frame.epoch
     return "" if says_so else NOT_ACTING
 
 
-def _no_good_beat(view: View) -> str:
+def _no_good_beat(view: Readings) -> str:
     return NOT_ACTING if view.silent(view.situation.good_s, view.frame.settings.loss_timeout_s) else ""
 
 
-def _output_silent(view: View) -> str:
+def _output_silent(view: Readings) -> str:
     gate = view.situation.gate
     if gate is None or gate.cloud_flows:
         return ""
@@ -207,29 +207,29 @@ def _output_silent(view: View) -> str:
 # -- collector and inputs ---------------------------------------------------------------------------------------------
 
 
-def _collector_silent(view: View) -> str:
+def _collector_silent(view: Readings) -> str:
     broken = view.situation.gate is None or view.silent(view.situation.gate_s, view.frame.settings.lease_s)
     return "The collector does not report" if broken else ""
 
 
-def _collector_fell_back(view: View) -> str:
+def _collector_fell_back(view: Readings) -> str:
     gate = view.situation.gate
     if gate is None or gate.charge is None or not gate.fell_back or gate.charge.token.epoch < view.frame.epoch:
         return ""
     return "The collector did not hear control for too long and passes only the robot"
 
 
-def _inputs_differ(view: View) -> str:
+def _inputs_differ(view: Readings) -> str:
     required = sum(1 for i in view.frame.inputs if i.max_age_s > 0)
     broken = view.report is not None and len(view.report.input_ages_us) != required
     return "Robot and cloud are configured with different inputs" if broken else ""
 
 
-def _input_stale(view: View) -> str:
+def _input_stale(view: Readings) -> str:
     return next(_stale_inputs(view), "")
 
 
-def _stale_inputs(view: View) -> Iterator[str]:
+def _stale_inputs(view: Readings) -> Iterator[str]:
     required = (i for i in view.frame.inputs if i.max_age_s > 0)
     ages_us = () if view.report is None else view.report.input_ages_us
     for spec, age_us in zip(required, ages_us):  # noqa: B905 - other lengths are InputsDiffer

@@ -111,7 +111,7 @@ USUAL = Figures()
 
 
 @dataclass(frozen=True)
-class Seen:
+class LinkState:
     """What the link looks like at one moment.
 
     Attributes:
@@ -158,7 +158,7 @@ def in_cloud(outlook: Outlook) -> bool:
     return bool(outlook.clouds >> outlook.leader & 1)
 
 
-def looks_bad(outlook: Outlook, seen: Seen, settings: Settings) -> bool:
+def looks_bad(outlook: Outlook, seen: LinkState, settings: Settings) -> bool:
     """The leader's signal says bad."""
     return _signals(seen, settings)[SIGNAL[outlook.leader]]
 
@@ -192,7 +192,7 @@ def heard(outlook: Outlook, sent_s: float, latency_s: float, settings: Settings)
     return replace(outlook, pending=pending[known:])
 
 
-def advance(outlook: Outlook, seen: Seen, settings: Settings, now_s: float) -> Outlook:
+def advance(outlook: Outlook, seen: LinkState, settings: Settings, now_s: float) -> Outlook:
     """Lets the rules live until now; the link looks as `seen` since the last call."""
     period_s = settings.beat_period_s
     if outlook.ticked_s is None:
@@ -238,7 +238,7 @@ def _turned(spells: Spells, good: bool, at_s: float) -> Spells:
     return replace(spells, good=good, since_s=at_s, bad_s=(*spells.bad_s[-KEPT_SPELLS + 1 :], length_s))
 
 
-def _tick(outlook: Outlook, seen: Seen, settings: Settings, at_s: float) -> Outlook:
+def _tick(outlook: Outlook, seen: LinkState, settings: Settings, at_s: float) -> Outlook:
     period_s = settings.beat_period_s
     lost = seen.silent_s > settings.loss_timeout_s
     bad = _signals(seen, settings)
@@ -249,7 +249,7 @@ def _tick(outlook: Outlook, seen: Seen, settings: Settings, at_s: float) -> Outl
     return _review(outlook, period_s) if ticks >= REVIEW_TICKS else outlook
 
 
-def _signals(seen: Seen, settings: Settings) -> list[bool]:
+def _signals(seen: LinkState, settings: Settings) -> list[bool]:
     """Whether the link looks bad, for each share of the limit."""
     limit_s = settings.allowed_loop_s
     silent = seen.silent_s > SILENT_BEATS * settings.beat_period_s

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from robot_offload_core import outlooks
 from robot_offload_core.change import replace
 from robot_offload_core.links import Link
-from robot_offload_core.outlooks import EXPOSED_PER_S, SWITCH, WASTED_PER_S, Outlook, Seen
+from robot_offload_core.outlooks import EXPOSED_PER_S, SWITCH, WASTED_PER_S, LinkState, Outlook
 from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
@@ -180,8 +180,8 @@ def _on_robot(policy: Policy, fitness: Fitness, settings: Settings, now_s: float
     return Verdict(Site.CLOUD, Reason.LINK_GOOD, f"The link has been good for long enough ({policy.good_s:.1f} s)")
 
 
-def _seen(fitness: Fitness) -> Seen:
-    return Seen(fitness.latency_s, fitness.silent_s, not fitness.ok)
+def _seen(fitness: Fitness) -> LinkState:
+    return LinkState(fitness.latency_s, fitness.silent_s, not fitness.ok)
 
 
 def _usual(lengths_s: tuple[float, ...], name: str) -> str:

@@ -14,7 +14,7 @@ from robot_offload_core.change import replace
 from robot_offload_core.checks import require
 from robot_offload_core.events import Tick, assert_never
 from robot_offload_core.gates import Charge, GateReport
-from robot_offload_core.health import Frame, is_good
+from robot_offload_core.health import Circumstances, is_good
 from robot_offload_core.limits import cloud_fault
 from robot_offload_core.placement import (
     IN_CHARGE,
@@ -191,9 +191,9 @@ def _by_hand(robot: Robot, asked: Site, now_s: float) -> tuple[Robot, bool, str]
 # -- deciding ---------------------------------------------------------------------------------------------------------
 
 
-def frame(robot: Robot, now_s: float) -> Frame:
+def frame(robot: Robot, now_s: float) -> Circumstances:
     """Returns what the situation is judged against."""
-    return Frame(
+    return Circumstances(
         robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stalls.until_s,
         stalls.starved(robot, now_s), robot.outputs,
     )  # fmt: skip

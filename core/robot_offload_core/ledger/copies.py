@@ -11,11 +11,11 @@ from robot_offload_core.ledger.goals import (
     MIRROR_S,
     RETRY_S,
     Attempt,
+    AttemptPhase,
     Cancel,
     Goal,
     Ledger,
     Offer,
-    Phase,
     Resume,
     View,
     Why,
@@ -52,7 +52,7 @@ def _settle_cancelled(work: Work, goal: Goal) -> None:
     """Never offers again; ends when the holder has no copy whose own end could be waited for (rule 7)."""
     site, _ = work.acts(goal)
     on_holder = [a for a in goal.attempts if a.site is site and a.phase.live]
-    late = work.now_s >= work.offers_until_s(goal) and all(a.phase is Phase.OFFERED for a in on_holder)
+    late = work.now_s >= work.offers_until_s(goal) and all(a.phase is AttemptPhase.OFFERED for a in on_holder)
     if not on_holder or late or _away(work, goal):
         work.end(goal, GoalStatus.CANCELED, why=Why.CANCELED)
 
@@ -68,7 +68,7 @@ def _settle_holder(work: Work, goal: Goal) -> None:
         goal = replace(goal, able_s=work.now_s)
         work.put(goal)
     copy = copy_of(goal, site, token)
-    if copy is not None and copy.phase is Phase.ACCEPTED:
+    if copy is not None and copy.phase is AttemptPhase.ACCEPTED:
         _show_executing(work, goal)
         return
     if work.now_s >= work.offers_until_s(goal):
@@ -117,7 +117,7 @@ def _live_at(goal: Goal, site: Site) -> Attempt | None:
 def _slot_free(work: Work, goal: Goal, site: Site) -> bool:
     """Returns whether no other offer of the action waits for its answer there: offers arrive in the client's order."""
     return not any(
-        other.action == goal.action and a.site is site and a.phase is Phase.OFFERED and not a.cancel
+        other.action == goal.action and a.site is site and a.phase is AttemptPhase.OFFERED and not a.cancel
         for other in work.goals.values()
         for a in other.attempts
     )
@@ -158,7 +158,7 @@ def _settle_mirror(work: Work, goal: Goal, site: Site, token: Token) -> None:
 
 
 def _ended_itself(attempt: Attempt, site: Site) -> bool:
-    return attempt.site is site and attempt.phase is Phase.ENDED and not attempt.cancel
+    return attempt.site is site and attempt.phase is AttemptPhase.ENDED and not attempt.cancel
 
 
 def unfit(ledger: Ledger, view: View, now_s: float) -> bool:
@@ -182,7 +182,11 @@ def _copy_at(goal: Goal, site: Site, token: Token) -> Attempt | None:
 def preempted(ledger: Ledger, goal: Goal, site: Site, token: Token) -> bool:
     """Returns whether the goal's copy there ended because a later goal was accepted: it is never offered again."""
     return any(
-        a.site is site and a.token == token and a.phase is Phase.ENDED and not a.cancel and overtaken(ledger, goal, a)
+        a.site is site
+        and a.token == token
+        and a.phase is AttemptPhase.ENDED
+        and not a.cancel
+        and overtaken(ledger, goal, a)
         for a in goal.attempts
     )
 
@@ -196,7 +200,7 @@ def _settle_candidate(work: Work, goal: Goal) -> None:
     copy = _copy_at(goal, site, token)
     if copy is not None:
         late_s = copy.offered_s + work.spec(goal).timeout_s
-        if copy.phase is Phase.OFFERED and work.now_s >= late_s:
+        if copy.phase is AttemptPhase.OFFERED and work.now_s >= late_s:
             goal = _end_attempt(work, goal, copy)
             work.put(replace(goal, copy_retry_s=work.now_s + RETRY_S))
         return
@@ -218,7 +222,7 @@ def pending(ledger: Ledger, view: View) -> tuple[str, ...]:
         if not copied:
             continue
         copy = _copy_at(goal, site, token)
-        if (copy is None or copy.phase is not Phase.ACCEPTED) and not preempted(ledger, goal, site, token):
+        if (copy is None or copy.phase is not AttemptPhase.ACCEPTED) and not preempted(ledger, goal, site, token):
             lacking.append(goal.action)
     return tuple(sorted(set(lacking)))
 
@@ -229,7 +233,7 @@ def waiting(ledger: Ledger, view: View, now_s: float) -> tuple[str, ...]:
     for goal in ledger.goals.values():
         copy = copy_of(goal, *acts(view, ledger.actions[goal.action]))
         late = goal.ended_s is None and not goal.cancel and now_s >= goal.need_s + RETRY_S
-        if late and (copy is None or copy.phase is not Phase.ACCEPTED):
+        if late and (copy is None or copy.phase is not AttemptPhase.ACCEPTED):
             lacking.add(goal.action)
     return tuple(sorted(lacking))
 
@@ -258,7 +262,7 @@ def _resume(work: Work, goal: Goal) -> None:
             mirror = _mirror_at(work, goal) == (attempt.site, attempt.token)
             work.commands.append(Resume(attempt.site, goal.action, attempt.id, attempt.token, mirror))
             rank = rank or work.count()
-            phase = Phase.ACCEPTED
+            phase = AttemptPhase.ACCEPTED
             if attempt.cancel:
                 work.commands.append(Cancel(attempt.site, goal.action, attempt.id))
         goal = work.attempt(goal, replace(attempt, resume=False, phase=phase, rank=rank))

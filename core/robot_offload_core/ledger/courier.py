@@ -9,7 +9,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 from robot_offload_core.ledger import words
-from robot_offload_core.ledger.words import Ack, Frame, Hello, Word
+from robot_offload_core.ledger.words import Ack, Hello, RelayFrame, Word
 
 AGAIN_S = 0.1
 WINDOW = 256
@@ -65,13 +65,13 @@ class Courier:
         if not self.peer:
             return []
         self.number += 1
-        letter = Letter(words.encode(Frame(self.mine, self.peer, self.number, word)), now_s)
+        letter = Letter(words.encode(RelayFrame(self.mine, self.peer, self.number, word)), now_s)
         self.letters[self.number] = letter
         return self._send(self.number, letter, now_s)
 
     def once(self, word: Word) -> bytes:
         """Returns a word that is written once."""
-        return words.encode(Frame(self.mine, self.peer, 0, word))
+        return words.encode(RelayFrame(self.mine, self.peer, 0, word))
 
     def due(self, now_s: float) -> list[bytes]:
         """Returns what is to be sent now: acknowledgements, and letters again."""
@@ -89,7 +89,7 @@ class Courier:
         lowest = next(iter(self.letters), 0)
         return min((x.due_s for n, x in self.letters.items() if n < lowest + WINDOW), default=float("inf"))
 
-    def take(self, frame: Frame) -> Word | None:
+    def take(self, frame: RelayFrame) -> Word | None:
         """Takes a frame of the peer; returns its word, None when it is not for us or was taken before."""
         if frame.writer != self.peer or not self.peer or isinstance(frame.word, Hello):
             return None

@@ -38,7 +38,7 @@ class Why(str, Enum):
     CLOUD_AWAY = "CloudAway"
 
 
-class Phase(Enum):
+class AttemptPhase(Enum):
     """Of an attempt at a server."""
 
     OFFERED = 1
@@ -52,7 +52,7 @@ class Phase(Enum):
     @property
     def live(self) -> bool:
         """The server may execute it now."""
-        return self is Phase.OFFERED or self is Phase.ACCEPTED
+        return self is AttemptPhase.OFFERED or self is AttemptPhase.ACCEPTED
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Attempt:
     site: Site
     token: Token
     offered_s: float
-    phase: Phase = Phase.OFFERED
+    phase: AttemptPhase = AttemptPhase.OFFERED
     rank: int = 0
     status: GoalStatus = GoalStatus.UNKNOWN
     ended_s: float = 0.0
@@ -205,7 +205,7 @@ class ResultRequested:
     goal_id: bytes
 
 
-class Answer(Enum):
+class OfferAnswer(Enum):
     """To an offer."""
 
     ACCEPTED = 1
@@ -215,11 +215,11 @@ class Answer(Enum):
 
 
 @dataclass(frozen=True)
-class Answered:
+class OfferAnswered:
     """An offer was answered."""
 
     attempt: bytes
-    answer: Answer
+    answer: OfferAnswer
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ class Looked:
     """Time has passed, or the view changed."""
 
 
-Event = GoalRequested | CancelRequested | ResultRequested | Answered | Ended | Gone | Replaced | Looked
+Event = GoalRequested | CancelRequested | ResultRequested | OfferAnswered | Ended | Gone | Replaced | Looked
 
 # -- commands ---------------------------------------------------------------------------------------------------------
 

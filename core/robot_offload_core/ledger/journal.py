@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from robot_offload_core.change import replace
-from robot_offload_core.ledger.goals import Attempt, Goal, Ledger, Phase, Why
+from robot_offload_core.ledger.goals import Attempt, AttemptPhase, Goal, Ledger, Why
 from robot_offload_core.ledger.near import NearGoal
 from robot_offload_core.ledger.ports import GoalStatus, Holding
 from robot_offload_core.token import Site, Token
@@ -277,6 +277,6 @@ def _attempt(attempt: Attempt) -> list[Any]:
 def _attempt_of(words: Any) -> Attempt:
     attempt, site, token, offered_s, phase, rank, status, ended_s, cancel = words
     return Attempt(
-        bytes.fromhex(attempt), Site(site), _token(token), float(offered_s), Phase(phase), int(rank),
+        bytes.fromhex(attempt), Site(site), _token(token), float(offered_s), AttemptPhase(phase), int(rank),
         GoalStatus(status), float(ended_s), bool(cancel),
     )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robot_offload_core.declared import ActionSpec
-from robot_offload_core.ledger.goals import Attempt, CancelRequested, Goal, Ledger, Phase, View
+from robot_offload_core.ledger.goals import Attempt, AttemptPhase, CancelRequested, Goal, Ledger, View
 from robot_offload_core.ledger.wire_ids import NO_GOAL
 from robot_offload_core.token import Site, Token
 
@@ -64,7 +64,7 @@ def executing(ledger: Ledger, site: Site) -> tuple[str, ...]:
         goal.action
         for goal in ledger.goals.values()
         for a in goal.attempts
-        if a.site is site and a.phase is Phase.ACCEPTED
+        if a.site is site and a.phase is AttemptPhase.ACCEPTED
     }
     return tuple(sorted(found))
 
@@ -73,7 +73,7 @@ def open_goals(ledger: Ledger, view: View) -> tuple[int, int]:
     """Returns how many goals the side that acts executes, and how many wait for it to accept them."""
     live = [goal for goal in ledger.goals.values() if goal.ended_s is None]
     copies = (copy_of(goal, *acts(view, ledger.actions[goal.action])) for goal in live)
-    running = sum(1 for copy in copies if copy is not None and copy.phase is Phase.ACCEPTED)
+    running = sum(1 for copy in copies if copy is not None and copy.phase is AttemptPhase.ACCEPTED)
     return running, len(live) - running
 
 

@@ -15,12 +15,11 @@ from robot_offload_core.ledger.goals import (
     ASK_AGAIN_S,
     MAX_LIVE,
     RETRY_S,
-    Answer,
     AnswerCancel,
-    Answered,
     AnswerGoal,
     AnswerResult,
     Attempt,
+    AttemptPhase,
     CancelRequested,
     Command,
     Ended,
@@ -30,7 +29,8 @@ from robot_offload_core.ledger.goals import (
     Gone,
     Ledger,
     Looked,
-    Phase,
+    OfferAnswer,
+    OfferAnswered,
     Replaced,
     ResultRequested,
     View,
@@ -66,7 +66,7 @@ def step(ledger: Ledger, event: Event, view: View, now_s: float) -> tuple[Ledger
             _cancel_requested(work, event)
         case ResultRequested():
             _result_requested(work, event)
-        case Answered():
+        case OfferAnswered():
             _answered(work, event)
         case Ended():
             _ended(work, event)
@@ -115,7 +115,7 @@ def _notice_change(work: Work) -> None:
     for goal in work.live():
         if work.spec(goal).of_cloud:
             continue
-        offered = any(a.phase is not Phase.REFUSED for a in goal.attempts)
+        offered = any(a.phase is not AttemptPhase.REFUSED for a in goal.attempts)
         if goal.cancel:
             work.end(goal, GoalStatus.CANCELED, why=Why.CANCELED)
         elif offered and work.spec(goal).on_switch is not OnSwitch.RESEND:
@@ -191,25 +191,25 @@ def _result_requested(work: Work, event: ResultRequested) -> None:
 # -- servers ----------------------------------------------------------------------------------------------------------
 
 
-def _answered(work: Work, event: Answered) -> None:
+def _answered(work: Work, event: OfferAnswered) -> None:
     goal, attempt = work.find(event.attempt)
-    if goal is None or attempt is None or attempt.phase is not Phase.OFFERED:
+    if goal is None or attempt is None or attempt.phase is not AttemptPhase.OFFERED:
         return
-    if event.answer is Answer.ACCEPTED:
+    if event.answer is OfferAnswer.ACCEPTED:
         _accepted(work, goal, attempt)
         return
-    wait_s = ASK_AGAIN_S if event.answer is Answer.NOT_HOLDER else RETRY_S
-    goal = work.attempt(goal, replace(attempt, phase=Phase.REFUSED, ended_s=work.now_s))
+    wait_s = ASK_AGAIN_S if event.answer is OfferAnswer.NOT_HOLDER else RETRY_S
+    goal = work.attempt(goal, replace(attempt, phase=AttemptPhase.REFUSED, ended_s=work.now_s))
     if not _counts(work, goal, attempt):
         work.put(replace(goal, copy_retry_s=work.now_s + wait_s))
-    elif event.answer is Answer.NOT_HOLDER or goal.moved:
+    elif event.answer is OfferAnswer.NOT_HOLDER or goal.moved:
         work.put(replace(goal, retry_s=work.now_s + wait_s))
     elif goal.ended_s is None:
         work.end(goal, GoalStatus.ABORTED, why=Why.GOAL_REFUSED)
 
 
 def _accepted(work: Work, goal: Goal, attempt: Attempt) -> None:
-    goal = work.attempt(goal, replace(attempt, phase=Phase.ACCEPTED, rank=work.count()))
+    goal = work.attempt(goal, replace(attempt, phase=AttemptPhase.ACCEPTED, rank=work.count()))
     if goal.ended_s is not None or not _counts(work, goal, attempt):
         return
     status = GoalStatus.CANCELING if goal.cancel else GoalStatus.EXECUTING
@@ -236,7 +236,7 @@ def _ended(work: Work, event: Ended) -> None:
         _gone(work, Gone(event.attempt))
         return
     counts = _counts(work, goal, attempt) or (goal.cancel and attempt.site is work.acts(goal)[0])
-    goal = work.attempt(goal, replace(attempt, phase=Phase.ENDED, status=event.status, ended_s=work.now_s))
+    goal = work.attempt(goal, replace(attempt, phase=AttemptPhase.ENDED, status=event.status, ended_s=work.now_s))
     if goal.ended_s is not None:
         return
     if event.status is GoalStatus.SUCCEEDED and (counts or _of_earlier_stay(work, attempt, event)):
@@ -276,7 +276,7 @@ def _gone(work: Work, event: Gone) -> None:
     if goal is None or attempt is None or not attempt.phase.live:
         return
     counts = _counts(work, goal, attempt)
-    goal = work.attempt(goal, replace(attempt, phase=Phase.GONE, ended_s=work.now_s))
+    goal = work.attempt(goal, replace(attempt, phase=AttemptPhase.GONE, ended_s=work.now_s))
     if goal.ended_s is not None:
         return
     if counts:

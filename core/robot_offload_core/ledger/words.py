@@ -32,7 +32,7 @@ class WordError(ValueError):
         self.reason = reason
 
 
-class Verdict(IntEnum):
+class CallVerdict(IntEnum):
     """What became of a request."""
 
     DONE = 1
@@ -120,7 +120,7 @@ class OfferedWord:
 
     face: Face
     attempt: bytes
-    verdict: Verdict
+    verdict: CallVerdict
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class CalledWord:
 
     face: Face
     key: int
-    verdict: Verdict
+    verdict: CallVerdict
     payload: bytes
 
 
@@ -164,7 +164,7 @@ KINDS: tuple[type[Any], ...] = (
 
 
 @dataclass(frozen=True)
-class Frame:
+class RelayFrame:
     """A word with its address. `reader` "" : the writer does not know its reader yet."""
 
     writer: str
@@ -264,7 +264,7 @@ _WRITE: dict[Any, Callable[[Any], bytes]] = {
     Site: _member,
     Face: _member,
     GoalStatus: _member,
-    Verdict: _member,
+    CallVerdict: _member,
     tuple[str, ...]: lambda value: len(value).to_bytes(2, "big") + b"".join(map(_text, value)),
     tuple[int, ...]: lambda value: len(value).to_bytes(2, "big") + b"".join(n.to_bytes(8, "big") for n in value),
 }
@@ -286,7 +286,7 @@ _READ: dict[Any, Callable[[Reader], Any]] = {
     Site: lambda reader: reader.one_of(Site),
     Face: lambda reader: reader.one_of(Face),
     GoalStatus: lambda reader: reader.one_of(GoalStatus),
-    Verdict: lambda reader: reader.one_of(Verdict),
+    CallVerdict: lambda reader: reader.one_of(CallVerdict),
     tuple[str, ...]: lambda reader: tuple(reader.text() for _ in range(reader.count())),
     tuple[int, ...]: lambda reader: tuple(reader.number() for _ in range(reader.count())),
 }
@@ -302,7 +302,7 @@ _FORMS = _forms()
 # -- frames -----------------------------------------------------------------------------------------------------------
 
 
-def encode(frame: Frame) -> bytes:
+def encode(frame: RelayFrame) -> bytes:
     """Returns the frame's bytes."""
     kind = type(frame.word)
     head = HEAD.pack(
@@ -312,7 +312,7 @@ def encode(frame: Frame) -> bytes:
     return head + b"".join(_WRITE[form](value) for form, value in zip(_FORMS[kind], values, strict=True))
 
 
-def decode(data: bytes) -> Frame:
+def decode(data: bytes) -> RelayFrame:
     """Reads a frame; raises WordError for anything that is none."""
     if len(data) < HEAD.size:
         raise WordError("BadForm", f"{len(data)} bytes are no frame")
@@ -331,4 +331,4 @@ def decode(data: bytes) -> Frame:
     attempt = getattr(word, "attempt", None)
     if attempt is not None and len(attempt) != 16:
         raise WordError("BadForm", f"an attempt's id of {len(attempt)} bytes")
-    return Frame("" if writer == NOBODY else writer.hex(), "" if reader == NOBODY else reader.hex(), number, word)
+    return RelayFrame("" if writer == NOBODY else writer.hex(), "" if reader == NOBODY else reader.hex(), number, word)

@@ -13,6 +13,7 @@ from robot_offload_core.ledger.ports import CancelCode, CloudRelayPorts, Face, G
 from robot_offload_core.ledger.wire_ids import goal_id_of
 from robot_offload_core.ledger.words import (
     CalledWord,
+    CallVerdict,
     CallWord,
     CancelWord,
     EndedWord,
@@ -21,7 +22,6 @@ from robot_offload_core.ledger.words import (
     OfferedWord,
     OfferWord,
     ResumeWord,
-    Verdict,
     Word,
 )
 from robot_offload_core.managed_nodes import State
@@ -178,7 +178,7 @@ class CloudRelay(RelayProcess):
         if not self._admits_word(word.action, word.token, standby=word.mirror) or word.action not in self.own.seen:
             self.counters["offers.not_holder"] += 1
             self.own.done[word.attempt] = None
-            self.post.write(OfferedWord(Face.GROUP, word.attempt, Verdict.NOT_HOLDER))
+            self.post.write(OfferedWord(Face.GROUP, word.attempt, CallVerdict.NOT_HOLDER))
             return
         self.own.offer(word.action, word.attempt, word.payload, word.token, mirror=word.mirror)
 
@@ -197,7 +197,7 @@ class CloudRelay(RelayProcess):
         admitted = self._admits_word(word.service, word.token, standby=word.standby)
         if not admitted or word.service not in self.services or word.service not in self._of:
             self.counters["calls.not_holder"] += 1
-            self.post.write(CalledWord(Face.GROUP, word.key, Verdict.NOT_HOLDER, b""))
+            self.post.write(CalledWord(Face.GROUP, word.key, CallVerdict.NOT_HOLDER, b""))
             return
         self.number += 1
         self.calls[self.number] = Pending(self.post.courier.peer, word.key, word.service in self._of_cloud)
@@ -207,7 +207,7 @@ class CloudRelay(RelayProcess):
         """Reports what a server did; without a lease too: no answer and no result is an effect."""
         match outcome:
             case OfferAnswered():
-                verdict = Verdict.DONE if outcome.accepted else Verdict.REFUSED
+                verdict = CallVerdict.DONE if outcome.accepted else CallVerdict.REFUSED
                 self.post.write(OfferedWord(Face.GROUP, outcome.attempt, verdict))
             case RunEnded():
                 self.post.write(EndedWord(Face.GROUP, outcome.attempt, outcome.status, outcome.leased, outcome.result))
@@ -248,7 +248,7 @@ class CloudRelay(RelayProcess):
         if len(payload) > MAX_PAYLOAD:
             self.counters["answers.too_large"] += 1
             payload, success = b"", False
-        verdict = Verdict.DONE if success else Verdict.FAILED
+        verdict = CallVerdict.DONE if success else CallVerdict.FAILED
         self.post.write(CalledWord(Face.GROUP, pending.key, verdict, payload))
 
     # -- replicas here, as clients of used names ----------------------------------------------------------------------

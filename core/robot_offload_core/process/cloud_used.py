@@ -14,6 +14,7 @@ from robot_offload_core.ledger.requests import SENTENCES, Failure
 from robot_offload_core.ledger.wire_ids import goal_id_of
 from robot_offload_core.ledger.words import (
     CalledWord,
+    CallVerdict,
     CallWord,
     CancelWord,
     EndedWord,
@@ -21,7 +22,6 @@ from robot_offload_core.ledger.words import (
     OfferedWord,
     OfferWord,
     ResumeWord,
-    Verdict,
 )
 from robot_offload_core.process.relay import MAX_PAYLOAD, RelayPlan
 from robot_offload_core.process.relay_post import Post
@@ -83,11 +83,11 @@ class CloudUsed:
         call = self.calls.get(word.key)
         if call is None:
             return
-        if word.verdict in (Verdict.DONE, Verdict.FAILED):
+        if word.verdict in (CallVerdict.DONE, CallVerdict.FAILED):
             del self.calls[word.key]
             self.ports.answer_call(Face.GROUP, call.service, call.caller, word.payload)
         else:
-            self._fail(word.key, Failure.REFUSED if word.verdict is Verdict.NOT_HOLDER else Failure.TIMEOUT)
+            self._fail(word.key, Failure.REFUSED if word.verdict is CallVerdict.NOT_HOLDER else Failure.TIMEOUT)
 
     def _fail(self, key: int, why: Failure) -> None:
         call = self.calls.pop(key)
@@ -115,7 +115,7 @@ class CloudUsed:
     def take(self, word: OfferedWord | EndedWord | FeedbackWord) -> None:
         """Takes what the robot's relay says of a goal."""
         match word:
-            case OfferedWord() if word.verdict is Verdict.DONE:
+            case OfferedWord() if word.verdict is CallVerdict.DONE:
                 self.near.executing(word.attempt)
             case OfferedWord():
                 self.near.end(word.attempt)

@@ -12,6 +12,7 @@ from robot_offload_core.ledger.ports import CancelCode, Face, GoalStatus, RobotR
 from robot_offload_core.ledger.wire_ids import goal_id_of, with_goal_id
 from robot_offload_core.ledger.words import (
     CalledWord,
+    CallVerdict,
     CallWord,
     CancelWord,
     EndedWord,
@@ -20,7 +21,6 @@ from robot_offload_core.ledger.words import (
     OfferedWord,
     OfferWord,
     ResumeWord,
-    Verdict,
     Word,
 )
 from robot_offload_core.process.messages import Letters, RelayOrders, RelayStatus
@@ -173,8 +173,8 @@ class RobotRelay(RelayProcess):
     def _outcome(self, outcome: Outcome) -> None:
         match outcome:
             case OfferAnswered():
-                answer = goals.Answer.ACCEPTED if outcome.accepted else goals.Answer.REFUSED
-                self.step(goals.Answered(outcome.attempt, answer))
+                answer = goals.OfferAnswer.ACCEPTED if outcome.accepted else goals.OfferAnswer.REFUSED
+                self.step(goals.OfferAnswered(outcome.attempt, answer))
             case RunEnded():
                 self.step(goals.Ended(outcome.attempt, outcome.status, outcome.result))
             case RunGone():
@@ -254,8 +254,11 @@ class RobotRelay(RelayProcess):
                 self._see()
                 self._look(self.ports.now_s())
             case OfferedWord():
-                answers = {Verdict.DONE: goals.Answer.ACCEPTED, Verdict.NOT_HOLDER: goals.Answer.NOT_HOLDER}
-                self.step(goals.Answered(word.attempt, answers.get(word.verdict, goals.Answer.REFUSED)))
+                answers = {
+                    CallVerdict.DONE: goals.OfferAnswer.ACCEPTED,
+                    CallVerdict.NOT_HOLDER: goals.OfferAnswer.NOT_HOLDER,
+                }
+                self.step(goals.OfferAnswered(word.attempt, answers.get(word.verdict, goals.OfferAnswer.REFUSED)))
             case EndedWord():
                 self.step(goals.Ended(word.attempt, word.status, word.payload, word.under_lease))
             case CalledWord():

@@ -9,7 +9,7 @@ from robot_offload_core.ledger import journal
 from robot_offload_core.ledger.goals import View
 from robot_offload_core.ledger.ports import Face, RobotRelayPorts
 from robot_offload_core.ledger.requests import SENTENCES, AskServer, Desk, Fail, Failure, Order, Reply
-from robot_offload_core.ledger.words import CalledWord, CallWord, Verdict
+from robot_offload_core.ledger.words import CalledWord, CallVerdict, CallWord
 from robot_offload_core.process.messages import RelayOrders
 from robot_offload_core.process.relay import MAX_PAYLOAD, RelayPlan
 from robot_offload_core.process.relay_post import Post
@@ -79,8 +79,8 @@ class RobotRequests:
 
     def take(self, word: CalledWord) -> None:
         """Takes the cloud relay's answer to an ask."""
-        if word.verdict in (Verdict.DONE, Verdict.FAILED):
-            self.answered(word.key, word.payload, word.verdict is Verdict.DONE)
+        if word.verdict in (CallVerdict.DONE, CallVerdict.FAILED):
+            self.answered(word.key, word.payload, word.verdict is CallVerdict.DONE)
         else:
             self.desk.not_holder(word.key, self.ports.now_s())
             self.settle()

@@ -16,6 +16,7 @@ from robot_offload_core.ledger.used_goals import Move, UsedGoal, UsedGoals
 from robot_offload_core.ledger.wire_ids import goal_id_of
 from robot_offload_core.ledger.words import (
     CalledWord,
+    CallVerdict,
     CallWord,
     CancelWord,
     EndedWord,
@@ -23,7 +24,6 @@ from robot_offload_core.ledger.words import (
     OfferedWord,
     OfferWord,
     ResumeWord,
-    Verdict,
 )
 from robot_offload_core.process.messages import RelayOrders
 from robot_offload_core.process.relay import MAX_PAYLOAD, RelayPlan
@@ -126,7 +126,7 @@ class RobotUsed:
         """Takes a call of the cloud's group."""
         spec = self.calls.services.get(word.service)
         if spec is None:
-            self.post.write(CalledWord(Face.PUBLIC, word.key, Verdict.REFUSED, b""))
+            self.post.write(CalledWord(Face.PUBLIC, word.key, CallVerdict.REFUSED, b""))
             return
         until_s = self.ports.now_s() + spec.timeout_s
         self.calls.calls.append(UsedCall(spec, Site.CLOUD, word.token, word.payload, until_s, key=word.key))
@@ -138,7 +138,7 @@ class RobotUsed:
             call.number = self.number
             self.ports.call(Face.PUBLIC, call.spec.name, call.number, call.payload)
         elif call.site is Site.CLOUD:
-            refused = Verdict.NOT_HOLDER if verdict is Verdicts.REFUSED else Verdict.REFUSED
+            refused = CallVerdict.NOT_HOLDER if verdict is Verdicts.REFUSED else CallVerdict.REFUSED
             self.post.write(CalledWord(Face.PUBLIC, call.key, refused, b""))
         else:
             self._fail(call, Failure.REFUSED if verdict is Verdicts.REFUSED else Failure.TIMEOUT)
@@ -157,7 +157,7 @@ class RobotUsed:
             self.keep(journal.call_closed(call.caller))
             self.ports.answer_call(Face.GROUP, call.spec.name, call.caller, payload)
         else:
-            verdict = Verdict.DONE if success else Verdict.FAILED
+            verdict = CallVerdict.DONE if success else CallVerdict.FAILED
             self.post.write(CalledWord(Face.PUBLIC, call.key, verdict, payload))
 
     # -- goals: clients of the robot's group --------------------------------------------------------------------------
@@ -204,7 +204,7 @@ class RobotUsed:
             self.goals.goals[goal.id] = goal
             self.out.resume(name, word.attempt, NOBODY)
         elif goal.accepted:
-            self.post.write(OfferedWord(Face.PUBLIC, goal.id, Verdict.DONE))
+            self.post.write(OfferedWord(Face.PUBLIC, goal.id, CallVerdict.DONE))
 
     def cloud_relay_met(self) -> None:
         """Another relay serves the cloud's group: the clients of the former one hear nothing any more."""
@@ -260,7 +260,7 @@ class RobotUsed:
             if goal.site is Site.ROBOT:
                 self.near.executing(goal.id)
             else:
-                self.post.write(OfferedWord(Face.PUBLIC, goal.id, Verdict.DONE))
+                self.post.write(OfferedWord(Face.PUBLIC, goal.id, CallVerdict.DONE))
             self.settle()
             return
         del self.goals.goals[goal.id]

@@ -8,7 +8,7 @@ from typing import Final
 from robot_offload_core import links, policies
 from robot_offload_core.beats import Beat, CloudReport, Echo
 from robot_offload_core.gates import GateReport
-from robot_offload_core.health import Frame, Situation, fitness
+from robot_offload_core.health import Circumstances, Situation, fitness
 from robot_offload_core.limits import cloud_fault
 from robot_offload_core.links import Link
 from robot_offload_core.outlooks import Figures, Outlook
@@ -53,7 +53,7 @@ class Eyes:
         self.settings = settings
         self.link = Link()
         self.good_s = float("-inf")
-        self._frame = Frame(ROBOT, CLOUD, EPOCH, settings, (), stall_until_s=0.0)
+        self._frame = Circumstances(ROBOT, CLOUD, EPOCH, settings, (), stall_until_s=0.0)
         self._sequence = 0
 
     def heard(self, sent_s: float, arrived_s: float) -> None:

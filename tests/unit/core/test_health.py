@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from robot_offload_core import health, limits
-from robot_offload_core.health import Frame, Situation
+from robot_offload_core.health import Circumstances, Situation
 from robot_offload_core.limits import DATA_TIMEOUT_S, LIMITS, Basis
 from robot_offload_core.links import Link, Offset
 from robot_offload_core.placement import Phase
@@ -40,7 +40,7 @@ class World:
     acting: bool
     situation: Situation
     link: Link
-    frame: Frame
+    frame: Circumstances
     now_s: float = NOW_S
 
     def reason(self) -> str:
@@ -56,7 +56,7 @@ class World:
 def world(acting: bool = True) -> World:
     phase = Phase.CLOUD if acting else Phase.ROBOT
     partner = cloud_beat().incarnation if acting else ""
-    frame = Frame(ROBOT, partner, EPOCHS[phase][0], SETTINGS, (SCAN,), stall_until_s=0.0)
+    frame = Circumstances(ROBOT, partner, EPOCHS[phase][0], SETTINGS, (SCAN,), stall_until_s=0.0)
     return World(acting, situation(phase), good_link(), frame)
 
 

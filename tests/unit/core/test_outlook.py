@@ -14,16 +14,16 @@ from robot_offload_core.outlooks import (
     LONGEST_WAIT_S,
     NOBODY,
     Figures,
+    LinkState,
     Outlook,
-    Seen,
     Spells,
 )
 from robot_offload_core.prior import PRIOR
 from tests.unit.core.builders import BEAT_S, NOW_S, SETTINGS, few
 
-GOOD = Seen(0.010, 0.010, bad=False)
-SLOW = Seen(0.200, 0.010, bad=True)
-GONE = Seen(1.0, 1.0, bad=True)
+GOOD = LinkState(0.010, 0.010, bad=False)
+SLOW = LinkState(0.200, 0.010, bad=True)
+GONE = LinkState(1.0, 1.0, bad=True)
 
 
 class Link:
@@ -34,7 +34,7 @@ class Link:
         self.now_s = NOW_S
         self.live(GOOD, BEAT_S)
 
-    def live(self, seen: Seen, duration_s: float) -> None:
+    def live(self, seen: LinkState, duration_s: float) -> None:
         for _ in range(round(duration_s / BEAT_S)):
             self.now_s += BEAT_S
             if not seen.bad:
@@ -48,7 +48,7 @@ def test_the_rule_that_was_best_on_other_links_leads_at_first() -> None:
 
 
 def test_before_anything_was_heard_nothing_happens() -> None:
-    never = Seen(float("inf"), float("inf"), bad=True)
+    never = LinkState(float("inf"), float("inf"), bad=True)
     assert outlooks.advance(Outlook(), never, SETTINGS, NOW_S) == Outlook()
 
 
@@ -61,7 +61,7 @@ def test_on_a_link_that_stays_good_every_rule_is_in_the_cloud_after_the_longest_
 
 @few
 @given(st.lists(st.tuples(st.sampled_from([GOOD, SLOW, GONE]), st.floats(0.02, 3.0)), max_size=8))
-def test_whatever_happened_before_all_return_to_a_link_that_stays_good(phases: list[tuple[Seen, float]]) -> None:
+def test_whatever_happened_before_all_return_to_a_link_that_stays_good(phases: list[tuple[LinkState, float]]) -> None:
     link = Link()
     for seen, duration_s in phases:
         link.live(seen, duration_s)
@@ -169,7 +169,7 @@ def test_one_lost_beat_is_normal_and_three_are_an_outage() -> None:
         link.live(GOOD, 1.0)
         for _ in range(lost):
             link.now_s += BEAT_S
-            link.outlook = outlooks.advance(link.outlook, Seen(0.010, 0.030, bad=False), SETTINGS, link.now_s)
+            link.outlook = outlooks.advance(link.outlook, LinkState(0.010, 0.030, bad=False), SETTINGS, link.now_s)
         link.live(GOOD, 1.0)
         assert bool(link.outlook.spells.bad_s) is turned, lost
 

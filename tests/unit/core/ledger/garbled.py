@@ -35,7 +35,7 @@ def anything(kind: object, names: tuple[str, ...], tokens: tuple[Token, ...], ch
     values: dict[object, Any] = {
         str: text, int: number, bool: number % 2 == 0, bytes: chance.randbytes(chance.choice([0, 1, 16, 60, 20_000])),
         Site: chance.choice(list(Site)), Face: chance.choice(list(Face)), GoalStatus: chance.choice(list(GoalStatus)),
-        words.Verdict: chance.choice(list(words.Verdict)),
+        words.CallVerdict: chance.choice(list(words.CallVerdict)),
         Token: chance.choice((*tokens, Token("cd" * 16, number, ""), Token("", number, "ab" * 16))),
         tuple[str, ...]: (text, *names), tuple[int, ...]: (number, 1, 2, 3),
     }  # fmt: skip
@@ -47,7 +47,7 @@ def letters(
     tokens: tuple[Token, ...] = (), rounds: int = 60,
 ) -> Iterator[bytes]:  # fmt: skip
     """Frames of a relay that is known; attempts come back, so that words of one follow each other."""
-    yield words.encode(words.Frame(writer, "", 0, words.Hello(agent, Site.CLOUD, 1, names)))
+    yield words.encode(words.RelayFrame(writer, "", 0, words.Hello(agent, Site.CLOUD, 1, names)))
     attempts = [chance.randbytes(16) for _ in range(5)]
     number = 0
     for _ in range(rounds):
@@ -59,5 +59,5 @@ def letters(
             if kind is words.Hello:
                 values["agent"] = chance.choice([agent, ""])
             number += 1
-            good = words.encode(words.Frame(writer, reader, chance.choice([0, number]), kind(**values)))
+            good = words.encode(words.RelayFrame(writer, reader, chance.choice([0, number]), kind(**values)))
             yield good if chance.random() < 0.7 else spoiled(good, chance)

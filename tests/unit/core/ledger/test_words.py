@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from robot_offload_core.ledger import words
 from robot_offload_core.ledger.courier import WINDOW, Courier
 from robot_offload_core.ledger.ports import Face, GoalStatus
-from robot_offload_core.ledger.words import Frame, Verdict, WordError
+from robot_offload_core.ledger.words import CallVerdict, RelayFrame, WordError
 from robot_offload_core.token import Site, Token
 
 NUMBERS = st.integers(0, 2**64 - 1)
@@ -21,7 +21,7 @@ NAMES = st.text(max_size=40)
 FORMS: dict[Any, st.SearchStrategy[Any]] = {
     str: NAMES, int: NUMBERS, bool: st.booleans(), bytes: st.binary(max_size=100), Token: TOKENS,
     Site: st.sampled_from(Site), Face: st.sampled_from(Face), GoalStatus: st.sampled_from(GoalStatus),
-    Verdict: st.sampled_from(Verdict), tuple[str, ...]: st.lists(NAMES, max_size=5).map(tuple),
+    CallVerdict: st.sampled_from(CallVerdict), tuple[str, ...]: st.lists(NAMES, max_size=5).map(tuple),
     tuple[int, ...]: st.lists(NUMBERS, max_size=5).map(tuple),
 }  # fmt: skip
 
@@ -35,11 +35,11 @@ def word_of(kind: type[Any]) -> st.SearchStrategy[Any]:
     return st.builds(kind, **fields)
 
 
-FRAMES = st.builds(Frame, INCARNATIONS, INCARNATIONS | st.just(""), NUMBERS, st.one_of(map(word_of, words.KINDS)))
+FRAMES = st.builds(RelayFrame, INCARNATIONS, INCARNATIONS | st.just(""), NUMBERS, st.one_of(map(word_of, words.KINDS)))
 
 
 @given(FRAMES)
-def test_what_was_written_is_read(frame: Frame) -> None:
+def test_what_was_written_is_read(frame: RelayFrame) -> None:
     assert words.decode(words.encode(frame)) == frame
 
 
@@ -47,7 +47,7 @@ def test_what_was_written_is_read(frame: Frame) -> None:
                                            st.integers(0, 200), st.binary(max_size=20)))  # fmt: skip
 def test_anything_else_is_refused_with_a_reason(data: bytes) -> None:
     try:
-        frame: Frame | None = words.decode(data)
+        frame: RelayFrame | None = words.decode(data)
         reason = ""
     except WordError as error:
         frame, reason = None, error.reason
@@ -56,7 +56,7 @@ def test_anything_else_is_refused_with_a_reason(data: bytes) -> None:
 
 
 def test_another_version_is_said_to_be_one() -> None:
-    frame = words.encode(Frame("1" * 32, "", 0, words.Ack((1,))))
+    frame = words.encode(RelayFrame("1" * 32, "", 0, words.Ack((1,))))
     with pytest.raises(WordError) as caught:
         words.decode(frame[:3] + b"\x07" + frame[4:])
     assert caught.value.reason == "OtherVersion"
