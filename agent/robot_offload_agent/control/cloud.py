@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from robot_offload_agent.control.process import ControlShell, start
 from robot_offload_agent.process.bus import Bus
+from robot_offload_agent.process.release import release
 from robot_offload_agent.ros.services import SwitchServices
 from robot_offload_agent.settings import liaison
 from robot_offload_agent.settings.cluster_files import ClusterFiles, wall_text
@@ -89,7 +90,7 @@ class CloudControlShell(ControlShell):
         """Sends our notes for the robot, and the limits of the inputs that it has accepted."""
         notes, taken = self.noted = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
         stated = replica_parameters.statements(self.comparison.compared)
-        text = encode(replace(notes, vetoes=self.other_managers, parameters=stated))
+        text = encode(replace(notes, vetoes=self.other_managers, parameters=stated, release=release()))
         self.bus.send("data", Notes(self.incarnation, text))
         settings = self.process.settings
         limits = offered_limits(self.configuration, taken)

@@ -13,6 +13,7 @@ from robot_offload_agent.control.process import ControlShell, start
 from robot_offload_agent.control.recorder import Recorder
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s, now_us
+from robot_offload_agent.process.release import release
 from robot_offload_agent.ros.services import SwitchServices
 from robot_offload_agent.settings.adopted import RobotSettings
 from robot_offload_agent.settings.liaison import LEAVING_S
@@ -218,6 +219,7 @@ class RobotControlShell(ControlShell):
                 "reason": robot.decided.reason,
                 "message": self.explained(robot.decided.reason, robot.decided.message),
                 "generation": str(self.tuned.generation),
+                "release": release(), "cloud_release": self.tuned.heard.release,
             },
             nodes=process.guardian.nodes,
             counters=self.counters | self.life_counters(),

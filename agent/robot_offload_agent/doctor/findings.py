@@ -33,6 +33,7 @@ class Check(str, Enum):
     MESSAGE_TYPES = "MessageTypes"
     MIDDLEWARE = "Middleware"
     NODES = "Nodes"
+    RELEASES = "Releases"
     REALTIME_PRIORITY = "RealtimePriority"
     RECEIVE_BUFFER = "ReceiveBuffer"
     ROS_ENVIRONMENT = "RosEnvironment"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from robot_offload_agent.doctor.findings import Check, Finding, Level
@@ -17,6 +17,8 @@ DISCOVERY_S = 3.0
 """How long the nodes of this network need to be found."""
 ANSWER_S = 2.0
 OWN_NODES = ("offload_collector", "offload_control_robot", "guardian", "network_monitor", "cloud_switcher")
+PLACEMENT_STATUS = "robot_offload robot: placement"
+"""See `ros/report.py`."""
 NAVIGATOR = "bt_navigator"
 SERVER_TIMEOUT = "default_server_timeout"
 """How long Nav2's behaviour tree waits for the answer to a goal or a service call, ms; 20 by default
@@ -33,6 +35,8 @@ class Graph:
         managers: managed node -> full names of others that call its lifecycle services.
         undeclared: duplicated node -> what it does beyond what is declared; only nodes that run.
         server_timeout_ms: Nav2's; None: there is no bt_navigator, or it does not answer.
+        release: of the robot's agent that runs; "": none runs, or it does not say.
+        cloud_release: of the cloud's agent, as the robot's says; "": it was not heard yet.
         problem: why nothing could be seen; empty: it could.
     """
 
@@ -41,6 +45,8 @@ class Graph:
     managers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     undeclared: Mapping[str, Undeclared] = field(default_factory=dict)
     server_timeout_ms: float | None = None
+    release: str = ""
+    cloud_release: str = ""
     problem: str = ""
 
 
@@ -84,6 +90,20 @@ def judge(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
     yield from _managers(graph, own)
     yield from _undeclared(graph)
     yield from _timeouts(graph, configuration)
+    yield _releases(graph)
+
+
+def _releases(graph: Graph) -> Finding:
+    """Both sides' releases: beats, notes and envelopes of one are made for each other."""
+    if not graph.release or not graph.cloud_release:
+        message = "the cloud's agent was not heard" if graph.release else "no agent of this robot was heard"
+        step = "Start doctor again while the robot's agent runs and is connected: then both releases are compared."
+        return Finding(Check.RELEASES, Level.UNKNOWN, message, step)
+    both = f"robot {graph.release}, cloud {graph.cloud_release}"
+    if graph.release == graph.cloud_release:
+        return Finding(Check.RELEASES, Level.OK, both)
+    step = f"Install robot-offload-agent {graph.cloud_release} on the robot."
+    return Finding(Check.RELEASES, Level.WARNING, both, step)
 
 
 def _nodes(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
@@ -163,10 +183,27 @@ def look(configuration: Configuration, discovery_s: float = DISCOVERY_S) -> Grap
         node = context.make_node(configuration, "offload_doctor")
         executor = rclpy.executors.SingleThreadedExecutor()
         executor.add_node(node)
+        told = _diagnostics(node)
         _spin(executor, node.get_clock(), discovery_s)
-        return _seen(node, executor, configuration)
+        seen = _seen(node, executor, configuration)
+        return replace(seen, release=told.get("release", ""), cloud_release=told.get("cloud_release", ""))
     finally:
         rclpy.shutdown()
+
+
+def _diagnostics(node: Any) -> dict[str, str]:
+    """Returns the values that the robot's agent says of who acts; they come while the node is spun."""
+    from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415 - see look
+
+    told: dict[str, str] = {}
+
+    def take(array: Any) -> None:
+        for status in array.status:
+            if status.name == PLACEMENT_STATUS:
+                told.update((pair.key, pair.value) for pair in status.values)
+
+    node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
+    return told
 
 
 def _spin(executor: Any, clock: Any, seconds: float) -> None:

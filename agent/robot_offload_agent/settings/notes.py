@@ -25,6 +25,8 @@ SERIAL = re.compile(r"[0-9a-f]{0,40}")
 TIME = re.compile(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ)?")
 REASON = re.compile(r"[A-Za-z]{0,128}")
 DIGEST = re.compile(r"[0-9a-f]{0,64}")
+RELEASE = re.compile(r"[0-9A-Za-z.+!_-]{0,64}")
+"""Characters of a version (PEP 440), and no more of them than a person reads."""
 MAX_VETOES = 16
 
 
@@ -61,6 +63,7 @@ class CloudNotes:
         leaving: names the end of pods that was announced last; "" for none.
         vetoes: (reason, message) of what the cloud found that forbids it.
         parameters: what the cloud states of its nodes' parameters, by node.
+        release: of its agent, e.g. 0.1.0; "" where that is not known.
     """
 
     offer: Offer | None = None
@@ -69,6 +72,7 @@ class CloudNotes:
     answer: str = ""
     vetoes: tuple[tuple[str, str], ...] = ()
     parameters: dict[str, Statement] = field(default_factory=dict)
+    release: str = ""
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,7 @@ def encode(notes: CloudNotes | RobotNotes) -> str:
         "answer": notes.answer,
         "vetoes": notes.vetoes,
         "parameters": _stated(notes.parameters),
+        "release": notes.release,
     }
     return json.dumps(body, separators=(",", ":"))
 
@@ -126,7 +131,7 @@ def decode_cloud(text: str) -> CloudNotes:
     signs, answer = body.get("signs") is True, body.get("answer", "")
     if not isinstance(answer, str) or len(answer) > MAX_ANSWER:
         raise NotesError("the answer is no text")
-    rest = _vetoes(body.get("vetoes", [])), _statements(body.get("parameters", {}))
+    rest = _vetoes(body.get("vetoes", [])), _statements(body.get("parameters", {})), _release(body.get("release"))
     if offered is None:
         return CloudNotes(None, leaving, signs, answer, *rest)
     if not isinstance(offered, list) or len(offered) != 2:
@@ -204,6 +209,11 @@ def _is_table(value: object) -> bool:
         and len(value) <= MAX_STATED
         and all(len(name) <= MAX_PARAMETER_NAME and _is_digest(digest) for name, digest in value.items())
     )
+
+
+def _release(value: object) -> str:
+    """The release that the cloud says; "" for anything else."""
+    return value if isinstance(value, str) and RELEASE.fullmatch(value) else ""
 
 
 def _vetoes(value: object) -> tuple[tuple[str, str], ...]:

@@ -1,6 +1,7 @@
 """What the agents publish about themselves, by the names that other tools know."""
 
 import json
+from importlib.metadata import version
 
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Header, Int32, String
@@ -55,6 +56,8 @@ def test_diagnostics_show_link_placement_nodes_and_counters_of_both_sides(world:
     world.until(lambda: complete(world.ear, "link", "placement", "node walker", "data"), "the robot's diagnostics")
     world.until(lambda: complete(far, "link", "placement", "node walker", "data"), "the cloud's diagnostics")
     world.until(lambda: world.ear.diagnostics["placement"].values["site"] == "cloud", "the placement")
+    releases = world.ear.diagnostics["placement"].values
+    assert releases["release"] == releases["cloud_release"] == version("robot-offload-agent")
     link = world.ear.diagnostics["link"]
     assert link.values["endpoint"].startswith("quic/127.0.0.1:")
     assert 0 < float(link.values["round_trip_p50_ms"]) < 1000

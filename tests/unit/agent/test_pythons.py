@@ -13,7 +13,9 @@ from scripts.generate.support import PYTHONS
 
 ROOT = Path(__file__).resolve().parents[3]
 IMPORT_ALL = """
-import importlib, json, pkgutil, sys
+import importlib, json, pathlib, pkgutil, sys
+for path in pathlib.Path("agent/robot_offload_agent").rglob("*.py"):
+    compile(path.read_text(encoding="utf-8"), str(path), "exec")
 import robot_offload_core
 for found in pkgutil.walk_packages(robot_offload_core.__path__, "robot_offload_core."):
     importlib.import_module(found.name)
@@ -34,12 +36,15 @@ def interpreters() -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("version", "program"), interpreters().items(), ids=lambda value: str(value)[-4:])
-def test_every_interpreter_of_this_machine_imports_the_whole_core(version: str, program: str) -> None:
+def test_every_interpreter_here_imports_the_whole_core_and_compiles_the_agent(version: str, program: str) -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "core"), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [program, "-W", "error", "-c", IMPORT_ALL]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == [int(part) for part in version.split(".")]
+    core, agent = PYTHONS[version]
+    assert core == "run", "the page of what was tried says less than this test has just shown"
+    assert agent in ("run", "compiled")
 
 
 def test_core_and_agent_use_nothing_newer_than_the_oldest_supported_python() -> None:
@@ -47,4 +52,4 @@ def test_core_and_agent_use_nothing_newer_than_the_oldest_supported_python() -> 
     command = [vermin, "--no-tips", "--target=3.10-", "--processes=1", "--backport", "typing", "core", "agent"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=120, check=False)
     assert done.returncode == 0, done.stdout
-    assert PYTHONS[0] == "3.10"
+    assert next(iter(PYTHONS)) == "3.10"

@@ -40,7 +40,9 @@ GIVEN: dict[str, Any] = {
 }
 DIALLING = {**GIVEN, "link.pulse_endpoints": ["quic/127.0.0.1:9"], "link.data_endpoints": ["quic/127.0.0.1:9"]}
 CONFIGURATION = parameters.parse(GIVEN)
-RUNNING = Graph(nodes=frozenset({"/walker"}), managers={"/walker": ("/guardian",)})
+RUNNING = Graph(
+    nodes=frozenset({"/walker"}), managers={"/walker": ("/guardian",)}, release="0.1.0", cloud_release="0.1.0"
+)
 
 
 def worst(findings: Iterator[Finding]) -> dict[str, Finding]:
@@ -83,6 +85,9 @@ def test_what_is_wrong_with_the_computer_is_named_with_the_next_step(
         ({"publishers": {"/bond": ("/walker",)}}, "Bonds", ("bond_timeout: 0.0",)),
         ({"server_timeout_ms": 20.0}, "ServerTimeout", ("default_server_timeout: 340",)),
         ({"nodes": frozenset()}, "Nodes", ("/walker", "ros2 node list")),
+        ({"cloud_release": "0.2.0"}, "Releases", ("robot 0.1.0, cloud 0.2.0", "Install robot-offload-agent 0.2.0")),
+        ({"cloud_release": ""}, "Releases", ("cloud's agent was not heard", "is connected")),
+        ({"release": ""}, "Releases", ("no agent of this robot was heard",)),
         ({"problem": "No module named 'rclpy'"}, "RosGraph", ("Source ROS 2",)),
     ],
 )

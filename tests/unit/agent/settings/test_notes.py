@@ -37,7 +37,12 @@ robots = st.builds(
 
 
 @settings(deadline=None)
-@given(st.builds(CloudNotes, st.none() | offers, names, vetoes=vetoes, parameters=parameters))
+@given(
+    st.builds(
+        CloudNotes, st.none() | offers, names, vetoes=vetoes, parameters=parameters,
+        release=st.sampled_from(["", "0.1.0", "1!2.0rc1.dev4+local"]),
+    )
+)  # fmt: skip
 def test_the_clouds_notes_are_read_back(notes: CloudNotes) -> None:
     read = decode_cloud(encode(notes))
     assert read == notes
@@ -128,3 +133,9 @@ def test_no_text_whatever_does_any_harm(text: str) -> None:
             decode(text)
         except NotesError:
             continue
+
+
+@pytest.mark.parametrize("release", [7, None, "1.0\nnext", "x" * 65, ["0.1.0"]])
+def test_a_release_of_another_form_is_not_shown_and_costs_nothing_else(release: object) -> None:
+    body = {**json.loads(encode(CloudNotes(leaving="end"))), "release": release}
+    assert decode_cloud(json.dumps(body)) == CloudNotes(leaving="end")

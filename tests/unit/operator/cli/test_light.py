@@ -1,5 +1,6 @@
 """The command line alone: what it does without the operator's libraries, and how it says which are missing."""
 
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -41,6 +42,19 @@ def test_what_needs_no_cluster_needs_no_library_of_the_operator(words: tuple[str
     done = run(*words)
     assert done.returncode == 0, done.stderr
     assert done.stdout
+
+
+def test_the_version_costs_less_than_four_tenths_of_a_second_of_computing() -> None:
+    """Processor time: the least of three, because a busy machine makes even that longer."""
+    taken_s = []
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        command = [Path(sys.executable).with_name("robot-offload"), "--version"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        taken_s.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    assert done.stdout.startswith("robot-offload ")
+    assert min(taken_s) < 0.4
 
 
 @pytest.mark.parametrize("name", ["status", "bundle", "doctor"])
