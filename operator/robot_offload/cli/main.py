@@ -19,6 +19,8 @@ class Program(LazyCommands):
             "",
             "Run both sides on this machine while the link between them fails, and report what the consumers felt.",
         ),
+        Entry("init", "init", "Write a first RobotOffload: asks five questions, or takes the answers as options."),
+        Entry("import", "survey", "Look at the running ROS graph and propose a RobotOffload for it."),
         Entry("validate", "validate", "Check RobotOffload files and tell every problem."),
         Entry("crd", "crd", "Print the CustomResourceDefinition of RobotOffload."),
         Entry("status", "status.command", "Show which side acts, why, the latency, and how robot and nodes are."),

@@ -35,6 +35,7 @@ def run(*words: str) -> subprocess.CompletedProcess[str]:
         ("render", SAMPLE),
         ("render", "agent-config", SAMPLE, "--side", "robot"),
         ("dockerfile", "--help"),
+        ("import", "--from", "tests/unit/operator/survey/wheelchair.json"),
     ],
     ids=" ".join,
 )

@@ -1,0 +1,111 @@
+"""`robot-offload import` beside the running wheelchair: what it writes is what the example's own file says."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from robot_offload.api.files import load
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "wheelchair"
+DOMAIN = 33
+PATIENCE_S = 60.0
+SCRIPTS = (
+    ("wheelchair.py", "-p", "seed:=1", "-p", "corridor_length:=42.0", "-p", "announce_goal:=false"),
+    ("passenger.py", "-p", "goals_m:=[40.5]"),
+    ("localiser.py",),
+    ("controller.py", "-r", "odom:=/pose", "-p", "rate_hz:=20.0", "-p", "max_speed:=0.6"),
+)
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.filterwarnings("ignore:module 'sre_.*' is deprecated:DeprecationWarning"),
+]
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
+    """The four nodes of the wheelchair, Active, without agents."""
+    found = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN), ROS_LOG_DIR=str(tmp_path))
+    commands = [[sys.executable, script, "--ros-args", *words] for script, *words in SCRIPTS]
+    running = [
+        subprocess.Popen(it, cwd=EXAMPLE, env=found, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for it in commands
+    ]
+    try:
+        activate("localiser", "controller")
+        yield found
+    finally:
+        for process in running:
+            process.kill()
+            process.wait(PATIENCE_S)
+
+
+def activate(*names: str) -> None:
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=DOMAIN)
+    node = Node("_activating", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        for name in names:
+            client = node.create_client(ChangeState, f"/{name}/change_state")
+            assert client.wait_for_service(PATIENCE_S), f"{name} did not start"
+            for step in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+                future = client.call_async(ChangeState.Request(transition=Transition(id=step)))
+                executor.spin_until_future_complete(future, PATIENCE_S)
+                assert future.done()
+                assert future.result().success
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def test_a_running_wheelchair_is_imported_as_its_own_file_describes_it(
+    environment: dict[str, str], tmp_path: Path
+) -> None:
+    file = tmp_path / "robot.yaml"
+    command = [
+        sys.executable,
+        "-m",
+        "robot_offload",
+        "import",
+        "--seconds",
+        "8",
+        "--name",
+        "wheelchair",
+        "-o",
+        str(file),
+    ]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=180, check=False)
+    assert done.returncode == 0, done.stderr
+    found, own = load(file).spec, load(EXAMPLE / "robotoffload.yaml").spec
+    assert {it.name: (it.placement, it.lifecycle) for it in found.nodes} == {
+        it.name: (it.placement, it.lifecycle) for it in own.nodes
+    }
+    assert {it.name for it in found.topics.to_cloud} == {it.name for it in own.topics.to_cloud}
+    assert found.driver == own.driver
+    assert found.robot.domain_id == DOMAIN
+    mine, theirs = (next(it for it in spec.nodes if it.name == "controller") for spec in (found, own))
+    assert mine.core
+    assert [(it.topic, it.type) for it in mine.outputs] == [(it.topic, it.type) for it in theirs.outputs]
+    assert mine.outputs[0].rate_hz, "its rate was measured"
+    assert [(it.name, it.type) for it in mine.offered] == [(it.name, it.type) for it in theirs.offered]
+    assert mine.run is not None
+    assert mine.run.command == ("python3", str(EXAMPLE / "controller.py")), "its process was found"
+    assert mine.run.parameters == {"max_speed": 0.6, "rate_hz": 20.0}
+    text = file.read_text()
+    assert "MiB" in text, "and so were its memory and CPU"
+    assert "it moves the robot" in text
