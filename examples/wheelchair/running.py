@@ -1,4 +1,4 @@
-"""Runs one ROS node as a process; the scripts beside this file share it."""
+"""Runs ROS nodes as a process; the scripts beside this file share it, and those of the example sedia."""
 
 import signal
 from collections.abc import Callable
@@ -10,8 +10,8 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 
-def run(make_node: Callable[[], Node]) -> None:
-    """Makes a node and spins it until SIGINT or SIGTERM."""
+def run(*make_nodes: Callable[[], Node]) -> None:
+    """Makes nodes, one after the other, and spins them until SIGINT or SIGTERM."""
     stop = False
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:
@@ -22,10 +22,12 @@ def run(make_node: Callable[[], Node]) -> None:
     signal.signal(signal.SIGTERM, on_signal)
     # Own handlers: with those of rclpy the context can vanish under a publish, which then raises.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = make_node()
     executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    nodes = [make_node() for make_node in make_nodes]
+    for node in nodes:
+        executor.add_node(node)
     while not stop:
         executor.spin_once(timeout_sec=0.2)
-    node.destroy_node()
+    for node in nodes:
+        node.destroy_node()
     rclpy.shutdown()

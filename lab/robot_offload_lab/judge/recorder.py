@@ -170,7 +170,7 @@ class ConsumerRecorder:
         for record in drive.records(self._drive):
             self._take(t_s, record)
         self._drive = drive
-        self._tell({"drive": dataclasses.asdict(dataclasses.replace(drive, obstacles=()))})
+        self._tell({"drive": dataclasses.asdict(dataclasses.replace(drive, obstacles=(), walls=()))})
 
     def _on_account(self, message: String, info: Any) -> None:
         account = accounts.account(_received_s(info), message.data)
@@ -233,14 +233,16 @@ class ConsumerRecorder:
 
     def _obey(self, command: dict[str, Any]) -> None:
         if "start" in command:
-            self._begin(RunInfo(**{**command["start"], "silent": tuple(command["start"]["silent"])}))
+            lists = {name: tuple(value) for name, value in command["start"].items() if isinstance(value, list)}
+            self._begin(RunInfo(**{**command["start"], **lists}))
         elif "end" in command:
             self.end(steady_s() if command["end"] is None else float(command["end"]))
 
     def _begin(self, run: RunInfo) -> None:
         """Opens the recording: the state at the start first, then what was heard since."""
         if self._drive is not None:
-            run = dataclasses.replace(run, corridor_length_m=self._drive.length_m, corridor_width_m=self._drive.width_m)
+            size = {"corridor_length_m": self._drive.length_m, "corridor_width_m": self._drive.width_m}
+            run = dataclasses.replace(run, **size, walls=self._drive.walls)
         self._start_s = self._sampled_s = run.start_s
         # Line-buffered and never closed: the process ends with it.
         self._writer = RecordingWriter(self._path.open("w", encoding="utf-8"), run)

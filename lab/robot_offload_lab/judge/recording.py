@@ -35,7 +35,9 @@ class RunInfo(Record):
         threshold_ms: loop latency up to which the cloud is worth it; a link below it is called good.
         corridor_length_m, corridor_width_m: of the drive: x runs from 0 to the length, y = 0 is the middle line;
             0 when there is no account of a drive.
-        silent: outputs whose silence is no fault.
+        silent: outputs whose silence is no fault: those of `unrated`, and those that are judged only at times.
+        unrated: outputs that are published when there is something to say.
+        walls: of the drive, seen from above: x and y of both ends; empty: a corridor.
     """
 
     mode: str
@@ -50,6 +52,8 @@ class RunInfo(Record):
     corridor_length_m: float = 0.0
     corridor_width_m: float = 0.0
     silent: tuple[str, ...] = ()
+    unrated: tuple[str, ...] = ()
+    walls: tuple[tuple[float, float, float, float], ...] = ()
 
 
 def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunInfo:
@@ -66,6 +70,7 @@ def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunI
         cloud_period_ms=float(switching.latency.cloud_period_ms),
         threshold_ms=float(switching.latency.allowed_loop_ms),
         silent=silent_at_times(spec),
+        unrated=tuple(output.topic for _, output in spec.collected_outputs if output.rate_hz is None),
     )
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
-from robot_offload_lab.judge import handed
+from robot_offload_lab.judge import handed, reasons
 from robot_offload_lab.judge.drawing import INK, SILVER, SITE_COLOURS, style
 from robot_offload_lab.judge.invariants import gap_limit_ms, inhibited
 from robot_offload_lab.judge.measures import Interval, Measures
@@ -27,7 +27,7 @@ _TITLES: Final = (
     "The link between robot and cloud",
     "Who is in charge",
     "How long consumers heard nothing, at each change",
-    "The way through the corridor, from above",
+    "The way, from above",
 )
 MAX_BAR: Final = 0.5
 """Widest bar, as a share of the distance of two switches."""
@@ -38,8 +38,8 @@ MAX_LABELS: Final = 20
 def link_and_placement(measures: Measures) -> Figure:
     """Loop latency over time with outages shaded, and below it who was in charge."""
     with style():
-        figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(4, 1))
+        figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         draw_latency(top, measures)
         draw_placement(bottom, measures)
         bottom.set_xlabel("time (s)")
@@ -57,7 +57,7 @@ def gaps_per_switch(measures: Measures) -> Figure:
 def path(measures: Measures) -> Figure:
     """Draws the way of the robot, coloured by who steered."""
     with style():
-        figure = Figure(figsize=(WIDTH_IN, 1.9), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, 0.8 * _path_height(measures)), layout="constrained")
         draw_path(figure.subplots(), measures)
     return figure
 
@@ -65,7 +65,7 @@ def path(measures: Measures) -> Figure:
 def run(measures: Measures) -> Figure:
     """Draws everything in one picture, for a README."""
     with_path = bool(measures.recording.path)
-    heights = (3.2, 1.4, 2.8, 2.4) if with_path else (3.2, 1.4, 2.8)
+    heights = (3.2, 2.0, 2.8, _path_height(measures)) if with_path else (3.2, 2.0, 2.8)
     with style():
         figure = Figure(figsize=(WIDTH_IN, 0.9 * sum(heights)), layout="constrained")
         axes = figure.subplots(len(heights), 1, height_ratios=heights)
@@ -131,6 +131,8 @@ def draw_placement(axes: Axes, measures: Measures) -> None:
     for outage in measures.outages:
         _shade(axes, outage, start_s)
     lanes = _draw_goals(axes, measures)
+    reasons.draw(axes, reasons.of_robot(measures.recording), start_s, 2 + len(lanes))
+    lanes.append("why the\nrobot acts")
     held = inhibited(measures.recording)
     for interval in held:
         since_s, until_s = interval.start_s - start_s, interval.end_s - start_s
@@ -185,7 +187,8 @@ def _shade(axes: Axes, interval: Interval, start_s: float) -> None:
 
 def draw_gaps(axes: Axes, measures: Measures) -> None:
     """Draws a bar per switch and output: the longest silence, in the colour of the side that took over."""
-    switches, topics = measures.switches, list(measures.streams)
+    unrated = measures.recording.run.unrated
+    switches, topics = measures.switches, [topic for topic in measures.streams if topic not in unrated]
     width = 0.8 / max(1, len(topics))
     longest = 0.0
     for row, topic in enumerate(topics):
@@ -203,10 +206,14 @@ def draw_gaps(axes: Axes, measures: Measures) -> None:
         if len(switches) * len(topics) <= MAX_LABELS:
             axes.bar_label(bars, fmt="%.0f", fontsize=8, padding=1)
     limit_ms = gap_limit_ms(measures.recording)
-    axes.set_ylim(0, max(1.25 * longest, 50.0))
-    if limit_ms < axes.get_ylim()[1]:
-        axes.axhline(limit_ms, color=INK, linewidth=0.8, linestyle="--")
-        _note(axes, limit_ms, f"limit {limit_ms:.0f} ms, where the wheels are not held")
+    axes.set_ylim(0, 1.15 * max(1.1 * longest, limit_ms))
+    loss_ms = measures.recording.run.loss_timeout_ms
+    for height_ms, word in (
+        (limit_ms, f"limit {limit_ms:.0f} ms, where the wheels are not held"),
+        (loss_ms, f"a loss is noticed after {loss_ms:.0f} ms"),
+    ):
+        axes.axhline(height_ms, color=INK, linewidth=0.8, linestyle="--")
+        _note(axes, height_ms, word)
     every = 1 + len(switches) // MAX_LABELS
     times = [f"{switch.t_s - measures.recording.run.start_s:.1f} s" for switch in switches]
     axes.set_xticks(range(0, len(switches), every), labels=times[::every], fontsize=8)
@@ -225,7 +232,7 @@ def _legend(axes: Axes, handles: Sequence[Artist]) -> None:
 
 
 def draw_path(axes: Axes, measures: Measures) -> None:
-    """Draws the corridor from above: obstacles, and the way in the colour of the side that steered."""
+    """Draws the corridor or the rooms from above: obstacles, and the way in the colour of the side that steered."""
     recording = measures.recording
     length_m, width_m = recording.run.corridor_length_m, recording.run.corridor_width_m
     for post in recording.obstacles:
@@ -239,7 +246,11 @@ def draw_path(axes: Axes, measures: Measures) -> None:
             linewidth=2.4,
             linestyle=_LINES[site],
         )
-    if length_m > 0 and width_m > 0:
+    if recording.run.walls:
+        for from_x, from_y, to_x, to_y in recording.run.walls:
+            axes.plot([from_x, to_x], [from_y, to_y], color=INK, linewidth=2)
+        axes.set_aspect("equal")
+    elif length_m > 0 and width_m > 0:
         axes.hlines([-width_m / 2, width_m / 2], 0, length_m, color=INK, linewidth=2)
         axes.set_xlim(-0.3, length_m + 0.3)
         axes.set_ylim(-width_m / 2 - 0.15, width_m / 2 + 0.15)
@@ -255,7 +266,12 @@ def draw_path(axes: Axes, measures: Measures) -> None:
     )
     _legend(axes, handles)
     axes.set_xlabel("along the corridor (m)")
-    axes.set_ylabel("across (m),\nstretched")
+    axes.set_ylabel("across (m)" if recording.run.walls else "across (m),\nstretched")
+
+
+def _path_height(measures: Measures) -> float:
+    """Returns the height of that picture, as a share: rooms are drawn to scale, a corridor is stretched."""
+    return 5.4 if measures.recording.run.walls else 2.4
 
 
 def _mark_ends(axes: Axes, measures: Measures) -> None:

@@ -114,6 +114,7 @@ class Drive:
         inhibited: the driver holds the wheels.
         stops: forced standstills; collisions: with walls and obstacles; both so far.
         obstacles: seen so far.
+        walls: x and y of both ends of each, where there is more than a corridor.
     """
 
     t_s: float
@@ -128,6 +129,7 @@ class Drive:
     inhibited: bool
     goal_reached: bool
     obstacles: tuple[Obstacle, ...]
+    walls: tuple[tuple[float, float, float, float], ...] = ()
 
     def records(self, before: Drive | None) -> Iterator[PathPoint | Obstacle | Inhibit]:
         """Yields what is new since the account before."""
@@ -157,6 +159,7 @@ def drive(t_s: float, text: str) -> Drive | None:
             inhibited=bool(said["inhibited"]),
             goal_reached=bool(said["goal_reached"]),
             obstacles=tuple(Obstacle(float(x), float(y), float(radius)) for x, y, radius in said["obstacles"]),
+            walls=tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in said.get("walls", ())),
         )
     except (ValueError, KeyError, TypeError, IndexError):
         return None

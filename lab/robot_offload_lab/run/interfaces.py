@@ -85,7 +85,7 @@ def read(folder: Path) -> Package:
     Raises:
         InterfacesError: a file has no definition that can be read, or there is none.
     """
-    found = {}
+    folder, found = folder.resolve(), {}
     with tempfile.TemporaryDirectory(prefix="ro-") as temporary, contextlib.redirect_stdout(io.StringIO()):
         for path in sorted(folder.glob("*/*")):
             if path.suffix not in _CONVERT:

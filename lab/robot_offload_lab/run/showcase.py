@@ -25,8 +25,8 @@ class Together(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
 
     name: str
-    command: list[str]
-    nodes: list[str]
+    command: tuple[str, ...]
+    nodes: tuple[str, ...]
 
 
 class Showcase(BaseModel):
@@ -46,8 +46,8 @@ class Showcase(BaseModel):
     state: str = ""
     account: str = ""
     restored: str = ""
-    interfaces: list[str] = []
-    processes: list[Together] = []
+    interfaces: tuple[str, ...] = ()
+    processes: tuple[Together, ...] = ()
 
     @property
     def accounts(self) -> dict[str, str]:

@@ -192,8 +192,8 @@ def test_a_parameter_file_of_a_cluster_cannot_be_used_on_one_machine() -> None:
 
 
 def shared(tmp_path: Path, mode: Mode = Mode.OFFLOAD) -> System:
-    together = Together(name="stack", command=["python3", "stack.py"], nodes=["localiser", "controller", "passenger"])
-    return dataclasses.replace(system(tmp_path, mode), said=Showcase(processes=[together]))
+    together = Together(name="stack", command=("python3", "stack.py"), nodes=("localiser", "controller", "passenger"))
+    return dataclasses.replace(system(tmp_path, mode), said=Showcase(processes=(together,)))
 
 
 def test_nodes_that_share_a_process_get_rules_of_their_own(tmp_path: Path) -> None:
@@ -219,11 +219,11 @@ def test_a_node_that_shares_a_process_needs_no_run_and_a_stranger_in_it_is_named
     bare = [node.model_copy(update={"run": None}) for node in offload.spec.nodes]
     offload = offload.model_copy(update={"spec": offload.spec.model_copy(update={"nodes": tuple(bare)})})
     names = [node.name for node in bare]
-    together = Together(name="all", command=["all.py"], nodes=names)
-    check_runnable(offload, tmp_path / "spec.yaml", Showcase(processes=[together]))
-    stranger = together.model_copy(update={"nodes": [*names, "stranger"]})
+    together = Together(name="all", command=("all.py",), nodes=tuple(names))
+    check_runnable(offload, tmp_path / "spec.yaml", Showcase(processes=(together,)))
+    stranger = together.model_copy(update={"nodes": (*names, "stranger")})
     with pytest.raises(NotRunnableError, match=r"processes: 'stranger' is no node of spec\.yaml"):
-        check_runnable(offload, tmp_path / "spec.yaml", Showcase(processes=[stranger]))
+        check_runnable(offload, tmp_path / "spec.yaml", Showcase(processes=(stranger,)))
 
 
 def test_an_output_that_is_silent_while_nothing_is_done_is_not_waited_for(tmp_path: Path) -> None:
@@ -234,3 +234,4 @@ def test_an_output_that_is_silent_while_nothing_is_done_is_not_waited_for(tmp_pa
     one = dataclasses.replace(system(tmp_path), offload=parse_object(raw, "wheelchair.yaml"))
     assert one.awaited == ()
     assert run_info(one, 0.0).silent == ("/localiser/account", "/cmd_vel")
+    assert run_info(one, 0.0).unrated == ("/localiser/account",)

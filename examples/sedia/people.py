@@ -1,0 +1,126 @@
+"""Who wants something of the robot: the patrol, and the screen that a person looks at."""
+
+import contextlib
+import json
+import time
+from dataclasses import asdict
+from typing import Any
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from passenger import ENDINGS, Account, Errand  # type: ignore[import-not-found]  # of the wheelchair
+from places import Place, posed  # type: ignore[import-not-found]  # beside this script
+from rclpy.action import ActionClient
+from sedia_interfaces.action import NavigateToPose
+from sedia_interfaces.srv import ClearCostmap
+from sensor_msgs.msg import BatteryState
+from serving import LATCHED, NEWEST, Managed  # type: ignore[import-not-found]
+from std_msgs.msg import String
+
+SAY_S = 0.1
+REST_S = 0.5
+CLEAR_S = 10.0
+
+
+class WaypointFollower(Managed):
+    """Drives to one place after the other and counts what it hears of that (`waypoint_follower/account`, JSON).
+
+    An ordinary client: it knows one server of `navigate_to_pose`, wherever that is. Parameter: `waypoints`, x and y in
+    turns.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("waypoint_follower")
+        flat = list(self.declare_parameter("waypoints", [2.0, 1.0]).value)
+        self._places = list(zip(flat[::2], flat[1::2], strict=True))
+        self._account = Account()
+        self._sent_s = self._heard_s = self._rested_s = 0.0
+        self._last = (0, 0)
+        self._navigate = ActionClient(self, NavigateToPose, "navigate_to_pose")
+        self._said = self.create_publisher(String, "waypoint_follower/account", 10)
+        self.every(SAY_S, self._tell)
+
+    @property
+    def _errand(self) -> Errand | None:
+        """The present goal."""
+        goals = self._account.goals
+        return goals[-1] if goals and not goals[-1].ending else None
+
+    def _tell(self) -> None:
+        now_s, errand = time.monotonic(), self._errand
+        if errand is not None:
+            self._note_silence(errand)
+        elif self._places and now_s - self._rested_s > REST_S and self._navigate.server_is_ready():
+            self._send(*self._places.pop(0))
+        self._said.publish(String(data=json.dumps(asdict(self._account))))
+        if errand is not None:
+            errand.silence_ms = 0.0
+
+    def _send(self, x_m: float, y_m: float) -> None:
+        errand = Errand(len(self._account.goals) + 1)
+        self._account.goals.append(errand)
+        self._sent_s, self._last = time.monotonic(), (0, 0)
+        goal = NavigateToPose.Goal(pose=posed(Place(x_m, y_m), self.wall.now().to_msg()))
+        sent = self._navigate.send_goal_async(goal, feedback_callback=lambda said: self._on_feedback(errand, said))
+        sent.add_done_callback(lambda future: self._on_answer(errand, future.result()))
+
+    def _on_answer(self, errand: Errand, handle: Any) -> None:
+        if not handle.accepted:
+            errand.ending = "rejected"
+            return
+        self._heard_s = time.monotonic()
+        errand.accepted_ms = round((self._heard_s - self._sent_s) * 1e3, 1)
+        handle.get_result_async().add_done_callback(lambda future: self._on_result(errand, future.result().status))
+
+    def _on_feedback(self, errand: Errand, message: Any) -> None:
+        said, (process, tick) = message.feedback, self._last
+        errand.servers += said.process != process
+        errand.backwards += said.process == process and said.tick <= tick
+        self._last = (said.process, said.tick)
+        errand.feedback += 1
+        errand.x_m, errand.y_m = said.pose.pose.position.x, said.pose.pose.position.y
+        self._note_silence(errand)
+        self._heard_s = time.monotonic()
+
+    def _on_result(self, errand: Errand, status: int) -> None:
+        errand.results += 1
+        errand.ending = errand.ending or ENDINGS.get(status, f"status {status}")
+        self._rested_s = time.monotonic()
+
+    def _note_silence(self, errand: Errand) -> None:
+        if errand.accepted_ms is not None:
+            errand.silence_ms = max(errand.silence_ms, round((time.monotonic() - self._heard_s) * 1e3, 1))
+
+
+class Hmi(Managed):
+    """The screen: shows where the wheelchair is, what is going on and why (`hmi/shown`), and clears the costmap."""
+
+    def __init__(self) -> None:
+        super().__init__("hmi")
+        self._lines: dict[str, str] = {}
+        self._clear = self.create_client(ClearCostmap, "clear_costmap")
+        self._shown = self.create_publisher(String, "hmi/shown", 10)
+        self.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, NEWEST)
+        self.create_subscription(BatteryState, "battery_state", self._on_battery, 10)
+        self.create_subscription(String, "detections", lambda said: self._show("seen", said.data), 10)
+        self.create_subscription(String, "/offload/placement", self._on_placement, LATCHED)
+        self.every(1.0, lambda: self._shown.publish(String(data=json.dumps(self._lines))))
+        self.every(CLEAR_S, self._tidy)
+
+    def _show(self, what: str, text: str) -> None:
+        self._lines[what] = text
+
+    def _on_pose(self, said: PoseWithCovarianceStamped) -> None:
+        at = said.pose.pose.position
+        self._show("place", f"{at.x:.1f} m, {at.y:.1f} m")
+
+    def _on_battery(self, said: BatteryState) -> None:
+        self._show("battery", f"{said.percentage:.0%}")
+
+    def _on_placement(self, said: String) -> None:
+        with contextlib.suppress(ValueError, KeyError, TypeError):
+            placement = json.loads(said.data)
+            self._show("why", f"{placement['site']}: {placement['message']}")
+
+    def _tidy(self) -> None:
+        if self._clear.service_is_ready():
+            self._clear.call_async(ClearCostmap.Request())
