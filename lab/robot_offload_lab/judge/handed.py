@@ -32,6 +32,7 @@ class GoalFigures:
     Attributes:
         goal: its number.
         first, last: the first and the last word about it.
+        until_s: when it ended, or the last word about it, steady clock.
         silence_ms: longest silence of its feedback within the run.
         silent_s: when that silence was reported, steady clock.
         error_m: largest distance between where the acting replica believed to be and where the robot was; None: not
@@ -41,6 +42,7 @@ class GoalFigures:
     goal: int
     first: Errand
     last: Errand
+    until_s: float
     silence_ms: float
     silent_s: float
     error_m: float | None
@@ -76,7 +78,8 @@ def goals(recording: Recording) -> tuple[GoalFigures, ...]:
 def _figures(recording: Recording, number: int, said: Sequence[Errand]) -> GoalFigures:
     silent = max(said, key=lambda errand: errand.silence_ms)
     errors = [error for errand in said if (error := _error_m(recording.path, errand)) is not None]
-    return GoalFigures(number, said[0], said[-1], silent.silence_ms, silent.t_s, max(errors, default=None))
+    until_s = next((errand.t_s for errand in said if errand.ending), said[-1].t_s)
+    return GoalFigures(number, said[0], said[-1], until_s, silent.silence_ms, silent.t_s, max(errors, default=None))
 
 
 def _error_m(path: Sequence[PathPoint], errand: Errand) -> float | None:

@@ -42,7 +42,7 @@ def in_words(reason: str) -> str:
 
 
 def draw(axes: Axes, stretches: tuple[Stretch, ...], start_s: float, lane: int) -> None:
-    """Draws them as a lane of the time line, with their words below it."""
+    """Draws them as a lane of the time line, with their words below the axis."""
     words = list(dict.fromkeys(word for _, _, word in stretches))
     for number, word in enumerate(words):
         spans = [(since_s - start_s, until_s - since_s) for since_s, until_s, its in stretches if its == word]
@@ -53,4 +53,4 @@ def draw(axes: Axes, stretches: tuple[Stretch, ...], start_s: float, lane: int) 
             axes.annotate(str(number + 1), place, ha="center", va="center", fontsize=7, color=INK, annotation_clip=True)
     if words:
         text = "   ".join(f"{number + 1} {word}" for number, word in enumerate(words))
-        axes.text(0.0, 1.03, f"why: {text}", transform=axes.transAxes, fontsize=7.5, color=INK, va="bottom")
+        axes.set_xlabel(f"why the robot acts: {text}", fontsize=8, loc="left")

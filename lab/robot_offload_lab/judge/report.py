@@ -147,7 +147,7 @@ def _goal(figures: handed.GoalFigures, recording: Recording) -> dict[str, Any]:
     return {
         "goal": figures.goal,
         "ending": figures.ending,
-        "t_s": _round(last.t_s - recording.run.start_s),
+        "t_s": _round(figures.until_s - recording.run.start_s),
         "results": last.results,
         "accepted_ms": _round(last.accepted_ms),
         "restarts": figures.restarts,

@@ -42,7 +42,6 @@ def link_and_placement(measures: Measures) -> Figure:
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         draw_latency(top, measures)
         draw_placement(bottom, measures)
-        bottom.set_xlabel("time (s)")
     return figure
 
 
@@ -73,7 +72,6 @@ def run(measures: Measures) -> Figure:
         axes[0].tick_params(labelbottom=False)
         draw_latency(axes[0], measures)
         draw_placement(axes[1], measures)
-        axes[1].set_xlabel("time (s)")
         draw_gaps(axes[2], measures)
         if with_path:
             draw_path(axes[3], measures)
@@ -139,6 +137,9 @@ def draw_placement(axes: Axes, measures: Measures) -> None:
         axes.axvspan(max(0.0, since_s), until_s, facecolor=_HELD, edgecolor="white", hatch="xx", linewidth=0.0)
     if held:
         _legend(axes, [Patch(facecolor=_HELD, edgecolor="white", hatch="xx", label="nobody can steer: wheels held")])
+    axes.annotate(
+        "time (s)", (1.0, 0.0), (0, -18), xycoords="axes fraction", textcoords="offset points", ha="right", va="top"
+    )
     axes.set_ylim(0, 2 + len(lanes))
     axes.set_yticks([row + 0.5 for row in range(2 + len(lanes))], labels=[*SITES, *lanes])
     axes.tick_params(axis="y", length=0)
@@ -151,7 +152,7 @@ def _draw_goals(axes: Axes, measures: Measures) -> list[str]:
     figures = handed.goals(recording)
     start_s = recording.run.start_s
     for goal in figures:
-        since_s, until_s = goal.first.t_s - start_s, goal.last.t_s - start_s
+        since_s, until_s = goal.first.t_s - start_s, goal.until_s - start_s
         axes.broken_barh([(since_s, until_s - since_s)], (2.1, 0.8), facecolor=_GOAL, edgecolor="white")
         if goal.last.ending:
             mark = "\N{CHECK MARK}" if goal.last.ending == handed.SUCCEEDED else "\N{MULTIPLICATION SIGN}"
