@@ -241,8 +241,12 @@ class ConsumerRecorder:
     def _begin(self, run: RunInfo) -> None:
         """Opens the recording: the state at the start first, then what was heard since."""
         if self._drive is not None:
-            size = {"corridor_length_m": self._drive.length_m, "corridor_width_m": self._drive.width_m}
-            run = dataclasses.replace(run, **size, walls=self._drive.walls)
+            run = dataclasses.replace(
+                run,
+                corridor_length_m=self._drive.length_m,
+                corridor_width_m=self._drive.width_m,
+                walls=self._drive.walls,
+            )
         self._start_s = self._sampled_s = run.start_s
         # Line-buffered and never closed: the process ends with it.
         self._writer = RecordingWriter(self._path.open("w", encoding="utf-8"), run)
