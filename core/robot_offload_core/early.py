@@ -26,7 +26,7 @@ PROVEN_S = 60.0
 def missed(robot: Robot) -> Verdict | None:
     """Returns the loss that a missing message of the cloud means; None when there is none, or it proves nothing."""
     gate, early = robot.situation.gate, robot.early
-    if gate is None or not gate.missed or early.off or not (robot.hot and robot.nodes_ready):
+    if gate is None or not gate.missed or early.off or not (robot.hot and robot.nodes_ready) or _unfit(robot):
         return None
     if gate.charge is None or gate.charge.token.epoch != robot.epoch or gate.charge.token.robot != robot.incarnation:
         return None
@@ -35,6 +35,12 @@ def missed(robot: Robot) -> Verdict | None:
         return None
     names = ", ".join(gate.names(lost, robot.outputs))
     return Verdict(Site.ROBOT, Reason.OUTPUT_SILENT, f"The cloud's next message of {names} did not come in time")
+
+
+def _unfit(robot: Robot) -> bool:
+    """Returns whether the robot has given up a goal that the cloud still executes: it would begin that anew."""
+    report = robot.handing.report
+    return report is not None and report.unfit
 
 
 def _was_due(robot: Robot, index: int, due_s: float) -> bool:

@@ -97,12 +97,14 @@ class RelayReported:
         candidate: token of the preparation that `pending` is about.
         pending: (reason, message) of each thing that is missing.
         hold: an action with a goal that must not be interrupted; "" for none. hold_for_s: how long a change waits.
+        unfit: a mirror on the robot ended long before its goal: the robot must not take over by silence.
     """
 
     candidate: Token | None
     pending: tuple[tuple[str, str], ...] = ()
     hold: str = ""
     hold_for_s: float = 0.0
+    unfit: bool = False
 
 
 @dataclass(frozen=True)

@@ -85,6 +85,10 @@ class Problem(Explained):
         "NodeMissing", "A managed node does not run, one with a similar name does",
         "Give the node the name that it has in the graph",
     )  # fmt: skip
+    FRAME_TAKEN = (
+        "FrameTaken", "Another node publishes a transform that `frames` gives to the group; consumers hear both",
+        "Stop the node that the message names from publishing it, or take the frame out of `frames`",
+    )  # fmt: skip
     FRAME_UNDECLARED = (
         "FrameUndeclared", "A replica publishes a transform that `frames` of its output does not name; it is left out",
         "Add the frame to `frames`",

@@ -73,10 +73,13 @@ class CloudDataShell(DataShell):
         for index, heard in self.shared.items():
             heard.resolve()
             output = self.configuration.outputs[index]
+            found = {raw.endpoint(info).node for info in self.node.get_publishers_info_by_topic(output["topic"])}
+            self.process.look_at_frames(index, found - {"", self.node.get_fully_qualified_name()})
             name = self.outputs[index].type_name or heard.type_name
             if name and index not in self.fills:
                 qos = raw.publication_qos(output, output["durability"] == "transient_local")
                 self.fills[index] = raw.make_publisher(self.node, output["cloud_topic"], name, qos)
+                self.process.repeat_others(index)
 
     def publish_input(self, name: str, payload: Any) -> bool:
         """Publishes to the replicas; returns False while the input's type is not known."""

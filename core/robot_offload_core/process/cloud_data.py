@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -10,7 +11,7 @@ from robot_offload_core.envelope import Envelope
 from robot_offload_core.lease import CloudData, SetEgress
 from robot_offload_core.mirror import Mirror
 from robot_offload_core.process import probe
-from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
+from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess, others_of
 from robot_offload_core.process.loops import Loop
 from robot_offload_core.process.messages import DataStatus, Egress, Limits
 from robot_offload_core.process.probe import Probe
@@ -18,7 +19,7 @@ from robot_offload_core.token import Site, Token
 
 CLOSED = Egress("", "", SetEgress(None, 0.0))
 MAX_LATCHED = 32
-"""Values kept per latched input."""
+"""Values kept per latched topic."""
 
 
 @dataclass
@@ -176,6 +177,13 @@ class CloudDataProcess(DataProcess):
         if said is not None:
             self.ports.fill(index, said)
 
+    def look_at_frames(self, index: int, nodes: Collection[str]) -> None:
+        """Notes frames of the group that one of these other publishers of the public topic here publishes too."""
+        name = self.plan.outputs[index].name
+        with self.ports.lock:
+            taken = self.loops[index].taken(Site.CLOUD, nodes, self.ports.now_s())
+        self.note(f"taken {name}", taken)
+
     def _of_replica(self, index: int, payload: Any) -> Any | None:
         """Returns what the replica said in a message of its private topic; None for what we have put there."""
         with self.ports.lock:
@@ -240,17 +248,29 @@ class CloudDataProcess(DataProcess):
 
     def _take_others(self, index: int, name: str, opened: Envelope, payload: Any) -> None:
         """Takes what somebody outside the group said on the robot: for the replica and the consumers here."""
-        source = (opened.token.robot, opened.sequence)
+        source, channel = (opened.token.robot, opened.sequence), others_of(name)
         with self.ports.lock:
-            before = self.newest.get(f"others/{name}")
+            before = self.newest.get(channel)
             if before is not None and before[0] == source[0] and before[1] >= source[1]:
                 self.counters[f"{name}.reordered"] += 1
                 return
-            self.newest[f"others/{name}"] = source
+            self.newest[channel] = source
+            known = channel in self.shared and payload in self.latched[channel]
+            if channel in self.shared:
+                self._keep_latched(channel, payload)
+            if known:
+                return
             said = self.loops[index].far(payload, self.ports.now_s())
             self._say(index, payload)
         self.ports.fill(index, said)
         self.counters[f"{name}.others"] += 1
+
+    def repeat_others(self, index: int) -> None:
+        """Fills the latched messages of others in again: the publisher of the private topic was made a moment ago."""
+        for payload in tuple(self.latched.get(others_of(self.plan.outputs[index].name), ())):
+            with self.ports.lock:
+                said = self.loops[index].far(payload, self.ports.now_s())
+            self.ports.fill(index, said)
 
     def _keep_latched(self, name: str, payload: Any) -> None:
         """Keeps the values that make up the robot's hash: the newest ones, as many as give it."""

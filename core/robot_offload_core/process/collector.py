@@ -5,7 +5,7 @@ Not safe for several threads by itself: the shell holds one lock around every ca
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -16,7 +16,7 @@ from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.gates import Charge, Passage, Ruling
 from robot_offload_core.placement import SetGate
 from robot_offload_core.problems import Problem
-from robot_offload_core.process.loops import Loop
+from robot_offload_core.process.loops import MAX_LATCHED, Loop
 from robot_offload_core.process.messages import ENVELOPE, OTHERS, PASSED, Carried, CloudTypes, CollectorStatus, Limits
 from robot_offload_core.process.pauses import Pauses
 from robot_offload_core.reasons import Reason
@@ -27,6 +27,8 @@ TURN_S = 0.020
 """How often the process looks whether anything has changed that control must know."""
 REPORTS_PER_LEASE = 3
 """Control gets a report this often in any case, ten times a second at least."""
+REPEAT_PERIOD_S = 5.0
+"""The data process gets the latched messages of others again this often; it knows them unless it was started anew."""
 DETAIL_PERIOD_S = 1.0
 """Problems and counters go to control this often; a report in between carries none."""
 
@@ -91,6 +93,8 @@ class CollectorProcess:
         sequence: of the robot's messages; grows over restarts of this process.
         problems: by key, for diagnostics. counters: per output, side and reason.
         cloud_types: of the outputs, as the cloud says.
+        strangers: nodes outside the group that publish a shared output, by its index.
+        latched_others: what they said last on a shared output that is latched.
     """
 
     def __init__(
@@ -113,7 +117,9 @@ class CollectorProcess:
         self.problems: dict[str, tuple[str, str]] = {}
         self.cloud_types: dict[str, str] = {}
         self.loops = {index: Loop(spec) for index, spec in enumerate(plan.outputs) if spec.shared}
-        self.detail_due_s = self.report_due_s = 0.0
+        self.strangers: dict[int, tuple[str, ...]] = {}
+        self.latched_others: dict[int, deque[Any]] = {}
+        self.detail_due_s = self.report_due_s = self.repeat_due_s = 0.0
         self.report_period_s = report_period_s(plan.lease_s)
         self.reported: gates.GateReport | None = None
 
@@ -129,8 +135,9 @@ class CollectorProcess:
         name = self.plan.outputs[index].name
         topic, private = self.ports.topics_of(index)
         message = f"{topic} has another publisher: {', '.join(nodes)}; remap its output to {private}" if nodes else ""
-        if self.plan.outputs[index].shared:
-            return ""  # others are welcome there
+        if index in self.loops:
+            self.strangers[index] = tuple(nodes)  # welcome there
+            return ""
         self.note(f"public {name}", (Reason.SECOND_PUBLISHER.value, message) if nodes else None)
         return message
 
@@ -143,11 +150,13 @@ class CollectorProcess:
             self.note(f"type {spec.name}", (Reason.TYPES_DIFFER.value, message) if differs else None)
 
     def _look_at_frames(self) -> None:
-        """Notes frames that a replica publishes and nobody declared, and messages that are no transforms."""
+        """Notes frames that nobody declared, those that others publish too, and messages that are no transforms."""
+        now_s = self.ports.now_s()
         for index, loop in self.loops.items():
             name, frames = self.plan.outputs[index].name, ", ".join(sorted(loop.undeclared))
             message = f"The group publishes frames on {name} that are not declared and reach nobody: {frames}"
             self.note(f"frames {name}", (Problem.FRAME_UNDECLARED, message) if frames else None)
+            self.note(f"taken {name}", loop.taken(Site.ROBOT, self.strangers.get(index, ()), now_s))
             if loop.strange:
                 self.counters[f"{name}.no_transforms"] = loop.strange
 
@@ -204,7 +213,21 @@ class CollectorProcess:
         self.sequence += 1
         self.ports.fill(index, said)
         self.ports.carry("data", OTHERS, index, self._header(), said)
+        if self.plan.outputs[index].latched:
+            values = self.latched_others.setdefault(index, deque(maxlen=MAX_LATCHED))
+            if said in values:
+                values.remove(said)
+            values.append(said)
         self.counters[f"{self.plan.outputs[index].name}.others"] += 1
+
+    def _repeat_others(self, now_s: float) -> None:
+        """Says the latched messages of others again to a data process that may have been started anew."""
+        if now_s < self.repeat_due_s:
+            return
+        self.repeat_due_s = now_s + REPEAT_PERIOD_S
+        for index, values in self.latched_others.items():
+            for said in values:
+                self.ports.carry("data", OTHERS, index, self._header(), said)
 
     def offer_cloud(self, message: Carried) -> None:
         """Takes a message of the cloud's replica, which the data process carried here."""
@@ -321,6 +344,7 @@ class CollectorProcess:
             self.detail_due_s = now_s + DETAIL_PERIOD_S
             self.compare_types()
             self._look_at_frames()
+            self._repeat_others(now_s)
             problems, counters = tuple(self.problems.values()), tuple(sorted(self.counters.items()))
         self.ports.send("control", CollectorStatus(report, problems, counters))
 

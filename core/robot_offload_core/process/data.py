@@ -120,6 +120,11 @@ class DataPlan:
     max_message_size: int = 8 * MEBIBYTE
 
 
+def others_of(name: str) -> str:
+    """Returns the channel of what others say on a shared output."""
+    return f"others/{name}"
+
+
 class DataProcess(ABC):
     """Base of both sides.
 
@@ -127,7 +132,8 @@ class DataProcess(ABC):
         heard: the newest beat of the partner, for echo references.
         probe: the newest whole probe of the other side. probe_s: when the other side was last heard.
         acknowledged: digest of our newest whole probe that the other side has got. whole_due_s: when to send it again.
-        latched: last values of each latched input that this side holds.
+        latched: last values of each latched input that this side holds, and of what others say on shared outputs.
+        shared: names of the latter.
         notes: of our control, for the other side.
         lacks: why this side does not know a state of the one that acts, by name.
         came_s: when a message of each input last came. problems: by key, for diagnostics. counters: by name.
@@ -142,7 +148,10 @@ class DataProcess(ABC):
         self.probe_s: float | None = None
         self.acknowledged = ""
         self.whole_due_s = 0.0
-        self.latched: dict[str, list[Any]] = {i.name: [] for i in plan.inputs if i.latched}
+        specs = [output.spec for output in plan.outputs if output.spec is not None]
+        self.shared = {others_of(spec.name) for spec in specs if spec.shared and spec.latched}
+        self.latched: dict[str, list[Any]] = {name: [] for name in self.shared}
+        self.latched |= {i.name: [] for i in plan.inputs if i.latched}
         self._digests: dict[str, tuple[list[Any], str]] = {}
         self.notes = ""
         self.notes_passed: tuple[str, str] = ("", "")

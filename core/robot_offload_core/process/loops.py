@@ -9,10 +9,13 @@ threads by itself: the shell holds a lock.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Collection
 from typing import Any
 
 from robot_offload_core import transforms
+from robot_offload_core.problems import Problem
 from robot_offload_core.settings import OutputSpec
+from robot_offload_core.token import Site
 from robot_offload_core.transforms import Transform, TransformsError
 
 ECHO_S = 3.0
@@ -22,22 +25,36 @@ OWN_FRAME_S = 1.0
 """A replica publishes a frame itself while its newest transform is younger; the slowest usual publisher has 10 Hz."""
 
 
-class Echoes:
-    """What we have published on a topic to which we listen ourselves, until it comes back."""
+MAX_LATCHED = 64
+TAKEN_S = 10.0
+"""So long a frame of the group that somebody else has published stays a problem; static ones are published once."""
 
-    def __init__(self) -> None:
+
+class Echoes:
+    """What we have published on a topic to which we listen ourselves, until it comes back.
+
+    A latched message comes back to each new subscription of ours, as often as there is one.
+    """
+
+    def __init__(self, *, latched: bool = False) -> None:
+        self.lasting: deque[Any] = deque(maxlen=MAX_LATCHED if latched else 0)
         self.waiting: dict[Any, int] = {}
         self.order: deque[tuple[float, Any]] = deque()
 
     def put(self, payload: Any, now_s: float) -> None:
         """Notes a message just before it is published."""
+        if self.lasting.maxlen:
+            self.lasting.append(payload)
+            return
         while self.order and (now_s - self.order[0][0] > ECHO_S or len(self.order) >= MAX_ECHOES):
             self._drop(self.order.popleft()[1])
         self.order.append((now_s, payload))
         self.waiting[payload] = self.waiting.get(payload, 0) + 1
 
     def own(self, payload: Any, now_s: float) -> bool:
-        """Returns whether a message that was heard is one of ours that came back; each counts once."""
+        """Returns whether a message that was heard is one of ours that came back; each counts once, or is latched."""
+        if self.lasting.maxlen:
+            return payload in self.lasting
         while self.order and now_s - self.order[0][0] > ECHO_S:
             self._drop(self.order.popleft()[1])
         if payload not in self.waiting:
@@ -61,15 +78,18 @@ class Loop:
         heard_s: when the replica of this side last published each frame.
         strange: how many messages were no transforms although frames are declared.
         undeclared: frames that the replica published and nobody declared.
+        taken_s: when somebody else last published each frame of the group on the public topic of this side.
     """
 
     def __init__(self, spec: OutputSpec) -> None:
+        self.topic = spec.shown
         self.frames = {(frame.parent, frame.child) for frame in spec.frames}
-        self.said = Echoes()
-        self.filled = Echoes()
+        self.said = Echoes(latched=spec.latched)
+        self.filled = Echoes(latched=spec.latched)
         self.heard_s: dict[str, float] = {}
         self.strange = 0
         self.undeclared: set[str] = set()
+        self.taken_s: dict[str, float] = {}
 
     def say(self, payload: Any, now_s: float) -> None:
         """Notes a message just before it is published on the public topic."""
@@ -82,7 +102,29 @@ class Loop:
         """
         if self.said.own(payload, now_s):
             return None
-        return self._fill(self._only(payload, lambda t: not self._declared(t)), now_s)
+
+        def theirs(transform: Transform) -> bool:
+            if not self._declared(transform):
+                return True
+            self.taken_s[f"{transform.parent} -> {transform.child}"] = now_s
+            return False
+
+        return self._fill(self._only(payload, theirs), now_s)
+
+    def taken(self, side: Site, nodes: Collection[str], now_s: float) -> tuple[str, str] | None:
+        """Returns the problem that somebody else publishes frames of the group; None when nobody does.
+
+        Args:
+            side: where this is.
+            nodes: full names of the other nodes that publish the public topic: a message does not say whose it is.
+            now_s: the steady clock.
+        """
+        frames = ", ".join(sorted(frame for frame, at_s in self.taken_s.items() if now_s - at_s <= TAKEN_S))
+        if not frames:
+            return None
+        culprit = f"{'one of ' if len(nodes) > 1 else ''}{', '.join(sorted(nodes))}" or "a node that is gone"
+        where = "on the robot" if side is Site.ROBOT else "in the cloud"
+        return Problem.FRAME_TAKEN, f"{frames} of the group is published on {self.topic} {where} also by {culprit}"
 
     def replica(self, payload: Any, now_s: float) -> Any | None:
         """Takes a message of the private topic; returns what the replica said in it; None for nothing of it."""

@@ -164,7 +164,9 @@ class RobotControlProcess(ControlProcess):
         self.executing, self.relay_s = status.executing, self.ports.now_s()
         self._note_while()
         self.rest.take(status, self.ports.now_s())
-        reported = placement.RelayReported(status.candidate, status.pending, status.hold, status.hold_for_s)
+        reported = placement.RelayReported(
+            status.candidate, status.pending, status.hold, status.hold_for_s, status.unfit
+        )
         if reported != self.robot.handing.report:
             self.step(reported)
 

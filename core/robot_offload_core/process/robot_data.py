@@ -8,7 +8,7 @@ from typing import Any
 from robot_offload_core import envelope
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import DataReported, StateReported
-from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess
+from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess, others_of
 from robot_offload_core.process.messages import (
     ENVELOPE,
     OTHERS,
@@ -85,11 +85,7 @@ class RobotDataProcess(DataProcess):
 
     def send_input(self, name: str, payload: Any) -> None:
         """Sends with a header that lets the cloud bound the message's age."""
-        heard = self.heard
-        with self.ports.lock:
-            sequence = self.sequence[name] = self.sequence.get(name, self.first_sequence) + 1
-        token = Token(self.orders.incarnation, self.orders.epoch, heard.incarnation if heard else "")
-        header = envelope.encode(Envelope(token, sequence, heard.sent_us if heard else 0))
+        header = self._header(name)
         sent = self._cross_input(name, header, payload)
         with self.ports.lock:
             replaced = self.waiting.pop(name, None)
@@ -99,6 +95,13 @@ class RobotDataProcess(DataProcess):
         left_out = not sent and (name not in self.latest or replaced is not None)
         if left_out and self.ports.link_status()[0]:
             self.paces.refused(name, self.ports.now_s())
+
+    def _header(self, name: str) -> bytes:
+        heard = self.heard
+        with self.ports.lock:
+            sequence = self.sequence[name] = self.sequence.get(name, self.first_sequence) + 1
+        token = Token(self.orders.incarnation, self.orders.epoch, heard.incarnation if heard else "")
+        return envelope.encode(Envelope(token, sequence, heard.sent_us if heard else 0))
 
     def _cross_input(self, name: str, header: bytes, payload: Any) -> bool:
         """Sends an input's message; returns whether the link took it."""
@@ -129,8 +132,20 @@ class RobotDataProcess(DataProcess):
             name = self.plan.outputs[message.index].name
             if not self.fits(name, message.payload):
                 return
-            channel = "mirror" if message.kind == PASSED else "others"
-            self.ports.cross(f"{channel}/{name}", message.header, message.payload)
+            if message.kind == OTHERS and others_of(name) in self.shared:
+                self._keep_others(others_of(name), message.payload)
+                return
+            channel = f"mirror/{name}" if message.kind == PASSED else others_of(name)
+            self.ports.cross(channel, message.header, message.payload)
+
+    def _keep_others(self, channel: str, payload: Any) -> None:
+        """Keeps a latched message that somebody outside the group said, and sends it if it is new."""
+        with self.ports.lock:
+            if payload in self.latched[channel]:
+                return
+            self.latched[channel] = [*self.latched[channel], payload][-MAX_LATCHED:]
+        self.sent_s[channel] = self.ports.now_s()
+        self.ports.cross(channel, self._header(channel), payload)
 
     def limit(self, limits: Limits) -> None:
         """Takes the rates of the inputs."""
@@ -166,7 +181,10 @@ class RobotDataProcess(DataProcess):
             if now_s - last_s >= RESEND_PERIOD_S:
                 self.resent_s[name] = now_s
                 for value in list(values):
-                    self.send_input(name, value)
+                    if name in self.shared:
+                        self.ports.cross(name, self._header(name), value)
+                    else:
+                        self.send_input(name, value)
 
     def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
         """Hands a message of the cloud's replica to the collector, which decides."""

@@ -81,6 +81,10 @@ HOT: dict[str, Mutant] = {
         "a takeover by silence is a flap", "third_mistake_within_ten_minutes",
         (Edit("changeovers", "policy = robot.policy if by_silence else policies.lost", "policy = policies.lost"),),
     ),
+    "A20": Mutant(
+        "a robot whose mirror ended takes over by silence", "mirror_that_ended_early_keeps_from_a_takeover_by_silence",
+        (Edit("early", " or _unfit(robot)", ""),),
+    ),
 }  # fmt: skip
 HOT_EQUIVALENT: dict[str, Equivalent] = {
     "A19": Equivalent(

@@ -918,7 +918,13 @@ MUTANTS: dict[str, Mutant] = {
     "O4": Mutant(
         "others are not heard in the cloud",
         "shared_topic_through_changeovers",
-        (Edit("process.collector", '        self.ports.carry("data", OTHERS, index, self._header(), said)\n', ""),),
+        (
+            Edit(
+                "process.collector",
+                '        self.ports.fill(index, said)\n        self.ports.carry("data", OTHERS, index, self._header(), said)\n',
+                "        self.ports.fill(index, said)\n",
+            ),
+        ),
     ),
     "O5": Mutant(
         "the cloud's standby does not hear the holder",
@@ -930,6 +936,27 @@ MUTANTS: dict[str, Mutant] = {
                 "                pass",
             ),
         ),
+    ),
+    "O6": Mutant(
+        "latched words of others are not sent again",
+        "latched_words_of_others",
+        (
+            Edit(
+                "process.robot_data",
+                "                    if name in self.shared:\n                        self.ports.cross(name, self._header(name), value)\n",
+                "                    if name in self.shared:\n                        continue\n",
+            ),
+        ),
+    ),
+    "O7": Mutant(
+        "latched words of others are said each time they come",
+        "latched_words_of_others",
+        (Edit("process.cloud_data", "            if known:\n                return\n", ""),),
+    ),
+    "O8": Mutant(
+        "a data process that was started anew on the robot does not know what others said",
+        "latched_words_of_others",
+        (Edit("process.collector", "            self._repeat_others(now_s)\n", ""),),
     ),
     "R1": Mutant(
         "results of any age pass",

@@ -42,6 +42,10 @@ class Payload(NamedTuple):
     header: bytes
     left_s: float
 
+    def __radd__(self, before: bytes) -> bytes:
+        """Stands for its bytes where a latched one is hashed."""
+        return before + repr(self.message).encode()
+
 
 class Witness(Protocol):
     """Who watches the sides; see the observer for what each is judged by."""

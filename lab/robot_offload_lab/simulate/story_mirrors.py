@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from robot_offload_core.declared import ActionSpec, OnSwitch, ServiceSpec
+from robot_offload_core.ledger.goals import MIRROR_S
 from robot_offload_core.ledger.ports import GoalStatus
+from robot_offload_core.reasons import Reason
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.goal_stage import FOLLOW, RELAY, GoalStage
 from robot_offload_lab.simulate.stage import CONTROLLER, PLANNER
+from robot_offload_lab.simulate.story_hot import COMMANDS, LEARNED_S
 
 ROBOT, CLOUD = Site.ROBOT, Site.CLOUD
 SEARCH, DETECT = "/search", "/detect"
@@ -90,6 +93,22 @@ def mirror_ends_early() -> None:
     stage.ends(goal, GoalStatus.SUCCEEDED)
 
 
+def mirror_that_ended_early_keeps_from_a_takeover_by_silence() -> None:
+    """A Hot robot whose mirror goes on takes over by one missing message; one whose mirror ended waits for a limit."""
+    for ends in (False, True):
+        stage = GoalStage(hot=True, relay=MIRROR, outputs=(COMMANDS,))
+        stage.in_cloud()
+        goal = stage.goal()
+        stage.until(lambda: bool(stage.copies(ROBOT, goal)), 1.0, "the robot mirrors it")  # noqa: B023
+        stage.run(LEARNED_S)
+        if ends:
+            stage.traits(ROBOT, FOLLOW).takes_s = 0.0
+            stage.run(MIRROR_S + 1.0)
+        stage.lose_cloud()
+        by_silence = stage.machine.decided.reason is Reason.OUTPUT_SILENT
+        stage.expect(by_silence is not ends, f"it took over: {stage.machine.decided.reason.value}")
+
+
 def node_of_the_cloud_serves() -> None:
     """A node with placement Cloud serves whoever holds; without its cloud everybody is refused at once."""
     stage = GoalStage(relay=OF_CLOUD)
@@ -102,4 +121,7 @@ def node_of_the_cloud_serves() -> None:
     stage.until(lambda: refused.accepted is False and call.failures == ["CloudAway"], 0.1, "refused at once")
 
 
-STORIES = (mirror_takes_over, mirror_in_the_cloud, mirror_over_changes, mirror_ends_early, node_of_the_cloud_serves)
+STORIES = (
+    mirror_takes_over, mirror_in_the_cloud, mirror_over_changes, mirror_ends_early,
+    mirror_that_ended_early_keeps_from_a_takeover_by_silence, node_of_the_cloud_serves,
+)  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from robot_offload_core.placement import Phase
 from robot_offload_core.settings import NodeSpec, OutputSpec
 from robot_offload_core.token import Site
@@ -13,6 +15,7 @@ from robot_offload_lab.simulate.stage import CONTROLLER, Stage
 
 SHARED = 1
 OTHERS_S = 0.033
+POSES = OutputSpec("poses", 0.0, shared=True, nodes=("localizer",))
 
 
 class Others:
@@ -39,11 +42,11 @@ class Others:
         return len(times)
 
 
-def _stage(*, hot: bool = False) -> Stage:
+def _stage(*, hot: bool = False, latched: bool = False) -> Stage:
     localizer = NodeSpec("localizer", lifecycle=not hot, hot=hot)
     return Stage(
         nodes=(CONTROLLER, localizer), mirrored=(0, 1),
-        outputs=(OutputSpec("cmd_vel", 0.15), OutputSpec("poses", 0.0, shared=True, nodes=("localizer",))),
+        outputs=(OutputSpec("cmd_vel", 0.15), replace(POSES, latched=latched)),
         replicas={"controller": Replica(0, 0.05), "localizer": Replica(SHARED, 0.05)},
     )  # fmt: skip
 
@@ -92,4 +95,35 @@ def shared_topic_without_a_link() -> None:
     stage.expect(others.given(Site.CLOUD) - before >= 25, "and in the cloud again")
 
 
-STORIES = (shared_topic_through_changeovers, shared_topic_without_a_link)
+def latched_words_of_others() -> None:
+    """What others said once before there was a link reaches a cloud that comes later, each time it begins anew."""
+    stage = _stage(latched=True)
+    stage.start()
+    join = stage.cut()
+    stage.robot_acts()
+    collector, said_s = stage.robot.collector, []
+    for number in (1, 2):
+        message = Message(OTHERS, 1, number, stage.now)
+        said_s.append(message.born_s)
+        collector.post(OTHERS, collector.others, SHARED, Payload(Site.ROBOT, message, b"", stage.now))
+        stage.run(0.5)
+    stage.expect(not any(to is Site.CLOUD for _, to, _ in stage.seen.fills), "there is no link yet")
+    join()
+
+    def heard(what: str) -> None:
+        stage.until_phase(Phase.CLOUD, 12.0, "the cloud is in charge")
+        stage.run(1.0)
+        given = [m.born_s for _, to, m in stage.seen.fills if to is Site.CLOUD and m.others]
+        stage.expect(given == said_s, f"the replica in the cloud hears each once {what}: {given}")
+        stage.seen.fills.clear()
+
+    heard("as soon as there is a link")
+    stage.cloud.data.kill(0.1)
+    heard("when its data process was started anew")
+    stage.robot.data.kill(0.1)
+    stage.run(8.0)
+    stage.cloud.data.kill(0.1)
+    heard("when those of both sides were")
+
+
+STORIES = (shared_topic_through_changeovers, shared_topic_without_a_link, latched_words_of_others)

@@ -1,4 +1,4 @@
-"""What becomes of goals, calls and state at a change of sides, in words. Pure, tolerant like `observed`."""
+"""What becomes of nodes, outputs, goals, calls and state at a change of sides, in words. Pure and tolerant."""
 
 from __future__ import annotations
 
@@ -18,11 +18,19 @@ _CALLS: Final = {
 }
 
 
+_SIDES: Final = {"robot": "on the robot", "cloud": "in the cloud"}
+
+
 def handover(spec: Mapping[str, Any]) -> Iterator[str]:
-    """Yields a sentence for each action, service and state that a duplicated node declares, as the resource has it."""
+    """Yields a sentence for each thing that a node declares about changes of sides, as the resource has it."""
     for node in spec.get("nodes") or ():
+        if node.get("placement") == "Cloud":
+            yield from _results(node)
         if node.get("placement") != "Duplicated":
             continue
+        yield from _standby(node)
+        for output in node.get("outputs") or ():
+            yield from _output(output)
         for action in node.get("actions") or ():
             rule = str(action.get("onSwitch", ""))
             yield f"At a change of sides, goals of {action.get('name')} {_GOALS.get(rule, '')} ({rule})."
@@ -31,6 +39,38 @@ def handover(spec: Mapping[str, Any]) -> Iterator[str]:
             yield f"Calls of {service.get('name')} {_CALLS.get(rule, '')} ({rule})."
         for state in node.get("state") or ():
             yield f"{node.get('name')} hands over {_kept(state)}."
+
+
+def _results(node: Mapping[str, Any]) -> Iterator[str]:
+    topics = ", ".join(str(output.get("topic")) for output in node.get("outputs") or ())
+    if topics:
+        yield (
+            f"{node.get('name')} runs in the cloud only: {topics} reach the robot whichever side acts, or are silent; "
+            "/offload/available says why."
+        )
+
+
+def _standby(node: Mapping[str, Any]) -> Iterator[str]:
+    if node.get("lifecycle") is False:
+        yield f"{node.get('name')} has no lifecycle: it runs on both sides all the time, one of them is heard."
+        return
+    standby = node.get("standby") or {}
+    hot = [where for side, where in _SIDES.items() if standby.get(side) == "Hot"]
+    if hot:
+        yield f"{node.get('name')} stays Active {' and '.join(hot)} while the other side acts (Hot)."
+
+
+def _output(output: Mapping[str, Any]) -> Iterator[str]:
+    topic, condition = output.get("topic"), output.get("while")
+    if condition:
+        busy = [f"a goal of {name} is executed" for name in condition.get("actions") or ()]
+        within = f" (each counts for {condition['within']})" if condition.get("within") else ""
+        busy += [f"{condition['topic']} arrives{within}"] if condition.get("topic") else []
+        yield f"{topic} is expected to speak only while {' or '.join(busy)}."
+    frames = ", ".join(f"{frame.get('parent')} -> {frame.get('child')}" for frame in output.get("frames") or ())
+    if frames or output.get("shared"):
+        part = f", {frames} of the acting side" if frames else ""
+        yield f"{topic} is shared: both sides hear all that others publish there{part}."
 
 
 def _kept(state: Mapping[str, Any]) -> str:

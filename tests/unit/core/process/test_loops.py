@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from robot_offload_core.declared import Frame
-from robot_offload_core.process.loops import ECHO_S, Echoes, Loop
+from robot_offload_core.problems import Problem
+from robot_offload_core.process.loops import ECHO_S, TAKEN_S, Echoes, Loop
 from robot_offload_core.settings import OutputSpec
+from robot_offload_core.token import Site
 from tests.unit.core.test_transforms import message, names
 
 NOW_S = 100.0
@@ -52,3 +54,24 @@ def test_garbage_on_a_topic_of_transforms_goes_nowhere_and_is_counted() -> None:
     assert loop.others(b"\0\1\0\0\xff", NOW_S) is None
     assert loop.replica(b"", NOW_S) is None
     assert loop.strange == 2
+
+
+def test_somebody_else_who_publishes_a_frame_of_the_group_is_named_with_the_side_until_that_is_over() -> None:
+    loop = Loop(TF)
+    loop.say(message([OURS]), NOW_S)
+    loop.others(message([OURS]), NOW_S)
+    loop.others(message([WHEELS]), NOW_S)
+    assert loop.taken(Site.ROBOT, ["/wheels"], NOW_S) is None, (
+        "the group's own word comes back, others' frames are theirs"
+    )
+    loop.others(message([WHEELS, OURS]), NOW_S)
+    assert loop.taken(Site.ROBOT, ["/slam"], NOW_S) == (
+        Problem.FRAME_TAKEN, "map -> odom of the group is published on tf on the robot also by /slam",
+    )  # fmt: skip
+    several = loop.taken(Site.CLOUD, ["/wheels", "/slam"], NOW_S)
+    assert several is not None
+    assert several[1].endswith("in the cloud also by one of /slam, /wheels")
+    gone = loop.taken(Site.CLOUD, [], NOW_S)
+    assert gone is not None
+    assert gone[1].endswith("by a node that is gone")
+    assert loop.taken(Site.ROBOT, ["/slam"], NOW_S + TAKEN_S + 1) is None

@@ -117,6 +117,34 @@ def test_only_the_last_five_warnings_are_shown() -> None:
     assert len(explained(observed(), *many).events) == 5
 
 
+def test_what_becomes_of_nodes_and_outputs_is_told() -> None:
+    controller = {
+        "name": "controller",
+        "placement": "Duplicated",
+        "standby": {"robot": "Hot", "cloud": "Warm"},
+        "outputs": [
+            {"topic": "/cmd_vel", "rate": 20, "while": {"actions": ["/follow_path", "/spin"]}},
+            {"topic": "/marks", "while": {"topic": "/image", "within": "200ms"}},
+            {"topic": "/tf", "frames": [{"parent": "map", "child": "odom"}]},
+            {"topic": "/diagnostics", "shared": True},
+        ],
+    }
+    filter_ = {"name": "filter", "placement": "Duplicated", "lifecycle": False, "outputs": [{"topic": "/filtered"}]}
+    detector = {"name": "detector", "placement": "Cloud", "outputs": [{"topic": "/detections"}]}
+    assert list(handover({"nodes": [controller, filter_, detector]})) == [
+        "controller stays Active on the robot while the other side acts (Hot).",
+        "/cmd_vel is expected to speak only while a goal of /follow_path is executed or a goal of /spin is executed.",
+        "/marks is expected to speak only while /image arrives (each counts for 200ms).",
+        "/tf is shared: both sides hear all that others publish there, map -> odom of the acting side.",
+        "/diagnostics is shared: both sides hear all that others publish there.",
+        "filter has no lifecycle: it runs on both sides all the time, one of them is heard.",
+        (
+            "detector runs in the cloud only: /detections reach the robot whichever side acts, or are silent; "
+            "/offload/available says why."
+        ),
+    ]
+
+
 def test_what_becomes_of_goals_calls_and_state_is_told() -> None:
     controller = {
         "name": "controller",
