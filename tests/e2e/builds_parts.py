@@ -17,11 +17,11 @@ from robot_offload.images.builders import Request, run
 from robot_offload_lab.cluster import programs
 from robot_offload_lab.cluster.any_cluster import AnyCluster
 from robot_offload_lab.cluster.image_registry import ImageRegistry
-from robot_offload_lab.images import wheels_base
+from robot_offload_lab.images import ours, wheels_base
 from robot_offload_lab.images.ours import ROOT
 from robot_offload_lab.images.wheels_base import Stage
 from tests.e2e.figures import tell
-from tests.e2e.images import builder_environment, cache_folder
+from tests.e2e.images import REPOSITORY, builder_environment, cache_folder
 from tests.integration.test_images_build import commit, git, write_source
 from tests.integration.test_images_private import TOKEN, certify, serving
 
@@ -32,6 +32,7 @@ BROKEN: Final = "Package talker has no executable talker. It has:"
 """What is wrong with the other branch."""
 _WANTED: Final[tuple[tuple[str, str, Stage], ...]] = (
     ("builder", "builder", "ros-core"),
+    ("git", "git", "ros-core"),
     ("base", "base", "ros-base"),
     ("runtime", "base", "ros-core"),
 )
@@ -48,6 +49,7 @@ class Workshop:
         url: of the repository; it asks for a password.
         commits: by branch: `main` is good, `broken` cannot be built.
         builder: the image with buildah.
+        git: the image with git: ours, and it trusts the repository's server.
         base: the image to build in.
         runtime: the image to run in.
     """
@@ -56,6 +58,7 @@ class Workshop:
     url: str
     commits: dict[str, str]
     builder: str
+    git: str
     base: str
     runtime: str
 
@@ -87,8 +90,8 @@ def workshop(cluster: AnyCluster, folder: Path) -> Iterator[Workshop]:
     with registry, serving(folder, kept, address) as url:
         with (cache_folder() / "lock").open("w") as gate:
             fcntl.flock(gate, fcntl.LOCK_EX)  # the store is shared with the images of all stories
-            builder, base, runtime = _images(registry, kept / "certificate.pem")
-        yield Workshop(registry, f"{url}/robot.git", commits, builder, base, runtime)
+            builder, fetcher, base, runtime = _images(registry, kept / "certificate.pem")
+        yield Workshop(registry, f"{url}/robot.git", commits, builder, fetcher, base, runtime)
 
 
 def _source(folder: Path) -> dict[str, str]:
@@ -103,9 +106,13 @@ def _source(folder: Path) -> dict[str, str]:
 
 
 def _images(registry: ImageRegistry, certificate: Path) -> tuple[str, ...]:
-    """Names of builder, base and runtime base in the registry; built and pushed where they are not there yet."""
+    """Names of builder, git, base and runtime base in the registry; built and pushed where they are not there yet."""
     environment = builder_environment(cache_folder())
     wheels_base.build("buildah", ROOT, wheels_base.lent("buildah"), environment=environment)
+    own = next(image for image in ours.OURS if image.name == "git")
+    settings = ours.BuildSettings(REPOSITORY, "builds", "builds", extra=wheels_base.lent("buildah"))
+    fetcher = ours.request(own, settings, wheels_base.tag("system"))
+    run("buildah", fetcher, environment=environment)
     names = []
     with tempfile.TemporaryDirectory(prefix="robot-offload-builder-") as scratch:
         context = Path(shutil.copytree(CONTEXT, scratch, dirs_exist_ok=True))
@@ -120,7 +127,11 @@ def _images(registry: ImageRegistry, certificate: Path) -> tuple[str, ...]:
                 tag=name,
                 context=context,
                 dockerfile=str(context / "Dockerfile"),
-                build_arguments={"SYSTEM": wheels_base.tag("system"), "ROS": wheels_base.tag(ros)},
+                build_arguments={
+                    "SYSTEM": wheels_base.tag("system"),
+                    "ROS": wheels_base.tag(ros),
+                    "GIT": fetcher.tag,
+                },
                 # Nothing of the machine is lent: its certificates would lie over those of the image.
                 extra=("--target", target, "--isolation", "chroot"),
             )
@@ -132,7 +143,8 @@ def _images(registry: ImageRegistry, certificate: Path) -> tuple[str, ...]:
 
 def _key(context: Path) -> str:
     """A name for what these images are made of."""
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(context.iterdir())))
+    made_of = (*sorted(context.iterdir()), ROOT / "images" / "git" / "Dockerfile")
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in made_of))
     archives = wheels_base.archives(wheels_base.cache_folder())
     digest.update(wheels_base.fingerprint(ROOT / "images" / "wheels-base", archives).encode())
     return digest.hexdigest()[:12]

@@ -111,19 +111,21 @@ def _chosen(folder: Path) -> str:
     return wanted
 
 
-def renamed(images: Images, reference: str, other: str, folder: Path) -> Path:
-    """An archive that gives an image that the nodes have another name; it holds nothing else."""
+def renamed(images: Images, others: Mapping[str, str], folder: Path) -> Path:
+    """Returns an archive that gives images that the nodes have other names; it holds nothing else."""
     with tarfile.open(images.archives[-1]) as opened:
         member = opened.extractfile("index.json")
         assert member is not None
         index: dict[str, Any] = json.load(member)
-    entry = next(each for each in index["manifests"] if reference in each["annotations"].values())
-    renamed = {**entry, "annotations": {"org.opencontainers.image.ref.name": other}}
+    entries = {name: entry for entry in index["manifests"] for name in entry["annotations"].values()}
+    renamed = [
+        {**entries[name], "annotations": {"org.opencontainers.image.ref.name": other}} for name, other in others.items()
+    ]
     archive = folder / "renamed.tar"
     with tarfile.open(archive, "w") as written:
         for name, content in (
             ("oci-layout", {"imageLayoutVersion": "1.0.0"}),
-            ("index.json", {**index, "manifests": [renamed]}),
+            ("index.json", {**index, "manifests": renamed}),
         ):
             text = json.dumps(content).encode()
             about = tarfile.TarInfo(name)

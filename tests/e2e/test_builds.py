@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from robot_offload_lab.cluster.errors import CommandError
 from tests.e2e.builds_parts import BROKEN, BUILT, Workshop, workshop
 from tests.e2e.chart import Chart
 from tests.e2e.figures import figure
@@ -19,12 +20,11 @@ pytestmark = pytest.mark.timeout(2400)  # the first time, builder and base are b
 
 @pytest.fixture
 def place(story: Story, chart: Chart) -> Iterator[Workshop]:
-    """What the build needs, and an operator that knows the builder."""
+    """What the build needs; the chart's values are its defaults, and are so again afterwards."""
     with workshop(story.cluster, story.folder / "source") as found:
         # Builds need more than the restricted level: docs/how-to/images.md, "In the cluster".
         label = "pod-security.kubernetes.io/enforce=privileged"
         story.kubectl.within("")("label", "namespace", story.namespace, label, "--overwrite")
-        chart.upgrade(images__builder=found.builder, images__git=found.base, builds__enabled=True)
         yield found
         chart.rollback()
 
@@ -49,7 +49,26 @@ def talker(story: Story, place: Workshop, branch: str) -> Manifest:
     return story.sample("talker", change)
 
 
-def test_source_becomes_a_running_pod_and_a_broken_source_is_told_by_its_line(story: Story, place: Workshop) -> None:
+def allow_builds(story: Story, chart: Chart, place: Workshop) -> None:
+    """Does what the how-to says: builds are off until an administrator sets the chart's value."""
+    wanted = talker(story, place, "main")
+    assert "builds.enabled" in story.kubectl.apply_refused(wanted)
+    chart.upgrade(images__builder=place.builder, images__git=place.git, builds__enabled=True)
+
+    def allowed() -> bool:  # a changed admission policy counts after a moment
+        try:
+            story.kubectl.apply(wanted, options=("--dry-run=server",))
+        except CommandError:
+            return False
+        return True
+
+    eventually(allowed, "the admission policy that allows builds")
+
+
+def test_source_becomes_a_running_pod_and_a_broken_source_is_told_by_its_line(
+    story: Story, chart: Chart, place: Workshop
+) -> None:
+    allow_builds(story, chart, place)
     story.kubectl.apply(
         {
             "apiVersion": "v1",

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload.kube.kinds import CONFIG_MAP, ROBOT_OFFLOAD
+from robot_offload.kube.kinds import CONFIG_MAP, ROBOT_OFFLOAD, SECRET
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.operator_cluster import Manifest, Place, eventually, walker
 from tests.integration.operator_process import Operator
@@ -96,6 +96,25 @@ def test_a_pass_over_what_has_not_changed_asks_the_api_server_nothing(
         lambda: "remote_node_0" in str((place.get(CONFIG_MAP, "walker-renamed-parameters") or {}).get("data")),
         "the new parameters in the replica's copy",
     )
+
+
+def test_a_restarted_operator_reads_all_certificates_in_lists_and_writes_nothing(
+    place: Place, operator: Operator, proxy: Proxy
+) -> None:
+    for number in range(3):
+        place.create(ROBOT_OFFLOAD, walker(f"robot-{number}"))
+    for number in range(3):
+        place.applied(f"robot-{number}")
+    proxy.quiet(place.namespace)
+    ours = [place.namespace, *(place.there(ROBOT_OFFLOAD, f"robot-{number}")["metadata"]["uid"] for number in range(3))]
+    count = len(proxy.asked)
+    operator.restart()
+    eventually(lambda: passes_of(operator) >= 3, "passes of the new operator")
+    proxy.quiet(place.namespace)
+    asked = [one for one in proxy.asked[count:] if not one.watch and any(word in one.path for word in ours)]
+    assert [f"{one.method} {one.path}" for one in asked] == []
+    place.delete(SECRET, "robot-1-robot")
+    eventually(lambda: place.get(SECRET, "robot-1-robot"), "the certificate to be made again")
 
 
 def passes_of(operator: Operator) -> float:

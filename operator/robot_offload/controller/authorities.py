@@ -59,6 +59,11 @@ class Authorities:
         entries = [self._tools.store.entry(SECRET, self._home, name) for name in self._names.values()]
         return [(entry.uid, entry.version) for entry in entries if entry is not None]
 
+    def preread(self) -> dict[Role, Manifest | None]:
+        """Returns them as they were read when the operator started, as far as they still are so."""
+        take = self._tools.preread.take
+        return {role: take(self._tools.store, self._home, name) for role, name in self._names.items()}
+
     async def read(self) -> dict[Role, Manifest | None]:
         """Reads them from the API server: the store keeps no keys."""
         found = await asyncio.gather(*(self._tools.api.get(SECRET, self._home, name) for name in self._names.values()))

@@ -20,7 +20,8 @@ from robot_offload.controller.subject import Subject
 from robot_offload.controller.tools import Tools
 from robot_offload.decide import certificates, issuer, presented
 from robot_offload.decide.authorities import AUTHORITIES
-from robot_offload.decide.ownership import Key
+from robot_offload.decide.ownership import Key, key_of
+from robot_offload.decide.plan import plan
 from robot_offload.decide.renewal import Answer
 from robot_offload.decide.verdicts import Verdict, yes
 from robot_offload.kube.port import Manifest
@@ -77,6 +78,7 @@ class Certifying:
         authorities: Authorities,
     ) -> None:
         self._store = tools.store
+        self._preread = tools.preread
         self._clock = tools.clock
         self._subject = subject
         self._memory = memory
@@ -99,6 +101,9 @@ class Certifying:
         if known is not None and based_on is not None and known.based_on == based_on and now_s < known.renewal_s:
             left_s = known.renewal_s - now_s
             return Secrets(known.verdict, kept, known.hash, left_s, answer=known.answer, ends=known.ends)
+        found = self._as_preread(parent, asked)
+        if found is not None:
+            return self._noted(found, asked, kept)
         await self._observer.confirm(self._snapshot, keys.values())
         leaves: dict[certificates.Role, Manifest | None] = {
             role: self._snapshot.ours(*key, self._subject.uid) for role, key in keys.items()
@@ -121,15 +126,35 @@ class Certifying:
         applied = await self._authorities.apply(issued.authorities)
         if applied.complete:  # a leaf of an authority that is not kept would be worthless
             applied = await self._apply(issued.leaves)
-        content = certificates.content_hash(self._snapshot.ours(*keys["cloud"], self._subject.uid))
         if not applied.complete:
             # What is not kept must not be handed out: the next pass would sign another one.
+            content = certificates.content_hash(self._snapshot.ours(*keys["cloud"], self._subject.uid))
             return Secrets(applied.verdict, kept, content)
-        ends = _ends(dict(zip(certificates.LEAVES, issued.leaves, strict=True)))
-        based_on = self._based_on(keys.values(), revoke, asked)
-        self._memory.secrets = Certified(
-            based_on, issued.verdict, content, now_s + issued.recheck_s, issued.answer, ends
+        return self._noted(issued, asked, kept)
+
+    def _as_preread(self, parent: Parent, asked: str) -> certificates.Issued | None:
+        """Returns what follows from the Secrets as they were read at the start; None: something is to be done."""
+        uid, take = self._subject.uid, self._preread.take
+        live = self._authorities.preread()
+        for role, (_, name) in certificates.secret_keys(parent.name).items():
+            live[role] = take(self._store, self._subject.namespace, name)
+        there = {key_of(secret): secret for secret in live.values() if secret is not None}
+        if len(there) < len(certificates.ROLES) or parent.spec.transport.certificates.issuer_ref is not None:
+            return None
+        issued = certificates.issue(
+            parent, live, self._subject.annotation(certificates.REVOKE), self._clock.wall(), asked
         )
+        steps = plan(issued.secrets, there, uid)
+        return None if issued.made or issued.answer or steps.touched or steps.obstacles else issued
+
+    def _noted(self, issued: certificates.Issued, asked: str, kept: frozenset[Key]) -> Secrets:
+        """Remembers what was found, so that the next pass reads no keys."""
+        leaves: dict[certificates.Role, Manifest | None] = dict(zip(certificates.LEAVES, issued.leaves, strict=True))
+        keys = certificates.secret_keys(self._subject.name)
+        based_on = self._based_on(keys.values(), self._subject.annotation(certificates.REVOKE), asked)
+        content, ends = certificates.content_hash(leaves["cloud"]), _ends(leaves)
+        renewal_s = self._clock.steady_s() + issued.recheck_s
+        self._memory.secrets = Certified(based_on, issued.verdict, content, renewal_s, issued.answer, ends)
         return Secrets(issued.verdict, kept, content, issued.recheck_s, answer=issued.answer, ends=ends)
 
     def _based_on(self, keys: Iterable[Key], revoke: str, asked: str) -> object:

@@ -11,7 +11,7 @@ the Services of the discovery servers, the rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -109,6 +109,21 @@ class Controller:
         memory.due_s = math.inf if result.again_s is None else now_s + result.again_s
         memory.however_s = math.inf if found.however_s is None else now_s + found.however_s
         return result
+
+    async def preread(self, served: Collection[str]) -> None:
+        """Reads the certificates of all RobotOffloads in the store, which is complete, in a few lists.
+
+        Args:
+            served: namespaces whose RobotOffloads this operator serves; empty: all.
+        """
+        try:
+            await self._tools.preread.read(self._tools.api, self._tools.store, served, self._tools.policy.home)
+        except KubeError as error:
+            _log.warning("Reads certificates one by one", error=str(error))
+
+    def forget_preread(self) -> None:
+        """Drops those that no pass has asked for."""
+        self._tools.preread.forget()
 
     def resume(self) -> None:
         """Learns from the store, which is complete, whose pods an earlier operator has begun to replace."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from robot_offload.controller.clock import Clock
+from robot_offload.controller.preread import Preread
 from robot_offload.controller.store import Store
 from robot_offload.decide import rollouts
 from robot_offload.kube.port import KubeApi
@@ -39,6 +40,7 @@ class Tools:
         clock: both clocks.
         policy: what holds for the whole cluster.
         budget: how many robots may have their pods replaced at once.
+        preread: the certificates as they were when the operator started.
     """
 
     api: KubeApi
@@ -47,3 +49,4 @@ class Tools:
     clock: Clock
     policy: Policy
     budget: rollouts.Budget[tuple[str, str]]
+    preread: Preread = field(default_factory=Preread)

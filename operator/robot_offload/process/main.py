@@ -176,22 +176,29 @@ class Operator:
         except TimeoutError:
             late = [informer.kind.kind for informer in informers if not informer.listed.is_set()]
             _log.warning("Works without the store until everything is listed", missing=late)
+        if listed.done():
+            await self._learn()
         workers = [asyncio.create_task(self._queue.work(self._look)) for _ in range(self._settings.workers)]
         try:
             await _first(listed, *workers)
-            if listed.done():
-                self._store.fed = True
-                self._controller.resume()
-                # What was listed stays: looking through it for garbage again and again would hold everything up.
-                gc.collect()
-                gc.freeze()
-                _log.info("Knows everything", objects=len(self._store))
+            if listed.done() and not self._store.fed:
+                await self._learn()
             await asyncio.gather(*workers)
         finally:
             for worker in workers:
                 worker.cancel()
             listed.cancel()
             await asyncio.gather(*workers, return_exceptions=True)
+
+    async def _learn(self) -> None:
+        """Lets passes work from the store, which is complete."""
+        await self._controller.preread(self._settings.watch_namespaces)
+        self._store.fed = True
+        self._controller.resume()
+        # What was listed stays: looking through it for garbage again and again would hold everything up.
+        gc.collect()
+        gc.freeze()
+        _log.info("Knows everything", objects=len(self._store))
 
     async def _look(self, name: Name) -> None:
         """One pass with everything around it: metrics, errors, the next time."""
@@ -249,6 +256,7 @@ class Operator:
         """Looks at every object now and then, each at its own time, whatever the events said."""
         while True:
             await asyncio.sleep(self._settings.resync_s)
+            self._controller.forget_preread()
             for name in list(self._controller.memories):
                 # As an event: a reminder would be put off by every renewal of the robot's Lease.
                 self._queue.add(name, random.uniform(0, self._settings.resync_s))
