@@ -89,6 +89,12 @@ class BuildPod:
             flags.append("--no-new-privs")
         files = {file: f"/etc/{file}" for file in _ACCOUNTS} | {it: str(shutil.which(it)) for it in _FILE_CAPABILITIES}
         mounts = "".join(f"mount --bind {self.folder}/{file} {place}; " for file, place in files.items())
+        mounted = {mount["mountPath"] for mount in container["volumeMounts"]}
+        # What the container does not mount is read-only, as its root file system is.
+        mounts += "".join(
+            f"mount -t tmpfs -o mode=1777,{'rw' if place in mounted else 'ro'} tmpfs {place}; "
+            for place in (scripts.UNPACKED_DIR, "/run", "/home")
+        )
         user = f"--reuid={security['runAsUser']} --regid={security['runAsGroup']}"
         entry = f'set -e; {mounts} exec setpriv {user} {" ".join(flags)} /bin/sh -c "$SCRIPT"'
         environment = {one["name"]: one["value"] for one in container["env"]}

@@ -131,6 +131,7 @@ def _template(parent: Parent, plan: BuildPlan) -> Manifest:
 def _volumes(plan: BuildPlan) -> list[Manifest]:
     found: list[Manifest] = [
         {"name": "scratch", "emptyDir": {}},
+        {"name": "unpacked", "emptyDir": {}},
         pod.config_map_volume("files", plan.name, [scripts.DOCKERFILE, scripts.REGISTRIES]),
     ]
     if plan.build.git_secret is not None:
@@ -176,11 +177,18 @@ def _build(facts: Facts, plan: BuildPlan) -> Manifest:
 
 
 def _push(facts: Facts, plan: BuildPlan) -> Manifest:
-    return _buildah(PUSH, facts, plan, scripts.PUSH, "push-secret" if plan.registry.push_secret else None)
+    unpacked = pod.mount("unpacked", scripts.UNPACKED_DIR, read_only=False)
+    return _buildah(PUSH, facts, plan, scripts.PUSH, "push-secret" if plan.registry.push_secret else None, unpacked)
 
 
-def _buildah(name: str, facts: Facts, plan: BuildPlan, script: str, secret: str | None) -> Manifest:
-    mounts = [pod.mount("scratch", scripts.SCRATCH, read_only=False), pod.mount("files", scripts.FILES_DIR)]
+def _buildah(
+    name: str, facts: Facts, plan: BuildPlan, script: str, secret: str | None, *more_mounts: Manifest
+) -> Manifest:
+    mounts = [
+        pod.mount("scratch", scripts.SCRATCH, read_only=False),
+        pod.mount("files", scripts.FILES_DIR),
+        *more_mounts,
+    ]
     if secret is not None:
         mounts.append(pod.mount(secret, scripts.REGISTRY_SECRET_DIR))
     environment = {"REPOSITORY": plan.repository, "KEY": plan.key}

@@ -64,6 +64,8 @@ echo "Fetched commit $(cat {SCRATCH}/commit)"
 """
 ARCHIVE: Final = f"{SCRATCH}/image.tar"
 """The image on its way from build to push: nothing else of what the build has left is read there."""
+UNPACKED_DIR: Final = "/var/tmp"  # noqa: S108 - an emptyDir that the container with the credentials has for itself
+"""Where buildah unpacks an archive that it pulls, whatever TMPDIR says (tried with 1.28)."""
 _BUILDAH: Final = f"""
 export CONTAINERS_REGISTRIES_CONF={FILES_DIR}/{REGISTRIES} BUILDAH_ISOLATION=chroot STORAGE_DRIVER=overlay
 [ ! -f {REGISTRY_SECRET_DIR}/{AUTH_FILE} ] || export REGISTRY_AUTH_FILE={REGISTRY_SECRET_DIR}/{AUTH_FILE}

@@ -81,6 +81,14 @@ def test_without_secrets_none_is_mounted() -> None:
     assert secrets_seen_by(offload) == {"fetch": set(), "build": set(), "push": set()}
 
 
+def test_what_pushes_unpacks_the_image_where_no_build_step_has_been() -> None:
+    places = {
+        name: {mount["name"] for mount in container["volumeMounts"] if mount["mountPath"] == "/var/tmp"}
+        for name, container in containers(built()).items()
+    }
+    assert places == {"fetch": set(), "build": set(), "push": {"unpacked"}}
+
+
 def test_what_sees_the_secret_of_the_source_runs_in_an_image_of_ours_whatever_a_user_names() -> None:
     offload = built({"base": "registry.example/git-that-steals", "gitSecret": {"name": "git"}})
     assert containers(offload)["fetch"]["image"] == facts().images.git
