@@ -304,8 +304,8 @@ def _age_us(words: _Words) -> int:
 def _echo(words: _Words) -> Echo | None:
     incarnation = words.incarnation()
     if not incarnation:
-        for _ in range(3):
-            words.word()
+        if [words.word() for _ in range(3)] != 3 * [NONE]:
+            raise BeatError("BadForm", "an echo of nobody")
         return None
     return Echo(incarnation, words.integer(), words.integer(), words.integer())
 

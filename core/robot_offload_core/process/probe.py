@@ -116,7 +116,7 @@ def decode(data: bytes) -> Probe | Sign:
     word, notes = _text(body.get("w"), MAX_WORD), _text(body.get("s", ""), MAX_BYTES)
     latched, nodes = _table(body.get("l")), _table(body.get("n"))
     preparing = body.get("p", 0)
-    if not isinstance(preparing, int) or preparing < 0:
+    if type(preparing) is not int or preparing < 0:
         raise ProbeError("BadForm", f"{preparing!r:.40} is no epoch")
     lacks = _table(body.get("a", {}))
     return Probe(incarnation, latched, types, nodes, word, notes, sign.digest, sign.held, preparing, lacks)

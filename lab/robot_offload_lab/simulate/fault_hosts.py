@@ -35,8 +35,15 @@ def _stand(run: System, fault: Fault) -> Undo:
     return nothing
 
 
+def _mute(run: System, fault: Fault) -> Undo:
+    """A node with state says nothing of it: the standby's knowledge grows old."""
+    del fault
+    return nothing if run.keeping is None else raised(tuple(run.keeping.sides.values()), "silent", 1)
+
+
 HOSTS: dict[str, Kind] = {
     "idle": Kind(0.8, (0.3, 5.0), _idle),
     "stutter": Kind(0.8, (0.5, 5.0), _stutter),
     "stand": Kind(0.8, (0.05, 2.0), _stand, 0.5),
+    "mute": Kind(0.4, (0.3, 4.0), _mute, 1.0),
 }

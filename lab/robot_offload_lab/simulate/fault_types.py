@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from robot_offload_lab.simulate.keeping import Kept
 from robot_offload_lab.simulate.link_model import Wire
 from robot_offload_lab.simulate.nodes import Node
 from robot_offload_lab.simulate.system import System
@@ -47,7 +48,7 @@ def option(options: list[T] | tuple[T, ...], pick: float) -> tuple[T, float]:
     return options[int(scaled)], scaled - int(scaled)
 
 
-def raised(things: Sequence[Wire] | Sequence[Node], attribute: str, by: float) -> Undo:
+def raised(things: Sequence[Wire] | Sequence[Node] | Sequence[Kept], attribute: str, by: float) -> Undo:
     """Raises an amount of several things; faults of one kind may overlap, so the undoing takes off just its own."""
 
     def add(value: float) -> None:

@@ -8,6 +8,7 @@ datagram (probes).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from robot_offload_lab.simulate.world import Act, Process, World
@@ -19,6 +20,9 @@ RETRY_S = 0.2
 REPLAY_SPREAD_S = 3.0
 """A doubled message comes again after up to this long, mostly soon."""
 
+STRANGE_S = 0.02
+"""What arrives beside a message arrives within this, before it or after it."""
+
 
 class Wire:
     """One direction of one session.
@@ -28,6 +32,7 @@ class Wire:
         extra_s: delay added by faults. losses: shares of the loss faults at work.
         doubled: share of messages that arrive twice. reordering: faults that let messages overtake.
         cut_lost, cut_held: how many cuts are at work that lose or hold.
+        beside: yields what somebody else's message beside this one is; None: nobody else sends.
         target: the process at the other end, and what it does with an arrival.
     """
 
@@ -45,6 +50,7 @@ class Wire:
         self.reordering = 0
         self.cut_lost = 0
         self.cut_held = 0
+        self.beside: Callable[..., Iterator[tuple[Any, ...]]] | None = None
         self._held: list[tuple[Any, ...]] = []
         self._tail_s = 0.0
 
@@ -54,11 +60,12 @@ class Wire:
         if not self.session.connected or self.cut_lost:
             return
         if self.cut_held:
-            if len(self._held) < HELD_LIMIT:
-                self._held.append(args)
+            self._hold(args)
             return
         world = self.world
         dice = world.dice
+        if self.beside is not None:
+            self._let_in(self.beside(dice, *args))
         delay_s = self.base_s + self.extra_s + self.jitter_s * 3.0 * dice.random() ** 2
         for share in self.losses:
             if dice.random() < share:
@@ -75,6 +82,14 @@ class Wire:
         if self.doubled and dice.random() < self.doubled:
             again_s = arrival_s + dice.random() ** 3 * REPLAY_SPREAD_S
             world.at(again_s, self._arrive, self.session.life, args)
+
+    def _hold(self, args: tuple[Any, ...]) -> None:
+        if len(self._held) < HELD_LIMIT:
+            self._held.append(args)
+
+    def _let_in(self, strange: Iterator[tuple[Any, ...]]) -> None:
+        for args in strange:
+            self.world.after(self.base_s + self.world.dice.random() * STRANGE_S, self._arrive, self.session.life, args)
 
     def _arrive(self, life: int, args: tuple[Any, ...]) -> None:
         if life == self.session.life:

@@ -7,6 +7,7 @@ M mirror, V vetoes, Y policy, G guardian, X the processes around them. With +: e
 
 from __future__ import annotations
 
+from robot_offload_lab.simulate.mutant_garbage import GARBAGE
 from robot_offload_lab.simulate.mutant_handover import HANDOVER
 from robot_offload_lab.simulate.mutant_hot import HOT, HOT_EQUIVALENT
 from robot_offload_lab.simulate.mutant_while import WHILE
@@ -1348,6 +1349,7 @@ MUTANTS: dict[str, Mutant] = {
     **HANDOVER,
     **HOT,
     **WHILE,
+    **GARBAGE,
 }
 """Each is found by its story."""
 

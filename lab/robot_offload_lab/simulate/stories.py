@@ -7,6 +7,7 @@ from collections.abc import Callable
 from robot_offload_lab.simulate import (
     story_calls,
     story_fence,
+    story_garbage,
     story_gate,
     story_goals,
     story_graphs,
@@ -52,6 +53,7 @@ STORIES: dict[str, Callable[[], None]] = {
         story_lacks,
         story_while,
         story_states,
+        story_garbage,
     )
     for story in module.STORIES
 }

@@ -10,9 +10,11 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from robot_offload_core.declared import SettingsError
+from robot_offload_core.declared import SettingsError, SnapshotState
+from robot_offload_core.process.states import Carried
 from robot_offload_core.settings import Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
+from robot_offload_lab.simulate import garbage
 from robot_offload_lab.simulate.nodes import Message
 from robot_offload_lab.simulate.ports import Payload
 from robot_offload_lab.simulate.promises import OTHERS
@@ -264,6 +266,24 @@ def _big(scenario: Scenario, dice: random.Random) -> Scenario:
     return replace(scenario, replicas=big, cloud_replicas=cloud)
 
 
+def _states(scenario: Scenario, dice: random.Random) -> Scenario:
+    """The controller has state that the standby is to know."""
+    states: dict[str, Carried] = {"controller_1": SnapshotState("controller", max_age_s=0.5, max_size=1024)}
+    return replace(scenario, states=states, state_period_s=dice.choice((0.1, 0.25)))
+
+
+def _tear(system: System, dice: random.Random) -> None:
+    """Some snapshots arrive torn, in most stretches."""
+    assert system.keeping is not None
+    for kept in system.keeping.sides.values():
+        kept.torn = dice.choice((0.0, 0.05, 0.2))
+
+
+def _garbage(system: System, dice: random.Random) -> None:
+    del dice
+    garbage.let_in(system.link)
+
+
 def _as_is(scenario: Scenario, dice: random.Random) -> Scenario:
     del dice
     return scenario
@@ -283,5 +303,7 @@ KINDS: dict[str, Kind] = {
     "replaced pods": Kind(_as_is, _replaced, only_link=False),
     "second publisher": Kind(_rivalled, _rival, only_link=False),
     "big messages": Kind(_big),
+    "snapshots": Kind(_states, _tear),
+    "garbage": Kind(_as_is, _garbage),
 }
 """Each adds or changes things of its own, so their order does not matter."""

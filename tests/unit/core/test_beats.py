@@ -200,6 +200,13 @@ def test_words_after_the_end_are_refused(beat: Beat) -> None:
         beats.decode(beats.encode(beat) + " 0")
 
 
+@pytest.mark.parametrize("beat", [cloud_beat(echo=None, body=None), robot_beat(echo=None, body=None)], ids=["c", "r"])
+@pytest.mark.parametrize("word", ["0", "-\0", "x", ""])
+def test_an_echo_of_nobody_says_nothing(beat: Beat, word: str) -> None:
+    with pytest.raises(BeatError, match="BadForm"):
+        beats.decode(beats.encode(beat)[:-1] + word)
+
+
 def test_the_part_of_one_side_is_not_read_as_the_others() -> None:
     words = beats.encode(cloud_beat()).split(" ")
     words[2] = "r"

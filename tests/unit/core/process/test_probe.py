@@ -64,6 +64,7 @@ def test_fields_of_other_types_are_refused(body: dict[str, object]) -> None:
     [
         {"i": "robot"}, {"w": "x" * (probe.MAX_WORD + 1)}, {"s": "x" * probe.MAX_BYTES}, {"n": {"x" * 300: "active"}},
         {"l": {str(n): "" for n in range(probe.MAX_ENTRIES + 1)}}, {"t": {"odom": "os/path/join"}}, {"t": {"odom": ""}},
+        {"p": True}, {"p": -1},
     ],
 )  # fmt: skip
 def test_what_no_agent_of_ours_would_say_is_refused(wrong: dict[str, object]) -> None:
