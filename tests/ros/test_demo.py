@@ -281,3 +281,23 @@ def test_a_wrong_specification_is_refused_in_one_line(
 def test_a_wrong_option_is_refused_in_one_line(demo: Demo, arguments: tuple[str, str], told: str) -> None:
     [line] = refused(demo, str(TALKER), *arguments)
     assert line.startswith(told)
+
+
+@pytest.mark.ros
+def test_a_whole_robot_goes_on_with_its_goals_through_two_outages(demo: Demo) -> None:
+    options = ("--duration", "26", "--outage", "3/10", "--slow", "none", "--json")
+    _code, said, errors = demo.run("--example", "sedia", *options)
+    report = json.loads(said or "{}")
+    assert report, errors
+    assert demo.broken_promises(report) == []
+    assert report["collisions"] == 0
+    goals = report["goals"]
+    assert goals[0]["ending"] == "succeeded"
+    assert all(goal["results"] == (goal["ending"] == "succeeded") for goal in goals)
+    assert sum(goal["restarts"] for goal in goals) >= 2
+    assert report["state"]
+    assert all(taking["age_ms"] is not None for taking in report["state"])
+    assert report["outputs"]["/cmd_vel_nav"]["received"] > 50
+    assert report["outputs"]["/detections"]["received"] > 5
+    assert report["processor"]["robot-navigation"] > 0
+    assert demo.nothing_left()

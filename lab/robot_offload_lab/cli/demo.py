@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,8 +15,9 @@ from rich.console import Console
 
 from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
+from robot_offload_lab.judge import recording
 from robot_offload_lab.run import routed
-from robot_offload_lab.run.demo import DemoOptions, run
+from robot_offload_lab.run.demo import DemoOptions, DemoResult, run
 from robot_offload_lab.run.free import parse_domains
 from robot_offload_lab.run.system import Mode
 from robot_offload_lab.show.summary import summary
@@ -25,7 +27,7 @@ from robot_offload_lab.wire.options import LinkOptions
 EXAMPLES = (
     "robot-offload demo",
     "robot-offload demo --mode cloud-only",
-    "robot-offload demo --example sedia",
+    "robot-offload demo --example sedia --compare",
     "robot-offload demo --outage 4/20 --slow 3/31@120ms --delay 5ms --jitter 2ms --loss 1%",
     "robot-offload demo --trace examples/traces/yard-4g.csv --duration 40",
     "robot-offload demo examples/talker/robotoffload.yaml --duration 12 --outage 2/6 --no-ui --json",
@@ -110,6 +112,9 @@ Joined = Annotated[
     LinkOption | None, typer.Option(help="How the agents are joined. Default: as the specification says.")
 ]
 Domains = Annotated[str, _option("domains", "ROBOT/CLOUD", "ROS domains of the two sides. Default: free ones.")]
+Compared = Annotated[
+    bool, typer.Option("--compare", help="Run all three modes, one after the other, and draw them in one picture.")
+]
 Picture = Annotated[bool, typer.Option("--ui/--no-ui", help="Show a live picture, or print one line per event.")]
 Realtime = Annotated[bool, typer.Option("--realtime", help="Run everything under real-time priority, where permitted.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print report.json on standard output at the end.")]
@@ -132,6 +137,7 @@ def demo(
     out: Out = Path("out/demo"),
     link: Joined = None,
     domains: Domains = "",
+    compare: Compared = False,
     ui: Picture = True,
     realtime: Realtime = False,
     as_json: AsJson = False,
@@ -162,16 +168,37 @@ def demo(
     )
     # The report stands alone on standard output, when somebody wants to read it with a program.
     console = Terminal(stderr=as_json)
+    if compare:
+        results = {it.value: _run(replace(options, mode=it, out=out / it.value), console, ui) for it in Mode}
+        _compare(results, out, console)
+    else:
+        results = {mode.value: _run(options, console, ui)}
+    if as_json:
+        reports = {name: result.report for name, result in results.items()}
+        typer.echo(json.dumps(reports if compare else reports[mode.value], indent=2))
+    if any(result.report["violations"] or result.trouble for result in results.values()):
+        raise typer.Exit(1)
+
+
+def _run(options: DemoOptions, console: Console, ui: bool) -> DemoResult:
+    """Runs one mode and says what came out."""
     view = _view(console, options, ui)
     result = run(options, view)
     for line in summary(result.report, options.out):
         view.say(line)
     if result.standstill:
         view.say(result.standstill)
-    if as_json:
-        typer.echo(json.dumps(result.report, indent=2))
-    if result.report["violations"] or result.trouble:
-        raise typer.Exit(1)
+    return result
+
+
+def _compare(results: Mapping[str, DemoResult], out: Path, console: Console) -> None:
+    """Writes what the modes have to do with each other, and shows the table."""
+    from robot_offload_lab.judge import compare  # noqa: PLC0415 - matplotlib would make every start a second longer
+
+    runs = {name: (result.report, recording.read(result.recording)) for name, result in results.items()}
+    for line in compare.lines(compare.write(runs, out)):
+        console.print(line, markup=False, highlight=False)
+    console.print(f"Comparison: {out / 'compare.png'} (also compare.json)")
 
 
 def _found(spec: Path | None, example: str = "") -> Path:

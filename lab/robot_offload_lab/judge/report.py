@@ -33,14 +33,19 @@ class ReportFiles:
     png: Path
 
 
-def write(recording: Recording, directory: Path) -> ReportFiles:
+def write(recording: Recording, directory: Path, processor: Mapping[str, float] | None = None) -> ReportFiles:
     """Writes `report.json`, `report.html` and `run.png` into `directory`, which is made if needed.
+
+    Args:
+        recording: of the run.
+        directory: where to write.
+        processor: share of one core that each program used, percent.
 
     Raises:
         OSError: the files cannot be written.
     """
     measures = measure(recording)
-    report = build(measures)
+    report = build(measures, processor)
     directory.mkdir(parents=True, exist_ok=True)
     files = ReportFiles(directory / "report.json", directory / "report.html", directory / "run.png")
     files.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
@@ -49,8 +54,8 @@ def write(recording: Recording, directory: Path) -> ReportFiles:
     return files
 
 
-def build(measures: Measures) -> dict[str, Any]:
-    """Returns the report as plain values, ready for JSON."""
+def build(measures: Measures, processor: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """Returns the report as plain values, ready for JSON; `processor` as in `write`."""
     recording = measures.recording
     outcome = recording.outcome
     return {
@@ -72,6 +77,7 @@ def build(measures: Measures) -> dict[str, Any]:
         "goals": [_goal(figures, recording) for figures in handed.goals(recording)],
         "calls": _calls(recording),
         "state": [_taking(taking, recording) for taking in handed.takings(recording)],
+        "processor": dict(processor or {}),
         "violations": [_violation(violation) for violation in violations(measures)],
     }
 

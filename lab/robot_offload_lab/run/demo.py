@@ -16,7 +16,7 @@ import secrets
 import shutil
 import signal
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +28,7 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.recording import LinkSample
+from robot_offload_lab.run import usage
 from robot_offload_lab.run.ensemble import Ensemble
 from robot_offload_lab.run.free import free_domains, free_ports
 from robot_offload_lab.run.processes import Processes, Program
@@ -76,6 +77,7 @@ class DemoOptions:
         realtime: ask for real-time priority.
         transport: a transport type instead of the specification's; empty for that.
         domains: ROS domains of robot and cloud; None picks free ones.
+        adapt: changes the resource before it runs.
     """
 
     spec: Path
@@ -87,6 +89,7 @@ class DemoOptions:
     realtime: bool = False
     transport: str = ""
     domains: tuple[int, int] | None = None
+    adapt: Callable[[RobotOffload], RobotOffload] = lambda offload: offload
 
 
 @dataclass(frozen=True)
@@ -95,11 +98,13 @@ class DemoResult:
 
     Attributes:
         report: as in report.json.
+        recording: the file that the report was made of.
         trouble: what ended the run early, other than the user; empty when nothing did.
         standstill: what is to be said of a machine that stood still; empty when it ran all the time.
     """
 
     report: Mapping[str, Any]
+    recording: Path
     trouble: str = ""
     standstill: str = ""
 
@@ -116,7 +121,7 @@ def run(options: DemoOptions, view: View) -> DemoResult:
         StartError, ProcessError, WireProcessError: something did not start.
         StoppedEarlyError: a signal came before the system was up.
     """
-    offload = load(options.spec)
+    offload = options.adapt(load(options.spec))
     said = showcase(options.spec)
     check_runnable(offload, options.spec, said)
     schedule = options.link.schedule()
@@ -132,12 +137,13 @@ def run(options: DemoOptions, view: View) -> DemoResult:
         processes = stack.enter_context(Processes(system.run, system.logs, system.temporary))
         stack.callback(view.close)
         machine = stack.enter_context(Standstill())
-        trouble = Demo(system, processes, view, watch, stop).go(options.duration_s)
+        demo = Demo(system, processes, view, watch, stop)
+        trouble = demo.go(options.duration_s)
         view.close()
         for line in agent_errors(system):
             view.say(line)
         view.say("Writing the report")
-    return DemoResult(write_report(system), trouble, machine.sentence())
+    return DemoResult(write_report(system, demo.processor), system.recording, trouble, machine.sentence())
 
 
 def _made(folder: Path, said: Showcase, view: View) -> tuple[Path, ...]:
@@ -172,11 +178,11 @@ def _system(
     )
 
 
-def write_report(system: System) -> Mapping[str, Any]:
-    """Writes report.json, report.html and run.png; returns the first."""
+def write_report(system: System, processor: Mapping[str, float] | None = None) -> Mapping[str, Any]:
+    """Writes report.json, report.html and run.png; returns the first. `processor`: see `usage.percent`."""
     from robot_offload_lab.judge import report  # noqa: PLC0415 - matplotlib would make every start a second longer
 
-    files = report.write(recording.read(system.recording), system.out)
+    files = report.write(recording.read(system.recording), system.out, processor)
     written: Mapping[str, Any] = json.loads(files.json.read_text(encoding="utf-8"))
     return written
 
@@ -271,6 +277,8 @@ class Demo:
         self._watch = watch
         self._stop = stop
         self._wire: EmulatedWire | None = None
+        self.processor: dict[str, float] = {}
+        """Share of one core that each program used from the start of the schedule to the end, percent."""
 
     def go(self, duration_s: float | None) -> str:
         """Starts, watches and ends; returns what went wrong on the way, empty when nothing did."""
@@ -280,7 +288,9 @@ class Demo:
             self._start(programs(self._system))
             self._await_up()
             self._begin()
+            before = usage.read(self._programs.pids)
             trouble = self._drive(duration_s)
+            self.processor = usage.percent(before, usage.read(self._programs.pids))
             # The recorder hears that the run is over before anything else ends.
             self._programs.finish(RECORDER, {"end": steady_s()}, RECORDER_GRACE_S)
             self._view.say("Ending the processes")

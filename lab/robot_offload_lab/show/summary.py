@@ -16,6 +16,7 @@ def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
         f"  switches: {_switches(report['switches'])}",
         *(f"  {line}" for line in _placement(report)),
         *(f"  {line}" for line in _handed(report)),
+        *(f"  {line}" for line in _processor(report)),
         *_verdict(report["violations"]),
         f"Report: {out / 'report.html'} (also report.json, run.png, recording.jsonl, logs)",
     )
@@ -75,6 +76,13 @@ def _handed(report: Mapping[str, Any]) -> Iterator[str]:
     if calls is not None:
         late = f", the longest wait {calls['longest_ms']:.0f} ms" if calls["asked"] else ""
         yield f"calls: {calls['asked']}, answered {calls['answered']}, failed {calls['failed']}{late}"
+
+
+def _processor(report: Mapping[str, Any]) -> Iterator[str]:
+    shares = {name.removeprefix("robot-"): share for name, share in report["processor"].items() if "robot-" in name}
+    if shares:
+        said = ", ".join(f"{name} {share:.0f} %" for name, share in sorted(shares.items(), key=lambda it: -it[1])[:6])
+        yield f"processor on the robot, of one core: {said}"
 
 
 def _verdict(violations: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -1,0 +1,42 @@
+"""Processor time of the programs of a run, with all their children."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+import psutil
+
+from robot_offload_lab.wire.loop import steady_s
+
+
+@dataclass(frozen=True)
+class Usage:
+    """Processor time used so far.
+
+    Attributes:
+        t_s: when it was read, steady clock.
+        used_s: seconds of one core, by program.
+    """
+
+    t_s: float
+    used_s: Mapping[str, float]
+
+
+def read(pids: Mapping[str, int]) -> Usage:
+    """Returns what the programs have used so far; one that has ended is left out."""
+    used_s = {}
+    for name, pid in pids.items():
+        with suppress(psutil.Error):
+            program = psutil.Process(pid)
+            family = (program, *program.children(recursive=True))
+            used_s[name] = sum(sum(member.cpu_times()[:2]) for member in family)
+    return Usage(steady_s(), used_s)
+
+
+def percent(before: Usage, after: Usage) -> dict[str, float]:
+    """Returns the share of one core that each program used between two readings, percent."""
+    elapsed_s = max(after.t_s - before.t_s, 1e-3)
+    both = before.used_s.keys() & after.used_s.keys()
+    return {name: round(100.0 * (after.used_s[name] - before.used_s[name]) / elapsed_s, 1) for name in sorted(both)}
