@@ -11,6 +11,7 @@ from typing import Final
 
 from robot_offload.errors import InputError, RobotOffloadError
 from scripts.generate.files import generated_files
+from scripts.generate.node_graph import GRAPH_FILE, with_nodes
 from scripts.generate.rooms import ARCHITECTURE_FILE, with_rooms
 
 _SHOWN_LINES: Final = 20
@@ -45,7 +46,7 @@ def run(root: Path, *, check: bool) -> None:
     if not (root / "operator" / "robot_offload" / "api").is_dir():
         raise InputError(f"{root.resolve()}: is not the repository of Robot Offload; start in its top folder")
     page = (root / ARCHITECTURE_FILE).read_text(encoding="utf-8")
-    files = {**generated_files(), ARCHITECTURE_FILE: with_rooms(page)}
+    files = {**generated_files(), ARCHITECTURE_FILE: with_rooms(page), GRAPH_FILE: with_nodes(root)}
     if check:
         _compare(root, files)
         return

@@ -85,10 +85,11 @@ def picture(recordings: Mapping[Mode, Recording], found: Mapping[Mode, Mapping[s
     """Draws how far each drive came, and a small picture for each figure."""
     with style():
         figure = Figure(figsize=(10.0, 6.2), layout="constrained")
-        top, bottom = figure.subfigures(2, 1, height_ratios=(3, 2))
-        draw_progress(top.subplots(), recordings)
-        for axes, (key, words) in zip(bottom.subplots(1, len(FIGURES)), FIGURES, strict=True):
-            modes = list(found)
+        grid = figure.add_gridspec(2, len(FIGURES), height_ratios=(3, 2))
+        draw_progress(figure.add_subplot(grid[0, :]), recordings)
+        modes = list(found)
+        for column, (key, words) in enumerate(FIGURES):
+            axes = figure.add_subplot(grid[1, column])
             bars = axes.bar(range(len(modes)), [found[mode][key] for mode in modes], 0.7, color=_colours(modes))
             axes.bar_label(bars, fmt="%g", fontsize=8)
             axes.set_title(words, fontsize=8)
