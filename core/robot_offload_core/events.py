@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NoReturn
+from enum import Enum
+from typing import Any, NoReturn, Protocol
 
 
 def assert_never(unexpected: NoReturn) -> NoReturn:
@@ -40,3 +41,21 @@ class Acting:
     stop: str = ""
     outputs_heard: bool = True
     silent: tuple[str, ...] = ()
+
+
+class Machine(str, Enum):
+    """The machines of a control process, by the name that a black box gives them."""
+
+    PLACEMENT = "placement"
+    LEASE = "lease"
+    GUARDIAN = "guardian"
+
+
+class Witness(Protocol):
+    """Sees every step of a control process's machines, as a black box does."""
+
+    def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
+        """Takes a step: event in, state after it and commands out. Must return at once."""
+
+    def restated(self, machine: Machine, now_s: float, state: Any) -> None:
+        """Takes a state that no step has led to: the first one, or one with settings changed."""

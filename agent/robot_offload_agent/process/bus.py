@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from robot_offload_agent.process import parcels
-from robot_offload_agent.process.codec import plain, typed
 from robot_offload_core import placement
+from robot_offload_core.codec import plain, typed
 from robot_offload_core.envelope import LAYOUT
 from robot_offload_core.process.messages import (
     ENVELOPE,

@@ -7,7 +7,7 @@ from typing import Protocol
 from robot_offload_core import guardians, lease, links
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
-from robot_offload_core.events import Acting, Tick, assert_never
+from robot_offload_core.events import Acting, Machine, Tick, Witness, assert_never
 from robot_offload_core.lease import Stand
 from robot_offload_core.placement import PulseSent
 from robot_offload_core.process.control import ControlPorts, ControlProcess
@@ -67,6 +67,11 @@ class CloudControlProcess(ControlProcess):
         self.request_until_s = 0.0
         self.told: tuple[object, ...] = ()
         self.told_s = 0.0
+
+    def watched_by(self, witness: Witness) -> None:
+        """Lets `witness` see every step from now on."""
+        super().watched_by(witness)
+        witness.restated(Machine.LEASE, self.ports.now_s(), self.cloud)
 
     def ask(self, site: Site, key: int) -> None:
         """Asks the robot for a switch by hand: it decides, the request travels with our probes."""
@@ -141,6 +146,8 @@ class CloudControlProcess(ControlProcess):
         """Steps the lease and carries out its commands."""
         now_s, before = self.ports.now_s(), self.cloud
         self.cloud, commands = lease.step(before, event, now_s)
+        if self.witness is not None:
+            self.witness.stepped(Machine.LEASE, now_s, event, self.cloud, commands)
         if self.hands_over and lease.called_off(before, self.cloud):
             self.rest.settle(now_s + self.settings.settle_for_s)
         egress, _, said = commands[:3]

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from robot_offload_core import guardians, managed_nodes, occasions
 from robot_offload_core.beats import Beat
-from robot_offload_core.events import Tick
+from robot_offload_core.events import Machine, Tick, Witness
 from robot_offload_core.guardians import Flowing, Guardian
 from robot_offload_core.managed_nodes import NodeEvent
 from robot_offload_core.placement import PulseSent
@@ -44,6 +44,7 @@ class ControlProcess(ABC):
         guardian: state of its machine. told_ready: the readiness of this side's nodes that was taken into account.
         occasions: outputs, by index, whose `while.topic` arrives here. executing: actions that the relay says this side
             executes, at relay_s.
+        witness: sees every step of the machines; None: nobody does.
     """
 
     def __init__(
@@ -63,10 +64,19 @@ class ControlProcess(ABC):
         self.occasions: tuple[int, ...] = ()
         self.executing: tuple[str, ...] = ()
         self.relay_s: float | None = None
+        self.witness: Witness | None = None
+
+    def watched_by(self, witness: Witness) -> None:
+        """Lets `witness` see every step from now on."""
+        self.witness = witness
+        witness.restated(Machine.GUARDIAN, self.ports.now_s(), self.guardian)
 
     def guard(self, event: guardians.Event) -> None:
         """Steps the guardian and has its commands carried out."""
-        self.guardian, commands = guardians.step(self.guardian, event, self.ports.now_s())
+        now_s = self.ports.now_s()
+        self.guardian, commands = guardians.step(self.guardian, event, now_s)
+        if self.witness is not None:
+            self.witness.stepped(Machine.GUARDIAN, now_s, event, self.guardian, commands)
         for command in commands:
             self.ports.carry_out(command)
         self.check_ready()

@@ -10,7 +10,7 @@ from robot_offload_core import guardians, handing, health, managed_nodes, placem
 from robot_offload_core.availability import Available, available
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
-from robot_offload_core.events import Acting, Tick, assert_never
+from robot_offload_core.events import Acting, Machine, Tick, Witness, assert_never
 from robot_offload_core.gates import Gate
 from robot_offload_core.limits import DATA_TIMEOUT_S
 from robot_offload_core.placement import CloudBeat, Decided, Robot, SetGate, Wish
@@ -121,6 +121,11 @@ class RobotControlProcess(ControlProcess):
         self.refused_words = 0
         self.stated: tuple[Available, ...] | None = None
 
+    def watched_by(self, witness: Witness) -> None:
+        """Lets `witness` see every step from now on."""
+        super().watched_by(witness)
+        witness.restated(Machine.PLACEMENT, self.ports.now_s(), self.robot)
+
     # -- events in ----------------------------------------------------------------------------------------------------
 
     def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: placement.PulseSent | None = None) -> None:
@@ -193,6 +198,8 @@ class RobotControlProcess(ControlProcess):
         """Takes settings that were changed at run time."""
         self.settings = settings
         self.guardian = replace(self.guardian, grace_s=settings.activation_deadline_s)
+        if self.witness is not None:
+            self.witness.restated(Machine.GUARDIAN, self.ports.now_s(), self.guardian)
         self.step(placement.SetSettings(settings, inputs))
 
     def announce_leaving(self, leaving: str, until_s: float) -> bool:
@@ -260,7 +267,10 @@ class RobotControlProcess(ControlProcess):
 
     def step(self, event: placement.Event) -> None:
         """Steps the placement machine and carries out its commands."""
-        self.robot, commands = switcher.step(self.robot, event, self.ports.now_s())
+        now_s = self.ports.now_s()
+        self.robot, commands = switcher.step(self.robot, event, now_s)
+        if self.witness is not None:
+            self.witness.stepped(Machine.PLACEMENT, now_s, event, self.robot, commands)
         for command in commands:
             self._carry_out(command)
 

@@ -10,6 +10,7 @@ from robot_offload_core.checks import InvariantError
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate import scenario as scenarios
 from robot_offload_lab.simulate import worlds
+from robot_offload_lab.simulate.boxes import Boxes
 from robot_offload_lab.simulate.coverage import Pair
 from robot_offload_lab.simulate.faults import Faults, Hands, only_link, plan, plan_ambushes
 from robot_offload_lab.simulate.observer import Observer
@@ -19,6 +20,8 @@ from robot_offload_lab.simulate.violations import ViolationError
 
 CHUNK_S = 60.0
 STORY_LENGTH = 40
+BOXED = 15
+"""Every fifteenth stretch has black boxes: to write and to replay them takes longer than to live it."""
 
 
 @dataclass
@@ -61,6 +64,9 @@ class Chunk:
         self.observer = Observer(self.system, self.faults.quiet_s, only_link=only_link(index))
         self.system.around.witness = self.observer
         self.system.around.entered = self.faults.entered
+        self.boxes = Boxes()
+        if index % BOXED == BOXED - 1:
+            self.system.around.controlled = self.boxes.watch
 
     def live(self) -> Outcome:
         """Runs to the end or to the first violation."""
@@ -70,6 +76,7 @@ class Chunk:
         try:
             system.start()
             system.world.run(CHUNK_S)
+            self.boxes.judge(system.world.now)
         except ViolationError as broken:
             violation = f"{broken.invariant}: {broken.text} (at {broken.at_s:.4f} s)"
             story = system.world.story(STORY_LENGTH)

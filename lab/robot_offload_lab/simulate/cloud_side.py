@@ -122,6 +122,7 @@ class CloudControl(Shell):
         self.leaving = ""
         self.process = self._made(incarnation)
         self.around.witness.cloud_started(incarnation)
+        self.around.controlled(self.process)
         self.every(self.around.scenario.tick_s, self.process.turn, first_s=0.0)
         self.every(NOTES_S, self._notes)
         self.every(LOOK_S, lambda: self.process.guard(plain_nodes_seen(self.nodes)), first_s=0.1)

@@ -16,6 +16,7 @@ from robot_offload_core.beats import Beat, Permission
 from robot_offload_core.envelope import decode
 from robot_offload_core.gates import Charge, Gate
 from robot_offload_core.placement import Decided, Robot
+from robot_offload_core.process.control import ControlProcess
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.coverage import Coverage
 from robot_offload_lab.simulate.driver import Driver
@@ -114,6 +115,7 @@ class Surroundings:
 
     Attributes:
         entered: called with the name of a state that a machine has entered ("robot ToCloud").
+        controlled: called with each control process that starts.
         witness: set before anything starts.
     """
 
@@ -123,4 +125,5 @@ class Surroundings:
     link: Link
     driver: Driver
     entered: Callable[[str], None] = field(default=lambda _state: None)
+    controlled: Callable[[ControlProcess], None] = field(default=lambda _process: None)
     witness: Witness = field(init=False)

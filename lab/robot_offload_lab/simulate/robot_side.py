@@ -133,6 +133,7 @@ class RobotControl(Shell):
         incarnation = f"{self.world.dice.getrandbits(128):032x}"
         self.process = self._made(incarnation)
         self.around.witness.robot_started(incarnation)
+        self.around.controlled(self.process)
         self.every(self.around.scenario.tick_s, self.turn, first_s=0.0)
         self.every(EFFECT_S, self._effect)
         self.every(LIMITS_S, self._limits)

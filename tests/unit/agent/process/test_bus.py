@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from robot_offload_agent.process import bus
 from robot_offload_agent.process.bus import MAX_INLINE, Bus
-from robot_offload_agent.process.codec import CodecError, plain, typed
 from robot_offload_agent.process.parcels import LARGEST_BYTES, TOTAL_BYTES, TOTAL_COUNT
 from robot_offload_core import beats, envelope
+from robot_offload_core.codec import CodecError, plain, typed
 from robot_offload_core.process import messages
 from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, Fatal, Letters, Speak
 from robot_offload_core.token import Token

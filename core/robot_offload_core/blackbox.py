@@ -1,0 +1,269 @@
+"""The black box: what a control process was told, in a form from which the same core decides the same again.
+
+The machines of a control process are pure functions of (state, event, now). A box keeps, as lines of text, their states
+now and then (key frames), every event with its time, and what was decided. `replay` runs the core over the lines.
+
+Format 1: each line is a CRC-32 (eight hexadecimal digits), a blank, and a JSON list:
+    ["box", format, {"side", "release", "core", ...}]    the first line of each file
+    ["state", machine, now_s, state]                      a key frame
+    ["step", machine, now_s, event's name, event]         what was taken in
+    ["did", machine, now_s, name, decision]               what came of the step before
+    ["gap", steps]                                        so many steps were not written
+Records are lists of their fields, in order (`codec.plain`). A line with another sum is passed over: a file may end in
+the middle of one. After a gap, and where another process begins, a machine goes on with its next key frame.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Final, get_args
+
+from robot_offload_core import codec, guardians, lease, managed_nodes, placement, switcher
+from robot_offload_core.change import replace
+from robot_offload_core.events import Machine
+
+FORMAT: Final = 1
+SUM_LENGTH: Final = 8
+
+
+@dataclass(frozen=True)
+class MachineKind:
+    """How one machine is stepped and read: its step, the type of its state, its events and decisions by name."""
+
+    step: Callable[[Any, Any, float], tuple[Any, Any]]
+    state: type
+    events: dict[str, type]
+    decisions: dict[str, type]
+
+
+def _named(union: Any) -> dict[str, type]:
+    return {kind.__name__: kind for kind in get_args(union)}
+
+
+KINDS: Final = {
+    Machine.PLACEMENT: MachineKind(
+        switcher.step, placement.Robot, _named(placement.Event), {"Decided": placement.Decided}
+    ),
+    Machine.LEASE: MachineKind(lease.step, lease.Cloud, _named(lease.Event), {"StandChanged": lease.StandChanged}),
+    Machine.GUARDIAN: MachineKind(
+        guardians.step,
+        guardians.Guardian,
+        _named(guardians.Event),
+        {kind.__name__: kind for kind in (managed_nodes.ChangeState, managed_nodes.Inhibit, managed_nodes.NodeNews)},
+    ),
+}
+"""The machines of the control processes. Their other commands follow from the state and are not written."""
+
+
+# -- writing ----------------------------------------------------------------------------------------------------------
+
+
+def line(record: list[Any]) -> str:
+    """Returns a record as a line, with its sum."""
+    text = json.dumps(record, separators=(",", ":"), ensure_ascii=True)
+    return f"{zlib.crc32(text.encode()):08x} {text}\n"
+
+
+def header(facts: dict[str, Any]) -> str:
+    """Returns the first line of a file; of `facts`, `process` names who writes and `core` the code."""
+    return line(["box", FORMAT, facts])
+
+
+def key_frame(machine: Machine, now_s: float, state: Any) -> str:
+    """Returns the line of a state."""
+    return line(["state", machine.value, now_s, codec.plain(comparable(state))])
+
+
+def step(machine: Machine, now_s: float, event: Any, commands: Iterable[Any]) -> str:
+    """Returns the lines of a step: the event, and what was decided."""
+    lines = [line(["step", machine.value, now_s, type(event).__name__, codec.plain(event)])]
+    for decision in decisions(machine, commands):
+        lines.append(line(["did", machine.value, now_s, type(decision).__name__, codec.plain(decision)]))
+    return "".join(lines)
+
+
+def gap(steps: int) -> str:
+    """Returns the line that says how many steps are missing."""
+    return line(["gap", steps])
+
+
+def decisions(machine: Machine, commands: Iterable[Any]) -> list[Any]:
+    """Returns those of a machine's commands that a box keeps."""
+    kinds = tuple(KINDS[machine].decisions.values())
+    return [command for command in commands if isinstance(command, kinds)]
+
+
+def comparable(state: Any) -> Any:
+    """Returns a state without what was given out last: levels are given out again and decide nothing."""
+    return replace(state, levels=(), levels_s=-1.0) if isinstance(state, placement.Robot) else state
+
+
+# -- reading ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Header:
+    """The first line of a file."""
+
+    format: int
+    facts: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class KeyFrame:
+    """A state that was written down."""
+
+    machine: Machine
+    now_s: float
+    state: Any
+
+
+@dataclass(frozen=True)
+class Step:
+    """An event that a machine took in."""
+
+    machine: Machine
+    now_s: float
+    event: Any
+
+
+@dataclass(frozen=True)
+class Did:
+    """A decision that was written down."""
+
+    machine: Machine
+    now_s: float
+    decision: Any
+
+
+@dataclass(frozen=True)
+class Gap:
+    """So many steps are missing; 0: a line that cannot be read, or none knows how many."""
+
+    steps: int
+
+
+Record = Header | KeyFrame | Step | Did | Gap
+
+
+def parse(text: str) -> Record:
+    """Returns what a line says; a Gap for one that is torn, altered, or of a type that this release does not have."""
+    words = text.rstrip("\n")
+    try:
+        if int(words[:SUM_LENGTH], 16) != zlib.crc32(words[SUM_LENGTH + 1 :].encode()):
+            return Gap(0)
+        return _record(json.loads(words[SUM_LENGTH + 1 :]))
+    except (ValueError, KeyError, TypeError, IndexError, RecursionError):
+        return Gap(0)
+
+
+def _record(parts: list[Any]) -> Record:
+    word = parts[0]
+    if word == "box":
+        return Header(codec.typed(int, parts[1]), dict(parts[2]))
+    if word == "gap":
+        return Gap(codec.typed(int, parts[1]))
+    machine, now_s = Machine(parts[1]), codec.typed(float, parts[2])
+    kind = KINDS[machine]
+    if word == "state":
+        return KeyFrame(machine, now_s, codec.typed(kind.state, parts[3]))
+    if word == "step":
+        return Step(machine, now_s, codec.typed(kind.events[parts[3]], parts[4]))
+    if word == "did":
+        return Did(machine, now_s, codec.typed(kind.decisions[parts[3]], parts[4]))
+    raise ValueError(word)
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A step that was run again.
+
+    Attributes:
+        machine, now_s, event: as written.
+        before, after: states. decided: what the core decides now.
+    """
+
+    machine: Machine
+    now_s: float
+    event: Any
+    before: Any
+    after: Any
+    decided: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Differs:
+    """The core of now does not do what was written.
+
+    Attributes:
+        machine, now_s: of the step. written, replayed: decisions, or states at a key frame.
+    """
+
+    machine: Machine
+    now_s: float
+    written: tuple[Any, ...]
+    replayed: tuple[Any, ...]
+
+
+def replay(lines: Iterable[str]) -> Iterator[Header | Gap | Replayed | Differs]:
+    """Runs the core over the lines of a box.
+
+    A machine is replayed from its first key frame on; later ones are compared with what the replay has come to. Headers
+    and gaps are handed through.
+    """
+    players: dict[Machine, _Player] = {machine: _Player(machine) for machine in KINDS}
+    process: object = None
+    for text in lines:
+        record = parse(text)
+        if isinstance(record, Gap | Header):
+            goes_on = isinstance(record, Header) and record.facts.get("process") == process
+            process = record.facts.get("process") if isinstance(record, Header) else process
+            for player in players.values():
+                yield from player.settle()
+                player.state = player.state if goes_on else None
+            yield record
+        else:
+            yield from players[record.machine].take(record)
+    for player in players.values():
+        yield from player.settle()
+
+
+class _Player:
+    """One machine that is replayed.
+
+    Attributes:
+        state: None until a key frame came. step: the newest step, and what it decided; written: what it decided then.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self.state: Any = None
+        self.step: Replayed | None = None
+        self.written: list[Any] = []
+
+    def take(self, record: KeyFrame | Step | Did) -> Iterator[Replayed | Differs]:
+        if isinstance(record, Did):
+            self.written.append(record.decision)
+            return
+        yield from self.settle()
+        if isinstance(record, KeyFrame):
+            if self.state is not None and comparable(self.state) != record.state:
+                yield Differs(self.machine, record.now_s, (record.state,), (comparable(self.state),))
+            self.state = record.state
+        elif self.state is not None:
+            before = self.state
+            self.state, commands = KINDS[self.machine].step(before, record.event, record.now_s)
+            decided = tuple(decisions(self.machine, commands))
+            self.step = Replayed(self.machine, record.now_s, record.event, before, self.state, decided)
+
+    def settle(self) -> Iterator[Replayed | Differs]:
+        """Gives out the newest step, now that all of its decisions have been read."""
+        step, written = self.step, tuple(self.written)
+        self.step, self.written = None, []
+        if step is not None:
+            yield step
+            if step.decided != written:
+                yield Differs(self.machine, step.now_s, written, step.decided)
