@@ -17,6 +17,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
+from robot_offload_agent.control import blackbox
 from robot_offload_agent.process import beacon, realtime
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s
@@ -64,6 +65,7 @@ class ControlShell(ABC):
         self.pulse_status: PulseStatus | None = None
         self.lives = Lives(())
         self.guard = Guard(context.is_up)
+        self.box = blackbox.of(configuration, self.incarnation)
         self.beacon = beacon.Beacon(bus, "decide", "ros")
         self.report_due_s = self.graph_due_s = self.seen_due_s = 0.0
         context.init(configuration)
@@ -76,6 +78,9 @@ class ControlShell(ABC):
     def run(self) -> None:
         """Runs until it is ended."""
         sys.setswitchinterval(SWITCH_INTERVAL_S)
+        if self.box is not None:
+            self.process.watched_by(self.box)
+            self.box.start()
         threading.Thread(target=self.decide, name="decide", daemon=True).start()
         self.report.guardian.create_timer(beacon.PERIOD_S, lambda: self.beacon.sign("ros"))
         context.spin(*self.report.nodes)
@@ -173,6 +178,8 @@ class ControlShell(ABC):
     def life_counters(self) -> dict[str, int]:
         """Returns what was no message here, and deaths of each process and their kinds, for diagnostics."""
         counters = {"garbage.control": self.bus.garbage + self.guard.count}
+        if self.box is not None and self.box.left_out:
+            counters["blackbox.left_out"] = self.box.left_out
         for name, deaths, hangs, broken in self.lives.processes:
             counters |= {f"process.{name}.deaths": deaths, f"process.{name}.hangs": hangs}
             counters |= {f"process.{name}.broken": broken}

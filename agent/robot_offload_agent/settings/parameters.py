@@ -47,6 +47,9 @@ GENERAL: dict[str, Parameter] = {
     "namespace": Parameter("/", "namespace of the agent's nodes and of relative node names", pattern=rf"/|{TOPIC}"),
     "runtime_dir": Parameter("", "folder for sockets and pid files; empty: in the user's runtime folder"),
     "state_dir": Parameter("", "folder for what outlives a reboot; empty: in the user's state folder"),
+    "black_box_mib": Parameter(
+        64, "largest size of the black box in state_dir, MiB; 0: none. In the cloud at most 8", low=0, high=65536
+    ),
     "generation": Parameter(0, "generation of the resource that this file was made from; 0: none", low=0, high=2**53),
     "state_file": Parameter("", "file to which the cloud's agent tells its state (JSON); empty: none"),
     "settings_file": Parameter("", "parameter file watched in the cloud for settings to push; empty: none"),
