@@ -15,6 +15,7 @@ the middle of one. After a gap, and where another process begins, a machine goes
 
 from __future__ import annotations
 
+import hashlib
 import json
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -56,6 +57,14 @@ KINDS: Final = {
     ),
 }
 """The machines of the control processes. Their other commands follow from the state and are not written."""
+
+
+def digest(sources: Iterable[tuple[str, bytes]]) -> str:
+    """Returns a name of the core's code, made of its files (name, content): another one may decide otherwise."""
+    found = hashlib.sha256()
+    for name, content in sorted(sources):
+        found.update(name.encode() + b"\0" + content)
+    return found.hexdigest()[:16]
 
 
 # -- writing ----------------------------------------------------------------------------------------------------------

@@ -18,6 +18,8 @@ from typing import Any
 
 import pytest
 
+from robot_offload_lab.blackbox import ring
+from robot_offload_lab.blackbox.decided import Totals, moments
 from robot_offload_lab.judge import recording
 
 ROOT = Path(__file__).parents[2]
@@ -203,6 +205,12 @@ def test_the_wheelchair_drives_without_touching_anything_while_its_link_fails(de
     assert run.path[-1].x_m > run.path[0].x_m + 1.0
     assert run.outcome is not None
     assert "11.0 s, goal not reached, 0 collisions" in said
+    for side, decided in (("robot", "placement"), ("cloud", "lease")):
+        totals = Totals()
+        decisions = list(moments(ring.lines(demo.out / "state" / side / "blackbox" / side), totals))
+        assert (totals.differences, totals.other_cores, totals.left_out) == (0, set(), 0)
+        assert decided in {one.machine for one in decisions}
+        assert totals.steps > 300
     assert demo.nothing_left()
 
 

@@ -10,7 +10,6 @@ goes on with the next number. Format: `robot_offload_core.blackbox`.
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import threading
 import time
@@ -158,12 +157,9 @@ def number_of(file: Path) -> int:
 
 
 def digest_of_core() -> str:
-    """Returns what names the code of the core: a replay with another one may decide otherwise."""
+    """Returns the name of this installation's core."""
     root = Path(robot_offload_core.__file__).parent
-    found = hashlib.sha256()
-    for file in sorted(root.rglob("*.py")):
-        found.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
-    return found.hexdigest()[:16]
+    return blackbox.digest((file.relative_to(root).as_posix(), file.read_bytes()) for file in root.rglob("*.py"))
 
 
 def of(configuration: Configuration, incarnation: str) -> BlackBox | None:
@@ -178,4 +174,4 @@ def of(configuration: Configuration, incarnation: str) -> BlackBox | None:
         "process": incarnation,
         "release": version("robot-offload-agent"),
     }
-    return BlackBox(state_dir(configuration) / "blackbox", total, facts)
+    return BlackBox(state_dir(configuration) / "blackbox" / side, total, facts)

@@ -10,6 +10,7 @@ import dataclasses
 import datetime
 import json
 import os
+import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -307,6 +308,7 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
         uid=system.uid,
         domain_id=_domain(system, side),
         runtime_dir=str(system.temporary / side),
+        state_dir=str(fresh_state(system, side)),
         realtime=system.realtime,
         observers=tuple(observers),
     )
@@ -314,6 +316,13 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
     file.write_text(agent_config(system.offload, site), encoding="utf-8")
     command = (sys.executable, "-m", "robot_offload_agent.main", side, "--params", str(file))
     return Program(f"{side}-agent", command, system.out, environment(system, side))
+
+
+def fresh_state(system: System, side: Side) -> Path:
+    """Returns the folder in which a side's agent keeps what outlives it, its black box too; of earlier runs emptied."""
+    folder = system.out / "state" / side
+    shutil.rmtree(folder, ignore_errors=True)
+    return folder
 
 
 def _nodes(system: System, side: Side) -> Iterator[Program]:

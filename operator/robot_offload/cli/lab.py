@@ -16,6 +16,7 @@ _HELP: Final = {
     "demo": "Run both sides on this machine while the link between them fails.",
     "simulate": "Try switching rules on a recorded link, or the protocol in virtual time.",
     "bench": "Measure what the product claims.",
+    "blackbox": "Replay what an agent took in and decided: its black box.",
 }
 
 

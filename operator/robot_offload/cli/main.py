@@ -48,6 +48,7 @@ class Program(LazyCommands):
             "",
             "Try a switching policy on a recorded link: where it would have acted, and what that would have cost.",
         ),
+        Entry("blackbox", "", "Replay what an agent took in and decided: its black box."),
         Entry(
             "dockerfile",
             "images.dockerfile",
