@@ -77,6 +77,10 @@ class Problem(Explained):
         "SnapshotRefused", "A snapshot of a node's state was refused; the replica keeps what it had",
         "Read the reason in the message; publish with the same `robot_offload_state` on both sides",
     )  # fmt: skip
+    PARAMETER_REFUSED = (
+        "ParameterRefused", "A replica did not take parameters of the acting side's node",
+        "Set it in the parameter file of both sides and restart, or name it in `except`",
+    )  # fmt: skip
     NOT_LIFECYCLE = (
         "NotLifecycle", "A node that is declared as managed runs without a lifecycle",
         "Write `lifecycle: false`, or make it a managed node",

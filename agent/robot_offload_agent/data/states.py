@@ -1,7 +1,7 @@
-"""The topics of state: what a node here says of it is heard, what its replica said is published for it.
+"""The state of nodes: what a node here says of it is heard, what its replica said is published for it.
 
 A snapshot: `~/offload/state` is heard, `~/offload/restore` is published, latched. A topic: the node's own is heard, the
-private name of `restore` is published, to a node that listens.
+private name of `restore` is published, to a node that listens. Parameters: `copies`.
 """
 
 from __future__ import annotations
@@ -13,17 +13,18 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import UInt8MultiArray
 
+from robot_offload_agent.data.copies import ParameterCopies
 from robot_offload_agent.process.collector_memory import HolderView
 from robot_offload_agent.ros import raw
-from robot_offload_agent.ros.managed_nodes import ros_name
+from robot_offload_agent.ros.managed_nodes import full_name
 from robot_offload_agent.settings.parameters import Configuration, Named
 from robot_offload_agent.settings.served import private_name
-from robot_offload_core.declared import SnapshotState, TopicState
+from robot_offload_core.declared import ParameterState, SnapshotState, StateSpec, TopicState
 from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataProcess
 from robot_offload_core.process.robot_data import RobotDataProcess
-from robot_offload_core.process.states import Carried, CloudStates, RobotStates, StateProcess
+from robot_offload_core.process.states import CloudStates, RobotStates, StateProcess
 
 HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 KEPT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -31,10 +32,9 @@ GIVEN = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 AS_PUBLISHED = {"type": "auto", "reliability": "auto", "durability": "auto", "depth": 10}
 
 
-def carried_states(configuration: Configuration) -> dict[str, Carried]:
-    """Returns the declared snapshots and topics by the names of their entries."""
-    named = zip(configuration.states, configuration.state_specs(), strict=True)
-    return {state.name: spec for state, spec in named if isinstance(spec, (SnapshotState, TopicState))}
+def carried_states(configuration: Configuration) -> dict[str, StateSpec]:
+    """Returns the declared state by the names of its entries."""
+    return {state.name: spec for state, spec in zip(configuration.states, configuration.state_specs(), strict=True)}
 
 
 class StateTopics:
@@ -58,13 +58,13 @@ class StateTopics:
                 spec = Named(name, {**AS_PUBLISHED, "type": state.type})
                 heard = partial(self.process.published, name)
                 self.heard[name] = raw.RawSubscription(node, self._source(state), spec, False, heard)
-            else:
+            elif isinstance(state, SnapshotState):
                 self._snapshot_topics(name, state)
+        parameters = {name: state for name, state in self.states.items() if isinstance(state, ParameterState)}
+        self.copies = ParameterCopies(configuration, parameters, self.process) if parameters else None
 
     def _snapshot_topics(self, name: str, state: SnapshotState) -> None:
-        names = {spec.name: ros_name(self.configuration.side, spec) for spec in self.configuration.node_specs()}
-        namespace = self.configuration["namespace"].rstrip("/")
-        full = names[state.node] if names[state.node].startswith("/") else f"{namespace}/{names[state.node]}"
+        full = full_name(self.configuration, state.node)
         self.publishers[name] = self.node.create_publisher(UInt8MultiArray, f"{full}/offload/restore", KEPT)
         self.node.create_subscription(
             UInt8MultiArray, f"{full}/offload/state", partial(self.process.published, name), HEARD, raw=True
@@ -101,6 +101,10 @@ class StateTopics:
             return False
         publisher.publish(payload)
         return True
+
+    def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
+        """Sets parameters at this side's nodes; see StatePorts."""
+        return self.copies.wish(name, payload, active) if self.copies is not None else None
 
     def holder(self) -> Holding:
         """Returns who holds."""

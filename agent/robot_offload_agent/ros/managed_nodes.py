@@ -46,6 +46,13 @@ def ros_name(side: Site, spec: NodeSpec) -> str:
     return f"{head}{slash}remote_{last}" if side is Site.CLOUD and spec.duplicated else spec.name
 
 
+def full_name(configuration: Configuration, name: str) -> str:
+    """Returns the full ROS name on this side of a node as the resource names it, also of one that is not managed."""
+    known = {spec.name: spec for spec in configuration.node_specs()}
+    found = ros_name(configuration.side, known[name]) if name in known else name
+    return found if found.startswith("/") else f"{configuration['namespace'].rstrip('/')}/{found}"
+
+
 class ManagedNodes:
     """Service clients of one side's managed nodes. Calls are made on the deciding thread and answered on ROS's."""
 

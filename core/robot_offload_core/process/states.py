@@ -1,8 +1,9 @@
-"""What the data processes do with nodes' state, snapshots and topics: from the holder to the standby, always.
+"""What the data processes do with nodes' state, snapshots, topics, parameters: from the holder to the standby, always.
 
 Each side hears its own node. While it holds, it sends what the node said, at once and again every second, because a
 standby may come late. What arrives is given to the node here only while the other side holds: a snapshot at once, the
-message of a topic each time that the node has become Active and listens. What is missing, control hears (`lack`).
+message of a topic each time that the node has become Active and listens, parameters at once and again each time that it
+has become Active, because nodes install their callbacks there. What is missing, control hears (`lack`).
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from robot_offload_core import envelope, snapshots
-from robot_offload_core.declared import SnapshotState, TopicState
+from robot_offload_core import envelope, parameter_values, snapshots
+from robot_offload_core.declared import ParameterState, SnapshotState, StateSpec, TopicState
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.managed_nodes import State
@@ -36,19 +37,29 @@ class StatePorts(Protocol):
         A snapshot is kept until the node takes it; a topic's message is given when the node listens.
         """
 
+    def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
+        """Sets parameters at the nodes here, once for each `payload` and `active` (is the declaring node Active?).
+
+        Returns:
+            What was not taken, as a sentence, "" when all was; None while that is not known yet.
+        """
+
     def holder(self) -> Holding:
         """Returns who holds, from the collector's memory (robot only)."""
 
 
-Carried = SnapshotState | TopicState
-
-
 @dataclass
 class _Kept:
-    """The newest message of a topic of the acting side's node. `given`: in the present activation of the node here."""
+    """The newest message of a topic, or newest parameters, of the acting side's node.
+
+    Attributes:
+        payload: message. given: whether it was given in the present activation of the node here.
+        refused: which parameters the node here did not take; "" for none.
+    """
 
     payload: bytes
     given: bool = False
+    refused: str = ""
 
 
 @dataclass
@@ -68,10 +79,11 @@ class StateProcess(ABC):
         sequence: of what was sent last, growing over restarts of this process.
         said: newest of the node here, by name of the entry.
         standing: what the node here has been given, by name of the entry.
-        kept: messages of topics that the node here has not outlived by one of its own. stood_by: at the last look.
+        kept: messages of topics, and parameters, that the node here has not outlived by its own. stood_by: at the last
+            look.
     """
 
-    def __init__(self, states: Mapping[str, Carried], ports: StatePorts, data: DataProcess) -> None:
+    def __init__(self, states: Mapping[str, StateSpec], ports: StatePorts, data: DataProcess) -> None:
         self.states = states
         self.ports = ports
         self.data = data
@@ -86,8 +98,15 @@ class StateProcess(ABC):
         stay = self.stay()
         if stay is None or not self._whole(name, payload) or not self.data.fits(f"state {name}", payload):
             return
+        if isinstance(self.states[name], ParameterState):
+            said = self.said.get(name)
+            if name in self.kept and not self.kept[name].given:
+                return  # those of the other side come first
+            if said is not None and (said.stay, said.payload) == (stay, payload):
+                return
         if name in self.kept and self.kept[name].given:
             del self.kept[name]
+            self.data.note(f"set {name}", None)
         echo_us = self.data.heard.sent_us if self.data.heard else 0
         self.said[name] = _Said(stay, payload, echo_us, self.data.ports.now_s() + AGAIN_S)
         self._send(name)
@@ -101,7 +120,7 @@ class StateProcess(ABC):
                 self._send(name)
         active = self.active()
         for name, kept in list(self.kept.items()):
-            kept.given = self.states[name].node in active and (kept.given or self.ports.restore(name, kept.payload))
+            self._give(name, kept, self.states[name].node in active)
         for name in self.states:
             self._judge_age(name, now_s)
         stands_by = self.stands_by()
@@ -109,6 +128,16 @@ class StateProcess(ABC):
             self._note_ages(now_s)
         self.stood_by = stands_by
         self.data.lack(self._lacks(now_s) if stands_by else {})
+
+    def _give(self, name: str, kept: _Kept, active: bool) -> None:
+        """Gives a topic's message to a node that is Active, parameters to one in any state."""
+        if not isinstance(self.states[name], ParameterState):
+            kept.given = active and (kept.given or self.ports.restore(name, kept.payload))
+            return
+        refused = self.ports.set_parameters(name, kept.payload, active)
+        kept.given, kept.refused = active and refused is not None, refused or ""
+        said = f"Parameters of the acting side: {kept.refused}"
+        self.data.note(f"set {name}", ("ParameterRefused", said) if kept.refused else None)
 
     def _note_ages(self, now_s: float) -> None:
         """Counts how old the state was that this side went on with at a change."""
@@ -125,8 +154,11 @@ class StateProcess(ABC):
             kept = self.kept.get(name)
             if isinstance(state, SnapshotState) and self.standing[name].aged_s(now_s) > state.max_age_s:
                 lacks[name] = f"The replica of {state.node} has no snapshot younger than {state.max_age_s * 1e3:.0f} ms"
-            elif kept is not None and not kept.given:
-                lacks[name] = f"The replica of {state.node} has not taken its state on {_restore(state)} yet"
+            elif isinstance(state, ParameterState) and kept is not None and (kept.refused or not kept.given):
+                unset = f"The replica of {state.node} has not got the parameters of the acting side yet"
+                lacks[name] = kept.refused or unset
+            elif isinstance(state, TopicState) and kept is not None and not kept.given:
+                lacks[name] = f"The replica of {state.node} has not taken its state on {state.restore} yet"
         return lacks
 
     def arrived(self, name: str, header: bytes, payload: bytes) -> None:
@@ -150,16 +182,20 @@ class StateProcess(ABC):
                 return
             self.standing[name] = taken
         self.data.counters[f"state {name}.restored"] += 1
-        if isinstance(self.states[name], TopicState):
-            known = self.kept.get(name)
-            self.kept[name] = _Kept(payload, known is not None and known.given)
-        else:
+        state, known = self.states[name], self.kept.get(name)
+        if isinstance(state, SnapshotState):
             self.ports.restore(name, payload)
+        elif isinstance(state, TopicState) or known is None or known.payload != payload:
+            self.kept[name] = _Kept(payload, isinstance(state, TopicState) and known is not None and known.given)
 
     def _whole(self, name: str, payload: bytes) -> bool:
         state = self.states[name]
         if isinstance(state, TopicState):
             return True  # what the middleware carries as one message is whole
+        if isinstance(state, ParameterState):
+            whole = parameter_values.decode(payload) is not None
+            self.data.counters[f"state {name}.refused"] += not whole
+            return whole
         found = snapshots.parse(payload, state.max_size)
         refused = isinstance(found, Refused)
         if isinstance(found, Refused):
@@ -283,7 +319,3 @@ class CloudStates(StateProcess):
     def stands_by(self) -> bool:
         """See StateProcess."""
         return self.holding() is None and bool(self.data.egress.robot)
-
-
-def _restore(state: Carried) -> str:
-    return state.restore if isinstance(state, TopicState) else "~/offload/restore"

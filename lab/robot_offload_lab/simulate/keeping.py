@@ -6,12 +6,13 @@ import struct
 import zlib
 
 from robot_offload_core import snapshots
+from robot_offload_core.declared import StateSpec
 from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.managed_nodes import State
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataProcess
 from robot_offload_core.process.robot_data import RobotDataProcess
-from robot_offload_core.process.states import Carried, CloudStates, RobotStates, StateProcess
+from robot_offload_core.process.states import CloudStates, RobotStates, StateProcess
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.cloud_side import CloudSide
 from robot_offload_lab.simulate.robot_side import RobotSide
@@ -21,6 +22,8 @@ from robot_offload_lab.simulate.world import World
 
 SAID = struct.Struct(">Bd")
 """Who made a snapshot (1: the robot's node), and when in true time."""
+TORN_BYTE = 35
+"""In the moment that a serialized snapshot holds: behind 16 bytes of CDR, 18 of the header, 1 of who said it."""
 SLACK_S = 0.005
 """Between true time and the clocks of the hosts, over the oldest age that is judged."""
 
@@ -35,7 +38,7 @@ class Kept:
     """
 
     def __init__(
-        self, world: World, site: Site, states: dict[str, Carried], side: RobotSide | CloudSide, robot: RobotSide,
+        self, world: World, site: Site, states: dict[str, StateSpec], side: RobotSide | CloudSide, robot: RobotSide,
         name: str,
     ) -> None:  # fmt: skip
         self.world, self.site, self.states, self.side, self.robot, self.name = world, site, states, side, robot, name
@@ -66,7 +69,9 @@ class Kept:
 
     def damage(self, payload: bytes) -> bytes:
         """Returns what arrives of a snapshot: sometimes torn."""
-        return payload[:-1] + b"?" if self.world.dice.random() < self.torn else payload
+        if self.world.dice.random() >= self.torn:
+            return payload
+        return payload[:TORN_BYTE] + b"?" + payload[TORN_BYTE + 1 :]
 
     def restore(self, name: str, payload: bytes) -> bool:
         """Gives a snapshot to the node; judges what it gets."""
@@ -74,6 +79,7 @@ class Kept:
         self.expect(isinstance(found, snapshots.Snapshot), "a torn snapshot is restored")
         assert isinstance(found, snapshots.Snapshot)
         assert self.process is not None
+        self.expect(self.process.holding() is None, "a snapshot is restored at the side that holds")
         of_robot, made_s = SAID.unpack(found.data)
         self.expect(bool(of_robot) is not (self.site is Site.ROBOT), "a node gets its own snapshot back")
         self.expect(made_s >= self.restored_s, "an older snapshot is restored")
@@ -83,6 +89,10 @@ class Kept:
         self.restored_s = made_s
         self.took += 1
         return True
+
+    def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
+        """Refuses what is no snapshot: the nodes here have no other state."""
+        raise AssertionError(name)
 
     def expect(self, holds: bool, text: str) -> None:
         """Raises ViolationError unless invariant 8 holds."""

@@ -324,4 +324,31 @@ HANDOVER: dict[str, Mutant] = {
             ),
         ),
     ),
+    "N42": Mutant(
+        "an older snapshot is taken",
+        "state_on_a_bad_link",
+        (
+            Edit(
+                "snapshots",
+                "if same and (opened.token.epoch, opened.sequence) <= (standing.epoch, standing.sequence):",
+                "if False:",
+            ),
+        ),
+    ),
+    "N43": Mutant(
+        "a torn snapshot is taken",
+        "state_on_a_bad_link",
+        (
+            Edit(
+                "snapshots",
+                "    if len(data) != size or zlib.crc32(data) != checksum:\n",
+                "    if len(data) != size:\n",
+            ),
+        ),
+    ),
+    "N44": Mutant(
+        "a change does not wait for the state",
+        "stale_state_is_waited_for",
+        (Edit("handing", "    lacks = lacks or _stale(robot, preparation, candidate)\n", ""),),
+    ),
 }

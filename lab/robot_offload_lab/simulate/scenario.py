@@ -6,9 +6,9 @@ import random
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from robot_offload_core.declared import StateSpec
 from robot_offload_core.process.data import DataPlan, InputPlan, OutputPlan
 from robot_offload_core.process.relay import RelayPlan
-from robot_offload_core.process.states import Carried
 from robot_offload_core.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 
@@ -77,7 +77,7 @@ class Scenario:
     strict: bool = False
     asked: tuple[Settings, ...] = ()
     worlds: tuple[str, ...] = ()
-    states: dict[str, Carried] = field(default_factory=dict)
+    states: dict[str, StateSpec] = field(default_factory=dict)
     state_period_s: float = 0.1
 
     @cached_property

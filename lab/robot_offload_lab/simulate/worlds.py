@@ -10,8 +10,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from robot_offload_core.declared import SettingsError, SnapshotState
-from robot_offload_core.process.states import Carried
+from robot_offload_core.declared import SettingsError, SnapshotState, StateSpec
 from robot_offload_core.settings import Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate import garbage
@@ -268,7 +267,7 @@ def _big(scenario: Scenario, dice: random.Random) -> Scenario:
 
 def _states(scenario: Scenario, dice: random.Random) -> Scenario:
     """The controller has state that the standby is to know."""
-    states: dict[str, Carried] = {"controller_1": SnapshotState("controller", max_age_s=0.5, max_size=1024)}
+    states: dict[str, StateSpec] = {"controller_1": SnapshotState("controller", max_age_s=0.5, max_size=1024)}
     return replace(scenario, states=states, state_period_s=dice.choice((0.1, 0.25)))
 
 

@@ -10,15 +10,16 @@ from typing import Any
 
 import pytest
 
-from robot_offload_core.declared import SnapshotState, TopicState
+from robot_offload_core.declared import ParameterState, SnapshotState, StateSpec, TopicState
 from robot_offload_core.lease import SetEgress
 from robot_offload_core.ledger.ports import Holding
+from robot_offload_core.parameter_values import encode as encode_parameters
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataPlan
 from robot_offload_core.process.messages import Egress, Heard, Orders
 from robot_offload_core.process.probe import Probe, decode, encode
 from robot_offload_core.process.robot_data import RobotDataProcess
-from robot_offload_core.process.states import AGAIN_S, CHANNEL, Carried, CloudStates, RobotStates, StateProcess
+from robot_offload_core.process.states import AGAIN_S, CHANNEL, CloudStates, RobotStates, StateProcess
 from robot_offload_core.token import Site, Token
 from robot_offload_state.packing import pack
 from tests.unit.core.builders import CLOUD, ROBOT, STRANGER
@@ -41,6 +42,8 @@ class Ports:
     crossed: list[tuple[str, bytes, bytes]] = field(default_factory=list)
     restored: list[bytes] = field(default_factory=list)
     holding: Holding = field(default_factory=lambda: Holding(Site.ROBOT, 1, Token(ROBOT, 3, "")))
+    restored_while: list[tuple[bytes, bool]] = field(default_factory=list)
+    refused: str = ""
     listens: bool = True
     lock: Any = field(default_factory=contextlib.nullcontext)
 
@@ -57,6 +60,12 @@ class Ports:
             self.restored.append(payload)
         return self.listens
 
+    def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
+        assert name == NAME
+        if self.listens and (payload, active) not in self.restored_while:
+            self.restored_while.append((payload, active))
+        return self.refused if self.listens else None
+
     def holder(self) -> Holding:
         return self.holding
 
@@ -70,7 +79,7 @@ class Ports:
 class Pair:
     """Both sides; `deliver` carries what has crossed."""
 
-    def __init__(self, states: Mapping[str, Carried] = STATES) -> None:
+    def __init__(self, states: Mapping[str, StateSpec] = STATES) -> None:
         self.ports = {Site.ROBOT: Ports(), Site.CLOUD: Ports()}
         robot, cloud = self.ports.values()
         self.robot_data = RobotDataProcess(DataPlan((), ()), robot)
@@ -290,3 +299,66 @@ def test_the_robots_control_hears_what_each_side_lacks_for_which_preparation() -
     decoded = decode(encode(probe))
     assert isinstance(decoded, Probe)
     assert (decoded.preparing, decoded.lacks) == (7, probe.lacks)
+
+
+PARAMETERS = {NAME: ParameterState("amcl")}
+SLOW, FAST = (encode_parameters({"amcl": {"speed": (3, value)}}) for value in (0.2, 0.6))
+
+
+def test_parameters_are_set_at_once_and_again_after_each_activation() -> None:
+    pair = Pair(PARAMETERS)
+    pair.cloud_holds(4)
+    pair.cloud.published(NAME, FAST)
+    pair.deliver()
+    for active in ((), ("amcl",)):
+        robot_wakes(pair, 4, *active)
+    assert pair.ports[Site.ROBOT].restored_while == [(FAST, False), (FAST, True)]
+    assert pair.robot_data.lacks == {}
+
+
+def test_a_side_lacks_parameters_until_they_are_set_in_its_activation_and_names_what_was_refused() -> None:
+    pair = Pair(PARAMETERS)
+    pair.cloud_holds(4)
+    robot_wakes(pair, 4)
+    assert pair.robot_data.lacks == {}, "nothing was ever said"
+    pair.cloud.published(NAME, FAST)
+    pair.deliver()
+    robot_wakes(pair, 4)
+    assert "parameters" in pair.robot_data.lacks[NAME]
+    pair.ports[Site.ROBOT].refused = "the replica did not take amcl.speed (read-only)"
+    robot_wakes(pair, 4, "amcl")
+    assert pair.robot_data.lacks == {NAME: "the replica did not take amcl.speed (read-only)"}
+    assert [reason for reason, _ in pair.robot_data.problems.values()] == ["ParameterRefused"]
+    pair.ports[Site.ROBOT].refused = ""
+    robot_wakes(pair, 4, "amcl")
+    assert (pair.robot_data.lacks, pair.robot_data.problems) == ({}, {})
+
+
+def test_after_a_loss_the_parameters_of_the_cloud_come_before_the_robots_own() -> None:
+    pair = Pair(PARAMETERS)
+    pair.cloud_holds(4)
+    pair.cloud.published(NAME, FAST)
+    pair.deliver()
+    robot_wakes(pair, 4)
+    pair.ports[Site.ROBOT].listens = False
+    pair.robot_holds(5, stay=3)
+    robot_wakes(pair, 5, "amcl")
+    pair.robot.published(NAME, SLOW)
+    assert not pair.ports[Site.ROBOT].crossed, "what its node was started with is older than what the cloud had"
+    pair.ports[Site.ROBOT].listens = True
+    robot_wakes(pair, 5, "amcl")
+    pair.robot.published(NAME, FAST)
+    assert len(pair.ports[Site.ROBOT].crossed) == 1
+    pair.robot.published(NAME, FAST)
+    assert len(pair.ports[Site.ROBOT].crossed) == 1, "nothing was set"
+
+
+@pytest.mark.parametrize("payload", [b"", b"{", b"[]", b'{"amcl":{"speed":[3,"x"]}}'])
+def test_what_are_no_parameters_is_never_set(payload: bytes) -> None:
+    pair = Pair(PARAMETERS)
+    pair.robot.published(NAME, SLOW)
+    [(channel, header, _)] = pair.ports[Site.ROBOT].crossed
+    pair.ports[Site.ROBOT].crossed = [(channel, header, payload)]
+    pair.deliver()
+    pair.cloud.turn()
+    assert (pair.ports[Site.CLOUD].restored_while, pair.cloud_data.counters[f"state {NAME}.refused"]) == ([], 1)
