@@ -109,6 +109,18 @@ def _as_applied(value: Mapping[Any, Any]) -> Mapping[Any, Any]:
     return {**{name: it for name, it in value.items() if name != "status"}, "metadata": kept}
 
 
+_ONE_NODE: Final = (
+    "; in the cloud one pod runs one node (docs/decisions/0016-one-node-one-pod.md): write an entry under nodes for "
+    "each, with run.package and run.executable. "
+)
+_ELSEWHERE: Final[Mapping[Location, str]] = {
+    ("run", "launch"): f"{_ONE_NODE}On the robot the bundle's robot.launch.py includes your launch file as it is",
+    ("run", "components"): f"{_ONE_NODE}On the robot they stay composed: each remapping names its node",
+    ("run", "container"): f"{_ONE_NODE}On the robot they stay composed: each remapping names its node",
+}
+"""Fields that people look for, by their place and name, and where what they are for is done."""
+
+
 def findings_of(error: ValidationError, root: type[Model] = RobotOffload) -> list[Finding]:
     """Everything that pydantic complains of, in our words; never empty.
 
@@ -132,7 +144,8 @@ def _finding(detail: ErrorDetails, root: type[Model]) -> Finding:
     if kind == "extra_forbidden" and location[0] == "metadata" and location[-1] in _SERVER_WRITTEN:
         return Finding(path, "ServerWritten", "is for the cluster's own programs to write; remove it from the file")
     if kind == "extra_forbidden":
-        return Finding(path, "UnknownField", f"is not a known field{_instead(location, root)}")
+        meanwhile = _ELSEWHERE.get(location[-2:], "")
+        return Finding(path, "UnknownField", f"is not a known field{meanwhile or _instead(location, root)}")
     if kind == "missing":
         return Finding(path, "Required", f"is missing{_meaning(location, root)}")
     if kind == "literal_error":

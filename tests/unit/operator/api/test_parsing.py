@@ -43,6 +43,12 @@ def test_all_problems_are_told_at_once() -> None:
     ("path", "value", "problem"),
     [
         ("spec.topic", {}, "is not a known field; did you mean topics?"),
+        (
+            "spec.nodes.1.run.launch",
+            "bringup.launch.py",
+            "robot.launch.py includes your launch file as it is",
+        ),
+        ("spec.nodes.1.run.components", ["a::B"], "in the cloud one pod runs one node (docs/decisions/0016"),
         ("spec.switching.loss_timeout", "90ms", "is not a known field; did you mean lossTimeout?"),
         ("spec.robot.domainId", 1, "is not a known field; did you mean domainID?"),
         (
