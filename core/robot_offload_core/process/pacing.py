@@ -15,8 +15,8 @@ from robot_offload_core.declared import Priority
 SLOWER = 1.3
 """The distance of two messages grows by this at a refusal."""
 FASTER = 0.9
-"""The distance shrinks by this after each calm second."""
-CALM_S = 1.0
+"""The distance shrinks by this after each calm stretch: from a third of a rate to all of it in six seconds."""
+CALM_S = 0.5
 REFUSALS_S = 0.3
 """Refusals within this time are one: all that is sent before an acknowledgement meets the same full link."""
 AVERAGED = 0.1

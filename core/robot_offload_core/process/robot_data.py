@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from robot_offload_core import envelope
@@ -42,6 +42,7 @@ class RobotDataProcess(DataProcess):
     Attributes:
         sequence, sent_s: of each input. least_s: least distance of two messages of it.
         waiting: newest refused message of each input with `latest`: since when, its header, its payload.
+        packers: of inputs whose messages cross in another form than they came, what makes that form.
     """
 
     def __init__(self, plan: DataPlan, ports: DataPorts) -> None:
@@ -59,6 +60,7 @@ class RobotDataProcess(DataProcess):
         self.paces = Paces((i.name, Pace(1 / i.min_rate_hz if i.min_rate_hz else 0.0, i.priority)) for i in plan.inputs)
         self.latest = {i.name for i in plan.inputs if i.latest}
         self.waiting: dict[str, tuple[float, bytes, Any]] = {}
+        self.packers: dict[str, Callable[[Any], Any]] = {}
         self._limit_rates((i.name, i.max_age_ms, i.rate_hz) for i in plan.inputs)
 
     def forward(self, name: str, payload: Any, publishers: int = 1) -> None:
@@ -81,7 +83,8 @@ class RobotDataProcess(DataProcess):
             with self.ports.lock:
                 values = [v for v in self.latched[name] if v != payload]
                 self.latched[name] = [*values, payload][-min(MAX_LATCHED, max(1, publishers)) :]
-        self.send_input(name, payload)
+        packer = self.packers.get(name)
+        self.send_input(name, payload if packer is None else packer(payload))
 
     def send_input(self, name: str, payload: Any) -> None:
         """Sends with a header that lets the cloud bound the message's age."""

@@ -53,14 +53,14 @@ def case(load: TopicLoad) -> BenchCase:
 
 
 def measure(
-    loads: Sequence[TopicLoad], cells: Sequence[Cell], seconds: float, out: Path, known: Sequence[Row],
-    kept: Callable[[Row], None], limit_s: float,
+    loads: Sequence[TopicLoad], cells_of: Callable[[str], Sequence[Cell]], seconds: float, out: Path,
+    known: Sequence[Row], kept: Callable[[Row], None], limit_s: float,
 ) -> bool:  # fmt: skip
     """Measures what is not known yet; returns whether that is everything.
 
     Args:
         loads: what is published.
-        cells: the links.
+        cells_of: returns the links of a load, by its name.
         seconds: of each observation.
         out: folder for the runs' files.
         known: rows that are there already.
@@ -75,12 +75,12 @@ def measure(
         raise InputError(f"no link can be emulated between two hosts: {refusal}")
     there, began_s = {(one.load, one.cell) for one in known}, steady_s()
     for load in loads:
-        missing = [cell for cell in cells if (load.name, cell) not in there]
+        missing = [cell for cell in cells_of(load.name) if (load.name, cell) not in there]
         if missing and steady_s() - began_s < limit_s:
             for row in _run(load, missing, seconds, out, began_s + limit_s):
                 kept(row)
                 there.add((load.name, row.cell))
-    return all((load.name, cell) in there for load in loads for cell in cells)
+    return all((load.name, cell) in there for load in loads for cell in cells_of(load.name))
 
 
 def _run(load: TopicLoad, cells: Sequence[Cell], seconds: float, out: Path, until_s: float) -> list[Row]:

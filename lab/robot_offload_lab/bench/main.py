@@ -170,7 +170,7 @@ def weight(
 @app.command("links")
 def carried(
     *,
-    full: Annotated[bool, typer.Option("--full/--quick", help="All 36 kinds of link, or six of them.")] = False,
+    full: Annotated[bool, typer.Option("--full/--quick", help="All 36 kinds of link, or a share of them.")] = False,
     load: Annotated[list[str] | None, _case([one.name for one in links.LOADS])] = None,
     seconds: Annotated[float, typer.Option(min=2, help="Seconds of each observation.")] = 10.0,
     limit: Annotated[
@@ -187,8 +187,10 @@ def carried(
     try:
         known = link_table.fresh(link_table.read(out)) if resume else []
         loads = link_table.chosen(links.LOADS, load or ())
-        cells = links.ALL if full else links.SOME
-        done = link_table.measure(loads, cells, seconds, out, known, lambda row: _show_row(out, row), limit)
+        done = link_table.measure(
+            loads, lambda name: links.ALL if full else links.SOME[name], seconds, out, known,
+            lambda row: _show_row(out, row), limit,
+        )  # fmt: skip
         if docs is not None:
             typer.echo(f"Page: {link_table.write_page(docs, link_table.read(out))}")
     except RobotOffloadError as error:

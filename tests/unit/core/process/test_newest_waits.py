@@ -47,5 +47,5 @@ def test_a_message_whose_place_is_taken_shows_that_the_link_carries_too_little()
         ports.time_s += PERIOD_S
         ports.full = number % 3 != 0
         data.forward("camera", b"image")
-    assert data.paces.of["camera"].least_s > 2 * PERIOD_S
+    assert data.paces.of["camera"].least_s > PERIOD_S
     assert data.counters["camera.thinned"] > 0
