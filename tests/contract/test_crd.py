@@ -25,6 +25,7 @@ from robot_offload.api.v1alpha1.status import RobotOffloadStatus
 from robot_offload.errors import SpecError
 from scripts.generate.files import CHART_CRD_FILE, CRD_FILE, generated_files
 from scripts.generate.main import OutOfDateError, main, run
+from scripts.generate.node_graph import GRAPH_FILE
 from scripts.generate.rooms import ARCHITECTURE_FILE
 from tests.contract.rule_examples import BROKEN, BUILD, KEPT, Example, example_values
 from tests.contract.rule_examples import WORDS as WORDS_TO_COME
@@ -86,6 +87,7 @@ def test_a_file_that_is_out_of_date_is_told_with_the_difference(tmp_path: Path, 
     (tmp_path / "operator/robot_offload/api").mkdir(parents=True)
     (tmp_path / "docs").mkdir()
     shutil.copy(ROOT / ARCHITECTURE_FILE, tmp_path / ARCHITECTURE_FILE)
+    shutil.copytree((ROOT / GRAPH_FILE).parent, (tmp_path / GRAPH_FILE).parent)
     assert main(["--root", str(tmp_path)]) == 0
     assert main(["--root", str(tmp_path), "--check"]) == 0
     written = tmp_path / CRD_FILE
