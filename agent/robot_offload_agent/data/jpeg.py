@@ -2,7 +2,7 @@
 
 The nodes on both sides see plain images. What crosses is `MAGIC`, the length of the message's head, the head as it was
 serialized (stamp, frame, size, encoding) and the JPEG. A message that is no image of a known encoding crosses as it is.
-The pixels are compressed by Pillow, an extra: decision 0016 says why.
+The pixels are compressed by Pillow, an extra: decision 0017 says why.
 """
 
 from __future__ import annotations
