@@ -37,7 +37,7 @@ FRAME_S = 10.0
 WAITING = 4000
 """Steps that may wait for the writing thread, some twenty seconds of an ordinary robot."""
 RATE_BYTES = 262_144
-"""Written a second at most, on the average of a turn; an ordinary robot writes 20 kB."""
+"""Written a second at most, on the average of a turn; an ordinary robot writes 20 to 30 kB."""
 
 Taken = tuple[Machine, float, Any, Any, Any]
 
