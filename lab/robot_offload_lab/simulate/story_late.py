@@ -151,7 +151,20 @@ def old_beat_behind_a_newer_one() -> None:
     stage.expect(process.cloud.lease_end_s == end_s, "an old beat renews the lease")
 
 
+def pin_to_the_cloud_during_a_takeover() -> None:
+    """A pin to the cloud while the robot takes over: the robot finishes, and the cloud acts when it can."""
+    stage = Stage()
+    stage.in_cloud()
+    join = stage.cut()
+    stage.until_phase(Phase.TAKEOVER, 1.0, "the robot takes over")
+    stage.pin(Site.CLOUD)
+    stage.until_phase(Phase.ROBOT, 1.0, "the robot acts in spite of the pin")
+    join()
+    stage.until_phase(Phase.CLOUD, 12.0, "the pin is obeyed once the cloud is there again")
+
+
 STORIES = (
+    pin_to_the_cloud_during_a_takeover,
     old_word_for_a_restarted_collector,
     reports_out_of_place,
     node_that_dies_as_the_side_gets_ready,

@@ -21,6 +21,7 @@ from typing import Any, Self
 import yaml
 from std_msgs.msg import Header
 
+from robot_offload.render.pki import CertificateSet
 from robot_offload_agent.process.clock import now_s
 from robot_offload_lab.judge.recording import Arrival, PlacementChange
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
@@ -378,6 +379,17 @@ class World:
     def answer(self, text: str) -> None:
         """Gives the operator's answer to the robot's request for a certificate."""
         self._replace("certificate", text)
+
+    def write_bundle(self, made: CertificateSet) -> None:
+        """Writes certificates in place of those that both sides were to start with."""
+        assert self.certificates is not None
+        for paths, own, trusted in (
+            (self.certificates.robot, made.robot, made.server_ca),
+            (self.certificates.cloud, made.cloud, made.client_ca),
+        ):
+            paths.certificate.write_bytes(own.certificate)
+            paths.private_key.write_bytes(own.private_key)
+            paths.ca.write_bytes(trusted.certificate)
 
     def new_pod(self) -> None:
         """Starts the cloud's agent in a new pod, which has no handover file."""

@@ -11,7 +11,7 @@ from typing import Any
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.objects.pod import CERTIFICATES_DIR
 from robot_offload.transport import dds_router, tunnel
-from robot_offload_lab.run.certificates import CertificatePaths, SidePaths
+from robot_offload_lab.run.certificates import CertificatePaths
 from tests.ros.agent.processes import Processes
 
 VARIABLE = "DDSROUTER_BIN"
@@ -56,6 +56,7 @@ class Routers:
         self.folder = folder
         self.certificates = certificates
         self.running: dict[str, subprocess.Popen[bytes]] = {}
+        self.own = ""  # where the robot's agent keeps the pair that it has renewed
 
     def start(self, spaces: dict[str, str], cloud_address: str) -> None:
         """Starts everything, in the network namespaces of both sides."""
@@ -87,7 +88,8 @@ class Routers:
             files = {f"{CERTIFICATES_DIR}/{name}": str(getattr(own, word)) for name, word in names.items()}
             return {key: files.get(str(value), value) for key, value in document.items()}
         own = self.certificates.robot
-        return tunnel.robot_end("127.0.0.1:11667", [f"{self.cloud_address}:11666"], proof(own), verify_name=False)
+        files = tunnel.Proof(str(own.ca), str(own.certificate), str(own.private_key), self.own)
+        return tunnel.robot_end("127.0.0.1:11667", [f"{self.cloud_address}:11666"], files, verify_name=False)
 
     def run(self, side: str, part: str, command: list[str]) -> None:
         """Starts a program on a side."""
@@ -96,6 +98,11 @@ class Routers:
         environment = {"LD_LIBRARY_PATH": libraries[part]} if part in libraries else {}
         name = f"{side}-{part}"
         self.running[name] = self.processes.start(name, command, self.spaces[side], environment)
+
+    def restart(self, side: str, part: str) -> None:
+        """Ends a part at once and starts it again."""
+        self.kill(f"{side}-{part}")
+        self.run_part(side, part)
 
     def kill(self, name: str) -> None:
         """kill -9 of one of them, `robot-router` for instance."""
@@ -107,10 +114,6 @@ class Routers:
         path = self.folder / name
         path.write_text(dds_router.text(document), encoding="utf-8")
         return str(path)
-
-
-def proof(files: SidePaths) -> tunnel.Proof:
-    return tunnel.Proof(str(files.ca), str(files.certificate), str(files.private_key))
 
 
 def library_path() -> str:

@@ -9,7 +9,7 @@ import pytest
 from cryptography import x509
 
 from robot_offload.decide import renewal
-from robot_offload.render.pki import CertificateSet, build_certificates
+from robot_offload.render.pki import build_certificates
 from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.conftest import ROS_LINK_DOMAIN
 from tests.ros.agent.harness import Plan, World
@@ -196,22 +196,10 @@ def test_with_no_robot_connected_handing_over_is_answered_at_once(build: Callabl
     assert world.state["connected"] is False
 
 
-def write_bundle(world: World, made: CertificateSet) -> None:
-    """Writes certificates in place of those that both sides were to start with."""
-    assert world.certificates is not None
-    for paths, own, trusted in (
-        (world.certificates.robot, made.robot, made.server_ca),
-        (world.certificates.cloud, made.cloud, made.client_ca),
-    ):
-        paths.certificate.write_bytes(own.certificate)
-        paths.private_key.write_bytes(own.private_key)
-        paths.ca.write_bytes(trusted.certificate)
-
-
 def test_a_robot_that_drives_gets_a_certificate_for_its_own_key_and_dials_with_it(build: Callable[..., World]) -> None:
     world, now = build(files=True), datetime.datetime.now(datetime.timezone.utc)
     made = build_certificates(robot="walker-1", host_names=["127.0.0.1"], now=now)
-    write_bundle(world, made)
+    world.write_bundle(made)
     world.start()
     since = len(world.arrivals)
     world.until(lambda: world.state["certificate"]["request"], "the robot asks")

@@ -3,6 +3,7 @@
 Without one the rendered files are checked against a model of the router's reader (tests/unit/operator/render).
 """
 
+import datetime
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,7 +11,9 @@ from contextlib import closing
 
 import pytest
 
+from robot_offload.decide import renewal
 from robot_offload.objects import pod
+from robot_offload.render.pki import build_certificates
 from robot_offload.transport import dds_router_xml, tunnel
 from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.ears import wait_until
@@ -106,3 +109,34 @@ def test_a_robot_that_starts_without_a_link_or_gets_another_address_comes_in(bui
     ip("-n", space, "route", "replace", "224.0.0.0/4", "dev", "link0")
     world.goes_to("cloud")
     world.check()
+
+
+def test_a_robot_renews_over_the_routers_and_its_tunnel_dials_with_what_came(build: Callable[..., World]) -> None:
+    now = datetime.datetime.now(datetime.timezone.utc)
+    earlier, made = (
+        build_certificates(robot="walker-1", host_names=["127.0.0.1"], now=now - datetime.timedelta(days=age))
+        for age in (1, 0)
+    )
+    world = build(link="router", files=True)
+    assert world.certificates is not None
+    world.write_bundle(made)
+    files = world.certificates.robot
+    world.routers.own = str(world.folder / "state/certificates/current")
+    for side in ("cloud", "robot"):
+        world.routers.restart(side, "tunnel")
+        given = {"link__certificate": str(files.certificate), "link__private_key": str(files.private_key)}
+        world.start_agent(side, **(given | {"robot_name": "walker-1"} if side == "robot" else {}))
+        world.start_node(side)
+    world.goes_to("cloud")
+    world.until(lambda: world.state["certificate"]["request"], "the robot asks")
+    bundled = int(world.state["certificate"]["serial"], 16)
+    signer = renewal.Signer(made.client_ca, "walker-1", 30, bundled, None, {})
+    world.answer(renewal.answer(world.state["certificate"]["request"], signer, now).text())
+    world.until(lambda: int(world.state["certificate"]["serial"], 16) != bundled, "the robot has taken it")
+    world.passes("cloud", 10)
+    # A bundle whose authority the cloud does not know: what the agent has renewed is all that opens the tunnel.
+    files.certificate.write_bytes(earlier.robot.certificate)
+    files.private_key.write_bytes(earlier.robot.private_key)
+    world.routers.kill("robot-tunnel")
+    world.goes_to("robot")
+    back_after(world, lambda: world.routers.run_part("robot", "tunnel"))
