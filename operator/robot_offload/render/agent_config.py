@@ -14,7 +14,7 @@ import yaml
 
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import Node, Output, QualityOfService, RobotOffload, Switching, TopicToCloud, While
-from robot_offload.api.v1alpha1.names import identifier
+from robot_offload.api.v1alpha1.names import Side, identifier
 from robot_offload.api.v1alpha1.nodes import flat_parameters
 from robot_offload.objects.site import AgentSite
 from robot_offload.render.agent_names import handed_over, hot_sides, listed
@@ -46,6 +46,8 @@ SHARED: Final = RUN_TIME | {
 """What follows from the resource alone, not from where an agent runs."""
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 """In C where PyYAML has it: an operator of many robots writes these files at every look at each of them."""
+BLACK_BOX_MIB: Final[dict[Side, int]] = {"robot": 64, "cloud": 8}
+"""What the agents keep of their own decisions; the robot's file may say another size."""
 _QOS_WORDS: Final = {
     "Reliable": "reliable",
     "BestEffort": "best_effort",
@@ -80,6 +82,7 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         "namespace": spec.robot.namespace,
         "runtime_dir": site.runtime_dir,
         "state_dir": site.state_dir,
+        "black_box_mib": BLACK_BOX_MIB[site.side],
         "realtime": site.realtime,
         **_files(site),
         **_switching(spec.switching, with_actions=any(node.actions for node in spec.nodes)),
