@@ -158,7 +158,7 @@ class ParameterCopies:
                 return None
             ours = self.ours.setdefault((name, node), set())
             unlike = parameter_values.unlike(table, own)
-            ours |= unlike.keys()
+            ours.update(unlike)
             due = {n: v for n, v in table.items() if n in unlike or (again and n in ours and n in own)}
             answers = self.services[node].set(due) if due else {}
             if answers is None:

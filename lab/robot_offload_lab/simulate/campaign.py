@@ -35,6 +35,7 @@ class Total:
     commanded: int = 0
     sudden: int = 0
     goals_s: float = 0.0
+    state_s: float = 0.0
     worlds: dict[str, int] = field(default_factory=dict)
     pairs: dict[Pair, int] = field(default_factory=dict)
     broken: list[Broken] = field(default_factory=list)
@@ -47,6 +48,7 @@ class Total:
         self.commanded += outcome.commanded
         self.sudden += outcome.sudden
         self.goals_s += outcome.goals_s
+        self.state_s += outcome.state_s
         for name in outcome.worlds:
             self.worlds[name] = self.worlds.get(name, 0) + 1
         for pair, count in outcome.pairs.items():
@@ -74,7 +76,10 @@ def chunks_for(hours: float) -> int:
 def live(seed: int, mutant: str | None, goals: bool, index: int) -> tuple[int, Outcome]:
     """One stretch, with goals and calls in some or in all; the same seed and index give the same on any machine."""
     with planted(MUTANTS[mutant] if mutant else None):
-        outcome = goal_storm.live(seed, index) if goals or goal_storm.with_goals(index) else Chunk(seed, index).live()
+        if goals or goal_storm.with_goals(index):
+            outcome = goal_storm.live(seed, index, state=goals)
+        else:
+            outcome = Chunk(seed, index).live()
     gc.collect()  # a world is one big cycle; it is collected once, at its end
     return index, outcome
 

@@ -31,7 +31,7 @@ class Outcome:
     Attributes:
         simulated_s, faults, events: how much was lived through.
         commanded, sudden: changeovers. passed_robot, passed_cloud: messages passed.
-        worlds: of the stretch. goals_s: how much of it had goals and calls.
+        worlds: of the stretch. goals_s: how much of it had goals and calls. state_s: and state.
         pairs: coverage. violation: the text of the first violation, with the story that led to it.
     """
 
@@ -46,6 +46,7 @@ class Outcome:
     alarms: dict[str, int] = field(default_factory=dict)
     worlds: tuple[str, ...] = ()
     goals_s: float = 0.0
+    state_s: float = 0.0
     violation: str = ""
     story: tuple[str, ...] = ()
 

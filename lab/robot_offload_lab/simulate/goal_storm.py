@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from dataclasses import replace
 
+from robot_offload_core.declared import SnapshotState
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate import scenario as scenarios
 from robot_offload_lab.simulate.chunk import Chunk, Outcome
@@ -32,6 +33,11 @@ def drawn(dice: random.Random) -> Scenario:
         settings=replace(scenario.settings, prepare_deadline_s=PREPARE_S),
         cloud_settings=replace(scenario.cloud_settings, prepare_deadline_s=PREPARE_S),
     )
+
+
+def drawn_with_state(dice: random.Random) -> Scenario:
+    """Returns such a scenario in which the controller has state as well."""
+    return replace(drawn(dice), states={"controller_1": SnapshotState("controller", max_age_s=0.5, max_size=1024)})
 
 
 class Demands:
@@ -95,14 +101,15 @@ def with_goals(index: int) -> bool:
     return index % EVERY == EVERY - 3
 
 
-def live(seed: int, index: int) -> Outcome:
-    """Lives one stretch; the end of each goal and call is judged too."""
-    chunk = Chunk(seed, index, drawn)
+def live(seed: int, index: int, *, state: bool = False) -> Outcome:
+    """Lives one stretch, with `state` always; the end of each goal and call is judged too."""
+    chunk = Chunk(seed, index, drawn_with_state if state else drawn)
     handing = chunk.system.handing
     assert handing is not None
     Demands(chunk.system.world, handing, random.Random(f"{seed}/{index}/goals"))
     outcome = chunk.live()
     outcome.goals_s = outcome.simulated_s
+    outcome.state_s = outcome.simulated_s if chunk.system.keeping is not None else 0.0
     if not outcome.violation:
         try:
             handing.clients.finish(DECIDED_WITHIN_S)

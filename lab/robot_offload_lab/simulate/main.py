@@ -35,7 +35,7 @@ def simulate(
     commit: Annotated[
         str, typer.Option(help="Commit that the run is expected to be of; another one is warned about.")
     ] = "",
-    goals: Annotated[bool, typer.Option("--goals", help="Goals, calls and relays in every stretch.")] = False,
+    goals: Annotated[bool, typer.Option("--goals", help="Goals, calls, relays and state in every stretch.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Figures as JSON on standard output.")] = False,
 ) -> None:
     """Run the switching protocol in virtual time and check its invariants after every event."""
@@ -95,6 +95,7 @@ def figures(total: Total) -> dict[str, Any]:
         "pairs_covered_share": round(total.covered_share, 4),
         "pairs_missing": [list(pair) for pair in total.missing],
         "hours_with_goals": round(total.goals_s / 3600, 3),
+        "hours_with_goals_and_state": round(total.state_s / 3600, 3),
         "stretches_by_world": dict(sorted(total.worlds.items())),
         "violations": [{"chunk": b.index, "text": b.text} for b in total.broken],
     }
