@@ -20,7 +20,7 @@ MOST_NODES: Final = 64
 """As many as a RobotOffload has."""
 NO_LIFECYCLE: Final = (
     "it has no lifecycle: Duplicated it would run on both sides all the time, with placement Cloud it would end with "
-    "the link"
+    "the link; --advise weighs the latter"
 )
 _FULL_NAME: Final = re.compile(r"/.*[^/]")
 _DISTROS: Final = get_args(RobotSide.model_fields["ros_distro"].annotation)
@@ -191,7 +191,7 @@ def _node(world: World, node: NodeSeen) -> NodeSketch:
 def _why_alone(node: NodeSeen) -> str:
     if node.twice:
         return "two nodes have this name; rename one"
-    return "it publishes a topic that another duplicated node publishes as well, or you chose so"
+    return "another node that leaves publishes one of its topics too, or the best cut leaves it here"
 
 
 def plain_words(text: str) -> str:
