@@ -1251,6 +1251,11 @@ MUTANTS: dict[str, Mutant] = {
         "newest_first",
         (Edit("process.robot_data", "waiting = self.waiting.pop(name, None)", "waiting = self.waiting.get(name)"),),
     ),
+    "D6": Mutant(
+        "a message that waits for room thins the input",
+        "late_but_in_time",
+        (Edit("process.robot_data", "name not in self.latest or replaced is not None", "True"),),
+    ),
     "X29": Mutant(
         "missing replicas are not reported",
         "replicas_missing",
