@@ -107,7 +107,9 @@ class CloudControlShell(ControlShell):
             nodes=self.process.node_states(),
             ready=self.pulse_status is not None and now - self.process.data_s < SILENT_S,
         )
-        self.files.tell(state, now, lambda: liaison.figures(self.process.health(), self.carried()))
+        self.files.tell(
+            state, now, lambda: liaison.figures(self.process.health(), self.carried(), self.state_ages_ms())
+        )
 
     def carried(self) -> dict[str, int]:
         """Returns the bytes that crossed the link so far, by topic."""
@@ -116,6 +118,14 @@ class CloudControlShell(ControlShell):
         specs = (*self.configuration.inputs, *self.configuration.outputs)
         counted = {spec["topic"]: counters.get(f"{spec.name}.bytes") for spec in specs}
         return {topic: count for topic, count in counted.items() if count}
+
+    def state_ages_ms(self) -> dict[str, int]:
+        """Returns how old the state was with which the cloud last began to act, by name of the entry."""
+        status = self.process.data_status
+        counters = dict(status.counters) if status is not None else {}
+        names = [state.name for state in self.configuration.states]
+        ages = {name: counters.get(f"state {name}.age_at_change_ms") for name in names}
+        return {name: age_ms for name, age_ms in ages.items() if age_ms is not None}
 
     def publish_report(self, now: float) -> None:
         """Publishes diagnostics and network status."""

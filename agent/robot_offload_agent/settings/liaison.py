@@ -158,17 +158,19 @@ def state(
     }
 
 
-def figures(health: Health | None, carried: Mapping[str, int]) -> dict[str, Any]:
+def figures(health: Health | None, carried: Mapping[str, int], ages_ms: Mapping[str, int]) -> dict[str, Any]:
     """Returns the part of the state file that differs each time.
 
     Args:
         health: of the link; None: not known.
         carried: bytes that crossed the link so far, by topic.
+        ages_ms: how old the state was with which the cloud went on at its last change, by name of the entry.
     """
     p50, p99 = (health.round_trip_p50_ms, health.round_trip_p99_ms) if health else (None, None)
     most = sorted(carried.items(), key=lambda topic: -topic[1])[:MAX_TOPICS]
     shown = [{"topic": name, "bytes": count} for name, count in sorted(most)]
-    return {"round_trip_ms": {"p50": p50, "p99": p99}, "carried": shown}
+    ages = [{"name": name, "age_ms": age_ms} for name, age_ms in sorted(ages_ms.items())[:MAX_TOPICS]]
+    return {"round_trip_ms": {"p50": p50, "p99": p99}, "carried": shown, "state_ages": ages}
 
 
 def _left(liaison: Liaison) -> bool:

@@ -36,7 +36,7 @@ _DIALLED: Final = re.compile(r"[0-9A-Za-z.:\[\]-]{3,262}")
 MAX_DIALLED: Final = 16
 """Addresses of one bundle that are kept: those of a few nodes of the cluster, two ports each."""
 _INT64: Final = range(-(2**63), 2**63)
-_LIVE_FIELDS: Final = ("written", "round_trip_ms", "carried")
+_LIVE_FIELDS: Final = ("written", "round_trip_ms", "carried", "state_ages")
 """What changes all the time; it is in the metrics and never in the Lease."""
 
 
@@ -95,6 +95,7 @@ class AgentState:
         round_trip_p50_ms: the median round trip of the heartbeats; None: not known.
         round_trip_p99_ms: the round trip that one of a hundred exceeds; None: not known.
         carried: bytes that crossed the link since the agent's start, by topic.
+        state_ages_ms: how old the state was with which the cloud went on at its last change, by name of the entry.
         nodes: name and lifecycle state of each node in the cloud.
         settings: what became of the run-time settings on the robot.
         certificate: with which the robot dials.
@@ -115,6 +116,7 @@ class AgentState:
     round_trip_p50_ms: float | None = None
     round_trip_p99_ms: float | None = None
     carried: tuple[tuple[str, int], ...] = ()
+    state_ages_ms: tuple[tuple[str, int], ...] = ()
     nodes: tuple[tuple[str, str], ...] = ()
     settings: Settings = Settings()
     certificate: RobotCertificate = RobotCertificate()
@@ -149,7 +151,8 @@ def parse_state(text: str) -> AgentState:
         message=_sentence(values),
         round_trip_p50_ms=_number(round_trip, "p50"),
         round_trip_p99_ms=_number(round_trip, "p99"),
-        carried=_carried(values),
+        carried=_counts(values, "carried", "topic", "bytes"),
+        state_ages_ms=_counts(values, "state_ages", "name", "age_ms"),
         nodes=_nodes(values),
         settings=Settings(
             robot_generation=_of(settings, "robot_generation", int, None),
@@ -257,11 +260,11 @@ def _nodes(values: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     return tuple((_word(node, "name"), _word(node, "state")) for node in nodes)
 
 
-def _carried(values: Mapping[str, Any]) -> tuple[tuple[str, int], ...]:
-    topics = values.get("carried") or []
-    if not isinstance(topics, list) or not all(isinstance(topic, Mapping) for topic in topics):
-        raise StateError("carried of the agent's state is no list of mappings")
-    return tuple((_word(topic, "topic"), _of(topic, "bytes", int, 0)) for topic in topics[:MAX_TOPICS])
+def _counts(values: Mapping[str, Any], field: str, name: str, count: str) -> tuple[tuple[str, int], ...]:
+    listed = values.get(field) or []
+    if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
+        raise StateError(f"{field} of the agent's state is no list of mappings")
+    return tuple((_word(entry, name), _of(entry, count, int, 0)) for entry in listed[:MAX_TOPICS])
 
 
 def _word(values: Mapping[str, Any], name: str) -> str:

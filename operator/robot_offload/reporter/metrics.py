@@ -89,6 +89,14 @@ def _live(state: AgentState) -> Iterator[Metric]:
     for topic, count in state.carried:
         carried.add_metric([topic], float(count))
     yield carried
+    ages = GaugeMetricFamily(
+        "robot_offload_state_age_at_change_seconds",
+        "How old the state was with which the cloud's nodes went on when the cloud last began to act.",
+        labels=["state"],
+    )
+    for name, age_ms in state.state_ages_ms:
+        ages.add_metric([name], age_ms / 1e3)
+    yield ages
     nodes = GaugeMetricFamily("robot_offload_node_state", "1 for each node's present state.", labels=["node", "state"])
     for name, lifecycle in state.nodes:
         nodes.add_metric([name, lifecycle], 1.0)

@@ -24,6 +24,7 @@ def text(**changes: Any) -> str:
         "message": "the link sustains the cloud",
         "round_trip_ms": {"p50": 11.5, "p99": 19.0},
         "carried": [{"topic": "/scan", "bytes": 123456}],
+        "state_ages": [{"name": "controller_1", "age_ms": 85}],
         "nodes": [{"name": "controller", "state": "active"}],
         "settings": {"robot_generation": 3, "accepted": True, "reason": "Accepted", "message": "in use"},
         "ready": True,

@@ -34,6 +34,7 @@ def test_a_living_agent_is_told_whole() -> None:
         "robot_offload_round_trip_seconds,0.5": 0.0115,
         "robot_offload_round_trip_seconds,0.99": 0.019,
         "robot_offload_topic_bytes_total,/scan": 123456.0,
+        "robot_offload_state_age_at_change_seconds,controller_1": 0.085,
         "robot_offload_node_state,controller,active": 1.0,
         "robot_offload_agent_generation": 3.0,
         "robot_offload_robot_generation": 3.0,
