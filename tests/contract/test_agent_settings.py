@@ -54,7 +54,7 @@ def test_both_packages_mean_the_same_by_run_time() -> None:
 def test_only_what_an_agents_place_decides_is_left_out_of_the_settings() -> None:
     local = {
         "side", "uid", "robot_name", "runtime_dir", "state_dir", "realtime", "state_file", "settings_file",
-        "handover_file", "certificate_file", "link",
+        "handover_file", "certificate_file", "link", "black_box_mib",
     }  # fmt: skip
     top = {name.split(".")[0] for name in agent.GENERAL} | {prefix for prefix, _ in agent.GROUPS.values()}
     assert top - SHARED == local
