@@ -62,7 +62,7 @@ fmt: venv ## Rewrite in the project's format
 	.venv/bin/ruff format .
 
 ##@ Measure
-.PHONY: bench bench-switch bench-handover bench-weight bench-links bench-operator bench-sedia bench-e2e
+.PHONY: bench bench-switch bench-handover bench-hot bench-weight bench-links bench-operator bench-sedia bench-e2e
 bench: venv ## A short form of every measurement; refreshes docs/benchmarks.md (< 10 minutes, idle machine); ARGS="--resume"
 	$(PYTHON) -m robot_offload_lab.bench all --quick --docs docs $(ARGS)
 
@@ -74,6 +74,9 @@ bench-switch: venv ## The switching figures of docs/benchmarks.md; ARGS="--quick
 
 bench-handover: venv ## Goals and service calls through switches, cuts and a killed relay; ARGS="--quick"
 	$(PYTHON) -m robot_offload_lab.bench handover $(ARGS)
+
+bench-hot: venv ## Hot standby: gaps of switches and cuts, false takeovers by silence; ARGS="--cuts 100 --minutes 5"
+	$(PYTHON) -m robot_offload_lab.bench hot $(ARGS)
 
 bench-weight: venv ## Processor time and memory of both agents; ARGS="--seconds 60 --against COMMIT"
 	$(PYTHON) -m robot_offload_lab.bench weight $(ARGS)

@@ -24,7 +24,7 @@ from robot_offload_lab.bench.groups import lifecycle as transitions
 from robot_offload_lab.bench.options import OUT, Common, FolderOfDocs, Out, measurement
 from robot_offload_lab.bench.plan import Amounts
 from robot_offload_lab.bench.results import PRIORITIES, Priority
-from robot_offload_lab.bench.session import SWITCH, WIDTH, BenchSession, Group
+from robot_offload_lab.bench.session import HOT, SWITCH, WIDTH, BenchSession, Group
 from robot_offload_lab.bench.store import Store
 
 HELP: Final = (
@@ -152,6 +152,27 @@ def handover(
     chosen = common.amounts
     amounts = replace(chosen, switches=switches or chosen.switches, cuts=cuts or chosen.cuts)
     _run(common, [Group.HANDOVER], amounts)
+
+
+@app.command()
+@measurement
+def hot(
+    common: Common,
+    *,
+    only: Only = None,
+    switches: Annotated[int | None, typer.Option(min=2, help="Commanded switches.")] = None,
+    cuts: Annotated[int | None, typer.Option(min=1, help="Sudden cuts, half a second each.")] = None,
+    minutes: Annotated[float | None, typer.Option(min=0.1, help="Minutes of the watch for false takeovers.")] = None,
+) -> None:
+    """Hot standby: gaps of commanded switches and sudden cuts; false takeovers by silence on a bad link."""
+    chosen = common.amounts
+    amounts = replace(
+        chosen,
+        hot_switches=switches or chosen.hot_switches,
+        hot_cuts=cuts or chosen.hot_cuts,
+        hot_minutes=minutes or chosen.hot_minutes,
+    )
+    _run(common, only or HOT, amounts)
 
 
 @app.command()

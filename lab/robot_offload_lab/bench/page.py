@@ -33,6 +33,7 @@ CHAPTERS: Final = (
     ("detect", "Detection", ("detect",)),
     ("collector", "Collector", ("collector",)),
     ("handover", "Handover", ("handover",)),
+    ("hot", "Hot standby", ("hot", "silence")),
 )
 """Command, title, groups: the order of the page."""
 

@@ -29,6 +29,7 @@ class Amounts:
         rounds: of activating and deactivating.
         detections: cuts in each case of detection. quiet_s: seconds without a cut before them.
         stage_s: length of each stage of size and rate in front of the collector, seconds.
+        hot_switches, hot_cuts: commanded ones and cuts between Hot sides. hot_minutes: of watching for false takeovers.
     """
 
     form: Form
@@ -45,16 +46,21 @@ class Amounts:
     detections: int
     quiet_s: float
     stage_s: float
+    hot_switches: int
+    hot_cuts: int
+    hot_minutes: float
 
 
 QUICK: Final = Amounts(
     form="short", switches=20, cuts=4, one_way=1, long_cuts=1, stretches=1, minutes=0.4, latency_s=12.0,
     resources_s=10.0, messages=80, rounds=30, detections=3, quiet_s=15.0, stage_s=2.0,
+    hot_switches=6, hot_cuts=5, hot_minutes=0.4,
 )  # fmt: skip
 """Everything with real-time priority within 10 minutes."""
 FULL: Final = Amounts(
     form="long", switches=1000, cuts=100, one_way=20, long_cuts=20, stretches=3, minutes=10.0, latency_s=60.0,
     resources_s=60.0, messages=600, rounds=300, detections=30, quiet_s=300.0, stage_s=10.0,
+    hot_switches=100, hot_cuts=200, hot_minutes=60.0,
 )  # fmt: skip
 """The numbers of the table."""
 

@@ -51,7 +51,7 @@ class BenchCase:
         sensors: what the cloud needs. sensor_rate_hz: their rate.
         switching: further settings of `spec.switching`.
         output: further settings of the output.
-        standby: of the robot's replica.
+        standby: of the robot's replica; cloud_standby: of the cloud's.
         serves: the replica has an action and a service.
     """
 
@@ -66,6 +66,7 @@ class BenchCase:
     switching: tuple[tuple[str, Any], ...] = ()
     output: tuple[tuple[str, Any], ...] = ()
     standby: str = "Warm"
+    cloud_standby: str = "Warm"
     serves: bool = False
 
     @property
@@ -123,7 +124,7 @@ def _replica(case: BenchCase) -> dict[str, Any]:
         "name": NODE,
         "placement": "Duplicated",
         "core": True,
-        "standby": {"robot": case.standby},
+        "standby": {"robot": case.standby, "cloud": case.cloud_standby},
         "run": {
             "command": ["python3", "-m", f"robot_offload_lab.bench.parts.{module}"],
             "parameters": {"rate_hz": case.robot_rate_hz, "payload_bytes": list(case.command_bytes)},

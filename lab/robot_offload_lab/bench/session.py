@@ -30,9 +30,11 @@ from robot_offload_lab.bench.groups import (
     detect,
     experiment,
     handover,
+    hot,
     latency,
     lifecycle,
     resources,
+    silence,
 )
 from robot_offload_lab.bench.plan import Amounts, Form, Order
 from robot_offload_lab.bench.results import PRIORITIES, GroupResult, Priority
@@ -58,6 +60,8 @@ class Group(StrEnum):
     RESOURCES = "resources"
     DETECT = "detect"
     HANDOVER = "handover"
+    HOT = "hot"
+    SILENCE = "silence"
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,10 @@ WORK: Final = {
     Group.RESOURCES: Work(resources.run, resources.steps),
     Group.DETECT: Work(detect.run, detect.steps),
     Group.HANDOVER: Work(handover.run, handover.steps),
+    Group.HOT: Work(hot.run, hot.steps),
+    Group.SILENCE: Work(silence.run, silence.steps),
 }
+HOT: Final = (Group.HOT, Group.SILENCE)
 SWITCH: Final = (Group.COMMANDED, Group.CUTS, Group.ALARMS, Group.LATENCY, Group.RESOURCES)
 
 

@@ -21,6 +21,8 @@ TITLES: Final = {
     "detect": "Noticing a lost link",
     "collector": "The collector",
     "handover": "Goals and services",
+    "hot": "Hot standby",
+    "silence": "False takeovers by silence",
 }
 """Groups of figures, for people."""
 _NUMBERS: Final = ("n", "measured", "must", "aim", "ratio")

@@ -67,3 +67,15 @@ def test_the_public_topic_offers_what_the_replicas_own_publisher_offers(build: C
     world.until(lambda: late, "the plan at a consumer that comes late")
     world.ear.hear(String, "/plan", QoSProfile(depth=1, deadline=Duration(seconds=1)))
     world.until(lambda: "/plan cannot be heard by ear" in problem(world, "IncompatibleQos"), "one that cannot hear")
+
+
+def test_an_output_of_another_type_than_declared_is_named_with_its_node(
+    build: Callable[..., World],
+) -> None:
+    world = build(both={"output.command.type": "std_msgs/msg/String"})
+    world.start_agent("robot")
+    world.start_node("robot")
+    world.until(lambda: problem(world, "TypesDiffer"), "the problem in diagnostics")
+    said = problem(world, "TypesDiffer")
+    assert "declared as std_msgs/msg/String" in said
+    assert "/walker publishes std_msgs/msg/Header" in said

@@ -1,0 +1,40 @@
+"""A bad but sufficient link for a long time, Hot replicas on both sides: who takes over although the cloud speaks?"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Final
+
+from robot_offload_lab.bench.analysis import silence
+from robot_offload_lab.bench.analysis.alarms import QuietStretch
+from robot_offload_lab.bench.groups.alarms import CASE as ALARMS
+from robot_offload_lab.bench.groups.alarms import STEP_S
+from robot_offload_lab.bench.groups.hot import LEARN_S
+from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.resource import BenchCase, Sensor
+from robot_offload_lab.bench.results import GroupResult
+from robot_offload_lab.bench.world import MeasuredSystem
+from robot_offload_lab.wire.loop import steady_s
+
+CASE: Final[BenchCase] = dataclasses.replace(
+    ALARMS, name="silence", standby="Hot", cloud_standby="Hot", sensors=(Sensor("odom", (200,), 1000),)
+)
+
+
+def steps(amounts: Amounts) -> float:
+    """For the progress bar."""
+    return amounts.hot_minutes * 60 / STEP_S
+
+
+def run(order: Order) -> GroupResult:
+    """Watches one long stay."""
+    with MeasuredSystem(CASE, order.setting(CASE.name)) as world:
+        world.rest(LEARN_S)
+        start_s = steady_s()
+        end_s = start_s + order.amounts.hot_minutes * 60
+        while steady_s() < end_s:
+            world.rest(min(STEP_S, end_s - steady_s()))
+            order.advance(1)
+        end_s = steady_s()
+        evidence = world.finish()
+    return silence.outcome(CASE, order.priority, QuietStretch(start_s, end_s, evidence.robot))
