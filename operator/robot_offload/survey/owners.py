@@ -62,14 +62,15 @@ def owners(graph: GraphSnapshot) -> Owners:
 
 
 def _parts(process: ProcessSeen, nodes: list[NodeSeen]) -> dict[str, str]:
-    """Returns, for a process of several nodes that is no container of components, the node that the others belong to.
+    """Returns, for a process of several nodes that is no container of components, whose parts its deeper nodes are.
 
     Nav2's costmaps are such nodes: children of controller_server, in its process, and nothing without it.
     """
     if len(nodes) < 2 or program(process) in CONTAINERS:
         return {}
     first = min(nodes, key=lambda node: (not node.managed, node.name.count("/"), len(node.name), node.name))
-    return {node.name: first.name for node in nodes}
+    depth = first.name.count("/")
+    return {node.name: first.name for node in nodes if node.name.count("/") > depth}
 
 
 def program(process: ProcessSeen) -> str:

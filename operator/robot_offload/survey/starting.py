@@ -34,7 +34,15 @@ def add_to(sketch: NodeSketch, world: World, node: NodeSeen) -> None:
             sketch.fields["resources"] = {"requests": {"cpu": f"{round(cpu * 1000):d}m",
                                                        "memory": f"{memory // _MEBIBYTE + 1}Mi"}}  # fmt: skip
         given = _given_parameters(node, process)
-        _add_run(sketch, process, given, world.folder)
+        first = min(
+            name for name, it in world.owned.process.items() if it.pid == process.pid and _is_whole(world, name)
+        )
+        if first == node.name or program(process) in CONTAINERS:
+            _add_run(sketch, process, given, world.folder)
+        else:
+            sketch.notes.append(
+                f"in the process of {plain(first)}: say in run how it is started alone, if it shall leave"
+            )
     rest = sorted(set(node.parameters) - set(given) - set(_OF_EVERY_NODE))
     rest = [it for it in rest if not it.startswith("qos_overrides.")]
     if rest:
@@ -43,6 +51,10 @@ def add_to(sketch: NodeSketch, world: World, node: NodeSeen) -> None:
         sketch.notes.append(f"parameters, defaults as far as the command line tells: {shown}{more}")
     if node.problem:
         sketch.notes.append(plain(node.problem))
+
+
+def _is_whole(world: World, node: str) -> bool:
+    return world.owned.whole[node] == node
 
 
 def _add_run(sketch: NodeSketch, process: ProcessSeen, given: dict[str, Any], folder: str) -> None:

@@ -198,6 +198,21 @@ def test_children_of_a_process_belong_to_its_node_and_components_do_not() -> Non
     assert "a component in component_container" in text
 
 
+def test_nodes_that_share_a_process_are_listed_and_the_process_is_started_once() -> None:
+    pid = ("010faaaa0700" + "0" * 12,)
+    seen = graph(
+        [node("/amcl", participants=pid), node("/planner", participants=pid)],
+        processes=[process(7, "/usr/bin/python3", "stack.py", cpu=0.2)],
+        participant="010faaaa0900" + "0" * 12,
+    )
+    offload, text = imported(seen)
+    amcl, planner = nodes(offload)["amcl"], nodes(offload)["planner"]
+    assert amcl.run is not None
+    assert planner.run is None
+    assert amcl.resources.requests["cpu"] == planner.resources.requests["cpu"] == "100m"
+    assert "in the process of /amcl" in text
+
+
 def test_parameters_that_were_given_are_written_and_the_others_listed() -> None:
     text = "/**:\n  ros__parameters: {a: {b: 1.0}}\nother: {ros__parameters: {c: 1}}\n"
     seen = graph(
