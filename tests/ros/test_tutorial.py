@@ -48,7 +48,7 @@ def test_every_command_of_the_tutorial_runs_and_leads_to_the_next_one(tmp_path: 
 
 
 def test_commands_for_a_cluster_are_those_of_the_readme() -> None:
-    """These are typed in tests/integration/test_readme.py, with the README's own file and names."""
+    """The README's are held together by tests/unit/docs/test_cluster_path.py."""
     (block,) = blocks("bash")
     readme = (ROOT / "README.md").read_text()
     for line in block.splitlines():
