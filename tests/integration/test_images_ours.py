@@ -11,9 +11,11 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 
 import pytest
+import yaml
 
 from robot_offload.render.build_scripts import FETCH, SCRATCH
 from robot_offload.transport import discovery
+from robot_offload_lab.images import ours
 from tests.integration import images_machine
 from tests.integration.images_machine import WAIT_S, Container, Machine, figure
 
@@ -94,6 +96,7 @@ PROGRAMS = (
     ),
 )  # fmt: skip
 IMAGES = sorted({"git", *(program.image for program in PROGRAMS)})
+EXAMPLES = ("talker", "wheelchair")
 
 
 @pytest.fixture(scope="module")
@@ -101,8 +104,8 @@ def machine() -> Iterator[Machine]:
     """A machine with our images."""
     with images_machine.machine("system", "ros-core") as machine:
         machine.run(
-            sys.executable, "-m", "robot_offload_lab.images.ours", *IMAGES, "--wheels", "--builder", "buildah",
-            "--registry", REGISTRY,
+            sys.executable, "-m", "robot_offload_lab.images.ours", *IMAGES, *(f"examples/{name}" for name in EXAMPLES),
+            "--wheels", "--builder", "buildah", "--registry", REGISTRY,
         )  # fmt: skip
         yield machine
         machine.run("buildah", "rmi", "--prune", check=False)
@@ -181,6 +184,17 @@ def test_the_image_of_git_fetches_a_source_as_the_operator_asks_for_it(machine: 
         assert fetched.returncode == 0, fetched.stderr
         assert "Fetched commit" in fetched.stdout
         assert container.run("cat", "/tmp/scratch/context/src/a").stdout == "hello\n"
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_image_of_an_example_runs_its_node_as_the_sample_asks_for_it(machine: Machine, name: str) -> None:
+    sample = yaml.safe_load((ours.ROOT / "manifests" / "samples" / f"{name}.yaml").read_text(encoding="utf-8"))
+    node = next(one for one in sample["spec"]["nodes"] if "image" in one)
+    with machine.running(named(f"examples/{name}"), *node["run"]["command"]) as container:
+        container.until(lambda: container.run("grep", "-q", "librmw_fastrtps", "/proc/1/maps").returncode == 0)
+        words = container.run("cat", "/proc/1/cmdline").stdout.split("\0")
+        assert words[:2] == node["run"]["command"]
+        assert is_not_root(container)
 
 
 def is_not_root(container: Container) -> bool:
