@@ -97,6 +97,7 @@ class Goals:
         goal.execute()
         self._began(goal.request)
         self._timer.reset()
+        self._tick()  # a replica that goes on with a goal has no period to lose
 
     async def _execute(self, goal: ServerGoalHandle) -> object:
         key = bytes(goal.goal_id.uuid)

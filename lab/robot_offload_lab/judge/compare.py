@@ -62,12 +62,13 @@ def write(runs: Mapping[Mode, tuple[Mapping[str, Any], Recording]], out: Path) -
 
     Args:
         runs: report and recording of each mode.
-        out: an existing folder.
+        out: a folder, made if needed.
 
     Raises:
         OSError: the files cannot be written.
     """
     found = {mode: figures(report, recording) for mode, (report, recording) in runs.items()}
+    out.mkdir(parents=True, exist_ok=True)
     (out / "compare.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
     recordings = {mode: recording for mode, (_, recording) in runs.items()}
     (out / "compare.png").write_bytes(drawing.png(picture(recordings, found)))
