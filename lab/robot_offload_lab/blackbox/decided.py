@@ -13,7 +13,7 @@ from robot_offload_lab.blackbox import ring
 
 
 @dataclass(frozen=True)
-class Moment:
+class DecidedMoment:
     """A decision of a replay, or a difference from what was written.
 
     Attributes:
@@ -44,7 +44,7 @@ class Totals:
     other_cores: set[str] = field(default_factory=set)
 
 
-def moments(lines: Iterable[str], totals: Totals) -> Iterator[Moment]:
+def moments(lines: Iterable[str], totals: Totals) -> Iterator[DecidedMoment]:
     """Replays lines and gives out what was decided; adds to `totals` on the way."""
     to_wall_s, ours = 0.0, ring.digest_of_core()
     for found in blackbox.replay(lines):
@@ -60,7 +60,7 @@ def moments(lines: Iterable[str], totals: Totals) -> Iterator[Moment]:
             totals.steps += 1
             totals.decisions += len(found.decided)
             for decision in found.decided:
-                yield Moment(
+                yield DecidedMoment(
                     found.now_s + to_wall_s, found.machine.value, type(found.event).__name__,
                     type(decision).__name__, said(decision), changed(found.before, found.after),
                 )  # fmt: skip
@@ -69,12 +69,12 @@ def moments(lines: Iterable[str], totals: Totals) -> Iterator[Moment]:
             yield _difference(found, to_wall_s)
 
 
-def _difference(found: Differs, to_wall_s: float) -> Moment:
+def _difference(found: Differs, to_wall_s: float) -> DecidedMoment:
     names = {type(one).__name__ for one in (*found.written, *found.replayed)}
     states = changed(found.written[0], found.replayed[0]) if _is_state(found) else {}
     now = "; ".join(map(said, found.replayed)) or "nothing"
     then = "; ".join(map(said, found.written)) or "nothing"
-    return Moment(
+    return DecidedMoment(
         found.now_s + to_wall_s, found.machine.value, "", "/".join(sorted(names)),
         "the state" if states else now, states, "another state" if states else then,
     )  # fmt: skip

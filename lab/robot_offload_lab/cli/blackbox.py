@@ -15,7 +15,7 @@ from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
 from robot_offload_lab.blackbox import ring, story
 from robot_offload_lab.blackbox.cut import cut
-from robot_offload_lab.blackbox.decided import Moment, Totals, moments
+from robot_offload_lab.blackbox.decided import DecidedMoment, Totals, moments
 
 EXAMPLES = (
     "robot-offload blackbox replay ~/.local/state/robot-offload/UID/blackbox",
@@ -114,7 +114,7 @@ def _part(place: Path, around: str, before_s: float, after_s: float) -> list[str
     return part
 
 
-def _line(one: Moment) -> str:
+def _line(one: DecidedMoment) -> str:
     mark = "" if one.differs is None else f"   DIFFERS from what was written: {one.differs}"
     return f"{ring.clock(one.wall_s)}  {one.machine:9}  {one.event:14} {one.name:12} {one.decision}{mark}"
 

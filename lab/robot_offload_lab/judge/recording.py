@@ -70,8 +70,13 @@ def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunI
         cloud_period_ms=float(switching.latency.cloud_period_ms),
         threshold_ms=float(switching.latency.allowed_loop_ms),
         silent=silent_at_times(spec),
-        unrated=tuple(output.topic for _, output in spec.collected_outputs if output.rate_hz is None),
+        unrated=unrated(spec),
     )
+
+
+def unrated(spec: RobotOffloadSpec) -> tuple[str, ...]:
+    """Returns the outputs that are published when there is something to say."""
+    return tuple(output.topic for _, output in spec.collected_outputs if output.rate_hz is None)
 
 
 def silent_at_times(spec: RobotOffloadSpec) -> tuple[str, ...]:

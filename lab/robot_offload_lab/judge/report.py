@@ -64,7 +64,10 @@ def build(measures: Measures, processor: Mapping[str, float] | None = None) -> d
         "duration_s": _round(measures.duration_s),
         "seed": recording.run.seed,
         "switches": [_switch(switch, recording) for switch in measures.switches],
-        "outputs": {topic: _output(stream) for topic, stream in measures.streams.items()},
+        "outputs": {
+            topic: _output(stream) | {"rated": topic not in recording.run.unrated}
+            for topic, stream in measures.streams.items()
+        },
         "collisions": outcome.collisions if outcome else None,
         "stops": outcome.stops if outcome else None,
         "goal_reached": outcome.goal_reached if outcome else None,

@@ -131,7 +131,8 @@ def run(options: DemoOptions, view: View) -> DemoResult:
         temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="ro-", ignore_cleanup_errors=True))
         system = _system(options, offload, said, _made(options.spec.parent, said, view), Path(temporary))
         _clear(system)
-        watch = LiveRun(threshold_ms=system.spec.switching.latency.allowed_loop_ms, outputs=system.awaited)
+        threshold_ms = system.spec.switching.latency.allowed_loop_ms
+        watch = LiveRun(threshold_ms, outputs=system.awaited, unrated=recording.unrated(system.spec))
         if system.wired:
             watch.link = LinkSample(steady_s(), schedule.latency_ms(0.0))
         processes = stack.enter_context(Processes(system.run, system.logs, system.temporary))

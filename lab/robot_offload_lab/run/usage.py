@@ -12,7 +12,7 @@ from robot_offload_lab.wire.loop import steady_s
 
 
 @dataclass(frozen=True)
-class Usage:
+class ProcessorTime:
     """Processor time used so far.
 
     Attributes:
@@ -24,7 +24,7 @@ class Usage:
     used_s: Mapping[str, float]
 
 
-def read(pids: Mapping[str, int]) -> Usage:
+def read(pids: Mapping[str, int]) -> ProcessorTime:
     """Returns what the programs have used so far; one that has ended is left out."""
     used_s = {}
     for name, pid in pids.items():
@@ -32,10 +32,10 @@ def read(pids: Mapping[str, int]) -> Usage:
             program = psutil.Process(pid)
             family = (program, *program.children(recursive=True))
             used_s[name] = sum(sum(member.cpu_times()[:2]) for member in family)
-    return Usage(steady_s(), used_s)
+    return ProcessorTime(steady_s(), used_s)
 
 
-def percent(before: Usage, after: Usage) -> dict[str, float]:
+def percent(before: ProcessorTime, after: ProcessorTime) -> dict[str, float]:
     """Returns the share of one core that each program used between two readings, percent."""
     elapsed_s = max(after.t_s - before.t_s, 1e-3)
     both = before.used_s.keys() & after.used_s.keys()

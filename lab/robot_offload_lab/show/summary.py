@@ -13,7 +13,7 @@ def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
         "",
         f"{report['mode']}, seed {report['seed']}: {_ending(report)}",
         *(f"  {_output(topic, output)}" for topic, output in report["outputs"].items()),
-        f"  switches: {_switches(report['switches'])}",
+        f"  switches: {_switches(report['switches'], report['outputs'])}",
         *(f"  {line}" for line in _placement(report)),
         *(f"  {line}" for line in _handed(report)),
         *(f"  {line}" for line in _processor(report)),
@@ -40,11 +40,16 @@ def _output(topic: str, output: Mapping[str, Any]) -> str:
     )
 
 
-def _switches(switches: Sequence[Mapping[str, Any]]) -> str:
+def _switches(switches: Sequence[Mapping[str, Any]], outputs: Mapping[str, Mapping[str, Any]]) -> str:
     if not switches:
         return "none"
     lost = [switch["detect_ms"] for switch in switches if switch["detect_ms"] is not None]
-    gaps = [gap for switch in switches for gap in switch["gap_ms"].values() if gap is not None]
+    gaps = [
+        gap
+        for switch in switches
+        for topic, gap in switch["gap_ms"].items()
+        if gap is not None and outputs[topic]["rated"]
+    ]
     parts = [str(len(switches))]
     if lost:
         parts.append(f"{len(lost)} of them after a loss, noticed within {max(lost):.0f} ms")

@@ -51,7 +51,8 @@ class LiveRun:
 
     Attributes:
         threshold_ms: loop latency up to which the link is good.
-        outputs: the topics that are listened to.
+        outputs: the topics that are waited for.
+        unrated: topics whose silence means nothing.
         start_s: the moment that the report calls 0; None before the start.
         link: the schedule of the link now; None without one.
         placement: the newest announcement.
@@ -67,6 +68,7 @@ class LiveRun:
 
     threshold_ms: float
     outputs: tuple[str, ...] = ()
+    unrated: tuple[str, ...] = ()
     start_s: float | None = None
     link: LinkSample | None = None
     placement: PlacementChange | None = None
@@ -151,7 +153,8 @@ class LiveRun:
     def _take_record(self, record: object) -> None:
         if isinstance(record, Arrival):
             self.received[record.topic] = self.received.get(record.topic, 0) + 1
-            self._times.setdefault(record.topic, deque(maxlen=_KEPT)).append(record.t_s)
+            if record.topic not in self.unrated:
+                self._times.setdefault(record.topic, deque(maxlen=_KEPT)).append(record.t_s)
         elif isinstance(record, PlacementChange):
             self._take_placement(record)
         elif isinstance(record, Errand):

@@ -54,7 +54,7 @@ def test_the_report_holds_every_promised_figure() -> None:
     assert list(report) == [
         *("schema", "mode", "duration_s", "seed", "switches", "outputs", "collisions", "stops", "goal_reached"),
         *("placement_share", "cloud_share_of_good_time", "messages_passed", "detector_alarms", "false_alarms"),
-        *("link", "goals", "calls", "state", "violations"),
+        *("link", "goals", "calls", "state", "processor", "violations"),
     ]
     assert report["schema"] == "robotoffload.dev/report/v1"
     assert (report["mode"], report["seed"], report["duration_s"]) == ("offload", 7, 20.0)
@@ -79,6 +79,7 @@ def test_the_report_holds_every_promised_figure() -> None:
         "stale": 0,
         "lost": 0,
         "gap_ms": {"p50": 20.0, "p99": 50.0, "max": 150.0},
+        "rated": True,
     }
     assert (report["collisions"], report["stops"], report["goal_reached"]) == (0, 0, True)
     assert report["placement_share"] == {"robot": 0.349, "cloud": 0.651}
