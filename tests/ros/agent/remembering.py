@@ -1,7 +1,8 @@
 """A lifecycle node with state: its replica goes on counting where it was. Run by its path, as a user's node is.
 
 While it is Active it publishes `producer.PID#count` on /command, and its count as state; and on /lap, a topic that is
-state too, how far it has come: `PID#lap`. It goes on from what it hears on the private name of /set_lap.
+state too, how far it has come: `PACE PID#lap`. It goes on from what it hears on the private name of /set_lap. PACE is
+the parameter `pace` as it was at the start, or as it was set while the node was Active: it listens only then.
 """
 
 import contextlib
@@ -11,7 +12,10 @@ import sys
 from pathlib import Path
 
 import rclpy
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from std_msgs.msg import Header, String
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "state"))
@@ -27,12 +31,30 @@ class Remembering(StatefulNode):
         super().__init__("walker", enable_rosout=False)
         rate_hz = self.declare_parameter("rate_hz", 20.0).value
         self.count = 0
+        self.pace = self.declare_parameter("pace", "slow").value
+        self.add_on_set_parameters_callback(self.judge)
         self.command = self.create_lifecycle_publisher(Header, "/command", 10)
         self.lap = 0
         self.laps = self.create_lifecycle_publisher(String, "/lap", 10)
-        side = self.resolve_topic_name("/command").split("/")[2]
-        self.create_subscription(String, f"/offload/{side}/set_lap", self.set_lap, 10)
+        self.side = self.resolve_topic_name("/command").split("/")[2]
+        self.create_subscription(String, f"/offload/{self.side}/set_lap", self.set_lap, 10)
         self.create_timer(1.0 / rate_hz, self.tell)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.add_on_set_parameters_callback(self.set_pace)
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.remove_on_set_parameters_callback(self.set_pace)
+        return super().on_deactivate(state)
+
+    def set_pace(self, changed: list[Parameter]) -> SetParametersResult:
+        self.pace = next((each.value for each in changed if each.name == "pace"), self.pace)
+        return SetParametersResult(successful=True)
+
+    def judge(self, changed: list[Parameter]) -> SetParametersResult:
+        allowed = self.side == "robot" or all(each.value != "robot only" for each in changed)
+        return SetParametersResult(successful=allowed, reason="too fast")
 
     def take_state(self, version: int, data: bytes) -> None:
         if version != 1 or len(data) != COUNT.size:
@@ -50,7 +72,7 @@ class Remembering(StatefulNode):
         self.command.publish(Header(stamp=stamp, frame_id=f"{self.get_name()}.{os.getpid()}#{self.count}"))
         self.publish_state(1, COUNT.pack(self.count))
         self.lap += 1
-        self.laps.publish(String(data=f"{os.getpid()}#{self.lap}"))
+        self.laps.publish(String(data=f"{self.pace} {os.getpid()}#{self.lap}"))
 
 
 def main() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from std_msgs.msg import String
 
+from tests.ros.agent.ears import Ear
 from tests.ros.agent.harness import World
 
 PROGRAM = Path(__file__).with_name("remembering.py")
@@ -61,3 +63,57 @@ def test_a_count_goes_on_through_changes_losses_and_a_killed_process(build: Call
     assert len(taken) >= 5
     # A count takes 40 or 50 ms. What was counted until a loss was seen is lost; a replica that began clean would say 1.
     assert all(after > before / 2 for before, after in taken), taken
+
+
+def problem(ear: Ear, reason: str) -> str:
+    """The message of a problem in the diagnostics of the agent on the ear's side, "" while it has none."""
+    status = ear.diagnostics.get("data")
+    return status.values.get(reason, "") if status else ""
+
+
+FOLLOWS_S = 15.0
+LOOK_S = 0.5
+SETTINGS = {"states": ["walker_1"], "state.walker_1.node": "walker", "state.walker_1.kind": "Parameters"}
+
+
+def test_parameters_follow_the_acting_side_at_once_again_after_activation_and_through_a_loss(
+    build: Callable[..., World],
+) -> None:
+    world = build(program=PROGRAM, both=SETTINGS).start()
+    laps = world.ear.hear(String, "/lap")
+
+    def drives(pace: str) -> None:
+        begun = len(laps)
+        world.until(lambda: any(said.data.startswith(f"{pace} ") for _, said in laps[begun:]), f"the robot is {pace}")
+
+    def follows(pace: str, ear: Ear, node: str) -> None:
+        for _ in range(round(FOLLOWS_S / LOOK_S)):
+            time.sleep(LOOK_S)  # each look makes a client
+            if ear.get_parameter(node, "pace") == pace:
+                return
+        raise AssertionError(f"{node} does not follow to {pace}\n{world.processes.logs()}")
+
+    far = world.cloud_ear()
+    assert far.set_parameter("/remote_walker", "pace", "fast").successful
+    follows("fast", world.ear, "/walker")
+    # Its node listens since its activation only, so it has been set again.
+    world.place("robot", stay=True)
+    drives("fast")
+    assert world.ear.set_parameter("/walker", "pace", "brisk").successful
+    follows("brisk", far, "/remote_walker")
+    world.place("cloud", stay=True)
+    assert far.set_parameter("/remote_walker", "pace", "quick").successful
+    follows("quick", world.ear, "/walker")
+    # Set on the standby by somebody: the acting side is right.
+    assert world.ear.set_parameter("/walker", "pace", "mine").successful
+    follows("quick", world.ear, "/walker")
+    world.cut("both")
+    world.goes_to("robot")
+    drives("quick")
+    world.cut(None)
+    world.place("cloud", stay=True)
+    world.place("robot", stay=True)
+    drives("quick")
+    assert world.ear.set_parameter("/walker", "pace", "robot only").successful
+    world.until(lambda: "walker.pace (too fast)" in problem(far, "ParameterRefused"), "what was refused is named")
+    world.place("cloud", stay=True)  # by hand: the deadline ends the wait for that

@@ -114,6 +114,13 @@ def test_a_duplicated_amcl_that_jumps_to_its_configured_pose_is_refused(field: s
     assert found({"run": run | {field: {"set_initial_pose": False}}}) == []
 
 
+def test_parameters_are_copied_between_replicas_and_of_child_nodes_only() -> None:
+    copied = {"state": [{"parameters": {"nodes": ["n1", "local_costmap/local_costmap"]}}]}
+    assert found(copied, {}) == []
+    [finding] = found(copied, {"placement": "Robot"})
+    assert (finding.path, finding.reason) == ("spec.nodes[0].state[0].parameters.nodes[0]", "NoReplica")
+
+
 @pytest.mark.parametrize(
     ("node", "path"),
     [

@@ -46,6 +46,7 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     served.conditions_name_actions_of_the_group,
     served.conditions_name_topics_of_both_sides,
     served.poses_are_kept,
+    served.copied_parameters_have_a_replica,
     served.hot_nodes_cost_twice,
     served.not_too_many_names,
     bandwidth.large_topics_fit_the_link,

@@ -40,19 +40,7 @@ class Word:
         return Rule(self.path, REASON, self.unused, self.used, message, self.field)
 
 
-def _without(field: str) -> str:
-    return f"!has(self.{field})"
-
-
-_STATE = "spec.nodes[].state[]"
-_IN_NODE = "spec.nodes.1"
-
-NOT_YET: Final[dict[str, Word]] = {
-    "stateParameters": Word(
-        _STATE, "parameters", _without("parameters"), lambda it: it.parameters is not None,
-        "set the parameters on both sides", (f"{_IN_NODE}.state", [{"parameters": {}}]),
-    ),
-}  # fmt: skip
+NOT_YET: Final[dict[str, Word]] = {}
 
 
 def built(word: str) -> bool:

@@ -378,6 +378,20 @@ def poses_are_kept(spec: RobotOffloadSpec) -> Iterator[Finding]:
                 )
 
 
+def copied_parameters_have_a_replica(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Child nodes are not of the resource; a node that is has to run on both sides."""
+    placements = {node.name: node.placement for node in spec.nodes}
+    for i, node in enumerate(spec.nodes):
+        for j, state in enumerate(node.state):
+            for k, name in enumerate(state.parameters.nodes if state.parameters is not None else ()):
+                if placements.get(name, "Duplicated") != "Duplicated":
+                    yield Finding(
+                        f"spec.nodes[{i}].state[{j}].parameters.nodes[{k}]",
+                        "NoReplica",
+                        f"{name!r} has placement {placements[name]} and runs on one side only; remove it here",
+                    )
+
+
 def hot_nodes_cost_twice(spec: RobotOffloadSpec) -> Iterator[Finding]:
     """What is always active computes always."""
     for i, node in enumerate(spec.nodes):
