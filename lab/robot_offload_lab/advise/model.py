@@ -53,7 +53,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Loop:
+class LatencyLoop:
     """The slowest way from a sensor to a command: t_l + t_c_cloud <= t_c_robot + tolerance.
 
     Attributes:
@@ -108,14 +108,16 @@ class Problem:
         """Returns what a cut is worth: what it saves, and next to nothing for what it sends."""
         return self.saved(moved) - TIE * self.bytes_per_s(moved)
 
-    def loops(self, moved: Collection[str]) -> list[Loop]:
+    def loops(self, moved: Collection[str]) -> list[LatencyLoop]:
         """Returns the slowest way to each command, over every way from what is bound to the robot."""
         ways = _ways(self, moved)
         found = []
         for flow in self.flows:
             if flow.commands:
                 link_s, gained_s = ways[flow.publisher]
-                found.append(Loop(flow.topic, link_s + (self._hop(flow) if flow.publisher in moved else 0.0), gained_s))
+                found.append(
+                    LatencyLoop(flow.topic, link_s + (self._hop(flow) if flow.publisher in moved else 0.0), gained_s)
+                )
         return found
 
     def feasible(self, moved: Collection[str]) -> bool:

@@ -26,7 +26,7 @@ CHANGE_EXTRA_MS: Final = 3.0
 
 
 @dataclass(frozen=True)
-class Change:
+class HotChange:
     """One commanded change.
 
     Attributes:
@@ -37,13 +37,13 @@ class Change:
     gap_ms: float
 
 
-def changes(account: CutAccount) -> tuple[Change, ...]:
+def changes(account: CutAccount) -> tuple[HotChange, ...]:
     """Returns the commanded changes: those of before the first cut."""
     until_s = account.cuts[0].cut_s if account.cuts else float("inf")
     asked = [a.asked_s for a in only(Answered, account.robot) if a.accepted and a.asked_s < until_s]
     arrivals = [a for a in account.recording.outputs.get(COMMAND, ()) if asked and asked[0] <= a.t_s < until_s]
     return tuple(
-        Change(later.site, (later.t_s - earlier.t_s) * 1e3)
+        HotChange(later.site, (later.t_s - earlier.t_s) * 1e3)
         for earlier, later in itertools.pairwise(arrivals)
         if earlier.site != later.site
     )
@@ -72,7 +72,7 @@ def _cuts(case: BenchCase, found: Sequence[Fall]) -> Iterator[Figure]:
     )  # fmt: skip
 
 
-def _changes(case: BenchCase, changed: Sequence[Change]) -> Iterator[Figure]:
+def _changes(case: BenchCase, changed: Sequence[HotChange]) -> Iterator[Figure]:
     longest = max((change.gap_ms for change in changed), default=None)
     yield Figure(
         "change_longest", "Commanded change between Hot sides: longest gap between the two", case.describe(),
@@ -89,7 +89,7 @@ def _faults(case: BenchCase, account: CutAccount) -> Figure:
     )  # fmt: skip
 
 
-def _samples(found: Sequence[Fall], changed: Sequence[Change]) -> Iterator[Sample]:
+def _samples(found: Sequence[Fall], changed: Sequence[HotChange]) -> Iterator[Sample]:
     for fall in found:
         yield {
             "kind": "cut",
@@ -103,7 +103,7 @@ def _samples(found: Sequence[Fall], changed: Sequence[Change]) -> Iterator[Sampl
 
 
 def _parts(
-    arrivals: Sequence[Arrival], found: Sequence[Fall], changed: Sequence[Change]
+    arrivals: Sequence[Arrival], found: Sequence[Fall], changed: Sequence[HotChange]
 ) -> Iterator[Distribution | None]:
     yield part("sudden cut: last command until last good beat", "ms", (fall.before_ms for fall in found))
     yield part("sudden cut: noticed (cut until decision)", "ms", (fall.noticed_ms for fall in found))
