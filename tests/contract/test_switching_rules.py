@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 import yaml
+from hypothesis import Phase, assume, given, settings
+from hypothesis import strategies as st
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
@@ -108,6 +110,51 @@ def agent_says(switching: dict[str, Any]) -> str:
 def test_at_each_bound_the_resource_and_the_agent_refuse_the_same(path: str, switching: dict[str, Any]) -> None:
     refused, said = resource_says(switching), agent_says(switching)
     assert bool(refused) is bool(said), f"{path}: the resource says {refused}, the agent {said!r}"
+
+
+@settings(max_examples=40, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@given(
+    profile=st.sampled_from(["Responsive", "Balanced", "Patient"]),
+    beat=st.none() | st.integers(5, 1000),
+    robot=st.integers(1, 4_000),
+    tolerance=st.integers(0, 4_000),
+    part=st.floats(0, 0.99),
+)
+def test_what_is_left_out_fits_what_is_given_at_once(
+    profile: str, beat: int | None, robot: int, tolerance: int, part: float
+) -> None:
+    """No second round of messages: heartbeat, silence, lease and age follow from whatever else stands there."""
+    latency = {"robotPeriod": robot, "tolerance": tolerance, "cloudPeriod": max(1, int((robot + tolerance) * part))}
+    assume(robot + tolerance - latency["cloudPeriod"] > 0 and latency["cloudPeriod"] <= 10_000)
+    switching: dict[str, Any] = {"profile": profile, "latency": {name: f"{it}ms" for name, it in latency.items()}}
+    if beat is not None:
+        switching["heartbeatPeriod"] = f"{beat}ms"
+    assert not resource_says(switching)
+    assert not agent_says(switching)
+    found = parsed(switching).spec.switching
+    assert found.loss_timeout_ms % found.heartbeat_period_ms
+
+
+def test_a_loop_that_is_too_slow_for_any_age_is_refused_by_both() -> None:
+    switching = {"latency": {"robotPeriod": "9s", "tolerance": "9s", "cloudPeriod": "1s"}}
+    assert resource_says(switching) == {"TooShort"}
+    assert agent_says(switching)
+
+
+@pytest.mark.parametrize(
+    ("profile", "times"),
+    [("Responsive", (10, 45, 155, 105)), ("Balanced", (20, 90, 250, 150)), ("Patient", (50, 225, 535, 285))],
+)
+def test_a_profile_is_all_times_in_one_word(profile: str, times: tuple[int, ...]) -> None:
+    it = parsed({"profile": profile}).spec.switching
+    assert (it.heartbeat_period_ms, it.loss_timeout_ms, it.lease_ms, it.max_command_age_ms) == times
+
+
+def test_a_wrong_field_is_the_only_thing_that_is_said() -> None:
+    """What would follow from it is not complained of as well."""
+    with pytest.raises(SpecError) as refused:
+        parsed({"heartbeatPeriod": "20"})
+    assert [finding.path for finding in refused.value.findings] == ["spec.switching.heartbeatPeriod"]
 
 
 def test_every_rule_is_met_on_both_sides_of_its_bound() -> None:

@@ -132,8 +132,11 @@ def findings_of(error: ValidationError, root: type[Model] = RobotOffload) -> lis
 
 
 def _misleading(detail: ErrorDetails) -> bool:
-    """Whether pydantic calls a list too short only because all its entries are wrong, which it says as well."""
-    return detail["type"] == "too_short" and bool(detail["input"])
+    """Whether pydantic only repeats another problem.
+
+    It calls a list too short because all its entries are wrong, and works out no default from a field that is wrong.
+    """
+    return detail["type"] == "default_factory_not_called" or (detail["type"] == "too_short" and bool(detail["input"]))
 
 
 def _finding(detail: ErrorDetails, root: type[Model]) -> Finding:

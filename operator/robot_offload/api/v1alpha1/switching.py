@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -39,6 +39,29 @@ class Latency(Model):
         return max(self.robot_period_ms, self.cloud_period_ms)
 
 
+HEARTBEATS_MS: Final = {"Responsive": 10, "Balanced": 20, "Patient": 50}
+"""Milliseconds between the heartbeats of each profile: the three that `make bench` measures (docs/benchmarks.md)."""
+
+LONGEST_LEASE_MS: Final = 30_000
+LARGEST_AGE_MS: Final = 10_000
+
+
+def default_loss_timeout_ms(heartbeat_period_ms: int) -> int:
+    """Returns the silence that counts as a loss when none is given: four beats are missing, a fifth is not due."""
+    return heartbeat_period_ms * 9 // 2
+
+
+def default_lease_ms(loss_timeout_ms: int, latency: Latency, heartbeat_period_ms: int) -> int:
+    """Returns the lease when none is given: three heartbeats longer than it must be, within the range of the field."""
+    needed_ms = loss_timeout_ms + max(0, latency.allowed_loop_ms) + 5 * heartbeat_period_ms
+    return min(LONGEST_LEASE_MS, max(50, needed_ms))
+
+
+def default_max_command_age_ms(loss_timeout_ms: int, latency: Latency) -> int:
+    """Returns the largest age of a command when none is given: of a link as slow as allowed, about to be lost."""
+    return min(LARGEST_AGE_MS, max(0, latency.allowed_loop_ms) + loss_timeout_ms)
+
+
 class HoldDown(Model):
     """How long the cloud is left alone after a loss, before it may act again."""
 
@@ -60,26 +83,37 @@ class Switching(Model):
     prefer: Literal["Cloud", "Robot"] = Field(
         default="Cloud", description="The side that acts when both can: Cloud or Robot. Default Cloud."
     )
+    profile: Literal["Responsive", "Balanced", "Patient"] = Field(
+        default="Balanced",
+        description="How fast a lost link is noticed, in one word; what is not given below follows from it. "
+        "Responsive: a heartbeat every 10ms, a loss after 45ms. Balanced: 20ms and 90ms. Patient: 50ms and 225ms, for "
+        "links that pause, and for fewer packets. Default Balanced.",
+    )
     heartbeat_period_ms: Annotated[Duration, Within("5ms", "1s")] = Field(
-        default=20, description="Time between two heartbeats, each way. Default 20ms, from 5ms to 1s."
-    )
-    loss_timeout_ms: Annotated[Duration, Within("15ms", "10s")] = Field(
-        default=90,
-        description="Silence of good heartbeats that counts as a lost link. More than two heartbeat periods "
-        "and no multiple of one, so that the last beat is clearly in time or late. Default 90ms, from 15ms "
-        "to 10s.",
-    )
-    lease_ms: Annotated[Duration, Within("50ms", "30s")] = Field(
-        default=250,
-        description="How long the cloud may go on without hearing the robot. At least lossTimeout + the "
-        "allowed loop latency + two heartbeats. Default 250ms, from 50ms to 30s.",
-    )
-    max_command_age_ms: Annotated[Duration, Within("10ms", "10s")] = Field(
-        default=150,
-        description="The oldest message of the cloud that still reaches a consumer. More than the allowed "
-        "loop latency + one heartbeat. Default 150ms, from 10ms to 10s.",
+        default_factory=lambda given: HEARTBEATS_MS[given["profile"]],
+        description="Time between two heartbeats, each way. Default: the profile's, 20ms for Balanced; from 5ms to 1s.",
     )
     latency: Latency = Field(default_factory=Latency, description="The loop latency up to which the cloud is worth it.")
+    loss_timeout_ms: Annotated[Duration, Within("15ms", "10s")] = Field(
+        default_factory=lambda given: default_loss_timeout_ms(given["heartbeat_period_ms"]),
+        description="Silence of good heartbeats that counts as a lost link. More than two heartbeat periods "
+        "and no multiple of one, so that the last beat is clearly in time or late. Default: four and a half heartbeat "
+        "periods, 90ms for Balanced; from 15ms to 10s.",
+    )
+    lease_ms: Annotated[Duration, Within("50ms", "30s")] = Field(
+        default_factory=lambda given: default_lease_ms(
+            given["loss_timeout_ms"], given["latency"], given["heartbeat_period_ms"]
+        ),
+        description="How long the cloud may go on without hearing the robot. At least lossTimeout + the "
+        "allowed loop latency + two heartbeats. Default: lossTimeout + the allowed loop latency + five heartbeats, "
+        "250ms when nothing is given; from 50ms to 30s.",
+    )
+    max_command_age_ms: Annotated[Duration, Within("10ms", "10s")] = Field(
+        default_factory=lambda given: default_max_command_age_ms(given["loss_timeout_ms"], given["latency"]),
+        description="The oldest message of the cloud that still reaches a consumer. More than the allowed "
+        "loop latency + one heartbeat. Default: the allowed loop latency + lossTimeout, 150ms when nothing is given; "
+        "from 10ms to 10s.",
+    )
     min_dwell_ms: Annotated[Duration, Within("0s", "1h")] = Field(
         default=0,
         description="Least stay on a side before the policy moves on; safety does not wait. Default 0s, from 0s to 1h.",

@@ -94,7 +94,8 @@ def test_the_schema_knows_units_ranges_and_patterns() -> None:
     schema = RobotOffload.model_json_schema(mode="serialization")
     timeout = schema["$defs"]["Switching"]["properties"]["lossTimeout"]
     assert timeout["type"] == "string"
-    assert timeout["default"] == "90ms"
+    assert "default" not in timeout, "it follows from the heartbeats"
+    assert schema["$defs"]["Switching"]["properties"]["activationDeadline"]["default"] == "250ms"
     assert timeout["x-kubernetes-validations"][0]["message"] == "must be between 15ms and 10s"
     assert schema["$defs"]["Node"]["properties"]["placement"]["enum"] == ["Robot", "Cloud", "Duplicated"]
     assert "pattern" in schema["$defs"]["TopicToCloud"]["properties"]["name"]

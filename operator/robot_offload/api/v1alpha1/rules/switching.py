@@ -7,11 +7,24 @@ from typing import Any, Final
 from robot_offload.api.v1alpha1.quantities import format_duration as text
 from robot_offload.api.v1alpha1.rules.nodes import milliseconds
 from robot_offload.api.v1alpha1.rules.rule import Rule
+from robot_offload.api.v1alpha1.switching import HEARTBEATS_MS, LARGEST_AGE_MS, LONGEST_LEASE_MS
 
 _LOOP: Final = (
     "duration(self.latency.robotPeriod) + duration(self.latency.tolerance) - duration(self.latency.cloudPeriod)"
 )
-_BEAT: Final = "duration(self.heartbeatPeriod)"
+_BEAT: Final = (
+    "duration(has(self.heartbeatPeriod) ? self.heartbeatPeriod : "
+    + "".join(f"self.profile == '{word}' ? '{ms}ms' : " for word, ms in HEARTBEATS_MS.items() if word != "Balanced")
+    + f"'{HEARTBEATS_MS['Balanced']}ms')"
+)
+_BEAT_MS: Final = f"({_BEAT}.getSeconds() * 1000 + {_BEAT}.getMilliseconds() % 1000)"
+_LOOP_MS: Final = (
+    f"{milliseconds('self.latency.robotPeriod')} + {milliseconds('self.latency.tolerance')} - "
+    f"{milliseconds('self.latency.cloudPeriod')}"
+)
+_LOSS_MS: Final = f"(has(self.lossTimeout) ? {milliseconds('self.lossTimeout')} : {_BEAT_MS} * 9 / 2)"
+_LEASE_MS: Final = f"(has(self.lease) ? {milliseconds('self.lease')} : {LONGEST_LEASE_MS})"
+"""What is not given, as `api.v1alpha1.switching` works it out. Numbers: the cost of texts has no bound in CEL."""
 
 
 def _loop_ms(switching: Any) -> int:
@@ -32,7 +45,7 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule(
         "spec.switching",
         "TooShort",
-        f"duration(self.lossTimeout) > {_BEAT} + {_BEAT}",
+        f"!has(self.lossTimeout) || duration(self.lossTimeout) > {_BEAT} + {_BEAT}",
         lambda it: it.loss_timeout_ms <= 2 * it.heartbeat_period_ms,
         "lossTimeout is not more than two heartbeat periods, so one lost beat would be an alarm; write for example "
         "90ms for a period of 20ms",
@@ -42,8 +55,8 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule(
         "spec.switching",
         "MultipleOfPeriod",
-        f"duration(self.lossTimeout) <= {_BEAT} + {_BEAT} || "
-        f"{milliseconds('self.lossTimeout')} % {milliseconds('self.heartbeatPeriod')} != 0",
+        f"!has(self.lossTimeout) || duration(self.lossTimeout) <= {_BEAT} + {_BEAT} || "
+        f"{milliseconds('self.lossTimeout')} % {_BEAT_MS} != 0",
         lambda it: it.loss_timeout_ms > 2 * it.heartbeat_period_ms and it.loss_timeout_ms % it.heartbeat_period_ms == 0,
         "lossTimeout is a multiple of the heartbeat period, so the last beat and the alarm would race; write for "
         "example 90ms for a period of 20ms",
@@ -62,20 +75,20 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule(
         "spec.switching",
         "TooShort",
-        f"duration(self.lease) >= duration(self.lossTimeout) + ({_LOOP}) + {_BEAT} + {_BEAT}",
+        f"{_LEASE_MS} >= {_LOSS_MS} + {_LOOP_MS} + 2 * {_BEAT_MS}",
         lambda it: it.lease_ms < _least_lease_ms(it),
         "lease is less than lossTimeout + allowed loop latency (robotPeriod + tolerance - cloudPeriod) + two "
-        "heartbeats; raise it",
+        "heartbeats; raise it, or leave it out",
         "lease",
         lambda it: f"to at least {text(_least_lease_ms(it))}",
     ),
     Rule(
         "spec.switching",
         "TooShort",
-        f"duration(self.maxCommandAge) > {_LOOP} + {_BEAT}",
+        f"duration(has(self.maxCommandAge) ? self.maxCommandAge : '{text(LARGEST_AGE_MS)}') > {_LOOP} + {_BEAT}",
         lambda it: it.max_command_age_ms <= _floor_of_age_ms(it),
         "maxCommandAge is not more than the allowed loop latency (robotPeriod + tolerance - cloudPeriod) + one "
-        "heartbeat, so messages of a good link would be dropped; raise it",
+        "heartbeat, so messages of a good link would be dropped; raise it, or leave it out",
         "maxCommandAge",
         lambda it: f"to more than {text(_floor_of_age_ms(it))}",
     ),
