@@ -295,7 +295,7 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     "switching.maxMessageSize": ({}, "switching.maxMessageSize", "8Mi", "1Mi"),
     "switching.silent": ({}, "switching.silent", [], ["a/**"]),
     "switching.prefer": ({}, "switching.prefer", "Cloud", "Robot"),
-    "switching.profile": ({}, "switching.profile", "Balanced", "Patient"),
+    "switching.profile": ({"switching": {}}, "switching.profile", "Balanced", "Patient"),
     "switching.heartbeatPeriod": ({}, "switching.heartbeatPeriod", "20ms", "21ms"),
     "switching.lossTimeout": ({}, "switching.lossTimeout", "90ms", "91ms"),
     "switching.lease": ({}, "switching.lease", "250ms", "251ms"),
