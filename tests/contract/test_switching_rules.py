@@ -135,6 +135,19 @@ def test_what_is_left_out_fits_what_is_given_at_once(
     assert found.loss_timeout_ms % found.heartbeat_period_ms
 
 
+def test_three_times_that_a_person_knows_are_enough() -> None:
+    switching = {
+        "lossTimeout": "330ms",
+        "latency": {"robotPeriod": "100ms", "cloudPeriod": "20ms", "tolerance": "150ms"},
+    }
+    assert not resource_says(switching)
+    assert not agent_says(switching)
+    assert (parsed(switching).spec.switching.lease_ms, parsed(switching).spec.switching.max_command_age_ms) == (
+        660,
+        560,
+    )
+
+
 def test_a_loop_that_is_too_slow_for_any_age_is_refused_by_both() -> None:
     switching = {"latency": {"robotPeriod": "9s", "tolerance": "9s", "cloudPeriod": "1s"}}
     assert resource_says(switching) == {"TooShort"}
