@@ -81,18 +81,21 @@ def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -
         )
     place = folder or default_folder(parent.offload)
     chosen = transport.of(parent.spec)
+    key = PRIVATE_KEY if transport.needs_certificates(parent.spec) else ""
     files = {
         "agent.yaml": agent_config(parent.offload, robot_site(parent, place)).encode(),
         "environment": _environment(parent).encode(),
         "robot-offload-agent.service": texts.agent_unit(
-            parent.offload, place, REALTIME_PRIORITY, _agent_environment(parent)
+            parent.offload, place, REALTIME_PRIORITY, _agent_environment(parent), key
         ).encode(),
         **chosen.robot_files(parent.offload, parent.facts.endpoints, place, texts.state_dir(parent.name)),
         **_certificates(parent.offload, secrets),
     }
     if parent.spec.transport.type == "DDSRouter":
         files["robot-offload-router.service"] = texts.router_unit(parent.offload, place).encode()
-        files["robot-offload-tunnel.service"] = texts.tunnel_unit(parent.offload, place, REALTIME_PRIORITY).encode()
+        files["robot-offload-tunnel.service"] = texts.tunnel_unit(
+            parent.offload, place, REALTIME_PRIORITY, key
+        ).encode()
     files[LAUNCH_FILE] = launch_file(parent.offload, place).encode()
     files["compose.yaml"] = _compose(parent, place).encode()
     files["README.md"] = texts.readme(parent.offload, place, [*files, "README.md"]).encode()

@@ -85,15 +85,17 @@ def agent_unit(
     folder: str,
     realtime_priority: int,
     environment: Mapping[str, str],
+    key: str,
     side: Side = "robot",
 ) -> str:
-    """A unit for systemd that runs the agent.
+    """Returns a unit for systemd that runs the agent.
 
     Args:
         offload: the resource.
         folder: where the bundle lies on the robot.
         realtime_priority: the highest that the agent may ask for.
         environment: beside what is in the file `environment`.
+        key: the bundle's file with the private key; empty: this transport has none.
         side: whose agent it is; both may run on one computer.
     """
     name = instance(offload.metadata.name, side)
@@ -109,9 +111,7 @@ def agent_unit(
             f"ExecStart=/bin/bash -c '{start}'",
             f"RuntimeDirectory=robot-offload/{name}",
             f"StateDirectory=robot-offload/{name}",
-            f"LimitRTPRIO={realtime_priority}",
-            "CapabilityBoundingSet=CAP_SYS_NICE",
-            "AmbientCapabilities=CAP_SYS_NICE",
+            *_unprivileged(folder, key, realtime_priority),
         ],
     )
 
@@ -131,26 +131,57 @@ def router_unit(offload: RobotOffload, folder: str) -> str:
     )
 
 
-def tunnel_unit(offload: RobotOffload, folder: str, realtime_priority: int) -> str:
-    """A unit for systemd that runs the robot's end of the tunnel; see `agent_unit`."""
+def tunnel_unit(offload: RobotOffload, folder: str, realtime_priority: int, key: str) -> str:
+    """Returns a unit for systemd that runs the robot's end of the tunnel; see `agent_unit`."""
     start = f'source "$${SETUP_VARIABLE}" && exec robot-offload-tunnel --params {shlex.quote(folder)}/tunnel.yaml'
     return _unit(
         f"Robot Offload tunnel of {offload.metadata.name}",
         [
             f"EnvironmentFile={folder}/environment",
             f"ExecStart=/bin/bash -c '{start}'",
-            f"LimitRTPRIO={realtime_priority}",
-            "CapabilityBoundingSet=CAP_SYS_NICE",
-            "AmbientCapabilities=CAP_SYS_NICE",
+            # The agent keeps the robot's renewed certificates there.
+            f"StateDirectory=robot-offload/{offload.metadata.name}",
+            *_unprivileged(folder, key, realtime_priority),
         ],
     )
+
+
+USER: Final = "robot-offload"
+"""Of agent and tunnel: systemd makes it while one of them runs, unless the robot has such a user. It is one for both,
+because the tunnel reads the certificates that the agent renews."""
+
+
+def _unprivileged(folder: str, key: str, realtime_priority: int) -> list[str]:
+    """Returns what lets our own programs run without root: a user, real-time priority, and the key to read."""
+    name = key.rpartition("/")[2]
+    handed_over = [
+        f"LoadCredential={name}:{folder}/{key}",
+        # The key stays root's. The configuration names it by its own path, in containers as well. Where it cannot be
+        # handed over (`-`), the robot drives on its own instead of not at all.
+        f"BindReadOnlyPaths=-/run/credentials/%n/{name}:{folder}/{key}",
+    ]
+    return [
+        f"User={USER}",
+        "DynamicUser=true",
+        *(handed_over if key else ()),
+        f"LimitRTPRIO={realtime_priority}",
+        "CapabilityBoundingSet=CAP_SYS_NICE",
+        "AmbientCapabilities=CAP_SYS_NICE",
+        # Netlink: DDS and Zenoh look at the network's interfaces.
+        "RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK",
+        "SystemCallFilter=@system-service",
+        "SystemCallErrorNumber=EPERM",
+        "SystemCallArchitectures=native",
+        "PrivateDevices=true",
+        "UMask=0077",
+    ]
 
 
 _CLOSED = (
     "ProtectKernelTunables", "ProtectKernelModules", "ProtectKernelLogs", "ProtectControlGroups", "ProtectHostname",
     "RestrictSUIDSGID", "RestrictNamespaces", "LockPersonality",
 )  # fmt: skip
-"""What no program of ours needs of the kernel; they run as root without its capabilities."""
+"""What no program of ours needs of the kernel."""
 
 
 def _unit(description: str, service: Sequence[str]) -> str:
@@ -179,7 +210,7 @@ def _unit(description: str, service: Sequence[str]) -> str:
 
 
 def readme(offload: RobotOffload, folder: str, files: Sequence[str]) -> str:
-    """What to do with the bundle, and how to do without it."""
+    """Returns what to do with the bundle, and how to do without it."""
     parts = [
         f"# Robot Offload: the bundle of {offload.metadata.name}",
         "Everything that the robot needs. It works without the cluster and without a network.",
@@ -210,6 +241,7 @@ With systemd, run in this folder on the robot:
 sudo mkdir -p {folder}
 sudo cp -r . {folder}
 sudo chown -R root:root {folder}
+sudo find {folder} ! -name '*.key' -exec chmod go+rX {{}} +
 {copies}
 sudo systemctl daemon-reload
 sudo systemctl enable --now {enable}
@@ -217,7 +249,7 @@ sudo systemctl enable --now {enable}
 
 {_messages(offload, folder)}
 
-Or start it in containers: copy the folder with the first three commands, then
+Or start it in containers: copy the folder with the first four commands, then
 `cd {folder} && sudo docker compose up -d`. There your message types come with the agent's image.
 
 Look at it:

@@ -156,7 +156,7 @@ def _workstation(parent: Parent, folder: str) -> dict[str, bytes]:
         "agent.yaml": agent_config(parent.offload, site).encode(),
         "environment": "".join(f"{key}={value}\n" for key, value in environment.items()).encode(),
         "robot-offload-agent-cloud.service": texts.agent_unit(
-            parent.offload, folder, REALTIME_PRIORITY, own, "cloud"
+            parent.offload, folder, REALTIME_PRIORITY, own, WORKSTATION_KEY, "cloud"
         ).encode(),
         "compose.yaml": _compose(parent, folder, name).encode(),
         "README.md": _readme(parent, folder).encode(),
@@ -192,6 +192,7 @@ def _readme(parent: Parent, folder: str) -> str:
     copy = f"sudo mkdir -p {folder} && sudo cp -r . {folder} && sudo chown -R root:root {folder}"
     start = f"""\
 {copy}
+sudo find {folder} ! -name '*.key' -exec chmod go+rX {{}} +
 sudo cp {folder}/robot-offload-agent-cloud.service /etc/systemd/system/
 sudo systemctl daemon-reload && sudo systemctl enable --now robot-offload-agent-cloud"""
     parts = [

@@ -1,4 +1,4 @@
-"""The unit of a bundle under a systemd of its own: ready, watched, started again when it hangs, ended in order.
+"""The unit of a bundle under a systemd of its own: ready, not root, watched, restarted when it hangs, ended in order.
 
 systemd runs as process 1 of its own namespaces (processes, mounts, network, cgroups), so that the host's is left alone.
 The bundle is mounted where its README puts it. What differs from a robot: no D-Bus, and a watchdog of 4 s instead of
@@ -11,6 +11,7 @@ import os
 import re
 import shlex
 import signal
+import stat
 import subprocess
 import sys
 import tempfile
@@ -25,11 +26,22 @@ from tests.ros.agent.shared import Shared
 ROOT = Path(__file__).parents[3]
 UNIT = "robot-offload-agent.service"
 PATIENCE_S = 60.0
+CAP_SYS_NICE = 23
+"""Its number in linux/capability.h."""
 INIT = """
 mount --make-rprivate /
+mount --make-rshared /
 if [ -e /sys/fs/cgroup/cgroup.controllers ]; then mount -t cgroup2 none /sys/fs/cgroup; fi
 ip link set lo up
 mount -t tmpfs tmpfs /run
+mount -t tmpfs tmpfs /var/lib
+mkdir -p /var/lib/robot-offload/wheelchair
+touch /var/lib/robot-offload/wheelchair/of-root
+mkdir /run/interpreter
+mount --bind {interpreter} /run/interpreter
+for closed in {closed}; do mount -t tmpfs -o mode=755 tmpfs $closed; done
+mkdir -p {interpreter}
+mount --bind /run/interpreter {interpreter}
 mkdir -p /run/systemd/system/{unit}.d /run/systemd/system/only.target.wants /run/etc /run/etc.work
 mount -t overlay overlay -o lowerdir=/etc,upperdir=/run/etc,workdir=/run/etc.work /etc
 mkdir -p /etc/robot-offload/wheelchair
@@ -44,7 +56,7 @@ ln -s ../{unit} /run/systemd/system/only.target.wants/
 exec env -i PATH=/usr/bin:/bin:/usr/sbin:/sbin container=other /lib/systemd/systemd --system --unit=only.target \\
     --log-target=console --show-status=no --default-standard-output=inherit
 """
-"""Process 1 of the namespaces."""
+"""Process 1 of the namespaces. Mounts are shared among them, as systemd makes them at the start of a machine."""
 NAMESPACES = ("--pid", "--fork", "--mount", "--mount-proc", "--net", "--cgroup", "--uts", "--ipc", "--kill-child")
 
 
@@ -55,7 +67,10 @@ class Manager:
         self.folder = folder
         self.log_path = folder / "systemd.log"
         script = folder / "init.sh"
-        script.write_text(INIT.format(unit=UNIT, folder=folder))
+        interpreter = Path(sys.base_prefix)
+        closed = [path for path in interpreter.parents if not path.stat().st_mode & stat.S_IXOTH]
+        words = " ".join(map(str, closed[-1:]))
+        script.write_text(INIT.format(unit=UNIT, folder=folder, interpreter=interpreter, closed=words))
         with self.log_path.open("wb") as log:
             self.process = subprocess.Popen(
                 ["unshare", *NAMESPACES, "/bin/bash", "-e", str(script)], stdout=log, stderr=log,
@@ -123,6 +138,7 @@ def test_systemd_starts_watches_restarts_and_ends_the_unit_of_a_bundle(manager: 
     until(lambda: len(manager.processes()) >= 6, "supervisor and processes run")
     first, main = manager.processes(), int(manager.show("MainPID"))
     assert main in first
+    assert_not_root(manager, main)
 
     manager.inside(f"kill -{signal.SIGSTOP.value} {main}")
     until(lambda: manager.show("NRestarts") == "1", "the watchdog ends an agent that hangs")
@@ -131,3 +147,22 @@ def test_systemd_starts_watches_restarts_and_ends_the_unit_of_a_bundle(manager: 
 
     manager.inside(f"systemctl stop {UNIT}")
     assert (manager.show("ActiveState"), manager.show("Result"), manager.processes()) == ("inactive", "success", set())
+
+
+def assert_not_root(manager: Manager, main: int) -> None:
+    """The agent is nobody on the machine, and has what it needs: its key, its state, CAP_SYS_NICE."""
+    status = dict(line.split(":", 1) for line in manager.inside(f"cat /proc/{main}/status").splitlines())
+    (user,) = set(status["Uid"].split())
+    (group,) = set(status["Gid"].split())
+    assert int(user) >= 1000
+    assert (status["NoNewPrivs"].strip(), status["Seccomp"].strip()) == ("1", "2")
+    assert int(status["CapEff"], 16) == 1 << CAP_SYS_NICE
+    in_unit = f"nsenter --target={main} --mount --setuid={user} --setgid={group}"
+    key = "/etc/robot-offload/wheelchair/certificates/robot.key"
+    assert "PRIVATE KEY" in manager.inside(f"{in_unit} cat {key}")
+    assert "Permission denied" in manager.inside(f"setpriv --reuid={user} --regid={group} --clear-groups cat {key}")
+    assert "Permission denied" in manager.inside(f"{in_unit} cat /etc/shadow")
+    assert "Permission denied" in manager.inside(f"{in_unit} touch /etc/robot-offload/wheelchair/agent.yaml")
+    assert "current" in manager.inside(f"{in_unit} ls /var/lib/robot-offload/wheelchair/certificates")
+    kept = manager.inside(f"{in_unit} stat --format %u /var/lib/robot-offload/wheelchair/of-root")
+    assert kept.strip() == user, "what an agent has kept as root passes to the new user"
