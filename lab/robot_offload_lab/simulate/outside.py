@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from robot_offload_core.ledger.ports import Face, GoalStatus
+from robot_offload_core.ledger.ports import Face, GoalStatus, Holding
 from robot_offload_core.process.relay import RelayPlan
 from robot_offload_core.settings import NodeSpec
 from robot_offload_core.token import Site
@@ -37,6 +37,7 @@ class Outside:
 
     Attributes:
         node, servers: outside the group. goals: of both sides, by number.
+        holders: who held when the robot's relay offered an attempt.
         strange: since when a goal runs that is not of the present stay's holder.
     """
 
@@ -54,6 +55,7 @@ class Outside:
             "outside", robot._then, "feedback_arrived", Face.PUBLIC, action, payload
         )
         self.goals: dict[int, UsedGoal] = {}
+        self.holders: dict[bytes, Holding] = {}
         self.stays: dict[bytes, int] = {}
         self.strange: dict[bytes, float] = {}
         self.callers: dict[bytes, UsedGoal] = {}
@@ -110,8 +112,13 @@ class Outside:
 
     # -- promises -----------------------------------------------------------------------------------------------------
 
+    def offered(self, attempt: bytes | None) -> None:
+        """The robot's relay calls the server: whoever holds then may do so, whoever holds when the call arrives."""
+        if attempt is not None:
+            self.holders[attempt] = self.robot.holder()
+
     def _began(self, execution: Execution) -> None:
-        goal, holding = self.goals[execution.number], self.robot.holder()
+        goal, holding = self.goals[execution.number], self.holders[execution.attempt]
         self.stays[execution.attempt] = holding.stay
         if goal.site is not holding.site:
             raise ViolationError(

@@ -91,6 +91,8 @@ class RelayShell(Shell):
 
     def offer(self, face: Face, action: str, payload: bytes) -> None:
         """Calls send_goal."""
+        if face is Face.PUBLIC:
+            self.beyond.offered(goal_id_of(payload))
         self._at(face).offer(
             self, action, payload, partial(self._then, "offer_answered", face, action, goal_id_of(payload))
         )
