@@ -17,8 +17,8 @@ import networkx as nx
 
 from robot_offload_lab.advise.model import TIE, Problem
 
-MOST_BOUNDS: Final = 600
-"""Minimum cuts that are worked out before the search ends with the best that it has."""
+MOST_BOUNDS: Final = 3000
+"""Minimum cuts that are worked out before the search ends with the best that it has: enough for all cuts of 9 nodes."""
 PRICES: Final = (0.0, 0.25, 1.0, 4.0)
 """Prices that are tried, in units of all processor time for the whole bandwidth."""
 _ROBOT: Final = ("side", "robot")
@@ -52,7 +52,7 @@ def best_cuts(problem: Problem, count: int = 3) -> Advice:
             return Advice(_ranked(problem, found, count), proven=False)
         left = [name for name in problem.movable if name not in leaving and name not in staying]
         limit = float("inf")
-        for price in PRICES:
+        for price in PRICES if left else PRICES[:1]:
             worth, moved = _bounded(problem, leaving, staying, price)
             bounds += 1
             limit = min(limit, worth)

@@ -6,7 +6,7 @@ import itertools
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robot_offload_lab.advise.cuts import best_cuts
@@ -40,8 +40,18 @@ def every(problem: Problem) -> list[float]:
     return sorted((problem.value(it) for it in sets if problem.feasible(it)), reverse=True)
 
 
+LOOP_TOO_LONG = Problem(
+    {name: Part(name, 0.1 if name == "a" else 0.0, movable=name != "d", period_s=0.05) for name in "abcdefgh"},
+    (Flow("/cmd", "a", (), 0.0, 100.0, commands=True),),
+    Link(1e4, 0.0),
+    0.0,
+)
+"""All that is worth moving must stay, and the bounds cannot know: every cut has to be looked at."""
+
+
 @settings(max_examples=40, deadline=None)
 @given(problems())
+@example(LOOP_TOO_LONG)
 def test_no_cut_is_better_than_those_that_are_advised(problem: Problem) -> None:
     advice = best_cuts(problem)
     assert advice.proven
