@@ -4,7 +4,7 @@ A node that keeps something between its messages publishes it as bytes, whenever
 second. Its replica, which sleeps, gets the newest ones and takes them when it wakes:
 
     class Localiser(StatefulNode):
-        def take_state(self, version, data):  # in on_activate, and later while nothing newer was published
+        def take_state(self, version, data):  # in on_activate, and later while it has taken or published none
             self.pose = struct.unpack("<3d", data)
 
         def on_scan(self, scan):

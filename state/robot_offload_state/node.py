@@ -19,6 +19,9 @@ _KEPT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=D
 class StatefulNode(LifecycleNode):
     """Base of lifecycle nodes with state; `super().on_activate` and `super().on_deactivate` have to be called.
 
+    One that began clean and has published state of its own takes the first snapshot that comes: its replica acts, and
+    had not said anything before. Once it has taken one, its own state is the newer one.
+
     Attributes:
         restored: the newest snapshot that has arrived and was not taken yet.
     """
@@ -26,7 +29,7 @@ class StatefulNode(LifecycleNode):
     def __init__(self, node_name: str, **options: Any) -> None:
         super().__init__(node_name, **options)
         self.restored: tuple[int, bytes] | None = None
-        self._acting = self._said = False
+        self._acting = self._said = self._taken = False
         self._state = self.create_publisher(UInt8MultiArray, STATE, _SAID)
         self._restore = self.create_subscription(UInt8MultiArray, RESTORE, self._arrived, _KEPT)
 
@@ -47,7 +50,7 @@ class StatefulNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Takes the newest snapshot, if there is one."""
-        self._acting, self._said = True, False
+        self._acting, self._said, self._taken = True, False, False
         self._take()
         return super().on_activate(state)
 
@@ -62,13 +65,14 @@ class StatefulNode(LifecycleNode):
         except SnapshotError as error:
             self.get_logger().warning(f"A snapshot was not taken: {error}")
             return
-        if self._acting and not self._said:
+        if self._acting and not (self._said and self._taken):
             self._take()
 
     def _take(self) -> None:
         if self.restored is None:
             return
         (version, data), self.restored = self.restored, None
+        self._taken = True
         try:
             self.take_state(version, data)
         except ValueError as error:
