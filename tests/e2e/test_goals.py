@@ -103,7 +103,7 @@ def test_one_goal_has_one_result_through_killed_relays_an_outage_a_killed_pod_an
     goes_on(robot)
 
     now = story.images.references[APP]
-    story.cluster.import_images(renamed(story.images, now, f"{now}-later", tmp_path))
+    story.cluster.import_images(renamed(story.images, {now: f"{now}-later"}, tmp_path))
     for node in duplicated(manifest):
         node["image"] = f"{now}-later"
     story.apply(manifest)
