@@ -6,6 +6,7 @@ now and then (key frames), every event with its time, and what was decided. `rep
 Format 1: each line is a CRC-32 (eight hexadecimal digits), a blank, and a JSON list:
     ["box", format, {"side", "release", "core", ...}]    the first line of each file
     ["state", machine, now_s, state]                      a key frame
+    ["set", machine, now_s, state]                        a state that no step has led to: the first, other settings
     ["step", machine, now_s, event's name, event]         what was taken in
     ["did", machine, now_s, name, decision]               what came of the step before
     ["gap", steps]                                        so many steps were not written
@@ -81,9 +82,9 @@ def header(facts: dict[str, Any]) -> str:
     return line(["box", FORMAT, facts])
 
 
-def key_frame(machine: Machine, now_s: float, state: Any) -> str:
-    """Returns the line of a state."""
-    return line(["state", machine.value, now_s, codec.plain(comparable(state))])
+def key_frame(machine: Machine, now_s: float, state: Any, *, was_set: bool = False) -> str:
+    """Returns the line of a state; `was_set`: no step has led to it."""
+    return line(["set" if was_set else "state", machine.value, now_s, codec.plain(comparable(state))])
 
 
 def step(machine: Machine, now_s: float, event: Any, commands: Iterable[Any]) -> str:
@@ -123,11 +124,12 @@ class Header:
 
 @dataclass(frozen=True)
 class KeyFrame:
-    """A state that was written down."""
+    """A state that was written down; `was_set`: no step has led to it."""
 
     machine: Machine
     now_s: float
     state: Any
+    was_set: bool = False
 
 
 @dataclass(frozen=True)
@@ -177,8 +179,8 @@ def _record(parts: list[Any]) -> Record:
         return Gap(codec.typed(int, parts[1]))
     machine, now_s = Machine(parts[1]), codec.typed(float, parts[2])
     kind = KINDS[machine]
-    if word == "state":
-        return KeyFrame(machine, now_s, codec.typed(kind.state, parts[3]))
+    if word in ("state", "set"):
+        return KeyFrame(machine, now_s, codec.typed(kind.state, parts[3]), word == "set")
     if word == "step":
         return Step(machine, now_s, codec.typed(kind.events[parts[3]], parts[4]))
     if word == "did":
@@ -259,7 +261,7 @@ class _Player:
             return
         yield from self.settle()
         if isinstance(record, KeyFrame):
-            if self.state is not None and comparable(self.state) != record.state:
+            if self.state is not None and not record.was_set and comparable(self.state) != record.state:
                 yield Differs(self.machine, record.now_s, (record.state,), (comparable(self.state),))
             self.state = record.state
         elif self.state is not None:

@@ -18,18 +18,12 @@ import yaml
 
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.chart import ROOT
+from tests.readme import cluster_commands
 
 pytestmark = pytest.mark.api
 NAMESPACE = "robot-offload-system"
 REGISTRY = "registry.example/robots"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
-
-
-def commands() -> list[str]:
-    """The lines of the README's block that installs the operator, a continued line as one, comments left out."""
-    blocks = re.findall(r"^```sh\n(.*?)^```", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
-    (block,) = [each for each in blocks if "helm install" in each]
-    return [re.sub(r"\s+# .*", "", line) for line in block.replace("\\\n ", "").splitlines()]
 
 
 class Reader:
@@ -65,7 +59,7 @@ def reader(bare_control_plane: ControlPlane, tmp_path: Path) -> Iterator[Reader]
 
 
 def test_every_command_of_the_readme_does_what_the_next_one_needs(reader: Reader) -> None:
-    images, install, edit, apply, get, explain, bundle = commands()
+    images, install, edit, apply, get, explain, bundle = cluster_commands()
     made = built(images)
     assert {f"{REGISTRY}/{name}" for name in ("agent", "operator", "discovery", "examples/wheelchair")} <= made.keys()
     assert "deployed" in reader.sees(install)

@@ -119,7 +119,7 @@ class BlackBox:
         framed_s = self._framed_s.get(machine)
         if event is None or framed_s is None or at_s - framed_s >= FRAME_S:
             self._framed_s[machine] = at_s
-            text += blackbox.key_frame(machine, at_s, after)
+            text += blackbox.key_frame(machine, at_s, after, was_set=event is None)
         return text
 
     def _write(self, text: str) -> None:

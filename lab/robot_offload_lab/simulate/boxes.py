@@ -24,12 +24,15 @@ class MemoryBox:
         """Writes a step, and a state now and then."""
         self.lines.append(blackbox.step(machine, now_s, event, commands))
         if now_s - self._framed_s[machine] >= FRAME_S:
-            self.restated(machine, now_s, after)
+            self._frame(machine, now_s, after)
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Writes a state."""
+        """Writes a state that no step has led to."""
+        self._frame(machine, now_s, state, was_set=True)
+
+    def _frame(self, machine: Machine, now_s: float, state: Any, *, was_set: bool = False) -> None:
         self._framed_s[machine] = now_s
-        self.lines.append(blackbox.key_frame(machine, now_s, state))
+        self.lines.append(blackbox.key_frame(machine, now_s, state, was_set=was_set))
 
     def text(self) -> list[str]:
         """Returns the lines, one by one."""

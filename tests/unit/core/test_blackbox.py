@@ -10,7 +10,8 @@ from robot_offload_core.events import Machine
 from robot_offload_core.placement import Decided
 from robot_offload_lab.simulate.boxes import Boxes, MemoryBox
 from robot_offload_lab.simulate.chunk import BOXED, Chunk
-from robot_offload_lab.simulate.goal_storm import drawn
+from robot_offload_lab.simulate.faults import only_link
+from robot_offload_lab.simulate.goal_storm import drawn, with_goals
 
 
 @dataclass(frozen=True)
@@ -86,3 +87,9 @@ def test_another_process_begins_with_states_of_its_own(storm: Storm) -> None:
 
 def test_nothing_is_kept_of_a_stretch_without_boxes() -> None:
     assert Boxes().judge(0.0) == 0
+
+
+def test_boxes_come_to_stretches_of_all_kinds_of_a_campaign() -> None:
+    boxed = range(BOXED - 1, 60 * BOXED, BOXED)
+    kinds = {(only_link(index), with_goals(index)) for index in range(60)}
+    assert {(only_link(index), with_goals(index)) for index in boxed} == kinds

@@ -9,18 +9,13 @@ from pathlib import Path
 
 import yaml
 
+from tests.readme import cluster_commands
+
 ROOT = Path(__file__).parents[3]
 NAMESPACE = "robot-offload-system"
 REGISTRY = "registry.example/robots"
 SAMPLE = Path("manifests/samples/wheelchair.yaml")
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
-
-
-def commands() -> list[str]:
-    """The lines of the README's block that installs the operator, a continued line as one, comments left out."""
-    blocks = re.findall(r"^```sh\n(.*?)^```", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
-    (block,) = [each for each in blocks if "helm install" in each]
-    return [re.sub(r"\s+# .*", "", line) for line in block.replace("\\\n", "").splitlines()]
 
 
 def pushed(line: str) -> set[str]:
@@ -33,7 +28,7 @@ def pushed(line: str) -> set[str]:
 
 
 def test_images_that_are_pushed_are_those_that_chart_and_sample_name(tmp_path: Path) -> None:
-    images, install, edit, apply, *_ = commands()
+    images, install, edit, apply, *_ = cluster_commands()
     made = pushed(images)
     chart = yaml.safe_load((ROOT / "charts/robot-offload/Chart.yaml").read_text())
     assert {f"{REGISTRY}/{name}:{chart['appVersion']}" for name in ("agent", "operator", "discovery", "git")} <= made
@@ -51,7 +46,7 @@ def test_images_that_are_pushed_are_those_that_chart_and_sample_name(tmp_path: P
 
 def test_commands_about_one_robot_name_that_of_the_sample() -> None:
     name = yaml.safe_load((ROOT / SAMPLE).read_text())["metadata"]["name"]
-    about = [line for line in commands() if line.startswith("kubectl offload")]
+    about = [line for line in cluster_commands() if line.startswith("kubectl offload")]
     assert [line.split()[2:4] for line in about] == [["explain", name], ["bundle", name]]
 
 

@@ -23,7 +23,7 @@ BEGAN_S = time.mktime((2026, 11, 22, 14, 0, 0, 0, 0, -1))
 @pytest.fixture(scope="module")
 def box() -> MemoryBox:
     """The robot's longest box of a stretch that began at 14:00."""
-    chunk = Chunk(5, BOXED - 1)
+    chunk = Chunk(14, BOXED - 1)
     assert not chunk.live().violation
     robots = [box for box in chunk.boxes.boxes if any('"placement"' in line for line in box.text()[:3])]
     return max(robots, key=lambda box: len(box.lines))
