@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,8 +17,10 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from std_msgs.msg import String
 
 from robot_offload.api.files import load
+from robot_offload.survey.asked import PROGRAM
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "wheelchair"
 DOMAIN = 33
@@ -109,3 +113,31 @@ def test_a_running_wheelchair_is_imported_as_its_own_file_describes_it(
     text = file.read_text()
     assert "MiB" in text, "and so were its memory and CPU"
     assert "it moves the robot" in text
+
+
+def test_a_topic_that_appears_while_we_look_is_measured(tmp_path: Path) -> None:
+    looking = subprocess.Popen(
+        [sys.executable, str(PROGRAM), "6"],
+        env=dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN), ROS_LOG_DIR=str(tmp_path)),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=DOMAIN)
+    node = Node("late", context=context)
+    try:
+        end_s = time.monotonic() + PATIENCE_S
+        while "_robot_offload_import" not in node.get_node_names():
+            assert time.monotonic() < end_s, "the program that looks did not start"
+            time.sleep(0.05)
+        publisher = node.create_publisher(String, "/late_topic", 10)
+        while looking.poll() is None:
+            publisher.publish(String(data="late"))
+            time.sleep(0.05)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+        seen = json.loads(looking.communicate()[0])
+    found = next(it for it in seen["topics"] if it["name"] == "/late_topic")
+    assert found["measured"]
+    assert found["messages"] > 2

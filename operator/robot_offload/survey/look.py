@@ -28,8 +28,8 @@ from rclpy.serialization import deserialize_message
 VERSION: Final = 1
 NODE: Final = "_robot_offload_import"
 """Hidden, as names with an underscore first are."""
-SETTLE_S: Final = 2.0
-"""How long nodes on this network need to be found."""
+SEARCH_S: Final = 0.2
+"""How often new topics are looked for: on a busy host nodes are found some seconds late."""
 MOST_TOPICS: Final = 256
 MOST_BYTES: Final = 16 * 1024 * 1024
 """After so much of one topic its rate and size are known well enough."""
@@ -88,8 +88,12 @@ class Looker:
         self.problems: dict[str, str] = {}
 
     def spin(self, until_s: float) -> None:
-        """Listens until a time of the steady clock."""
-        while time.monotonic() < until_s:
+        """Listens until a time of the steady clock, to topics that are found meanwhile too."""
+        search_s = 0.0
+        while (now_s := time.monotonic()) < until_s:
+            if now_s >= search_s:
+                self.listen()
+                search_s = now_s + SEARCH_S
             self.executor.spin_once(timeout_sec=0.05)
             for ear in self.ears.values():
                 if ear.full and ear.subscription is not None:
@@ -97,20 +101,22 @@ class Looker:
                     ear.subscription = None
 
     def listen(self) -> None:
-        """Subscribes to every topic whose type this interpreter has."""
+        """Subscribes to every topic that somebody publishes and whose type this interpreter has."""
         for topic, types in self.node.get_topic_names_and_types():
-            if topic in OF_ROS or "/_" in topic or topic in self.ears:
+            if topic in OF_ROS or "/_" in topic or topic in self.ears or topic in self.problems:
+                continue
+            publishers = self.node.get_publishers_info_by_topic(topic)
+            if not publishers:
                 continue
             if len(self.ears) >= MOST_TOPICS:
                 self.problems[topic] = f"not measured: more than {MOST_TOPICS} topics"
             elif len(types) != 1:
                 self.problems[topic] = "not measured: it has several types"
             else:
-                self._listen_to(topic, types[0])
+                latched = all(_quality(it)["durability"] == "TransientLocal" for it in publishers)
+                self._listen_to(topic, types[0], latched=latched)
 
-    def _listen_to(self, topic: str, type_name: str) -> None:
-        publishers = self.node.get_publishers_info_by_topic(topic)
-        latched = bool(publishers) and all(_quality(it)["durability"] == "TransientLocal" for it in publishers)
+    def _listen_to(self, topic: str, type_name: str, *, latched: bool) -> None:
         try:
             self.ears[topic] = Ear(self.node, topic, type_name, latched=latched)
         except Exception as error:  # whatever a foreign message package does on import
@@ -169,7 +175,7 @@ class Looker:
                 "name": topic, "types": list(types), "publishers": publishers, "subscribers": subscribers,
                 "messages": ear.messages if ear else 0, "size": ear.size if ear else 0,
                 "span_s": round(ear.last_s - ear.first_s, 4) if ear else 0.0,
-                "measured": ear is not None, "problem": self.problems.get(topic, ""),
+                "measured": ear is not None or not publishers, "problem": self.problems.get(topic, ""),
                 "frames": sorted(ear.frames) if ear else [],
             }  # fmt: skip
 
@@ -332,12 +338,9 @@ def with_load(before: dict[int, dict[str, Any]], after: dict[int, dict[str, Any]
 
 def look(seconds: float) -> dict[str, Any]:
     """Looks for that long and returns what was seen."""
-    begun_s = time.monotonic()
     looker = Looker()
-    looker.spin(begun_s + min(SETTLE_S, seconds / 2))
-    looker.listen()
     before, before_s = processes(), time.monotonic()
-    looker.spin(begun_s + seconds)
+    looker.spin(before_s + seconds)
     after, after_s = processes(), time.monotonic()
     nodes = looker.nodes()
     topics = list(looker.topics(nodes))
