@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -164,7 +165,7 @@ def own_address() -> str:
         return str(probe.getsockname()[0])
 
 
-def test_status_shows_live_numbers_through_the_api_server(
+def test_status_and_the_stream_show_live_numbers_through_the_api_server(
     control_plane: ControlPlane, kubectl: Kubectl, namespace: str, running: Running
 ) -> None:
     kubectl.apply(
@@ -220,3 +221,15 @@ def test_status_shows_live_numbers_through_the_api_server(
     assert (live["live"], live["placement"], live["roundTripMs"]) == (True, "Cloud", {"p50": 11.5, "p99": 19.0})
     assert "12 ms (p99 19 ms)" in shown("status")
     assert "12 ms (p99 19 ms)" in shown("status", "talker")
+    stream = f"/api/v1/namespaces/{namespace}/services/http:talker-agent:8080/proxy/stream"
+    command = [str(kubectl.program), "--kubeconfig", str(kubectl.kubeconfig), "get", "--raw", stream]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as following:
+        try:
+            assert following.stdout is not None
+            data = (json.loads(line[6:]) for line in following.stdout if line.startswith("data: "))
+            epochs = (event["state"]["epoch"] for event in data if event["state"] is not None)
+            assert next(epochs) == 12
+            running.write(text(epoch=13))
+            assert 13 in epochs
+        finally:
+            following.terminate()

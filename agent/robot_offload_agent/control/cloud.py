@@ -14,7 +14,7 @@ from robot_offload_agent.settings.cluster_files import ClusterFiles, wall_text
 from robot_offload_agent.settings.notes import NotesError, decode_robot, encode
 from robot_offload_agent.settings.offer import offered_limits
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import lease, replica_parameters
+from robot_offload_core import lease, momentary, replica_parameters
 from robot_offload_core.lease import Stand
 from robot_offload_core.process.cloud_control import CloudControlProcess
 from robot_offload_core.process.messages import Limits, Notes
@@ -43,6 +43,7 @@ class CloudControlShell(ControlShell):
             watched=bool(configuration["settings_file"]), signs=bool(configuration["certificate_file"])
         )
         self.noted: tuple[object, ...] = ()
+        self.watched = momentary.Watched()
         self.files = ClusterFiles(configuration, lambda event: self.post(lambda now: self.deal(event, now)))
         self.files.start()
         self.services = SwitchServices(self.report.guardian, self.report.switcher_names(), self.post_switch)
@@ -107,9 +108,15 @@ class CloudControlShell(ControlShell):
             nodes=self.process.node_states(),
             ready=self.pulse_status is not None and now - self.process.data_s < SILENT_S,
         )
-        self.files.tell(
-            state, now, lambda: liaison.figures(self.process.health(), self.carried(), self.state_ages_ms())
-        )
+        self.files.tell(state, now, lambda: self.figures(now))
+
+    def figures(self, now: float) -> dict[str, object]:
+        """Returns what the state file says anew at each writing."""
+        self.watched = momentary.watch(self.watched, self.process.link, now)
+        glance = momentary.Glance()
+        if self.liaison.connected:
+            glance = momentary.glance(self.watched, now, self.process.settings.beat_period_s)
+        return liaison.figures(self.process.health(), glance, self.carried(), self.state_ages_ms())
 
     def carried(self) -> dict[str, int]:
         """Returns the bytes that crossed the link so far, by topic."""

@@ -14,6 +14,7 @@ from robot_offload_agent.settings.notes import CloudNotes, Credential, RobotNote
 from robot_offload_agent.settings.offer import Answer, Offer
 from robot_offload_core.events import assert_never
 from robot_offload_core.links import Health
+from robot_offload_core.momentary import Glance
 
 LEAVING_S = 25.0
 """So long the robot does not choose a cloud whose pods are going: they are killed 20 s after the wish to stop them.
@@ -158,11 +159,14 @@ def state(
     }
 
 
-def figures(health: Health | None, carried: Mapping[str, int], ages_ms: Mapping[str, int]) -> dict[str, Any]:
+def figures(
+    health: Health | None, glance: Glance, carried: Mapping[str, int], ages_ms: Mapping[str, int]
+) -> dict[str, Any]:
     """Returns the part of the state file that differs each time.
 
     Args:
         health: of the link; None: not known.
+        glance: at the link as of now.
         carried: bytes that crossed the link so far, by topic.
         ages_ms: how old the state was with which the cloud went on at its last change, by name of the entry.
     """
@@ -170,7 +174,14 @@ def figures(health: Health | None, carried: Mapping[str, int], ages_ms: Mapping[
     most = sorted(carried.items(), key=lambda topic: -topic[1])[:MAX_TOPICS]
     shown = [{"topic": name, "bytes": count} for name, count in sorted(most)]
     ages = [{"name": name, "age_ms": age_ms} for name, age_ms in sorted(ages_ms.items())[:MAX_TOPICS]]
-    return {"round_trip_ms": {"p50": p50, "p99": p99}, "carried": shown, "state_ages": ages}
+    link = {
+        "latency_ms": glance.latency_ms,
+        "loss_share": glance.loss_share,
+        "age_ms": health.age_ms if health else None,
+        "up_ms": health.up_ms if health else None,
+        "down_ms": health.down_ms if health else None,
+    }
+    return {"round_trip_ms": {"p50": p50, "p99": p99}, "link": link, "carried": shown, "state_ages": ages}
 
 
 def _left(liaison: Liaison) -> bool:

@@ -1,7 +1,8 @@
 """The cloud agent's state file, read without trust: what is there, what it means, how old it is.
 
-The agent replaces the file on every transition and at least each second. The same text travels in the annotation of the
-robot's Lease (without the live numbers) and through the reporter's `/state`, so this is its only reader.
+The agent replaces the file on every transition and at least five times a second. The same text travels in the
+annotation of the robot's Lease (without the live numbers) and through the reporter's `/state` and `/stream`, so this is
+its only reader.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from robot_offload.errors import RobotOffloadError
 
 VERSION: Final = 1
 FRESH_S: Final = 5.0
-"""How long a state counts: the agent writes each second, so five missing ones mean that it has stopped."""
+"""How long a state counts: the agent writes five times a second, so 25 missing ones mean that it has stopped."""
 ANNOTATION: Final = "robotoffload.dev/state"
 """On the robot's Lease: the state as compact JSON."""
 MAX_TEXT: Final = 32_768
@@ -36,7 +37,7 @@ _DIALLED: Final = re.compile(r"[0-9A-Za-z.:\[\]-]{3,262}")
 MAX_DIALLED: Final = 16
 """Addresses of one bundle that are kept: those of a few nodes of the cluster, two ports each."""
 _INT64: Final = range(-(2**63), 2**63)
-_LIVE_FIELDS: Final = ("written", "round_trip_ms", "carried", "state_ages")
+_LIVE_FIELDS: Final = ("written", "round_trip_ms", "link", "carried", "state_ages", "robot")
 """What changes all the time; it is in the metrics and never in the Lease."""
 
 
@@ -297,6 +298,16 @@ class Sight:
     def age_s(self, now_s: float) -> float:
         """The age of the last usable state in seconds; endless before the first one."""
         return now_s - self.changed_s
+
+
+def silence(sight: Sight, now_s: float) -> str:
+    """Returns why nobody can vouch for the agent's state; empty: it is young enough."""
+    if sight.state is None:
+        return sight.problem
+    if sight.fresh(now_s):
+        return ""
+    silent = f"the cloud agent has written nothing new for {sight.age_s(now_s):.0f} s"
+    return f"{silent}: {sight.problem}" if sight.problem else silent
 
 
 def look(before: Sight, text: str | None, now_s: float, *, written_ago_s: float = 0.0) -> Sight:

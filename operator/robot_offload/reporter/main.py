@@ -26,8 +26,11 @@ from robot_offload.reporter.metrics import Counts
 from robot_offload.reporter.offered import OfferedSettings
 from robot_offload.reporter.server import application
 from robot_offload.reporter.settings import ReporterSettings, read_settings
+from robot_offload.reporter.stream import Streams
 
 LOOK_EVERY_S: Final = 0.25
+LOOK_LIVE_S: Final = 0.1
+"""While somebody follows the stream: a change is shown within this."""
 log = structlog.get_logger("robot_offload.reporter")
 
 
@@ -80,12 +83,12 @@ class Reporter:
         self._mirror = mirror.Mirror()
         self._counts = Counts()
         self._handovers = Handovers(settings.handover_file, lambda: self._sight, time.monotonic)
+        self._streams = Streams(lambda: self._sight, self._counts, time.monotonic)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Works until `stop` is set; then ends the handover that is under way and reports the last state."""
-        app = application(
-            lambda: self._sight, self._counts, self._handovers, self._settings.handover_proof, time.monotonic
-        )
+        proof = self._settings.handover_proof
+        app = application(lambda: self._sight, self._counts, self._handovers, proof, self._streams, time.monotonic)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=WAIT_S)
         await runner.setup()
         site = web.TCPSite(runner, None, self._settings.port)
@@ -117,7 +120,9 @@ class Reporter:
             self._sight = look(before, text, time.monotonic(), written_ago_s=ago_s)
             if self._sight.problem and self._sight.problem != before.problem:
                 log.warning("the agent's state cannot be used", problem=self._sight.problem)
-            await asyncio.sleep(LOOK_EVERY_S)
+            if self._sight is not before:
+                self._streams.wake()
+            await asyncio.sleep(LOOK_LIVE_S if self._streams.clients else LOOK_EVERY_S)
 
     async def _keep_mirroring(self) -> None:
         while True:

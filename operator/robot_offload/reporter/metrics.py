@@ -24,6 +24,8 @@ class Counts:
     lease_writes: int = 0
     lease_failures: int = 0
     handovers: int = 0
+    streams_refused: int = 0
+    streams_dropped: int = 0
 
 
 def exposition(sight: Sight, counts: Counts, now_s: float) -> bytes:
@@ -61,6 +63,12 @@ def _metrics(sight: Sight, counts: Counts, now_s: float) -> Iterator[Metric]:
     )
     yield CounterMetricFamily(
         "robot_offload_lease_failures", "Writes of the robot's Lease that failed.", value=counts.lease_failures
+    )
+    yield CounterMetricFamily(
+        "robot_offload_streams_refused", "Clients of the stream that found it full.", value=counts.streams_refused
+    )
+    yield CounterMetricFamily(
+        "robot_offload_streams_dropped", "Clients of the stream that were too slow.", value=counts.streams_dropped
     )
     yield CounterMetricFamily(
         "robot_offload_handovers", "Handovers that pods have asked for before they stop.", value=counts.handovers

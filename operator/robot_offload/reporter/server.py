@@ -8,16 +8,22 @@ from typing import Final
 
 from aiohttp import web
 
-from robot_offload.api.agent_state import Sight
+from robot_offload.api.agent_state import Sight, silence
 from robot_offload.reporter.handover import Handovers, Outcome
 from robot_offload.reporter.metrics import Counts, exposition
+from robot_offload.reporter.stream import Streams
 
 STATUS: Final = {Outcome.DONE: 200, Outcome.AGENT_SILENT: 503, Outcome.TOO_LATE: 504}
 METRICS_TYPE: Final = "text/plain; version=1.0.0; charset=utf-8"
 
 
 def application(
-    sight: Callable[[], Sight], counts: Counts, handovers: Handovers, proof: str, now: Callable[[], float]
+    sight: Callable[[], Sight],
+    counts: Counts,
+    handovers: Handovers,
+    proof: str,
+    streams: Streams,
+    now: Callable[[], float],
 ) -> web.Application:
     """Returns the HTTP application.
 
@@ -26,6 +32,7 @@ def application(
         counts: what is counted here.
         handovers: what asks the agent.
         proof: the word that whoever asks for a handover must know.
+        streams: who follows the state.
         now: the steady clock in seconds.
     """
 
@@ -62,20 +69,20 @@ def application(
             web.get("/healthz", healthz),
             web.get("/readyz", readyz),
             web.get("/state", state),
+            web.get("/stream", streams.serve, allow_head=False),
             web.get("/metrics", metrics),
             web.post("/handover/{proof}", handover),
         ]
     )
+    app.on_shutdown.append(streams.close)
     return app
 
 
 def not_ready(sight: Sight, now_s: float) -> str:
     """Returns why the cloud agent is not ready; empty when it is."""
-    if sight.state is None:
-        return sight.problem
-    if not sight.fresh(now_s):
-        silent = f"the cloud agent has written nothing new for {sight.age_s(now_s):.0f} s"
-        return f"{silent}: {sight.problem}" if sight.problem else silent
+    if problem := silence(sight, now_s):
+        return problem
+    assert sight.state is not None
     if not sight.state.ready:
         return f"the cloud agent is not ready: {sight.state.message or sight.state.reason or 'it gives no reason'}"
     return ""

@@ -42,6 +42,8 @@ def test_a_living_agent_is_told_whole() -> None:
         "robot_offload_lease_writes_total": 7.0,
         "robot_offload_lease_failures_total": 2.0,
         "robot_offload_handovers_total": 1.0,
+        "robot_offload_streams_refused_total": 0.0,
+        "robot_offload_streams_dropped_total": 0.0,
     }
 
 
