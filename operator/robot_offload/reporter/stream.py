@@ -118,5 +118,6 @@ class Streams:
         if self._cut[0] != text:
             values = json.loads(text, parse_constant=lambda _: None)  # browsers know no NaN
             robot = values.pop("robot", None)
-            self._cut = (text, *(json.dumps(part, separators=(",", ":")) for part in (values, robot)))
+            state, report = (json.dumps(part, separators=(",", ":")) for part in (values, robot))
+            self._cut = (text, state, report)
         return self._cut[1], self._cut[2]
