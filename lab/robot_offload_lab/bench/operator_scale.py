@@ -13,16 +13,10 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import re
-import signal
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
-import urllib.request
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -36,15 +30,11 @@ from robot_offload.kube.configuration import connect
 from robot_offload.kube.errors import AlreadyExistsError
 from robot_offload.kube.kinds import NAMESPACE, ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi, Manifest
+from robot_offload_lab.bench.operator_world import PATIENCE_S, PLACE, Operator, control_plane, moving_leases
 
-PLACE: Final = "bench"
-_PATIENCE_S: Final = 120.0
 _APPLIED: Final = 'robot_offload_condition{status="True",type="ResourcesApplied"}'
-_READS: Final = ("get", "list", "watch")
 _AT_ONCE: Final = 8
 _DURING_RESYNC: Final = 20
-_LEASE_EVERY_S: Final = 10.0
-"""The reporter's period."""
 _PARAMETERS: Final = 20_000
 """Bytes of a parameter file, as Nav2's own bring-up has them."""
 _NODES: Final = 8
@@ -100,77 +90,6 @@ class Measured:
     peak_rss_mib: float
 
 
-class _Operator:
-    """One operator process."""
-
-    def __init__(self, kubeconfig: Path, log: Path, source: Path | None, resync_s: float) -> None:
-        images = {
-            f"{name}_IMAGE": f"registry.example/{name.lower()}:1"
-            for name in ("AGENT", "OPERATOR", "DISCOVERY", "ROUTER")
-        }
-        environment = {
-            **os.environ,
-            **images,
-            "KUBECONFIG": str(kubeconfig),
-            "POD_NAMESPACE": "default",
-            "POD_NAME": "bench",
-            "METRICS_PORT": "0",
-            "HEALTH_PORT": "0",
-            "RESYNC_SECONDS": f"{resync_s:g}",
-            **({"PYTHONPATH": str(source)} if source is not None else {}),
-        }
-        self._log = log
-        with log.open("wb") as output:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "robot_offload.process.main"], env=environment, stdout=output, stderr=output
-            )
-
-    def port(self) -> int:
-        """Of /metrics, as soon as it serves."""
-        deadline = time.monotonic() + _PATIENCE_S
-        while time.monotonic() < deadline:
-            for line in self._log.read_text(errors="replace").splitlines():
-                if '"metrics"' in line and '"Serving"' in line:
-                    return int(json.loads(line)["port"])
-            if self._process.poll() is not None:
-                raise RobotOffloadError(f"the operator ended with {self._process.returncode}; see {self._log}")
-            time.sleep(0.05)
-        raise RobotOffloadError(f"the operator does not serve; see {self._log}")
-
-    def metrics(self) -> dict[str, float]:
-        """Returns all metrics by name and labels."""
-        with urllib.request.urlopen(f"http://127.0.0.1:{self.port()}/metrics", timeout=30) as answer:
-            lines = answer.read().decode().splitlines()
-        return {name: float(value) for name, value in (line.rsplit(" ", 1) for line in lines if line[0] != "#")}
-
-    def requests(self) -> tuple[int, int]:
-        """Reads and writes so far."""
-        counts = {
-            match.group(1): int(value)
-            for name, value in self.metrics().items()
-            if (match := re.fullmatch(r'robot_offload_requests_total\{verb="(.*)"\}', name))
-        }
-        reads = sum(counts.get(verb, 0) for verb in _READS)
-        return reads, sum(counts.values()) - reads
-
-    def memory_mib(self) -> tuple[float, float]:
-        """Resident memory now and at its highest."""
-        text = Path(f"/proc/{self._process.pid}/status").read_text(encoding="utf-8")
-        now, peak = (re.search(rf"{name}:\s+(\d+) kB", text) for name in ("VmRSS", "VmHWM"))
-        return (int(now.group(1)) / 1024 if now else 0.0, int(peak.group(1)) / 1024 if peak else 0.0)
-
-    def cpu_s(self) -> float:
-        """Returns the processor time so far, of all its threads."""
-        fields = Path(f"/proc/{self._process.pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-    def stop(self) -> None:
-        """Ends it; the next one may lead at once."""
-        if self._process.poll() is None:
-            self._process.send_signal(signal.SIGTERM)
-        self._process.wait(60)
-
-
 @dataclass(frozen=True, slots=True)
 class Options:
     """What is measured.
@@ -209,7 +128,7 @@ def main(
     """Measure the operator with many RobotOffloads."""
     options = Options(objects, nav2, steady, leases, source)
     try:
-        with _control_plane(kubeconfig) as config, tempfile.TemporaryDirectory() as directory:
+        with control_plane(kubeconfig) as config, tempfile.TemporaryDirectory() as directory:
             measured = asyncio.run(_measure(config, Path(directory), options))
     except RobotOffloadError as error:
         typer.echo("\n".join(error.lines), err=True)
@@ -220,33 +139,16 @@ def main(
         _show(measured)
 
 
-@contextmanager
-def _control_plane(kubeconfig: Path | None) -> Iterator[Path]:
-    """Yields the kubeconfig of the given API server, or of a new one that lasts as long as the block."""
-    if kubeconfig is not None:
-        yield kubeconfig
-        return
-    command = [sys.executable, "-m", "robot_offload_lab.cluster", "--name", "bench-operator"]
-    started = subprocess.run([*command, "up"], capture_output=True, text=True, check=False)
-    found = re.search(r"KUBECONFIG=(\S+)", started.stdout + started.stderr)
-    if started.returncode or not found:
-        raise RobotOffloadError(f"the control plane did not start:\n{started.stdout}{started.stderr}")
-    try:
-        yield Path(found.group(1))
-    finally:
-        subprocess.run([*command, "down"], capture_output=True, check=False)
-
-
 async def _measure(kubeconfig: Path, directory: Path, options: Options) -> Measured:
     api, objects, load = connect(str(kubeconfig)), options.objects, os.getloadavg()[0]
-    operator = _Operator(kubeconfig, directory / "first.log", options.source, options.steady_s)
+    operator = Operator(kubeconfig, directory / "first.log", options.source, options.steady_s)
     try:
         operator.port()
         await _make_place(api)
         waits = await _settle_all(api, options)
         reads, writes = await _quiet(operator)
         cpu_s = operator.cpu_s()
-        with _moving_leases(kubeconfig, objects if options.leases else 0):
+        with moving_leases(kubeconfig, objects if options.leases else 0):
             # The resync begins one period after the start and is spread over the next one.
             await asyncio.sleep(options.steady_s)
             steady_reads, steady_writes = operator.requests()
@@ -254,7 +156,7 @@ async def _measure(kubeconfig: Path, directory: Path, options: Options) -> Measu
             late = [await _settle(api, _walker(f"late-{number}")) for number in range(_DURING_RESYNC)]
             operator.stop()
             began = time.monotonic()
-            operator = _Operator(kubeconfig, directory / "second.log", options.source, options.steady_s)
+            operator = Operator(kubeconfig, directory / "second.log", options.source, options.steady_s)
             await _until(lambda: operator.metrics().get(_APPLIED, 0) >= objects + _DURING_RESYNC)
             restart_s = time.monotonic() - began
             restart_reads, restart_writes = await _quiet(operator)
@@ -307,19 +209,6 @@ async def _settle_all(api: KubeApi, options: Options) -> list[float]:
     return [wait for waits in found for wait in waits]
 
 
-@contextmanager
-def _moving_leases(kubeconfig: Path, objects: int) -> Iterator[None]:
-    """Renews the Leases of all robots while the block runs, in a process of its own."""
-    command = [sys.executable, "-m", "robot_offload_lab.bench.parts.fleet", str(kubeconfig), PLACE, str(objects)]
-    process = subprocess.Popen([*command, str(_LEASE_EVERY_S)]) if objects else None
-    try:
-        yield
-    finally:
-        if process is not None:
-            process.terminate()
-            process.wait(30)
-
-
 async def _make_place(api: KubeApi) -> None:
     manifest = {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": PLACE}}
     try:
@@ -332,11 +221,11 @@ async def _settle(api: KubeApi, manifest: Manifest) -> float:
     """Applies one object and waits for its status; returns the seconds it took."""
     began, name = time.monotonic(), manifest["metadata"]["name"]
     await api.create(manifest)
-    while time.monotonic() - began < _PATIENCE_S:
+    while time.monotonic() - began < PATIENCE_S:
         if _applied(await api.get(ROBOT_OFFLOAD, PLACE, name)):
             return time.monotonic() - began
         await asyncio.sleep(0.05)
-    raise RobotOffloadError(f"{name} was not applied within {_PATIENCE_S:g} s")
+    raise RobotOffloadError(f"{name} was not applied within {PATIENCE_S:g} s")
 
 
 def _applied(offload: Manifest | None) -> bool:
@@ -344,7 +233,7 @@ def _applied(offload: Manifest | None) -> bool:
     return any(found["type"] == "ResourcesApplied" and found["status"] == "True" for found in conditions)
 
 
-async def _quiet(operator: _Operator) -> tuple[int, int]:
+async def _quiet(operator: Operator) -> tuple[int, int]:
     """Reads and writes, once no request has come for some seconds."""
     last, calm = operator.requests(), 0
     while calm < 5:
@@ -356,7 +245,7 @@ async def _quiet(operator: _Operator) -> tuple[int, int]:
 
 
 async def _until(happened: Any) -> None:
-    deadline = time.monotonic() + _PATIENCE_S
+    deadline = time.monotonic() + PATIENCE_S
     while not happened():
         if time.monotonic() > deadline:
             raise RobotOffloadError("the new operator did not get through all objects in time")
