@@ -168,6 +168,23 @@ def test_a_packaged_talker_moves_between_the_sides_and_nobody_hears_it_twice(
 
 
 @pytest.mark.ros
+def test_a_wrong_input_topic_ends_the_demo_with_a_plain_sentence(demo: Demo, tmp_path: Path) -> None:
+    text = TALKER.read_text().replace("  nodes:\n", "  topics: {toCloud: [{name: /odm, maxAge: 500ms}]}\n  nodes:\n")
+    for name in ("talker", "listener"):
+        text = text.replace(f"{name}.py", str(TALKER.with_name(f"{name}.py")))
+    (tmp_path / "wrong.yaml").write_text(text)
+    code, said, errors = demo.run(
+        str(tmp_path / "wrong.yaml"), "--duration", "12", "--outage", "none", "--slow", "none"
+    )
+    assert code == 1, errors
+    assert "All promises were kept" not in said
+    [line] = [line for line in said.splitlines() if "The cloud never acted" in line]
+    assert "because of the specification and not of the link" in line
+    assert "/odm" in line
+    assert demo.nothing_left()
+
+
+@pytest.mark.ros
 def test_ctrl_c_in_the_middle_still_gives_a_report_and_leaves_nothing(demo: Demo) -> None:
     child = demo.start(str(TALKER), "--duration", "60", "--outage", "2/6", "--slow", "none")
     demo.await_line(child, "takes over")
@@ -217,7 +234,7 @@ def test_the_wheelchair_drives_without_touching_anything_while_its_link_fails(de
 
 @pytest.mark.ros
 def test_agents_that_are_joined_by_topics_take_over_too(demo: Demo) -> None:
-    code, said, errors = demo.run(str(TALKER), "--link", "ros", "--duration", "8", "--outage", "2/6", "--slow", "none")
+    code, said, errors = demo.run(str(TALKER), "--link", "ros", "--duration", "12", "--outage", "2/6", "--slow", "none")
     report = demo.report()
     assert code == (1 if report["violations"] else 0), errors
     assert demo.broken_promises(report) == []

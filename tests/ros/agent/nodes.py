@@ -19,6 +19,9 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.node import Node
 from std_msgs.msg import Header
 
+HEEDED_S = 0.3
+"""With `heeds`, a topic, there is nothing to publish when nothing has come there for so long."""
+
 
 class Walker(LifecycleNode):  # type: ignore[misc]
     """Publishes `/command`, and `extra_topic` when one is given."""
@@ -32,6 +35,10 @@ class Walker(LifecycleNode):  # type: ignore[misc]
         self.declare_parameter("padding", 0)
         self.declare_parameter("serves", False)
         self.declare_parameter("silent_when_idle", False)
+        self.declare_parameter("heeds", "")
+        self.heeded_s = -HEEDED_S
+        heeds = self.get_parameter("heeds").value
+        self.heeded = self.create_subscription(Header, heeds, self.heed, 10) if heeds else None
         self.counting = Counting(self) if self.get_parameter("serves").value else None
         self.sequence = 0
         self.producer = f"{self.get_name()}.{os.getpid()}" + "." * self.get_parameter("padding").value
@@ -53,9 +60,13 @@ class Walker(LifecycleNode):  # type: ignore[misc]
             self.counting.deactivate()
         return super().on_deactivate(state)
 
+    def heed(self, _message: Header) -> None:
+        self.heeded_s = time.monotonic()
+
     def tell(self) -> None:
         idle = self.counting is not None and not self.counting.running()
-        if not self.command.is_activated or (idle and self.get_parameter("silent_when_idle").value):
+        unasked = self.heeded is not None and time.monotonic() - self.heeded_s > HEEDED_S
+        if not self.command.is_activated or unasked or (idle and self.get_parameter("silent_when_idle").value):
             return
         self.sequence += 1
         stamp = self.get_clock().now().to_msg()

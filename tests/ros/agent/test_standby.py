@@ -65,3 +65,38 @@ def test_an_output_with_while_is_judged_while_a_goal_is_executed(build: Callable
     goal.beats()
     assert goal.cancel() == 0
     client.destroy()
+
+
+SEEN: dict[str, Any] = {
+    "output.command.while_topic": "/image",
+    "output.command.while_within_ms": 250.0,
+    "inputs": ["odom", "map", "image"],
+    "input.image.topic": "/image",
+}
+
+
+def test_an_output_with_a_topic_as_its_while_is_judged_while_that_arrives(build: Callable[..., World]) -> None:
+    world = build(both=SEEN)
+    for side in ("cloud", "robot"):
+        world.start_agent(side)
+        world.start_node(side, heeds="/image")
+    world.until(lambda: world.site == "cloud", "a robot that sees nothing changes over to the cloud")
+    idle_s, changes = now_s(), len(world.placed)
+    world.until(lambda: now_s() - idle_s > 2, "nothing to see")
+    assert {change.site for change in world.placed[changes:]} <= {"cloud"}, "nobody minds"
+    images = world.ear.feed("/image", 20.0)
+    world.passes("cloud", 10)
+    images.cancel()
+    quiet_s, changes = now_s(), len(world.placed)
+    world.until(lambda: now_s() - quiet_s > 2, "nothing to see any more")
+    assert {change.site for change in world.placed[changes:]} <= {"cloud"}, "nobody minds"
+    images.reset()
+    world.passes("cloud", 10)
+    os.killpg(world.nodes["cloud"].pid, signal.SIGSTOP)
+    stopped_s = now_s()
+    world.goes_to("robot")
+    left = next(change for change in world.placed if change.t_s > stopped_s and change.site == "robot")
+    assert left.reason == "OutputSilent"
+    assert "/command" in left.message, "the silent output is named"
+    os.killpg(world.nodes["cloud"].pid, signal.SIGCONT)
+    world.check()

@@ -195,3 +195,10 @@ def test_one_tree_of_transforms_on_both_sides_through_ten_changeovers(made: Path
         assert held == [CHANGEOVERS + 1] * 4, f"none of the standby's at the {where}"
         sys.stdout.write(f"{where}: {one.figures()}\n")
         assert max(one.buffer.gap_s(child) for child in CHILDREN) < 1.0
+    for one in everyone:
+        assert one.buffer.out_of_order() == [], one.prefix
+        for said in (one.joints, one.statuses):
+            wheels = numbers(said, "wheels")
+            assert wheels == list(range(wheels[0], wheels[-1] + 1)), f"all of the other driver below '{one.prefix}'"
+    in_whole(world, tree(world))  # whoever comes late
+    world.check()

@@ -89,3 +89,12 @@ class TransformBuffer:
         """Returns the processes that published a frame, one for each run of messages."""
         processes = [one.process for one in self.arrived[child]]
         return [one for place, one in enumerate(processes) if place == 0 or processes[place - 1] != one]
+
+    def out_of_order(self) -> list[str]:
+        """Returns the frames of which a publisher's numbers do not grow."""
+        found = []
+        for child, heard in self.arrived.items():
+            for process in {one.process for one in heard}:
+                numbers = [one.number for one in heard if one.process == process]
+                found += [f"{child} of {process}"] if numbers != sorted(set(numbers)) else []
+        return found
