@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +18,9 @@ from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link import zenoh_lane
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import session_config
+from robot_offload_core.settings import LARGEST_MESSAGE
 from robot_offload_lab.run.certificates import CertificatePaths
+from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig
 from tests.ros.ports import HOST
 from tests.ros.zenoh_ends import (
     CHANNELS,
@@ -100,6 +103,54 @@ def test_bulk_that_nobody_acknowledges_is_refused(paths: CertificatePaths, port:
     assert robot.link.send("in/scan", b"", bytes(10240))
     eventually(lambda: not robot.link.send("in/scan", b"", bytes(10240)))
     assert robot.link.send("beat", b"", b"small and urgent passes")
+
+
+@pytest.fixture
+def wire(port: int) -> Iterator[EmulatedWire]:
+    """A link in front of the cloud's port."""
+    made = EmulatedWire(WireConfig((Forward("data", "udp", f"{HOST}:0", f"{HOST}:{port}"),)))
+    made.start()
+    yield made
+    made.stop()
+
+
+def test_sixteen_megabytes_cross_a_narrow_link_both_ways_while_small_messages_pass(
+    paths: CertificatePaths, port: int, ends: Ends, wire: EmulatedWire
+) -> None:
+    cloud = ends.open(make_settings(paths, "cloud", port, lease_ms=10_000))
+    robot = ends.open(make_settings(paths, "robot", wire.port("data"), lease_ms=10_000))
+    connected(robot, cloud)
+    wire.set(rate_kbit_s=80_000, queue_ms=100)
+    for sender, receiver in ((robot, cloud), (cloud, robot)):
+        crosses(sender, receiver)
+        large = os.urandom(LARGEST_MESSAGE)
+        assert sender.link.send("in/scan", b"large", large)
+        assert not sender.link.send("in/scan", b"next", b"none overtakes it")
+        crosses(sender, receiver, "out/cmd")
+        assert ("in/scan", b"large", large) not in receiver.received, "a small one passes while it is on its way"
+        eventually(partial(all_in, receiver.received, [("in/scan", b"large", large)]), "the large message")
+        eventually(lambda s=sender: s.room == ["in/scan"], "there is room again")  # type: ignore[misc]
+        crosses(sender, receiver)
+    assert robot.link.malformed == cloud.link.malformed == 0
+
+
+def test_a_lost_acknowledgement_holds_nothing_up(
+    paths: CertificatePaths, port: int, ends: Ends, wire: EmulatedWire
+) -> None:
+    # Nothing is admitted while one is on its way, and none is ever forgotten.
+    cloud = ends.open(make_settings(paths, "cloud", port, lease_ms=60_000))
+    robot = ends.open(make_settings(paths, "robot", wire.port("data"), lease_ms=60_000, backlog_ms=0.001))
+    connected(robot, cloud)
+    crosses(robot, cloud)
+    wire.set(loss=0.1)
+    robot.received.clear()
+    cloud.received.clear()
+
+    def many() -> bool:
+        robot.link.send("in/scan", b"", bytes(2000))
+        return len(cloud.received) > 150
+
+    eventually(many, "messages over a link that loses packets")
 
 
 def test_a_killed_cloud_that_returns_is_found_again(paths: CertificatePaths, port: int, ends: Ends) -> None:

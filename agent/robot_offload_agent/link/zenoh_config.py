@@ -157,8 +157,13 @@ UID_KEY = f"{KEY_PREFIX}/_uid"
 """Under it a cloud says whom it serves, to a robot that is silent under that uid."""
 
 
+def key_prefix(settings: ZenohSettings, sender_side: str) -> str:
+    """The beginning of all keys under which a side sends in the session."""
+    return f"{KEY_PREFIX}/{settings.uid}/{sender_side}/{settings.session}"
+
+
 def _key(settings: ZenohSettings, sender_side: str, name: str) -> str:
-    return f"{KEY_PREFIX}/{settings.uid}/{sender_side}/{settings.session}/{name}"
+    return f"{key_prefix(settings, sender_side)}/{name}"
 
 
 def session_config(
@@ -257,7 +262,7 @@ def _named(subject: str, names: tuple[str, ...]) -> dict[str, Any]:
 
 def _queue() -> dict[str, Any]:
     return {
-        "size": {"real_time": _QUEUE_BATCHES, "data": _QUEUE_BATCHES, "data_low": _QUEUE_BATCHES},
+        "size": dict.fromkeys(("real_time", "data", "data_low", "background"), _QUEUE_BATCHES),
         "congestion_control": {
             "drop": {
                 "wait_before_drop": _WAIT_BEFORE_DROP_US,

@@ -2,6 +2,7 @@
 
 On the wire a message is a put: the payload is the payload, the attachment is a sequence (4 bytes, big-endian) and the
 header. A sequence other than 0 asks for an acknowledgement: a put whose payload is that sequence and the channel.
+What is too large for that crosses in chunks, see `zenoh_chunks.py`.
 """
 
 from __future__ import annotations
@@ -15,13 +16,16 @@ from typing import Any
 
 import zenoh
 
+from robot_offload_agent.link.chunks import WHOLE_BYTES
 from robot_offload_agent.link.port import Channel, OnRoom, no_room
+from robot_offload_agent.link.zenoh_chunks import ChunkLane
 from robot_offload_agent.link.zenoh_config import (
     BULK_BYTES,
     UID_KEY,
     ZenohSettings,
     acknowledgement_key,
     key,
+    key_prefix,
     session_config,
 )
 from robot_offload_agent.link.zenoh_rules import Backlog, Peer, robots
@@ -79,7 +83,6 @@ class ZenohSession:
         served_uid: whom the cloud serves, if it has said so: it does to a robot that is silent under that uid.
         strangers: common names of the certificates of the others that are connected, "" for none.
         foreign: how many connections such clients have had.
-        malformed: how many messages arrived that are none of ours.
         on_room: see `port.OnRoom`.
     """
 
@@ -98,7 +101,7 @@ class ZenohSession:
         self.settings = settings
         self.fallback = fallback
         self.connections = self.opened = 0
-        self.malformed = 0
+        self._malformed = 0
         self.received = 0
         self.served_uid = ""
         self.strangers: frozenset[str] = frozenset()
@@ -108,6 +111,7 @@ class ZenohSession:
         self._outlets: dict[str, _Outlet] = {}
         self._lock = threading.Lock()
         self._declared: list[Any] = []
+        self._chunks = ChunkLane(key_prefix(settings, settings.side), self._publish, self._say_room)
         config = session_config(settings, fallback=fallback, open_timeout_ms=open_timeout_ms)
         self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
         try:
@@ -149,6 +153,15 @@ class ZenohSession:
         """
         settings = self.settings
         self._declare_outlets(channels)
+        if settings.session == "data":
+            others = key_prefix(settings, settings.other_side)
+
+            def put_together(channel: str, header: bytes, payload: bytes) -> None:
+                self.received += 1
+                on_message(self, channel, header, payload)
+
+            names = [channel.name for channel in channels]
+            self._declared.append(self._chunks.hear(self._session.declare_subscriber, others, names, put_together))
         for channel in channels:
 
             def receive(sample: zenoh.Sample, name: str = channel.name) -> None:
@@ -180,8 +193,12 @@ class ZenohSession:
         settings = self.settings
         for channel in channels:
             self._outlets[channel.name] = self._make_outlet(channel)
+        others = key_prefix(settings, settings.other_side)
+        if settings.session == "data":
+            self._declared.append(self._chunks.hear_receipts(self._session.declare_subscriber, others))
+        # Reliable: where the newest counts, one that is lost would hold up its channel for the whole lease.
         self._acknowledgements = self._publish(
-            acknowledgement_key(settings, settings.side), priority=zenoh.Priority.REAL_TIME
+            acknowledgement_key(settings, settings.side), reliable=True, priority=zenoh.Priority.REAL_TIME
         )
         heard = acknowledgement_key(settings, settings.other_side)
         self._declared.append(self._session.declare_subscriber(heard, self._acknowledged))
@@ -264,6 +281,10 @@ class ZenohSession:
         outlet = self._outlets[channel]
         publisher, sequence = outlet.publisher, 0
         outlet.is_bulk = outlet.is_bulk or len(header) + len(payload) > BULK_BYTES
+        if outlet.bulk is not None and len(payload) > WHOLE_BYTES:
+            return self._chunks.send(channel, header, payload)
+        if self._chunks.is_busy(channel):
+            return False
         if outlet.bulk is not None and outlet.is_bulk:
             with self._lock:
                 admitted = outlet.backlog.admit(now_s())
@@ -281,7 +302,7 @@ class ZenohSession:
     ) -> None:
         attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
         if len(attachment) < _SEQUENCE_BYTES:
-            self.malformed += 1
+            self._malformed += 1
             return
         self.received += 1
         sequence, header = attachment[:_SEQUENCE_BYTES], attachment[_SEQUENCE_BYTES:]
@@ -296,15 +317,24 @@ class ZenohSession:
         payload = sample.payload.to_bytes()
         outlet = self._outlets.get(payload[_SEQUENCE_BYTES:].decode(errors="replace"))
         if outlet is None:
-            self.malformed += 1
+            self._malformed += 1
             return
         with self._lock:
             has_room = outlet.backlog.acknowledged(int.from_bytes(payload[:_SEQUENCE_BYTES], "big"), now_s())
         if has_room:
             self.on_room(payload[_SEQUENCE_BYTES:].decode())
 
+    def _say_room(self, channel: str) -> None:
+        self.on_room(channel)
+
+    @property
+    def malformed(self) -> int:
+        """How many messages arrived that are none of ours."""
+        return self._malformed + self._chunks.malformed
+
     def close(self) -> None:
         """Ends it and everything buffered in it; may take 20 s where TLS has data that it cannot send."""
+        self._chunks.close()
         try:
             self._session.close()  # type: ignore[no-untyped-call]  # the wheel does not annotate it
         except zenoh.ZError as error:
