@@ -11,7 +11,7 @@ import struct
 from collections import deque
 from dataclasses import dataclass, field
 
-WHOLE_BYTES = 1_000_000
+WHOLE_BYTES = 1_020_000
 """Larger messages cross in chunks; these fit into the wheel's queue (16 batches of 64 KiB)."""
 CHUNK_BYTES = 60_000
 """One batch of the wheel with its key and attachment."""

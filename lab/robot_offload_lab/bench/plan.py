@@ -63,6 +63,7 @@ FULL: Final = Amounts(
     hot_switches=100, hot_cuts=200, hot_minutes=60.0,
 )  # fmt: skip
 """The numbers of the table."""
+FORMS: Final[dict[Form, Amounts]] = {"short": QUICK, "long": FULL}
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from robot_offload_lab.bench.groups import (
     resources,
     silence,
 )
-from robot_offload_lab.bench.plan import Amounts, Form, Order
+from robot_offload_lab.bench.plan import FORMS, Amounts, Form, Order
 from robot_offload_lab.bench.results import PRIORITIES, GroupResult, Priority
 from robot_offload_lab.bench.store import Kept, Store
 from robot_offload_lab.bench.table import PRIORITY_WORDS, TITLES, table
@@ -44,7 +44,8 @@ from robot_offload_lab.bench.table import PRIORITY_WORDS, TITLES, table
 WIDTH: Final = 160
 PRIORITY: Final = 1
 LIMITS_S: Final[dict[Form, int]] = {"short": 300, "long": 8 * 3600}
-"""A group that takes longer has stopped: no wait within it is without an end of its own."""
+"""A group that takes longer has stopped: no wait within it is without an end of its own. With more steps than the form
+has it may take as much longer."""
 
 
 class Group(StrEnum):
@@ -168,7 +169,7 @@ class BenchSession:
                     progress.advance(task, steps)
                     progress.refresh()
 
-                with _limited(LIMITS_S[order.amounts.form]), _punctual():
+                with _limited(_limit_s(work, order.amounts)), _punctual():
                     outcome = work.run(replace(order, advance=advance))
                 progress.update(task, completed=work.steps(order.amounts))
                 progress.refresh()
@@ -188,6 +189,11 @@ class BenchSession:
 def _is_done(kept: Kept, group: Group, priority: Priority, amounts: Amounts) -> bool:
     known = (kept.outcome.group, kept.outcome.priority, kept.amounts, kept.date, kept.machine)
     return known == (group, priority, amounts, machine.today(), machine.describe())
+
+
+def _limit_s(work: Work, amounts: Amounts) -> int:
+    usual = work.steps(FORMS[amounts.form])
+    return round(LIMITS_S[amounts.form] * max(1.0, work.steps(amounts) / usual if usual else 1.0))
 
 
 @contextmanager

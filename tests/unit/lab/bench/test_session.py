@@ -3,6 +3,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,19 @@ def test_a_group_that_does_not_end_is_ended_and_the_others_run(bench: BenchSessi
     [line] = run(bench, [Group.CUTS, Group.LIFECYCLE])
     assert "not ended within 1 s" in line
     assert [one.outcome.group for one in bench.store.all()] == ["lifecycle"]
+
+
+def test_a_group_that_is_asked_for_more_than_its_form_has_may_take_as_much_longer(
+    bench: BenchSession, monkeypatch: pytest.MonkeyPatch
+):
+    def lasting(order: Order) -> GroupResult:
+        time.sleep(1.2)
+        return measured("cuts")(order)
+
+    monkeypatch.setattr(session, "WORK", {Group.CUTS: Work(lasting, lambda amounts: amounts.cuts)})
+    monkeypatch.setattr(session, "LIMITS_S", {"short": 1})
+    more = Order(replace(QUICK, cuts=100 * QUICK.cuts), "realtime", bench.store.folder, 1, None, lambda _: None)
+    assert bench.run([Group.CUTS], ["realtime"], more, resume=False) == []
 
 
 def test_a_run_that_goes_on_leaves_out_what_was_measured_today_in_the_same_form(
