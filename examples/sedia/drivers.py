@@ -6,9 +6,9 @@ import time
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
-from places import Place, posed  # type: ignore[import-not-found]  # beside this script, as all that follow
+from places import Place, posed, transform  # type: ignore[import-not-found]  # beside this script, as all that follow
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rooms import LENGTH_M, WIDTH_M, Building, CeilingMarks  # type: ignore[import-not-found]
 from sensor_msgs.msg import BatteryState, CompressedImage, Imu, Joy, LaserScan, PointCloud2, PointField
@@ -127,12 +127,13 @@ class WheelOdometer(Managed):
         building, believed = WheelsControl.simulation.building, WheelsControl.simulation.odometry
         odom = Odometry(child_frame_id="base_link")
         odom.header.stamp, odom.header.frame_id = self.wall.now().to_msg(), "odom"
-        odom.pose.pose = posed(Place(believed.x_m, believed.y_m, believed.yaw_rad), odom.header.stamp).pose
+        wheels = Place(believed.x_m, believed.y_m, believed.yaw_rad)
+        odom.pose.pose = posed(wheels, odom.header.stamp).pose
         odom.twist.twist.linear.x, odom.twist.twist.angular.z = building.speed_mps, building.yaw_rate_radps
         self._odom.publish(odom)
         self._count += 1
         if self._count % 2 == 0:
-            where = transform("odom", "base_link", believed.x_m, believed.y_m, believed.yaw_rad)
+            where = transform("odom", "base_link", wheels)
             where.header.stamp = odom.header.stamp
             self._tf.publish(TFMessage(transforms=[where]))
 
@@ -221,15 +222,6 @@ class RobotStatePublisher(Managed):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publishes the transforms."""
-        fixed = [transform("base_link", name, 0.2, 0.0, 0.0) for name in ("laser", "camera")]
+        fixed = [transform("base_link", name, Place(0.2)) for name in ("laser", "camera")]
         self._tf.publish(TFMessage(transforms=fixed))
         return super().on_activate(state)
-
-
-def transform(parent: str, child: str, x_m: float, y_m: float, yaw_rad: float) -> TransformStamped:
-    """Returns where a frame is, seen from another one."""
-    made = TransformStamped(child_frame_id=child)
-    made.header.frame_id = parent
-    made.transform.translation.x, made.transform.translation.y = x_m, y_m
-    made.transform.rotation.z, made.transform.rotation.w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
-    return made

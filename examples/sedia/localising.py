@@ -7,12 +7,13 @@ from collections import deque
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from localiser import STATE  # type: ignore[import-not-found]  # of the wheelchair
 from nav_msgs.msg import OccupancyGrid, Odometry
-from places import Place, place, posed  # type: ignore[import-not-found]  # beside this script, as all that follow
+from places import Place, place, posed, transform  # type: ignore[import-not-found]  # beside this script, as all that follow
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rooms import CELL_M, WIDTH_M, grid  # type: ignore[import-not-found]
 from serving import LATCHED, NEWEST, Managed  # type: ignore[import-not-found]
 from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
 from robot_offload_state import StatefulNode
 
@@ -41,8 +42,8 @@ class MapServer(Managed):
 class Amcl(StatefulNode):
     """Corrects odometry at each mark that it passes. What it knows of the drift is its state: it survives a change.
 
-    Publishes `pose` for its own side, `amcl_pose` for the robot, and `amcl/account`: how old the state was with which
-    it began.
+    Publishes `pose` for its own side, `amcl_pose` and the transform map -> odom for everybody, and `amcl/account`: how
+    old the state was with which it began.
     """
 
     def __init__(self) -> None:
@@ -54,6 +55,7 @@ class Amcl(StatefulNode):
         self._pose = self.create_publisher(Odometry, "pose", NEWEST)
         self._amcl_pose = self.create_lifecycle_publisher(PoseWithCovarianceStamped, "amcl_pose", 10)
         self._account = self.create_lifecycle_publisher(String, "amcl/account", 10)
+        self._tf = self.create_lifecycle_publisher(TFMessage, "tf", 10)
         self.create_subscription(Odometry, "odom", self._on_odom, NEWEST)
         self.create_subscription(PoseStamped, "marker", self._on_marker, 10)
         self.create_timer(0.1, self._tell)
@@ -94,10 +96,13 @@ class Amcl(StatefulNode):
         self.publish_state(VERSION, STATE.pack(known.x_m, known.y_m, known.yaw_rad, self._now_s()))
         account = {"node": self.get_name(), "restored_age_s": self._restored_age_s}
         self._account.publish(String(data=json.dumps(account)))
+        where = transform("map", "odom", known)
+        where.header.stamp = self._wall.now().to_msg()
+        self._tf.publish(TFMessage(transforms=[where]))
         if self._seen:
             said = PoseWithCovarianceStamped()
-            where = posed(known.then(self._seen[-1][1]), self._wall.now().to_msg())
-            said.header, said.pose.pose = where.header, where.pose
+            here = posed(known.then(self._seen[-1][1]), where.header.stamp)
+            said.header, said.pose.pose = here.header, here.pose
             self._amcl_pose.publish(said)
 
     def _now_s(self) -> float:

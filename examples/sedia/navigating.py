@@ -1,7 +1,7 @@
 """The navigator: plans, follows, plans again each second, and gets free when it is stuck, as Nav2's behaviour trees do.
 
 It gives its servers 20 ms to acknowledge a goal, which is Nav2's `default_server_timeout`, and ticks as long as it
-has a goal.
+has a goal. A server that is late is asked again, so that a busy computer costs moments and no goal.
 """
 
 import math
@@ -21,8 +21,11 @@ from servers import Located  # type: ignore[import-not-found]
 TICK_S = 0.02
 ACKNOWLEDGED_S = 0.02
 REPLAN_S = 1.0
+ASK_AGAIN_S = 0.2
 SAY_S = 0.1
 MOST_RECOVERIES = 20
+MOST_LATE = 50
+"""Answers that may be late one after the other."""
 RECOVERIES = ("wait", "back_up", "spin")
 
 
@@ -42,6 +45,11 @@ class Step:
         """Whether the server has not acknowledged it in time."""
         waits = self._handle is None and self.status is None
         return waits and time.monotonic() - self._sent_s > ACKNOWLEDGED_S
+
+    @property
+    def acknowledged(self) -> bool:
+        """Whether the server has accepted it."""
+        return self._handle is not None
 
     @property
     def succeeded(self) -> bool:
@@ -77,11 +85,11 @@ class BtNavigator(Located):
         kinds |= {"spin": Spin, "back_up": BackUp, "wait": Wait}
         self._asked = {name: ActionClient(self, kind, name) for name, kind in kinds.items()}
         self._steps: dict[str, Step] = {}
-        self._recoveries, self._said, self._said_s, self._planned_s = 0, 0, 0.0, -math.inf
+        self._recoveries, self._late, self._said, self._said_s, self._planned_s = 0, 0, 0, 0.0, -math.inf
         self._goals = self.serve(NavigateToPose, "navigate_to_pose", TICK_S, self._tick, self._begin, self._stop)
 
     def _begin(self, _request: object) -> None:
-        self._recoveries, self._planned_s = 0, -math.inf
+        self._recoveries, self._late, self._planned_s = 0, 0, -math.inf
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begins without a step under way."""
@@ -104,11 +112,22 @@ class BtNavigator(Located):
         if self.here is None:
             return
         self._say(request, now_s)
-        if any(step.late for step in self._steps.values()):
-            self._recover("a server took more than 20 ms to answer", "wait")
+        self._forget_late(now_s)
+        if self._late > MOST_LATE:
+            self._goals.abort()
         elif not self._recovering():
             self._plan(request, now_s)
             self._follow()
+
+    def _forget_late(self, now_s: float) -> None:
+        """Drops what was not acknowledged in time, and plans again soon."""
+        if any(step.acknowledged for step in self._steps.values()):
+            self._late = 0
+        for name in [name for name, step in self._steps.items() if step.late]:
+            self._steps.pop(name).drop()
+            self._late += 1
+            self._planned_s = now_s - REPLAN_S + ASK_AGAIN_S
+            self.get_logger().warning(f"{name} took more than 20 ms to answer, {self._late} in a row")
 
     def _say(self, request: NavigateToPose.Goal, now_s: float) -> None:
         if now_s - self._said_s < SAY_S or self.here is None:
@@ -158,7 +177,7 @@ class BtNavigator(Located):
                 self._planned_s = -math.inf
         return False
 
-    def _recover(self, why: str, how: str = "") -> None:
+    def _recover(self, why: str) -> None:
         self._stop()
         self._recoveries += 1
         self.get_logger().warning(f"Recovery {self._recoveries}: {why}")
@@ -170,5 +189,5 @@ class BtNavigator(Located):
             "back_up": BackUp.Goal(distance=0.3, speed=0.2),
             "spin": Spin.Goal(angle=1.6),
         }
-        name = how or RECOVERIES[self._recoveries % len(RECOVERIES)]
+        name = RECOVERIES[self._recoveries % len(RECOVERIES)]
         self._send(name, goals[name])

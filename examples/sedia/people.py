@@ -8,13 +8,14 @@ from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from passenger import ENDINGS, Account, Errand  # type: ignore[import-not-found]  # of the wheelchair
-from places import Place, posed  # type: ignore[import-not-found]  # beside this script
+from places import Place, moved, posed  # type: ignore[import-not-found]  # beside this script
 from rclpy.action import ActionClient
 from sedia_interfaces.action import NavigateToPose
 from sedia_interfaces.srv import ClearCostmap
 from sensor_msgs.msg import BatteryState
 from serving import LATCHED, NEWEST, Managed  # type: ignore[import-not-found]
 from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
 SAY_S = 0.1
 REST_S = 0.5
@@ -97,9 +98,11 @@ class Hmi(Managed):
     def __init__(self) -> None:
         super().__init__("hmi")
         self._lines: dict[str, str] = {}
+        self._seen: dict[str, Place] = {}
         self._clear = self.create_client(ClearCostmap, "clear_costmap")
         self._shown = self.create_publisher(String, "hmi/shown", 10)
         self.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, NEWEST)
+        self.create_subscription(TFMessage, "tf", self._on_transforms, 10)
         self.create_subscription(BatteryState, "battery_state", self._on_battery, 10)
         self.create_subscription(String, "detections", lambda said: self._show("seen", said.data), 10)
         self.create_subscription(String, "/offload/placement", self._on_placement, LATCHED)
@@ -112,6 +115,12 @@ class Hmi(Managed):
     def _on_pose(self, said: PoseWithCovarianceStamped) -> None:
         at = said.pose.pose.position
         self._show("place", f"{at.x:.1f} m, {at.y:.1f} m")
+
+    def _on_transforms(self, said: TFMessage) -> None:
+        self._seen |= {where.child_frame_id: moved(where.transform) for where in said.transforms}
+        if {"odom", "base_link"} <= self._seen.keys():
+            at = self._seen["odom"].then(self._seen["base_link"])
+            self._show("place by the transforms", f"{at.x_m:.1f} m, {at.y_m:.1f} m")
 
     def _on_battery(self, said: BatteryState) -> None:
         self._show("battery", f"{said.percentage:.0%}")

@@ -10,7 +10,7 @@ from typing import Final
 from robot_offload.objects.facts import BUILDER
 
 OURS: Final = ("agent", "discovery", "git", "operator", "router")
-EXAMPLES: Final = ("talker", "wheelchair")
+EXAMPLES: Final = ("talker", "wheelchair", "sedia", "sedia-agent")
 """Of the samples; the chart names none of them."""
 _LINE: Final = re.compile(r"(?P<name>[a-z/-]+) (?P<digest>sha256:[0-9a-f]{64})")
 

@@ -53,10 +53,12 @@ class Consumer:
         self._reader.start()
 
     @staticmethod
-    def command(file: Path, outputs: Mapping[str, str], link: LinkOptions | None) -> list[str]:
+    def command(
+        file: Path, outputs: Mapping[str, str], link: LinkOptions | None, accounts: Mapping[str, str] = WHEELCHAIR
+    ) -> list[str]:
         """How it is started."""
         command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(file)]
-        for name, topic in WHEELCHAIR.items():
+        for name, topic in accounts.items():
             command += [f"--{name}", topic]
         for topic, type_name in outputs.items():
             command += ["--topic", f"{topic}={type_name}"]

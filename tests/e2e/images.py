@@ -95,6 +95,37 @@ def provide(say: Say) -> Images:
     return Images(references, kept)
 
 
+def provide_example(name: str, say: Say) -> Images:
+    """The images `examples/NAME` and `examples/NAME-agent`, as `make images` builds them; for one story.
+
+    Args:
+        name: of the example, which has interface packages of its own.
+        say: told what takes long.
+
+    Raises:
+        RobotOffloadError: they cannot be built here; the message says why.
+    """
+    folder = cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    key = _key(_files(ours.ROOT))
+    wanted = [image for image in ours.OURS if image.example == name]
+    settings = ours.BuildSettings(REPOSITORY, key, key, extra=wheels_base.lent("buildah"))
+    references = {image.name: ours.request(image, settings).tag for image in wanted}
+    with (folder / "lock").open("w") as gate:
+        fcntl.flock(gate, fcntl.LOCK_EX)
+        kept = _kept(folder, f"{key}-{name}")
+        if kept is None:
+            say(f"building the images of {name}; the first time makes its interface packages, a minute")
+            environment = builder_environment(folder)
+            stages: tuple[wheels_base.Stage, ...] = ("ros-core", ours.COMPILERS)
+            wheels_base.build("buildah", ours.ROOT, settings.extra, stages=stages, environment=environment)
+            for image in wanted:
+                base, compilers = ours.stand_in(image, wheels=True), wheels_base.tag(ours.COMPILERS)
+                run("buildah", ours.request(image, settings, base, compilers), environment=environment)
+            kept = _export(folder, references, f"{key}-{name}")
+    return Images(references, kept)
+
+
 def cache_folder() -> Path:
     """Where archives and the builder's own store are kept."""
     return wheels_base.cache_folder().parent / "e2e-images"
@@ -105,7 +136,8 @@ def _chosen(folder: Path) -> str:
     wanted = os.environ.get(CHOSEN, "")
     if wanted == "newest":
         notes = sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime)
-        return notes[-1].stem if notes else ""
+        complete = [note.stem for note in notes if "-" not in note.stem]  # the others are of one example
+        return complete[-1] if complete else ""
     if wanted and not (folder / f"{wanted}.json").exists():
         raise InputError(f"{CHOSEN}={wanted}: no images of that key are in {folder}; leave it out to build them")
     return wanted

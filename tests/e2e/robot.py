@@ -12,7 +12,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -22,6 +22,7 @@ from robot_offload.render import ros_names
 from robot_offload_lab.cluster.robot_host import RobotHost
 from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.measures import Measures, measure
+from robot_offload_lab.run.showcase import Showcase, showcase
 from robot_offload_lab.run.system import NODE_PRIORITY, RECORDER_PRIORITY
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
@@ -38,7 +39,7 @@ _ENVIRONMENT: Final = re.compile(r"^Environment=(.+)$", re.MULTILINE)
 class Robot:
     """One robot: a host, a bundle, the robot's own nodes."""
 
-    def __init__(self, host: RobotHost, offload: RobotOffload, bundle: Path, folder: Path) -> None:
+    def __init__(self, host: RobotHost, offload: RobotOffload, bundle: Path, folder: Path, example: str = "") -> None:
         """Puts the bundle where its README says; starts nothing.
 
         Args:
@@ -46,10 +47,14 @@ class Robot:
             offload: what the bundle was made for.
             bundle: as `kubectl offload bundle` has written it.
             folder: for logs and recordings.
+            example: whose demo.yaml says which nodes share a process, and which interface packages they need; empty:
+                each node has a process, and the packages of ROS 2 are enough.
         """
         self.host = host
         self.offload = offload
         self.folder = folder
+        self.said = showcase(EXAMPLES / example / "robotoffload.yaml") if example else Showcase(**WHEELCHAIR)
+        self._workspace = _made(EXAMPLES / example, self.said)
         self.consumer: Consumer | None = None
         self.link: LinkOptions | None = None
         self._children: dict[str, subprocess.Popen[bytes]] = {}
@@ -74,7 +79,8 @@ class Robot:
         self.bundle = bundle
         setup = self.folder / "setup.bash"
         # This machine has no /opt/ros: ROS comes with the Python environment, which is this robot's workspace.
-        setup.write_text(f"export PATH={Path(sys.executable).parent}:$PATH\n", encoding="utf-8")
+        own = "".join(f"export {name}={value}\n" for name, value in self._workspace.items())
+        setup.write_text(f"export PATH={Path(sys.executable).parent}:$PATH\n{own}", encoding="utf-8")
         self._do(
             "mkdir", "-p", str(self.place), f"/run/robot-offload/{self.name}", f"/var/lib/robot-offload/{self.name}"
         )
@@ -100,6 +106,7 @@ class Robot:
             "ROS_LOG_DIR": str(self.folder / "ros"),
             "PYTHONUNBUFFERED": "1",
             "PYTHONDONTWRITEBYTECODE": "1",
+            **self._workspace,
             **own,
             "ROBOT_OFFLOAD_SETUP": str(self.folder / "setup.bash"),
         }
@@ -117,17 +124,25 @@ class Robot:
 
     def start_nodes(self) -> None:
         """The robot's own nodes, each with the remappings that the bundle's README lists."""
-        for node in ros_names.nodes_on(self.offload.spec, "robot"):
-            self.start_node(node)
+        here = ros_names.nodes_on(self.offload.spec, "robot")
+        together = {name for shared in self.said.processes for name in shared.nodes}
+        for node in here:
+            if node.name not in together:
+                self.start_node(node)
+        for shared in self.said.processes:
+            if nodes := [node for node in here if node.name in shared.nodes]:
+                self._run(shared.name, ros_names.shared_command(self.offload.spec, shared.command, nodes, "robot"))
 
     def start_node(self, node: Node) -> None:
         """One of the robot's own nodes."""
-        program, *arguments = ros_names.command(self.offload.spec, node, "robot")
+        self._run(node.name, ros_names.command(self.offload.spec, node, "robot"))
+
+    def _run(self, name: str, words: Sequence[str]) -> None:
+        program, script, *rest = words
         interpreter = sys.executable if program in ("python", "python3") else program
-        script, *rest = arguments
         # A module of an installed package (`python3 -m ...`) needs no path.
         command = [interpreter, script if script.startswith("-") else str(_script(script)), *rest]
-        self._start(node.name, command, self.environment(), priority=NODE_PRIORITY)
+        self._start(name, command, self.environment(), priority=NODE_PRIORITY)
 
     def _start(
         self, name: str, command: list[str], environment: Mapping[str, str], *, priority: int = 0
@@ -175,7 +190,8 @@ class Robot:
     def outputs(self) -> dict[str, str]:
         """The collected outputs with their types, without the accounts."""
         outputs = [output for _, output in self.offload.spec.collected_outputs]
-        return {output.topic: output.type or "" for output in outputs if output.topic not in WHEELCHAIR.values()}
+        accounts = self.said.accounts.values()
+        return {output.topic: output.type or "" for output in outputs if output.topic not in accounts}
 
     def listen(self, link: LinkOptions | None = None) -> Consumer:
         """Starts the recorder; it hears from now on and writes from `begin` on.
@@ -184,7 +200,7 @@ class Robot:
             link: what `begin` shall do with the wire; None: nothing.
         """
         file = self.folder / "recording.jsonl"
-        command = Consumer.command(file, self.outputs, link)
+        command = Consumer.command(file, self.outputs, link, self.said.accounts)
         log = self.folder / "recorder.log"
         child = self.host.start(command, self.environment(), log, piped=True, priority=RECORDER_PRIORITY)
         threshold_ms = self.offload.spec.switching.latency.allowed_loop_ms
@@ -264,6 +280,15 @@ class Robot:
             self.consumer = None
         for name in list(self._children):
             self.end(name)
+
+
+def _made(folder: Path, said: Showcase) -> dict[str, str]:
+    """Variables of processes that find the interface packages of an example; makes the packages once."""
+    if not said.interfaces:
+        return {}
+    from robot_offload_lab.run import interfaces
+
+    return interfaces.environment(*(interfaces.cached(interfaces.read(folder / name)) for name in said.interfaces))
 
 
 def _script(name: str) -> Path:

@@ -187,17 +187,20 @@ class Story:
         self._stack.callback(host.remove)
         return host
 
-    def robot(self, offload: RobotOffload, *, neighbour: bool = False, host: RobotHost | None = None) -> Robot:
+    def robot(
+        self, offload: RobotOffload, *, neighbour: bool = False, host: RobotHost | None = None, example: str = ""
+    ) -> Robot:
         """A robot outside the cluster with the bundle of this resource; nothing runs on it yet.
 
         Args:
             offload: what it is a robot of.
             neighbour: without NAT and with routes to the pods, as in a VPN.
             host: one that is there already, because its address had to be known; None: a new one.
+            example: whose nodes share processes and need interface packages of their own; see `Robot`.
         """
         name = offload.metadata.name
         machine = host or self.host(name, neighbour=neighbour)
-        robot = Robot(machine, offload, self.bundle(name), self.folder / name)
+        robot = Robot(machine, offload, self.bundle(name), self.folder / name, example)
         self._stack.callback(robot.stop)
         self.robots[name] = robot
         return robot

@@ -328,5 +328,6 @@ def test_a_whole_robot_goes_on_with_its_goals_through_two_outages(demo: Demo) ->
     assert None not in ages_ms
     assert report["outputs"]["/cmd_vel_nav"]["received"] > 50
     assert report["outputs"]["/detections"]["received"] > 5
+    assert report["outputs"]["/tf"]["received"] > 100, "the wheels' transform and that of the acting localiser"
     assert report["processor"]["robot-navigation"] > 0
     assert demo.nothing_left()

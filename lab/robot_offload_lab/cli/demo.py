@@ -17,7 +17,7 @@ from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
 from robot_offload_lab.judge import recording
 from robot_offload_lab.run import routed
-from robot_offload_lab.run.demo import DemoOptions, DemoResult, run
+from robot_offload_lab.run.demo import LONGEST_S, DemoOptions, DemoResult, run
 from robot_offload_lab.run.free import parse_domains
 from robot_offload_lab.run.system import Mode
 from robot_offload_lab.show.summary import summary
@@ -34,6 +34,8 @@ EXAMPLES = (
 )
 DEFAULT_EXAMPLE = "wheelchair"
 FILE = "robotoffload.yaml"
+COMPARED_S = 120.0
+"""Like LONGEST_S, with --compare: one side alone takes longer."""
 DEFAULT_DELAY = "5ms"
 DEFAULT_JITTER = "2ms"
 DEFAULT_LOSS = "1%"
@@ -81,7 +83,8 @@ Modes = Annotated[
     Mode, typer.Option(help="offload: both sides; robot-only: no cloud; cloud-only: no replicas on the robot.")
 ]
 Duration = Annotated[
-    float | None, _option("duration", "SECONDS", "Seconds to run. Default: until the goal, at most 75.")
+    float | None,
+    _option("duration", "SECONDS", "Seconds to run. Default: until the goal, at most 75; 120 with --compare."),
 ]
 Outages = Annotated[
     list[str] | None,
@@ -113,7 +116,11 @@ Joined = Annotated[
 ]
 Domains = Annotated[str, _option("domains", "ROBOT/CLOUD", "ROS domains of the two sides. Default: free ones.")]
 Compared = Annotated[
-    bool, typer.Option("--compare", help="Run all three modes, one after the other, and draw them in one picture.")
+    bool,
+    typer.Option(
+        "--compare",
+        help="Run all three modes, one after the other, and draw them in one picture; judge the one with both sides.",
+    ),
 ]
 Picture = Annotated[bool, typer.Option("--ui/--no-ui", help="Show a live picture, or print one line per event.")]
 Realtime = Annotated[bool, typer.Option("--realtime", help="Run everything under real-time priority, where permitted.")]
@@ -151,6 +158,7 @@ def demo(
         spec=_found(spec, example),
         mode=mode,
         duration_s=_duration_s(duration),
+        longest_s=COMPARED_S if compare else LONGEST_S,
         link=LinkOptions(
             delay=delay or ("0ms" if trace else DEFAULT_DELAY),
             jitter=jitter or ("0ms" if trace else DEFAULT_JITTER),
@@ -176,7 +184,9 @@ def demo(
     if as_json:
         reports = {name: result.report for name, result in results.items()}
         typer.echo(json.dumps(reports if compare else reports[mode.value], indent=2))
-    if any(result.report["violations"] or result.trouble for result in results.values()):
+    # One side alone breaks promises, which is what the comparison shows.
+    judged = [it for name, it in results.items() if not compare or name == Mode.OFFLOAD.value]
+    if any(result.report["violations"] for result in judged) or any(result.trouble for result in results.values()):
         raise typer.Exit(1)
 
 

@@ -34,6 +34,8 @@ from robot_offload_lab.images import wheels_base
 ROOT: Final = Path(__file__).parents[3]
 """The root of the repository: the build context of our images."""
 REGISTRY: Final = "registry.robotoffload.dev"
+COMPILERS: Final[wheels_base.Stage] = "ros-compilers"
+"""The stage of `images/wheels-base` in which interface packages are made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,16 +46,26 @@ class OwnImage:
         name: in the registry.
         wheels_stage: the stage of `images/wheels-base` that can be its base; empty: it cannot stand on it.
         example: whose nodes it holds; empty: it is none of an example.
+        over: the one of ours that it is laid over; empty: none.
     """
 
     name: str
     wheels_stage: wheels_base.Stage | None
     example: str = ""
+    over: str = ""
+
+    @property
+    def compiles(self) -> bool:
+        """Returns whether interface packages are made for it, which takes compilers."""
+        return not self.over and (ROOT / "examples" / self.example / "interfaces").is_dir()
 
     @property
     def folder(self) -> Path:
         """Returns where its Dockerfile is."""
-        return ROOT / "images" / ("example" if self.example else self.name)
+        name = "agent" if self.over else self.name
+        if self.example and not self.over:
+            name = "example-interfaces" if self.compiles else "example"
+        return ROOT / "images" / name
 
 
 OURS: Final = (
@@ -64,6 +76,8 @@ OURS: Final = (
     OwnImage("git", "system"),
     OwnImage("examples/talker", "ros-core", example="talker"),
     OwnImage("examples/wheelchair", "ros-core", example="wheelchair"),
+    OwnImage("examples/sedia", "ros-core", example="sedia"),
+    OwnImage("examples/sedia-agent", "ros-core", example="sedia", over="examples/sedia"),
 )
 
 
@@ -90,11 +104,24 @@ class BuildSettings:
     extra: tuple[str, ...] = ()
 
 
-def request(image: OwnImage, settings: BuildSettings, base: str | None = None) -> Request:
-    """Returns how one of our images is built; `base` replaces the base image that its Dockerfile names."""
+def request(
+    image: OwnImage, settings: BuildSettings, base: str | None = None, build_base: str | None = None
+) -> Request:
+    """Returns how one of our images is built.
+
+    Args:
+        image: which.
+        settings: what is the same for all.
+        base: instead of the base image that its Dockerfile names.
+        build_base: the same for the one in which interface packages are made.
+    """
     arguments = {"VERSION": settings.version, "REVISION": settings.revision}
-    if image.example:
+    if image.over:
+        base = base or f"{settings.registry}/{image.over}:{settings.version}"
+    elif image.example:
         arguments["EXAMPLE"] = image.example
+    if build_base and image.compiles:
+        arguments["BUILD_BASE"] = build_base
     return Request(
         tag=f"{settings.registry}/{image.name}:{settings.version}",
         context=ROOT,
@@ -156,11 +183,13 @@ def build(
         extra=extra,
     )
     if wheels and not dry_run:
-        wheels_base.build(tool, ROOT, extra, {image.wheels_stage for image in chosen if image.wheels_stage})
+        wheels_base.build(tool, ROOT, extra, _stages(chosen))
+    compilers = wheels_base.tag(COMPILERS)
     failed, pushed = [], {}
     for image in chosen:
-        stand_in = wheels_base.tag(image.wheels_stage) if wheels and image.wheels_stage else None
-        wanted = request(image, settings, bases.get(image.name, stand_in))
+        wanted = request(
+            image, settings, bases.get(image.name) or stand_in(image, wheels), compilers if wheels else None
+        )
         try:
             _build_one(tool, wanted, dry_run)
             if push and digests and not dry_run:
@@ -175,6 +204,16 @@ def build(
         digests.write_text("".join(f"{name} {digest}\n" for name, digest in sorted(pushed.items())), encoding="utf-8")
     if failed:
         raise BuildError(f"not built: {', '.join(failed)}")
+
+
+def stand_in(image: OwnImage, wheels: bool) -> str | None:
+    """Returns the base of wheels for an image; None: the base that its Dockerfile names, or another one of ours."""
+    return wheels_base.tag(image.wheels_stage) if wheels and image.wheels_stage and not image.over else None
+
+
+def _stages(images: Sequence[OwnImage]) -> set[wheels_base.Stage]:
+    stages = {image.wheels_stage for image in images if image.wheels_stage}
+    return stages | ({COMPILERS} if any(image.compiles for image in images) else set())
 
 
 def registry_digest(tool: Tool, tag: str) -> str:

@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
@@ -22,9 +23,9 @@ from typing import Final, Literal, TypeAlias
 from robot_offload.errors import InputError
 from robot_offload.images.builders import BuildError, Request, Tool, run
 
-Stage: TypeAlias = Literal["system", "ros-core", "ros-base"]
+Stage: TypeAlias = Literal["system", "ros-core", "ros-compilers", "ros-base"]
 
-STAGES: Final[tuple[Stage, ...]] = ("system", "ros-core", "ros-base")
+STAGES: Final[tuple[Stage, ...]] = ("system", "ros-core", "ros-compilers", "ros-base")
 RELEASE: Final = "bookworm"
 MIRROR: Final = "http://deb.debian.org/debian"
 # What CPython links, and the certificates.
@@ -79,6 +80,8 @@ def build(
         shutil.copytree(root / "images" / "wheels-base", context, dirs_exist_ok=True)
         text = (root / "requirements" / "all.txt").read_text(encoding="utf-8")
         (context / "constraints.txt").write_text(constraints(text), encoding="utf-8")
+        # The interpreter's own: those of the system belong to another version.
+        shutil.copytree(sysconfig.get_path("include"), context / "include")
         names = {stage: f"{_name(stage)}:{fingerprint(context, kept)}" for stage in STAGES if stage in set(stages)}
         missing = [stage for stage, name in names.items() if not _is_there(tool, name, environment)]
         for archive in kept if missing else ():

@@ -48,7 +48,7 @@ def figures(report: Mapping[str, Any], recording: Recording) -> dict[str, float]
     endings = [goal["ending"] for goal in report["goals"]]
     processor = report["processor"]
     return {
-        "seconds": report["duration_s"],
+        "seconds": round(report["duration_s"], 1),
         "metres": round(sum(math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in pairs), 1),
         "standing_s": round(sum(b.t_s - a.t_s for a, b in pairs if b.speed_mps < STANDING_MPS), 1),
         "succeeded": endings.count(SUCCEEDED),

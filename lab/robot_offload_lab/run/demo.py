@@ -70,7 +70,8 @@ class DemoOptions:
     Attributes:
         spec: the specification.
         mode: see Mode.
-        duration_s: None: until the goal is reached, at most LONGEST_S.
+        duration_s: None: until the goal is reached, at most longest_s.
+        longest_s: see duration_s.
         link: what the emulated link does.
         seed: of link and world.
         out: folder for the report.
@@ -83,6 +84,7 @@ class DemoOptions:
     spec: Path
     mode: Mode = Mode.OFFLOAD
     duration_s: float | None = None
+    longest_s: float = LONGEST_S
     link: LinkOptions = field(default_factory=LinkOptions)
     seed: int = 1
     out: Path = Path("out/demo")
@@ -139,7 +141,7 @@ def run(options: DemoOptions, view: View) -> DemoResult:
         stack.callback(view.close)
         machine = stack.enter_context(Standstill())
         demo = Demo(system, processes, view, watch, stop)
-        trouble = demo.go(options.duration_s)
+        trouble = demo.go(options.duration_s, options.longest_s)
         view.close()
         for line in agent_errors(system):
             view.say(line)
@@ -153,8 +155,10 @@ def _made(folder: Path, said: Showcase, view: View) -> tuple[Path, ...]:
         return ()
     from robot_offload_lab.run import interfaces  # noqa: PLC0415 - the generators are slow to import
 
-    view.say(f"Making the interfaces {', '.join(Path(name).name for name in said.interfaces)}, the first time only")
-    return tuple(interfaces.cached(interfaces.read(folder / name)) for name in said.interfaces)
+    packages = [interfaces.read(folder / name) for name in said.interfaces]
+    if missing := [package.name for package in packages if not interfaces.is_cached(package)]:
+        view.say(f"Making the interfaces {', '.join(missing)}, this time only")
+    return tuple(interfaces.cached(package) for package in packages)
 
 
 def _system(
@@ -281,7 +285,7 @@ class Demo:
         self.processor: dict[str, float] = {}
         """Share of one core that each program used from the start of the schedule to the end, percent."""
 
-    def go(self, duration_s: float | None) -> str:
+    def go(self, duration_s: float | None, longest_s: float) -> str:
         """Starts, watches and ends; returns what went wrong on the way, empty when nothing did."""
         with ExitStack() as stack:
             if self._system.wired and not self._system.joined_by_dds_wire:
@@ -290,7 +294,7 @@ class Demo:
             self._await_up()
             self._begin()
             before = usage.read(self._programs.pids)
-            trouble = self._drive(duration_s)
+            trouble = self._drive(duration_s, longest_s)
             self.processor = usage.percent(before, usage.read(self._programs.pids))
             # The recorder hears that the run is over before anything else ends.
             self._programs.finish(RECORDER, {"end": steady_s()}, RECORDER_GRACE_S)
@@ -337,10 +341,10 @@ class Demo:
             self._programs.command(DDS_WIRE, {"start": start_s})
         self._programs.command(RECORDER, {"start": dataclasses.asdict(run_info(self._system, start_s))})
 
-    def _drive(self, duration_s: float | None) -> str:
+    def _drive(self, duration_s: float | None, longest_s: float) -> str:
         """Follows the run until the goal, the duration, a signal or the death of a process; returns the last."""
         assert self._watch.start_s is not None
-        end_s = self._watch.start_s + (LONGEST_S if duration_s is None else duration_s)
+        end_s = self._watch.start_s + (longest_s if duration_s is None else duration_s)
         resting, ended_s = False, 0.0
         while not self._stop and steady_s() < end_s:
             self._look()

@@ -2,6 +2,10 @@
 
 The wheels hold the generators that `rosidl_generate_interfaces` runs; their command line stumbles over entry points
 that the wheels name twice, so they are called one by one. A process that uses the package needs `environment`.
+
+    python -m robot_offload_lab.run.interfaces TARGET FOLDER...
+
+makes the packages of FOLDERs below TARGET, as an image holds them, with a TARGET/setup.bash to source.
 """
 
 from __future__ import annotations
@@ -12,11 +16,12 @@ import hashlib
 import importlib.metadata
 import io
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +39,14 @@ from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesup
 
 from robot_offload.errors import RobotOffloadError
 
-PREFIX = Path(sys.prefix)
+
+def _prefix() -> Path:
+    """Returns where ROS 2 itself is: of a sourced installation, or with the wheels of this environment."""
+    sourced = [Path(text) for text in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if text]
+    return next((path for path in sourced if (path / "include" / "rosidl_runtime_c").is_dir()), Path(sys.prefix))
+
+
+PREFIX = _prefix()
 SUPPORT = "rosidl_typesupport_c"
 INTROSPECTION = "rosidl_typesupport_introspection_c"
 LIBRARIES = ("rosidl_generator_c", "rosidl_typesupport_fastrtps_c", INTROSPECTION, SUPPORT, "rosidl_generator_py")
@@ -107,9 +119,8 @@ def cached(package: Package) -> Path:
     Raises:
         InterfacesError: there is no compiler, or the compiler refuses.
     """
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    target = home / "robot-offload" / "interfaces" / f"{package.name}-{_fingerprint(package)}"
-    if not (target / "made").exists():
+    target = _place(package)
+    if not is_cached(package):
         target.parent.mkdir(parents=True, exist_ok=True)
         # Made beside and renamed: a half-made package is never found, and two makers do not meet.
         with tempfile.TemporaryDirectory(prefix="making-", dir=target.parent) as temporary:
@@ -118,6 +129,16 @@ def cached(package: Package) -> Path:
                 Path(temporary).rename(target)
             Path(temporary).mkdir(exist_ok=True)
     return target / "made"
+
+
+def is_cached(package: Package) -> bool:
+    """Returns whether the package is in the user's cache already."""
+    return (_place(package) / "made").exists()
+
+
+def _place(package: Package) -> Path:
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return home / "robot-offload" / "interfaces" / f"{package.name}-{_fingerprint(package)}"
 
 
 def _fingerprint(package: Package) -> str:
@@ -143,9 +164,11 @@ def make(folder: Path, package: Package) -> Path:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(path.read_text())
     found = {kind: sorted((folder / "source").glob(pattern)) for kind, pattern in package.sources().items()}
-    with ThreadPoolExecutor() as pool:
-        compiled = pool.map(lambda sources: _compile(folder / "source", sources), found.values())
-        objects = dict(zip(found, compiled, strict=True))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        ready = {
+            kind: [pool.submit(_compile, folder / "source", path) for path in paths] for kind, paths in found.items()
+        }
+        objects = {kind: [each.result() for each in waiting] for kind, waiting in ready.items()}
     for kind in LIBRARIES:
         _link(objects[kind], made / f"lib{name}__{kind}.so", made)
     suffix = sysconfig.get_config_var("EXT_SUFFIX")
@@ -192,16 +215,13 @@ def _generate(package: Package, folder: Path, source: Path, introspection: Path)
         os.chdir(before)
 
 
-def _compile(source: Path, sources: Iterable[Path]) -> list[Path]:
+def _compile(source: Path, path: Path) -> Path:
     headers = PREFIX / "include"
     roots = [headers, *headers.iterdir(), Path(sysconfig.get_path("include")), Path(np.get_include())]
-    objects = []
     includes = [f"-I{root}" for root in (source / INTROSPECTION, source, *roots)]
-    for path in sources:
-        compiler = "c++" if path.suffix == ".cpp" else "cc"
-        _run([compiler, "-O0", "-fPIC", "-w", *includes, "-c", str(path), "-o", f"{path}.o"])
-        objects.append(Path(f"{path}.o"))
-    return objects
+    compiler = "c++" if path.suffix == ".cpp" else "cc"
+    _run([compiler, "-O0", "-fPIC", "-w", *includes, "-c", str(path), "-o", f"{path}.o"])
+    return Path(f"{path}.o")
 
 
 def _link(objects: Sequence[Path], target: Path, made: Path) -> None:
@@ -221,3 +241,26 @@ def _run(command: Sequence[str]) -> None:
         raise InterfacesError(f"{command[0]}: no such program; install a C and C++ compiler") from error
     if done.returncode:
         raise InterfacesError(f"{' '.join(command)}\n{done.stderr}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Makes packages as an image holds them; returns the exit code."""
+    target, *folders = map(Path, sys.argv[1:] if arguments is None else arguments)
+    made = []
+    for folder in folders:
+        package = read(folder)
+        made.append(make(target / package.name, package))
+        for path in made[-1].parent.iterdir():
+            if path != made[-1]:
+                shutil.rmtree(path)
+    # What the environment has at build time is not the image's.
+    lines = [
+        f'export {name}="{":".join(map(str, made))}${{{name}:+:${name}}}"\n'
+        for name in ("PYTHONPATH", "LD_LIBRARY_PATH")
+    ]
+    (target / "setup.bash").write_text("".join(lines), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

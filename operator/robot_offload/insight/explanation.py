@@ -11,6 +11,7 @@ from robot_offload.api.v1alpha1.status import PROGRESS_TYPES, ROBOT_TYPES
 from robot_offload.insight.handover import handover
 from robot_offload.insight.next_steps import Advice, advice
 from robot_offload.insight.observed import READY, Condition, Observed, ago, time_of
+from robot_offload.insight.timing import timing
 
 EVENTS: Final = 5
 EPOCH: Final = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
@@ -132,6 +133,7 @@ def _notes(offload: Observed) -> Iterator[str]:
         yield f"spec.replicas is 0; kubectl scale roff/{offload.name} --replicas=1 switches the cloud side on."
     if offload.placement_message:
         yield f"It acts on side {offload.placement}: {offload.placement_reason}, {offload.placement_message}"
+    yield from timing(offload.spec)
     yield from handover(offload.spec)
     warned = offload.condition("SpecValid")
     if warned is not None and warned.reason == "ValidWithWarnings":

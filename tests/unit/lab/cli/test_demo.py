@@ -15,6 +15,7 @@ from robot_offload_lab.judge import report
 from robot_offload_lab.judge.measures import measure
 from robot_offload_lab.judge.recording import Ending, PathPoint, RecordingWriter, read
 from robot_offload_lab.run.demo import DemoOptions, DemoResult
+from robot_offload_lab.run.system import Mode
 from robot_offload_lab.show.view import View
 from tests.unit.lab.judge.recordings import RUN
 
@@ -60,12 +61,16 @@ def test_compare_runs_the_three_modes_each_in_a_folder_of_its_own_and_draws_them
             writer.write(PathPoint(RUN.start_s + 2.0, 1.0, 0.0, 0.5))
             writer.write(Ending(RUN.start_s + 10.0, 0, 0, True))
         processor = {"robot-agent": 10.0, "cloud-agent": 5.0}
-        return DemoResult(report.build(measure(read(file)), processor), file)
+        said = report.build(measure(read(file)), processor)
+        if options.mode is Mode.CLOUD_ONLY:
+            said["violations"] = [{"kind": "Gap", "t_s": 1.0, "text": "nobody acted"}]
+        return DemoResult(said, file)
 
     monkeypatch.setattr(demo, "run", run)
     ended = CliRunner().invoke(app, ["demo", "--compare", "--no-ui", "--out", str(tmp_path / "out")])
     assert ended.exit_code == 0, ended.output
     assert [options.mode.value for options in asked] == ["offload", "robot-only", "cloud-only"]
     assert [options.out for options in asked] == [tmp_path / "out" / options.mode.value for options in asked]
+    assert {options.longest_s for options in asked} == {demo.COMPARED_S}, "the slower ones come to their end, too"
     assert (tmp_path / "out" / "compare.png").stat().st_size > 10_000
     assert "cloud-only" in ended.output

@@ -37,19 +37,38 @@ def test_there_is_an_image_for_everything_that_a_cluster_runs_of_ours() -> None:
     assert {request(image, settings).tag for image in OURS if not image.example} == wanted
 
 
-def test_there_is_an_image_for_every_example_that_needs_no_compiler() -> None:
-    # One with interface packages of its own needs a C and a C++ compiler, which no image of ours has.
-    folders = {
-        path.parent.name
-        for path in (ROOT / "examples").glob("*/robotoffload.yaml")
-        if not (path.parent / "interfaces").exists()
+def test_there_is_an_image_for_every_example_and_an_agent_with_the_messages_that_an_example_has() -> None:
+    folders = {path.parent for path in (ROOT / "examples").glob("*/robotoffload.yaml")}
+    assert {image.example for image in OURS if image.example} == {folder.name for folder in folders}
+    assert {image.example for image in OURS if image.over} == {
+        folder.name for folder in folders if (folder / "interfaces").exists()
     }
-    assert {image.example for image in OURS if image.example} == folders
-    arguments = request(OURS[-1], SETTINGS).build_arguments
-    assert arguments["EXAMPLE"] == OURS[-1].example
-    for sample in ("talker", "wheelchair"):
-        text = (ROOT / "manifests" / "samples" / f"{sample}.yaml").read_text(encoding="utf-8")
-        assert f"{ours.REGISTRY}/examples/{sample}:" in text
+    for image in (image for image in OURS if image.example):
+        text = (ROOT / "manifests" / "samples" / f"{image.example}.yaml").read_text(encoding="utf-8")
+        assert f"{ours.REGISTRY}/{image.name}:{metadata.version('robot-offload')}" in text
+
+
+def test_an_example_with_messages_of_its_own_is_built_where_a_compiler_is_and_its_agent_is_laid_over_it() -> None:
+    talker, sedia, agent = (
+        next(image for image in OURS if image.name == f"examples/{name}") for name in ("talker", "sedia", "sedia-agent")
+    )
+    wanted = request(sedia, SETTINGS, "base:1", "compilers:1")
+    assert wanted.build_arguments["EXAMPLE"] == "sedia"
+    assert (wanted.build_arguments["BASE"], wanted.build_arguments["BUILD_BASE"]) == ("base:1", "compilers:1")
+    assert "BUILD_BASE" not in request(talker, SETTINGS, "base:1", "compilers:1").build_arguments
+    assert request(agent, SETTINGS, None, "compilers:1").build_arguments == {
+        "BASE": request(sedia, SETTINGS).tag, "VERSION": "1.2.3", "REVISION": "abc",
+    }  # fmt: skip
+    assert agent.folder == ROOT / "images" / "agent"
+
+
+@pytest.mark.parametrize("image", ["example", "example-interfaces"])
+def test_what_the_nodes_of_examples_import_is_in_their_images(image: str) -> None:
+    copied = [value for kind, value in parsed.instructions(text_of(image)) if kind == "COPY"]
+    assert "state/robot_offload_state /opt/example/robot_offload_state" in copied
+    kept = (ROOT / "images" / image / "Dockerfile.dockerignore").read_text(encoding="utf-8").splitlines()
+    sources = [word for value in copied if "--from" not in value for word in value.split()[:-1]]
+    assert all(any(f"!{source}".startswith(line) for line in kept if line[0] == "!") for source in sources)
 
 
 @pytest.mark.parametrize("name", FOLDERS)
@@ -189,7 +208,12 @@ def test_images_are_saved_for_clusters_that_load_archives() -> None:
 
 def test_without_a_registry_the_bases_are_made_of_wheels_and_the_router_is_left_out() -> None:
     lines = run("--builder", "podman", "--dry-run", "--wheels").stdout.splitlines()
-    assert ["wheels-ros-core" in line for line in lines] == [True, False, True, False, True, True]
+    made = dict(zip([image.name for image in OURS if image.wheels_stage], lines, strict=True))
+    assert {name for name, line in made.items() if "BASE=localhost/robot-offload/wheels-ros-core:" in line} == {
+        "agent", "discovery", "examples/talker", "examples/wheelchair", "examples/sedia",
+    }  # fmt: skip
+    assert "BUILD_BASE=localhost/robot-offload/wheels-ros-compilers:" in made["examples/sedia"]
+    assert "/examples/sedia:" in made["examples/sedia-agent"].split("BASE=")[1].split()[0]
     assert not any("/router:" in line for line in lines)
 
 
