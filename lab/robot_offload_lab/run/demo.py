@@ -71,7 +71,6 @@ class DemoOptions:
         spec: the specification.
         mode: see Mode.
         duration_s: None: until the goal is reached, at most longest_s.
-        longest_s: see duration_s.
         link: what the emulated link does.
         seed: of link and world.
         out: folder for the report.
@@ -79,12 +78,12 @@ class DemoOptions:
         transport: a transport type instead of the specification's; empty for that.
         domains: ROS domains of robot and cloud; None picks free ones.
         adapt: changes the resource before it runs.
+        longest_s: see duration_s.
     """
 
     spec: Path
     mode: Mode = Mode.OFFLOAD
     duration_s: float | None = None
-    longest_s: float = LONGEST_S
     link: LinkOptions = field(default_factory=LinkOptions)
     seed: int = 1
     out: Path = Path("out/demo")
@@ -92,6 +91,7 @@ class DemoOptions:
     transport: str = ""
     domains: tuple[int, int] | None = None
     adapt: Callable[[RobotOffload], RobotOffload] = lambda offload: offload
+    longest_s: float = LONGEST_S
 
 
 @dataclass(frozen=True)
