@@ -24,6 +24,7 @@ from robot_offload_agent.settings.states import KEPT, state_spec
 from robot_offload_agent.settings.topics import (
     INPUT,
     OUTPUT,
+    completed,
     input_spec,
     is_silent,
     output_problems,
@@ -293,7 +294,8 @@ def parse(given: Mapping[str, Any]) -> Configuration:
         raise ConfigurationError("\n".join(problems))
     groups = {
         group: tuple(
-            Named(name, {key: values[f"{prefix}.{name}.{key}"] for key in members}) for name in listed(values[group])
+            Named(name, completed({key: values[f"{prefix}.{name}.{key}"] for key in members}))
+            for name in listed(values[group])
         )
         for group, (prefix, members) in GROUPS.items()
     }

@@ -17,6 +17,10 @@ QOS_WORDS = {
 INTERFACE = r"auto|[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*"
 OPTIONAL = rf"({TOPIC})?"
 
+SHARED_DEPTH = 100
+"""Least depth of a shared output. A subscription keeps so many messages of all publishers together, and on /tf many say
+something at once; what tf2's listeners take (`tf2_ros::TransformListener`)."""
+
 OUTPUT: dict[str, Parameter] = {
     "topic": Parameter(None, "public topic", pattern=TOPIC),
     "type": Parameter("auto", "interface type; auto: from the graph", pattern=INTERFACE),
@@ -75,6 +79,12 @@ def output_spec(name: str, values: Mapping[str, Any]) -> OutputSpec:
         values["topic"],
         values["durability"] == "transient_local",
     )
+
+
+def completed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the parameters of a node, output or input, with what follows from others of them."""
+    shared = values.get("shared", False)
+    return {**values, "depth": max(values["depth"], SHARED_DEPTH)} if shared else dict(values)
 
 
 def output_problems(name: str, values: Mapping[str, Any]) -> Iterator[str]:

@@ -22,7 +22,12 @@ ECHO_S = 3.0
 """What has not come back by then was lost on the way."""
 MAX_ECHOES = 4096
 OWN_FRAME_S = 1.0
-"""A replica publishes a frame itself while its newest transform is younger; the slowest usual publisher has 10 Hz."""
+OWN_PERIODS = 2.0
+OWN_JITTER_S = 0.05
+"""A replica publishes a frame itself while its newest transform is no older than two of its periods and a jitter, at
+most a second. With a second alone the private topic of a Warm side had that hole after each change."""
+FADING = 0.9
+"""What is left of the longest distance of two transforms at each further one: a burst is no period."""
 
 
 MAX_LATCHED = 64
@@ -75,7 +80,7 @@ class Loop:
 
     Attributes:
         said, filled: our messages on the public topic and on the private one of this side.
-        heard_s: when the replica of this side last published each frame.
+        heard_s: when the replica of this side last published each frame. period_s: the usual distance of two of them.
         strange: how many messages were no transforms although frames are declared.
         undeclared: frames that the replica published and nobody declared.
         taken_s: when somebody else last published each frame of the group on the public topic of this side.
@@ -87,6 +92,7 @@ class Loop:
         self.said = Echoes(latched=spec.latched)
         self.filled = Echoes(latched=spec.latched)
         self.heard_s: dict[str, float] = {}
+        self.period_s: dict[str, float] = {}
         self.strange = 0
         self.undeclared: set[str] = set()
         self.taken_s: dict[str, float] = {}
@@ -137,15 +143,29 @@ class Loop:
             if not self._declared(transform):
                 self.undeclared.add(f"{transform.parent} -> {transform.child}")
                 return False
-            self.heard_s[transform.child] = now_s
+            self._heard(transform.child, now_s)
             return True
 
         return self._only(payload, ours)
 
+    def _heard(self, child: str, now_s: float) -> None:
+        """Notes that the replica has published a frame, and in which distance it does."""
+        if child in self.heard_s:
+            distance_s = now_s - self.heard_s[child]
+            usual_s = FADING * self.period_s.get(child, 0.0)
+            self.period_s[child] = max(distance_s if distance_s <= OWN_FRAME_S else 0.0, usual_s)
+        self.heard_s[child] = now_s
+
+    def _publishes(self, child: str, now_s: float) -> bool:
+        """Returns whether the replica of this side publishes a frame itself at present."""
+        if child not in self.heard_s:
+            return False
+        period_s = self.period_s.get(child, OWN_FRAME_S)
+        return now_s - self.heard_s[child] <= min(OWN_FRAME_S, OWN_PERIODS * period_s + OWN_JITTER_S)
+
     def holder(self, payload: Any, now_s: float) -> Any | None:
         """Takes a message of the other side that has passed; returns what of it is to be filled in on this one."""
-        fresh = {child for child, heard_s in self.heard_s.items() if now_s - heard_s <= OWN_FRAME_S}
-        return self._fill(self._only(payload, lambda t: t.child not in fresh), now_s)
+        return self._fill(self._only(payload, lambda t: not self._publishes(t.child, now_s)), now_s)
 
     def far(self, payload: Any, now_s: float) -> Any | None:
         """Takes what others said on the robot, here in the cloud; returns what is to be filled in."""

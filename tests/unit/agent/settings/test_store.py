@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robot_offload_agent.settings import files, store
-from robot_offload_agent.settings.cluster_files import ClusterFiles
+from robot_offload_agent.settings.cluster_files import RENEW_S, ClusterFiles
 from robot_offload_agent.settings.files import Watch, read_text, write_whole
 from robot_offload_agent.settings.liaison import LEAVING_S, Event, HandoverAsked, SettingsRead
 from robot_offload_agent.settings.offer import Offer
@@ -157,8 +157,7 @@ def test_the_state_is_written_at_changes_and_again_after_a_while(tmp_path: Path)
     assert cluster.writer is not None
     written: list[Any] = []
     cluster.writer.write = lambda text: written.append(json.loads(text))  # type: ignore[method-assign]
-    for state, now_s in (({"site": "robot"}, 0.0), ({"site": "robot"}, 0.5), ({"site": "cloud"}, 0.6),
-                         ({"site": "cloud"}, 1.5)):  # fmt: skip
-        cluster.tell(state, now_s, lambda: {"figure": len(written)})
+    for site, now_s in (("robot", 0.0), ("robot", RENEW_S / 2), ("cloud", RENEW_S), ("cloud", 3 * RENEW_S)):
+        cluster.tell({"site": site}, now_s, lambda: {"figure": len(written)})
     assert [(w["site"], w["figure"]) for w in written] == [("robot", 0), ("cloud", 1), ("cloud", 2)]
     assert written[0]["written"].endswith("Z")

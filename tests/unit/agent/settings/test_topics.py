@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot_offload_agent.settings.topics import is_silent
+from robot_offload_agent.settings.topics import completed, is_silent
 
 
 @pytest.mark.parametrize(
@@ -28,3 +28,10 @@ def test_a_pattern_names_a_topic_or_what_is_below(topic: str, pattern: str, sile
 def test_a_relative_pattern_is_below_the_robots_namespace() -> None:
     assert is_silent("/w7/local_costmap/a", ["local_costmap/**"], "/w7")
     assert not is_silent("/local_costmap/a", ["local_costmap/**"], "/w7")
+
+
+def test_a_shared_output_has_a_queue_for_all_who_publish_it() -> None:
+    assert completed({"shared": True, "depth": 10})["depth"] == 100
+    assert completed({"shared": True, "depth": 500})["depth"] == 500
+    assert completed({"shared": False, "depth": 1})["depth"] == 1
+    assert completed({"depth": 1})["depth"] == 1

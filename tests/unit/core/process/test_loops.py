@@ -49,6 +49,16 @@ def test_a_standby_gets_only_frames_that_its_own_replica_does_not_publish() -> N
     assert loop.holder(message([OURS]), NOW_S + 1.5) == message([OURS])
 
 
+def test_a_standby_that_fell_asleep_gets_the_holders_frames_after_two_of_its_own_periods() -> None:
+    loop = Loop(TF)
+    for number in range(20):
+        burst = 0.001 if number % 2 else 0.0  # two at once are no period
+        assert loop.replica(message([OURS]), NOW_S + number * 0.05 + burst) is not None
+    last_s = NOW_S + 19 * 0.05 + 0.001
+    assert loop.holder(message([OURS]), last_s + 0.11) is None, "two periods and nothing: it may be late"
+    assert loop.holder(message([OURS]), last_s + 0.2) == message([OURS])
+
+
 def test_garbage_on_a_topic_of_transforms_goes_nowhere_and_is_counted() -> None:
     loop = Loop(TF)
     assert loop.others(b"\0\1\0\0\xff", NOW_S) is None
