@@ -39,9 +39,10 @@ def prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, commands
     """Begins to get the other side ready, under a candidate epoch."""
     candidate = robot.last_epoch + 1
     settings = robot.settings
-    flow_s = max(PREPARE_EXTRA_S, robot.slowest_output_s) + REPORT_BEATS * settings.beat_period_s
-    patient_until_s = now_s + settings.preparing_s
     need = verdict.reason.kind is Kind.NEED
+    slowest_s = robot.slowest_output_s(prompt=need)
+    flow_s = max(PREPARE_EXTRA_S, slowest_s) + REPORT_BEATS * settings.beat_period_s
+    patient_until_s = now_s + settings.preparing_s
     preparation = Preparation(candidate, patient_until_s + flow_s, need=need, patient_until_s=patient_until_s)
     robot = replace(robot, phase=phase, since_s=now_s, last_epoch=candidate, preparation=preparation)
     if phase is Phase.TO_CLOUD:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robot_offload_core import occasions, standby
+from robot_offload_core import occasions, slow_outputs, standby
 from robot_offload_core.change import replace
 from robot_offload_core.checks import require
 from robot_offload_core.envelope import Envelope
@@ -77,7 +77,7 @@ class Collector:
         fell_back: control went silent; only the robot passes until a new epoch is named.
         flipped_s: when the last changeover took place.
         acts_s: since when the side that passes now has passed, under whatever epochs.
-        presence: see Gate.
+        presence, need: see Gate.
         turned_s: the last turn of this process. judged_from_s: silence is not reported before, see `turn`.
         stay: grows by one with each change of the side that passes, over restarts of this process.
         loss_timeout_s: longest margin with which a message of the cloud is waited for; 0: none is.
@@ -97,6 +97,7 @@ class Collector:
     flipped_s: float | None = None
     acts_s: float | None = None
     presence: Token | None = None
+    need: bool = False
     turned_s: float | None = None
     judged_from_s: float = 0.0
     paused_s: float | None = None
@@ -144,7 +145,7 @@ def _change_over_idle(collector: Collector, now_s: float) -> Collector:
     An idle robot must be able to change: where nobody need speak there is nothing to pass twice and nothing to lose.
     """
     following = collector.next
-    if following is None or any(occasions.awaited(o, following.site) for o in collector.outputs):
+    if following is None or any(_awaited(collector, o, following.site) for o in collector.outputs):
         return collector
     return _enter(collector, following, None, now_s)
 
@@ -155,7 +156,7 @@ def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
     same_control = gate.started_us == collector.started_us
     said_s = now_s if gate.said_s is None else min(gate.said_s, now_s)
     collector = replace(
-        collector, started_us=gate.started_us, gate_s=said_s, presence=gate.presence,
+        collector, started_us=gate.started_us, gate_s=said_s, presence=gate.presence, need=gate.need,
         outputs=occasions.note(collector.outputs, gate, now_s),
     )  # fmt: skip
     ours, theirs = collector.charge, gate.current
@@ -285,6 +286,7 @@ def report(collector: Collector, now_s: float) -> GateReport:
     cloud_idle = tuple(i for i, o in rated if not occasions.must_speak(o, Site.CLOUD, collector.activation_s, now_s))
     acts = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
     charged_s = collector.acts_s if acts else None  # a slow output speaks one period after its nodes woke
+    cloud_s = None if acts else collector.acts_s  # where nobody waited for it
     resumed_s = collector.resumed_s
 
     def flows(output: OutputState, *since_s: float | None) -> bool:
@@ -295,7 +297,8 @@ def report(collector: Collector, now_s: float) -> GateReport:
         return flows(output, output.robot_s, charged_s, resumed_s)
 
     def cloud_flows(output: OutputState) -> bool:
-        return flows(output, output.cloud_s, resumed_s)
+        waited = not slow_outputs.is_slow(output.spec, collector.activation_s)
+        return flows(output, output.cloud_s, None if waited else cloud_s, resumed_s)
 
     flowing = tuple(i for i, o in rated if o.robot_s is not None and now_s - o.robot_s <= o.spec.deadline_s)
     heard = tuple(i for i, o in enumerate(collector.outputs) if o.spec.deadline_s > 0 and cloud_flows(o))
@@ -324,7 +327,7 @@ def _offer_next(
     collector = _output(collector, index, next_ready_s=now_s, next_sequence=sequence, next_born_s=born_s)
     assert collector.next is not None
     side = collector.next.site
-    if not all(_flows(o, side, now_s) for o in collector.outputs):
+    if not all(_flows(collector, o, side, now_s) for o in collector.outputs):
         return collector, Passage(Ruling.NOT_ALL_READY)
     ready = {
         i
@@ -341,10 +344,16 @@ def _offer_next(
     return _output(collector, index, last_sequence=sequence), Passage(Ruling.CHANGED_OVER, also)
 
 
-def _flows(output: OutputState, side: Site, now_s: float) -> bool:
+def _flows(collector: Collector, output: OutputState, side: Site, now_s: float) -> bool:
     deadline_s = output.spec.deadline_s
     ready_s = output.next_ready_s
-    return not occasions.awaited(output, side) or (ready_s is not None and now_s - ready_s <= deadline_s)
+    return not _awaited(collector, output, side) or (ready_s is not None and now_s - ready_s <= deadline_s)
+
+
+def _awaited(collector: Collector, output: OutputState, side: Site) -> bool:
+    """Whether a changeover to a side waits for an output: for no slow one while nobody acts."""
+    held = not (collector.need and slow_outputs.is_slow(output.spec, collector.activation_s))
+    return held and occasions.awaited(output, side)
 
 
 def _enter(collector: Collector, charge: Charge, following: Charge | None, now_s: float) -> Collector:

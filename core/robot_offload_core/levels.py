@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from robot_offload_core import wishes
 from robot_offload_core.beats import Permission
 from robot_offload_core.change import replace
 from robot_offload_core.changeovers import charge
 from robot_offload_core.events import Acting
-from robot_offload_core.gates import Gate
+from robot_offload_core.gates import Gate, GateReport
 from robot_offload_core.placement import IN_CHARGE, Command, Permit, Phase, Robot, SetGate
+from robot_offload_core.slow_outputs import SlowOutput
 from robot_offload_core.stalls import starved
 from robot_offload_core.token import Site, presence
 
@@ -26,25 +29,33 @@ def outputs_flow_now(robot: Robot, now_s: float) -> bool:
         return now_s < robot.stalls.until_s and not starved(robot, now_s)  # its reports may still be unread
     if now_s - max(robot.charged_s, started_s) < robot.settings.activation_deadline_s:
         return True
-    return gate is not None and gate.robot_flows
+    return gate is not None and (gate.robot_flows or (bool(gate.robot_silent) and not _silent(robot, gate, now_s)))
+
+
+def _silent(robot: Robot, gate: GateReport, now_s: float) -> tuple[int, ...]:
+    """Returns the outputs, by index, whose silence on the robot is a fault now."""
+    excused = {one.index for one in _slow(robot) if one.excused(now_s)}
+    return tuple(index for index in gate.robot_silent if index not in excused)
+
+
+def _slow(robot: Robot) -> Iterator[SlowOutput]:
+    bound_s = robot.settings.activation_deadline_s
+    return (one for one in robot.slow if one.deadline_s > bound_s)
 
 
 def outputs_heard_now(robot: Robot, now_s: float) -> bool:
     """The collector passes the robot and has seen a message of each rated output in time (while the robot acts).
 
     No grace counts, for pauses of whichever process or for a new charge, but for outputs that are slower than nodes
-    wake: they speak one period after their side took over, and nobody waits for them.
+    wake: nobody waits for the next message of those unless nothing is known of them for longer than their deadline.
     """
     if IN_CHARGE[robot.phase] is Site.CLOUD:
         return True
     gate, settings = robot.situation.gate, robot.settings
     reported_s = robot.situation.gate_s
-    charged_for_s = now_s - max(robot.charged_s, robot.started_us / 1e6)
-    due = {
-        i
-        for i, o in enumerate(robot.outputs)
-        if o.rated and not settings.activation_deadline_s < o.deadline_s >= charged_for_s
-    }
+    since_s = max(robot.charged_s, robot.started_us / 1e6)
+    due = {i for i, o in enumerate(robot.outputs) if o.rated}
+    due -= {one.index for one in _slow(robot) if not one.unseen(since_s, now_s)}
     if gate is not None:
         due -= set(gate.idle)
     if not due:
@@ -67,13 +78,14 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     gate_told = robot.situation.gate
     outputs_flow, outputs_heard = outputs_flow_now(robot, now_s), outputs_heard_now(robot, now_s)
     stop = next((v.message for v in wishes.reported(robot) if v.stops), "") if robot.vetoes else ""
-    silent = () if gate_told is None else gate_told.names(gate_told.robot_silent, robot.outputs)
+    silent = () if gate_told is None else gate_told.names(_silent(robot, gate_told, now_s), robot.outputs)
     cloud_while = _cloud_while(robot)
+    need = robot.preparation is not None and robot.preparation.need
     # All that the three levels are made of: they are put together only when they are given out.
     levels = (
         epoch, granted, cloud, settings.lease_s, in_charge, robot.epoch, robot.candidate if armed else 0,
         robot.phase is Phase.CLOUD, outputs_flow, outputs_heard, stop, silent,
-        robot.robot_while, cloud_while,
+        robot.robot_while, cloud_while, need,
     )  # fmt: skip
     if levels == robot.levels and now_s - robot.levels_s < settings.beat_period_s - 1e-6:
         return robot
@@ -83,7 +95,7 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     present = presence(robot.incarnation, cloud) if cloud else None
     current = charge(robot, IN_CHARGE[robot.phase], robot.epoch)
     gate = Gate(
-        robot.started_us, current, following, said_s=now_s, presence=present,
+        robot.started_us, current, following, said_s=now_s, presence=present, need=need,
         robot_while=robot.robot_while, cloud_while=cloud_while,
     )  # fmt: skip
     acting = Acting(

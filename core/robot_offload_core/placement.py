@@ -13,6 +13,7 @@ from robot_offload_core.links import Link
 from robot_offload_core.policies import Policy
 from robot_offload_core.reasons import Reason, Verdict
 from robot_offload_core.settings import InputSpec, OutputSpec, Settings
+from robot_offload_core.slow_outputs import SlowOutput, is_slow
 from robot_offload_core.token import Site, Token
 
 
@@ -191,7 +192,7 @@ class Robot:
         both_silent: the last preparation for need ended because the cloud's outputs were as silent as the robot's.
         situation: everything heard besides the link, see Situation.
         nodes_ready: the robot's CORE nodes are Active.
-        outputs: from the configuration, as the collector numbers them.
+        outputs: from the configuration, as the collector numbers them. slow: what is known of them (slow_outputs.py).
         duplicated: the robot has duplicated nodes; without any there is nothing to change over.
         hot: its duplicated CORE nodes are Hot, so it can go on at once. early: see Early.
         robot_while: the outputs, by index, whose `while` is true on the robot.
@@ -227,6 +228,7 @@ class Robot:
     early: Early = Early()
     robot_while: tuple[int, ...] = ()
     outputs: tuple[OutputSpec, ...] = ()
+    slow: tuple[SlowOutput, ...] = ()
     clear_s: float | None = None
     vetoes: tuple[Vetoed, ...] = ()
     pin: Wish | None = None
@@ -246,10 +248,11 @@ class Robot:
         """Epoch of the side that gets ready; 0 for none."""
         return 0 if self.preparation is None else self.preparation.candidate
 
-    @property
-    def slowest_output_s(self) -> float:
-        """The longest deadline of a rated output; 0 when none is rated."""
-        return max((o.deadline_s for o in self.outputs if o.rated), default=0.0)
+    def slowest_output_s(self, *, prompt: bool = False) -> float:
+        """Returns the longest deadline of a rated output, or of those that are not slow; 0 without any."""
+        bound_s = self.settings.activation_deadline_s
+        judged = (o for o in self.outputs if o.rated and not (prompt and is_slow(o, bound_s)))
+        return max((o.deadline_s for o in judged), default=0.0)
 
     def judged_s(self, now_s: float) -> float:
         """Returns as of when silence is judged: the last Tick, or the newest beat that was taken since.
@@ -310,11 +313,13 @@ class NodesReported:
         ready: the robot's duplicated CORE nodes are Active.
         duplicated: there are duplicated nodes at all.
         hot: the duplicated CORE nodes are Hot.
+        asleep: rated outputs, by index, whose node is known and not Active.
     """
 
     ready: bool
     duplicated: bool = True
     hot: bool = False
+    asleep: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

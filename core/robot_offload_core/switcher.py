@@ -8,7 +8,17 @@ has to go back. What the shell keeps up (permission, gate, acting) is a level, t
 
 from __future__ import annotations
 
-from robot_offload_core import changeovers, early, handing, levels, links, policies, stalls, wishes
+from robot_offload_core import (
+    changeovers,
+    early,
+    handing,
+    levels,
+    links,
+    policies,
+    slow_outputs,
+    stalls,
+    wishes,
+)
 from robot_offload_core.beats import CloudReport
 from robot_offload_core.change import replace
 from robot_offload_core.checks import require
@@ -113,7 +123,8 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
             data = replace(robot.situation, data_connected=event.connected, data_heard_s=heard_s)
             robot = replace(robot, situation=replace(data, data_cloud=event.cloud, data_s=now_s))
         case NodesReported():
-            robot = replace(robot, nodes_ready=event.ready, duplicated=event.duplicated, hot=event.hot)
+            slow = slow_outputs.wake(robot.slow, event.asleep, now_s)
+            robot = replace(robot, nodes_ready=event.ready, duplicated=event.duplicated, hot=event.hot, slow=slow)
         case WhileReported():
             robot = replace(robot, robot_while=event.outputs)
         case Vetoed():
@@ -163,7 +174,8 @@ def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
 
 
 def _gate_reported(robot: Robot, report: GateReport, now_s: float, commands: list[Command]) -> Robot:
-    robot = replace(robot, situation=replace(robot.situation, gate=report, gate_s=now_s))
+    slow = slow_outputs.see(robot.slow, report.robot_flowing, now_s)
+    robot = replace(robot, situation=replace(robot.situation, gate=report, gate_s=now_s), slow=slow)
     charge = report.charge
     # Also after a preparation was called off: the collector may have changed over just before it heard of that.
     if charge is not None and charge.token.robot == robot.incarnation and charge.token.epoch > robot.epoch:
@@ -279,6 +291,8 @@ def _move_to_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: list[
             fault = handing.pending(robot, preparation) or fault
     if fault is not None:
         return changeovers.call_off(robot, Phase.ROBOT, fault, now_s, commands)
+    if _unable(robot, now_s):
+        preparation = replace(preparation, need=True)  # whatever it was begun for
     armed = ready and handing.may_arm(robot, preparation, verdict, now_s)
     preparation = replace(preparation, armed=armed, offered=preparation.offered or armed)
     return replace(robot, preparation=preparation)
@@ -319,15 +333,18 @@ def _in_need(robot: Robot, verdict: Verdict, now_s: float) -> bool:
     Retries grow, but not those of a robot that stands still: unless the cloud's outputs were as silent as the robot's.
     Then there may be nothing to do, and to wake the cloud's nodes each second would not help.
     """
-    since_s = robot.fell_at_s
-    if since_s is None or not robot.duplicated:
-        return False
-    if now_s - max(since_s, robot.charged_s) <= robot.settings.activation_deadline_s:
+    if not _unable(robot, now_s) or not robot.duplicated:
         return False
     if verdict.site is Site.ROBOT and not verdict.reason.yields_to_need:
         return False
     hurried_s = robot.retry_s if robot.both_silent else robot.since_s + changeovers.RETRY_FIRST_S
     return now_s >= min(robot.retry_s, hurried_s)
+
+
+def _unable(robot: Robot, now_s: float) -> bool:
+    """Whether the robot has not been able to act for longer than its nodes may take."""
+    since_s = robot.fell_at_s
+    return since_s is not None and now_s - max(since_s, robot.charged_s) > robot.settings.activation_deadline_s
 
 
 def _observe_only(robot: Robot, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -46,7 +47,7 @@ class StatefulNode(LifecycleNode):
         """Publishes what a replica has to know; does nothing while the node is not Active."""
         if self._acting:
             self._said = True
-            self._state.publish(UInt8MultiArray(data=pack(version, data)))
+            self._state.publish(UInt8MultiArray(data=array("B", pack(version, data))))
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Takes the newest snapshot, if there is one."""

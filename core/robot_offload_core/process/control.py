@@ -41,7 +41,8 @@ class ControlProcess(ABC):
     """Base of both sides.
 
     Attributes:
-        guardian: state of its machine. told_ready: the readiness of this side's nodes that was taken into account.
+        guardian: state of its machine. told_ready: the readiness of this side's nodes that was taken into account,
+            told_asleep: with these outputs' nodes asleep.
         occasions: outputs, by index, whose `while.topic` arrives here. executing: actions that the relay says this side
             executes, at relay_s.
         witness: sees every step of the machines; None: nobody does.
@@ -58,6 +59,7 @@ class ControlProcess(ABC):
         self._idle: Guardian | None = None
         self._idle_until_s = 0.0
         self.told_ready: bool | None = None
+        self.told_asleep: tuple[int, ...] = ()
         self.told_sustained = 0
         self._outputs = outputs
         self._published = tuple(zip(outputs, publishers))  # noqa: B905 - publishers may be unknown
@@ -86,14 +88,18 @@ class ControlProcess(ABC):
         if self.guardian is self._checked:
             return
         self._checked = self.guardian
-        ready = self.is_ready()
-        if ready is not self.told_ready:
-            self.told_ready = ready
+        ready, asleep = self.is_ready(), self.asleep()
+        if (ready, asleep) != (self.told_ready, self.told_asleep):
+            self.told_ready, self.told_asleep = ready, asleep
             self.ready_changed(ready)
 
     def is_ready(self) -> bool:
         """Returns whether this side's CORE nodes are Active."""
         return guardians.is_ready(self.guardian)
+
+    def asleep(self) -> tuple[int, ...]:
+        """Returns the rated outputs, by index, whose node is known and not Active; where that matters, on the robot."""
+        return ()
 
     def note_flowing(self, outputs: tuple[int, ...]) -> None:
         """Takes which rated outputs of this side flow: their nodes live, however long they take to answer."""

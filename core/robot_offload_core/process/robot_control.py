@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from robot_offload_core import guardians, handing, health, managed_nodes, placement, switcher
+from robot_offload_core import guardians, handing, health, managed_nodes, placement, slow_outputs, switcher
 from robot_offload_core.availability import Available, available
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
@@ -102,7 +102,8 @@ class RobotControlProcess(ControlProcess):
         self.robot = Robot(
             incarnation, started_us, meanwhile(plan.settings, plan.asked), plan.inputs,
             since_s=started_s, charged_s=started_s, pin=plan.pin, asked=plan.asked,
-            outputs=plan.outputs, handing=placement.Handing(served=plan.has_relay, kept=plan.has_state),
+            outputs=plan.outputs, slow=slow_outputs.start(plan.outputs),
+            handing=placement.Handing(served=plan.has_relay, kept=plan.has_state),
         )  # fmt: skip
         self.settings = plan.asked
         self.strict = plan.strict
@@ -256,12 +257,17 @@ class RobotControlProcess(ControlProcess):
             found += [f"{reason}: {message}" for reason, message in self.relay_status.lacking]
         return (managed_nodes.NodeEvent.DEGRADED, "; ".join(found)) if found else None
 
+    def asleep(self) -> tuple[int, ...]:
+        """Returns the rated outputs, by index, whose node is known and not Active."""
+        active = self._active()
+        return tuple(i for i, (o, name) in enumerate(self._published) if o.rated and name and name not in active)
+
     def ready_changed(self, ready: bool) -> None:
         """Takes the changed readiness of the robot's nodes."""
         specs = [n.spec for n in self.guardian.nodes if n.spec.duplicated]
         core = [spec for spec in specs if spec.core] or specs
         hot = bool(core) and all(spec.hot for spec in core)
-        self.step(placement.NodesReported(ready, bool(specs), hot))
+        self.step(placement.NodesReported(ready, bool(specs), hot, self.told_asleep))
 
     # -- commands out -------------------------------------------------------------------------------------------------
 

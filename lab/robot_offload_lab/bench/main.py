@@ -19,12 +19,12 @@ from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.bench import link_table
 from robot_offload_lab.bench.analysis import links
 from robot_offload_lab.bench.groups import detect as detection
-from robot_offload_lab.bench.groups import experiment
+from robot_offload_lab.bench.groups import experiment, keeping
 from robot_offload_lab.bench.groups import lifecycle as transitions
 from robot_offload_lab.bench.options import OUT, Common, FolderOfDocs, Out, measurement
 from robot_offload_lab.bench.plan import Amounts
 from robot_offload_lab.bench.results import PRIORITIES, Priority
-from robot_offload_lab.bench.session import HOT, SWITCH, WIDTH, BenchSession, Group
+from robot_offload_lab.bench.session import HANDOVER, HOT, SWITCH, WIDTH, BenchSession, Group
 from robot_offload_lab.bench.store import Store
 
 HELP: Final = (
@@ -39,6 +39,7 @@ EXAMPLES: Final = (
     "robot-offload bench weight --seconds 60 --against v0.1.0",
     "robot-offload bench all --quick --docs docs --resume",
 )
+STATE_CASES: Final = tuple(case.name for case in keeping.CASES)
 LIFECYCLE_CASES: Final = tuple(case.name for case in transitions.CASES)
 app = typer.Typer(
     help=HELP,
@@ -145,13 +146,23 @@ def collector(
 def handover(
     common: Common,
     *,
+    only: Only = None,
     switches: Annotated[int | None, typer.Option(min=1, help="Commanded switches, 3 goals alive at each.")] = None,
     cuts: Annotated[int | None, typer.Option(min=1, help="Sudden cuts, 3 goals alive at each.")] = None,
+    mirror_cuts: Annotated[int | None, typer.Option(min=1, help="Cuts with goals that both sides execute.")] = None,
+    state_cuts: Annotated[int | None, typer.Option(min=1, help="Cuts with snapshots of each size.")] = None,
+    case: Annotated[list[str] | None, _case(STATE_CASES)] = None,
 ) -> None:
-    """Goals and service calls of a stock client through switches, cuts and a killed relay, beside the direct path."""
+    """Goals, calls and state through switches, cuts and a killed relay: idle, beside a load, Hot with mirrors."""
     chosen = common.amounts
-    amounts = replace(chosen, switches=switches or chosen.switches, cuts=cuts or chosen.cuts)
-    _run(common, [Group.HANDOVER], amounts)
+    amounts = replace(
+        chosen,
+        switches=switches or chosen.switches,
+        cuts=cuts or chosen.cuts,
+        mirror_cuts=mirror_cuts or chosen.mirror_cuts,
+        state_cuts=state_cuts or chosen.state_cuts,
+    )
+    _run(common, only or HANDOVER, amounts, case, STATE_CASES)
 
 
 @app.command()

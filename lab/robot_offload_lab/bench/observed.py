@@ -110,13 +110,36 @@ class CallAnswered(Record):
     success: bool
 
 
+@dataclass(frozen=True)
+class Woken(Record):
+    """A node with state is being activated."""
+
+    t_s: float
+
+
+@dataclass(frozen=True)
+class SnapshotTaken(Record):
+    """A node with state took a snapshot of `size` bytes that its replica had made at made_s."""
+
+    t_s: float
+    made_s: float
+    size: int
+
+
+@dataclass(frozen=True)
+class FirstOutput(Record):
+    """A node with state published for the first time since it woke."""
+
+    t_s: float
+
+
 Observation: TypeAlias = (
     PlacementChange | Transition | Answered | BeatHeard | Departed | Reached | Hop | GoalAnswered | GoalFeedback
-    | GoalEnded | CallAnswered
+    | GoalEnded | CallAnswered | Woken | SnapshotTaken | FirstOutput
 )  # fmt: skip
 _KINDS: Final[tuple[type[Record], ...]] = (
     PlacementChange, Transition, Answered, BeatHeard, Departed, Reached, Hop, GoalAnswered, GoalFeedback, GoalEnded,
-    CallAnswered,
+    CallAnswered, Woken, SnapshotTaken, FirstOutput,
 )  # fmt: skip
 LINES: Final = Lines[Any]({kind.__name__.lower(): kind for kind in _KINDS})
 """How observations are written and read."""

@@ -32,7 +32,7 @@ CHAPTERS: Final = (
     ("switch", "Switching", ("commanded", "cuts", "alarms", "latency", "resources")),
     ("detect", "Detection", ("detect",)),
     ("collector", "Collector", ("collector",)),
-    ("handover", "Handover", ("handover",)),
+    ("handover", "Handover", ("handover", "loaded", "mirrored", "keeping")),
     ("hot", "Hot standby", ("hot", "silence")),
 )
 """Command, title, groups: the order of the page."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,7 @@ class Amounts:
         rounds: of activating and deactivating.
         detections: cuts in each case of detection. quiet_s: seconds without a cut before them.
         stage_s: length of each stage of size and rate in front of the collector, seconds.
+        mirror_cuts: cuts with goals that both sides execute. state_cuts: cuts with snapshots of each size.
         hot_switches, hot_cuts: commanded ones and cuts between Hot sides. hot_minutes: of watching for false takeovers.
     """
 
@@ -46,6 +48,8 @@ class Amounts:
     detections: int
     quiet_s: float
     stage_s: float
+    mirror_cuts: int
+    state_cuts: int
     hot_switches: int
     hot_cuts: int
     hot_minutes: float
@@ -54,12 +58,14 @@ class Amounts:
 QUICK: Final = Amounts(
     form="short", switches=20, cuts=4, one_way=1, long_cuts=1, stretches=1, minutes=0.4, latency_s=12.0,
     resources_s=10.0, messages=80, rounds=30, detections=3, quiet_s=15.0, stage_s=2.0,
+    mirror_cuts=5, state_cuts=8,
     hot_switches=6, hot_cuts=5, hot_minutes=0.4,
 )  # fmt: skip
 """Everything with real-time priority within 10 minutes."""
 FULL: Final = Amounts(
     form="long", switches=1000, cuts=100, one_way=20, long_cuts=20, stretches=3, minutes=10.0, latency_s=60.0,
     resources_s=60.0, messages=600, rounds=300, detections=30, quiet_s=300.0, stage_s=10.0,
+    mirror_cuts=200, state_cuts=200,
     hot_switches=100, hot_cuts=200, hot_minutes=60.0,
 )  # fmt: skip
 """The numbers of the table."""
@@ -119,6 +125,10 @@ class Order:
     def serving(self, name: str) -> Setting:
         """Returns the same with a client of actions and services."""
         return replace(self.setting(name), goals=True)
+
+    def loaded(self, name: str) -> Setting:
+        """Returns the same with a process on each processor that never rests, at normal priority."""
+        return replace(self.serving(name), load=os.cpu_count() or 1)
 
     def timing(self, name: str) -> Setting:
         """Returns the same with everything that latencies are compared with."""

@@ -13,6 +13,7 @@ MESSAGE_TYPE: Final = "sensor_msgs/msg/CompressedImage"
 COMMAND: Final = "/bench/command"
 NODE: Final = "replica"
 ACTION: Final = {"name": "/bench/count", "type": "test_msgs/action/Fibonacci", "onSwitch": "Resend"}
+LARGEST: Final = "16Mi"
 SERVICE: Final = {"name": "/bench/ask", "type": "std_srvs/srv/Trigger", "mode": "Idempotent"}
 
 
@@ -52,7 +53,8 @@ class BenchCase:
         switching: further settings of `spec.switching`.
         output: further settings of the output.
         standby: of the robot's replica; cloud_standby: of the cloud's.
-        serves: the replica has an action and a service.
+        serves: the replica has an action and a service. mirrors: its goals go to the standby too.
+        state_bytes: size of the replica's snapshots; 0: it has none. state_rate_hz: how many it makes.
     """
 
     name: str
@@ -68,6 +70,9 @@ class BenchCase:
     standby: str = "Warm"
     cloud_standby: str = "Warm"
     serves: bool = False
+    mirrors: bool = False
+    state_bytes: int = 0
+    state_rate_hz: float = 10.0
 
     @property
     def robot_period_ms(self) -> float:
@@ -105,6 +110,7 @@ def _document(case: BenchCase) -> dict[str, Any]:
                     "cloudPeriod": f"{1000.0 / case.cloud_rate_hz:.0f}ms",
                     "tolerance": f"{case.tolerance_ms}ms",
                 },
+                **({"maxMessageSize": LARGEST} if case.state_bytes else {}),
                 **dict(case.switching),
             },
         },
@@ -117,17 +123,25 @@ def _topic(sensor: Sensor) -> dict[str, Any]:
 
 
 def _replica(case: BenchCase) -> dict[str, Any]:
-    served = {"actions": [ACTION], "services": [SERVICE]} if case.serves else {}
-    module = "goal_server" if case.serves else "replica"
+    more: dict[str, Any] = {}
+    kept: dict[str, Any] = {}
+    module = "replica"
+    if case.serves:
+        module = "goal_server"
+        more = {"actions": [{**ACTION, "mirror": case.mirrors}], "services": [SERVICE]}
+    if case.state_bytes:
+        module = "keeper"
+        more = {"state": [{"snapshot": True, "maxAge": "10s", "maxSize": LARGEST}]}
+        kept = {"state_bytes": case.state_bytes, "state_hz": case.state_rate_hz}
     return {
-        **served,
+        **more,
         "name": NODE,
         "placement": "Duplicated",
         "core": True,
         "standby": {"robot": case.standby, "cloud": case.cloud_standby},
         "run": {
             "command": ["python3", "-m", f"robot_offload_lab.bench.parts.{module}"],
-            "parameters": {"rate_hz": case.robot_rate_hz, "payload_bytes": list(case.command_bytes)},
+            "parameters": {"rate_hz": case.robot_rate_hz, "payload_bytes": list(case.command_bytes), **kept},
             "cloudParameters": {"rate_hz": case.cloud_rate_hz},
         },
         "outputs": [{"topic": COMMAND, "type": MESSAGE_TYPE, "rate": case.robot_rate_hz, **dict(case.output)}],

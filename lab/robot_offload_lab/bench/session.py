@@ -31,6 +31,7 @@ from robot_offload_lab.bench.groups import (
     experiment,
     handover,
     hot,
+    keeping,
     latency,
     lifecycle,
     resources,
@@ -61,6 +62,9 @@ class Group(StrEnum):
     RESOURCES = "resources"
     DETECT = "detect"
     HANDOVER = "handover"
+    LOADED = "loaded"
+    MIRRORED = "mirrored"
+    KEEPING = "keeping"
     HOT = "hot"
     SILENCE = "silence"
 
@@ -84,9 +88,13 @@ WORK: Final = {
     Group.RESOURCES: Work(resources.run, resources.steps),
     Group.DETECT: Work(detect.run, detect.steps),
     Group.HANDOVER: Work(handover.run, handover.steps),
+    Group.LOADED: Work(handover.run_loaded, handover.steps),
+    Group.MIRRORED: Work(handover.run_mirrored, handover.steps_mirrored),
+    Group.KEEPING: Work(keeping.run, keeping.steps),
     Group.HOT: Work(hot.run, hot.steps),
     Group.SILENCE: Work(silence.run, silence.steps),
 }
+HANDOVER: Final = (Group.HANDOVER, Group.LOADED, Group.MIRRORED, Group.KEEPING)
 HOT: Final = (Group.HOT, Group.SILENCE)
 SWITCH: Final = (Group.COMMANDED, Group.CUTS, Group.ALARMS, Group.LATENCY, Group.RESOURCES)
 

@@ -21,6 +21,9 @@ TITLES: Final = {
     "detect": "Noticing a lost link",
     "collector": "The collector",
     "handover": "Goals and services",
+    "loaded": "Goals and services beside a load",
+    "mirrored": "Goals that both sides execute",
+    "keeping": "State",
     "hot": "Hot standby",
     "silence": "False takeovers by silence",
 }

@@ -55,6 +55,7 @@ INPUT_RECORDER: Final = "input-recorder"
 DIRECT_TOPIC: Final = "/bench/direct"
 RELAY: Final = "hop"
 GOAL_CLIENT: Final = "goal-client"
+LOAD: Final = "load"
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ class Setting:
         hops: with datagrams of our own through the wire.
         latency: with these, a recorder in the cloud, and a direct publisher beside the carried one.
         goals: with a client of actions and services, and servers that it reaches directly.
+        load: so many processes that never rest, at normal priority.
         offload: the resource, where it is not the case's own.
         agents: tree of the repository whose agents run; None: this one's.
         beats: the witnesses listen to the beats, which costs the agents their publishing.
@@ -83,6 +85,7 @@ class Setting:
     hops: bool = False
     latency: bool = False
     goals: bool = False
+    load: int = 0
     offload: RobotOffload | None = None
     agents: Path | None = None
     beats: bool = True
@@ -270,7 +273,7 @@ class MeasuredSystem:
 
     def _priority(self, program: Program) -> int:
         """Agents ask for theirs themselves."""
-        if program.name.endswith("-agent"):
+        if program.name.endswith("-agent") or program.name.startswith(LOAD):
             return 0
         if program.folder == self.system.source and program.name.startswith(("robot-", "cloud-")):
             return NODE_PRIORITY if self.setting.realtime else 0
@@ -290,7 +293,12 @@ class MeasuredSystem:
                 self._program(GOAL_CLIENT, "goal_client", "robot", path, piped=True),
                 self._program("direct-server", "goal_server", "robot", "/direct"),
             ]
+        found += [self._restless(number) for number in range(self.setting.load)]
         return found
+
+    def _restless(self, number: int) -> Program:
+        command = (sys.executable, "-c", "while True: pass")
+        return Program(f"{LOAD}-{number}", command, self.system.temporary, environment(self.system, "robot"))
 
     @property
     def _hops(self) -> bool:

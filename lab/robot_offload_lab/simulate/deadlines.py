@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from robot_offload_core import placement, policies
 from robot_offload_core.guardians import INHIBIT_PERIOD_S
-from robot_offload_core.managed_nodes import State
+from robot_offload_core.managed_nodes import READ_PERIOD_S, State
 from robot_offload_core.settings import Mode
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message
@@ -127,7 +127,8 @@ class Deadlines(Promises):
         is no excuse. A collector that gets its processor in slices sees the silence one slice later. A driver that
         restarted counts from then, plus the period in which a standing inhibit is repeated; a driver that was released
         may wait for the next message of the slower side. An output that is slower than nodes wake has its deadline from
-        the changeover on. Stopped or dead, control can inhibit nobody: there the driver's dead man is the stop.
+        the changeover on, and from the return of its node. Stopped or dead, control can inhibit nobody: there the
+        driver's dead man is the stop.
         """
         driver, now = self.run.driver, self.world.now
         if driver.inhibited and placement.IN_CHARGE[robot.phase] is Site.CLOUD and not self.stands_for_rival():
@@ -142,7 +143,7 @@ class Deadlines(Promises):
         for index, deadline_s in self.rated:
             since_s = max(base_s, self.lanes[index].passed_s)
             if index not in self.prompt:  # speaks one of its periods after its side took over
-                since_s = max(since_s, self.charged_s)
+                since_s = max(since_s, self.charged_s, self._returned_s(index))
             silent_s = now - since_s
             limit_s = (
                 max(deadline_s, self.settings.loss_timeout_s)
@@ -153,6 +154,11 @@ class Deadlines(Promises):
             )
             if silent_s > limit_s and now - driver.released_s > self.settings.slower_period_s + self.reaction_s:
                 self.violated("3b", f"output {index} is silent for {silent_s * 1e3:.0f} ms, the driver not inhibited")
+
+    def _returned_s(self, index: int) -> float:
+        """Returns when the robot's node of an output has been awake again after its last start, seen by a read."""
+        node = self.run.robot.nodes.get(self.run.scenario.publishers[index])
+        return -1.0 if node is None else node.running_since_s + READ_PERIOD_S
 
     def _check_order(self, robot: placement.Robot) -> None:
         """Invariant 5: with nothing wrong for 8 s exactly one side acts, and the cloud is used again.

@@ -771,7 +771,49 @@ MUTANTS: dict[str, Mutant] = {
     "S25": Mutant(
         "slow outputs hold the driver after nodes that woke late",
         "slow_outputs_hold_nobody",
-        (Edit("levels", " and not settings.activation_deadline_s < o.deadline_s >= charged_for_s\n", "\n"),),
+        (Edit("levels", "    due -= {one.index for one in _slow(robot) if not one.unseen(since_s, now_s)}\n", ""),),
+    ),
+    "S27": Mutant(
+        "a robot that cannot act waits for a slow output of the cloud",
+        "need_waits_for_no_slow_output",
+        (
+            Edit(
+                "collectors",
+                "held = not (collector.need and slow_outputs.is_slow(output.spec, collector.activation_s))",
+                "held = True",
+            ),
+        ),
+    ),
+    "S28": Mutant(
+        "a robot that falls while the cloud gets ready is no need",
+        "need_waits_for_no_slow_output",
+        (Edit("switcher", "    if _unable(robot, now_s):\n        preparation", "    if False:\n        preparation"),),
+    ),
+    "S29": Mutant(
+        "a slow output of the cloud has no deadline from the changeover on",
+        "need_waits_for_no_slow_output",
+        (Edit("collectors", "cloud_s = None if acts else collector.acts_s", "cloud_s = None"),),
+    ),
+    "S30": Mutant(
+        "the return of a node gives its slow output no deadline",
+        "returned_nodes_are_released_before_their_slow_output_speaks",
+        (Edit("levels", "if one.excused(now_s)", "if False"),),
+    ),
+    "S31": Mutant(
+        "each return of a node gives its slow output a deadline",
+        "returning_again_earns_no_second_deadline",
+        (
+            Edit(
+                "slow_outputs",
+                "returns = one.asleep and not asleep and one.seen_s > one.woken_s",
+                "returns = one.asleep and not asleep",
+            ),
+        ),
+    ),
+    "S32": Mutant(
+        "a slow output holds a driver that was stopped for the collector",
+        "collector_that_returns_waits_for_no_slow_output",
+        (Edit("slow_outputs", "max(since_s, self.seen_s, self.woken_s)", "max(since_s, self.woken_s)"),),
     ),
     "S26": Mutant(
         "silence is judged before all that waits was read",

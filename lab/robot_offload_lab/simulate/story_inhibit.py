@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from robot_offload_core.placement import Phase, Veto, Vetoed
 from robot_offload_core.reasons import Reason
@@ -10,7 +11,7 @@ from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.scenario import Replica
 from robot_offload_lab.simulate.stage import Stage
-from robot_offload_lab.simulate.story_nodes import TWO
+from robot_offload_lab.simulate.story_nodes import FOREVER_S, TWO
 
 Fall = Callable[[Stage], None]
 """Lets a process of the robot stand still or die for a second."""
@@ -112,6 +113,78 @@ def slow_outputs_hold_nobody() -> None:
     stage.until(lambda: not stage.driver.inhibited, 2.0, "a slow output holds the driver")
 
 
+def _slow_arm(**changes: Any) -> Stage:
+    """Returns a stage whose arm speaks each 5 s, from its activation on, and may be silent for 12 s."""
+    slow: dict[str, Any] = TWO | {
+        "outputs": (OutputSpec("cmd_vel", 0.15), OutputSpec("arm", 12.0)),
+        "replicas": {"controller": Replica(0, 0.05), "arm": Replica(1, 5.0, on_activate=True)},
+    }
+    return Stage(**slow | changes)
+
+
+def _arm_is_dead(stage: Stage) -> None:
+    """Lets the arm's node be dead for longer than its output may be silent."""
+    stage.robot.nodes["arm"].kill(26.0)
+    stage.until(lambda: stage.driver.inhibited, 16.0, "a dead CORE node stops the driver")
+    stage.until(lambda: stage.robot.nodes["arm"].alive, 26.0, "it returns")
+
+
+def need_waits_for_no_slow_output() -> None:
+    """A robot that cannot act has the cloud in charge as soon as the fast outputs flow there."""
+    stage = _slow_arm()
+    stage.start()
+    stage.robot_acts()
+    stage.pin(Site.ROBOT)
+    stage.run(14.0)
+    stage.expect(stage.phase is Phase.ROBOT, "the robot is in charge")
+    stage.pin(None)
+    stage.robot.nodes["controller"].kill(FOREVER_S)
+    stage.until(lambda: stage.phase is Phase.CLOUD, 4.0, "the cloud acts for a robot that cannot")
+    stage.until(lambda: not stage.driver.inhibited, 1.0, "the driver follows it")
+    stage.always(lambda: stage.phase is Phase.CLOUD, 13.0, "the slow output speaks in time there")
+
+
+def returned_nodes_are_released_before_their_slow_output_speaks() -> None:
+    """A node whose slow output fell silent while it was dead has its deadline again from its return."""
+    stage = _slow_arm()
+    stage.start(cloud=False)
+    stage.robot_acts()
+    stage.run(14.0)
+    _arm_is_dead(stage)
+    stage.until(lambda: not stage.driver.inhibited, 3.0, "the slow output holds a driver whose nodes act again")
+    stage.run(1.0)
+    stage.hush("robot", "arm")
+    stage.until(lambda: stage.driver.inhibited, 13.0, "a slow output that never speaks stops the driver")
+
+
+def returning_again_earns_no_second_deadline() -> None:
+    """A node that returns again and again without a message of its slow output does not let the robot go on."""
+    stage = _slow_arm()
+    stage.start(cloud=False)
+    stage.robot_acts()
+    stage.run(14.0)
+    for number in range(2):
+        _arm_is_dead(stage)
+        stage.hush("robot", "arm")
+        if number == 0:
+            stage.until(lambda: not stage.driver.inhibited, 3.0, "released at the first return")
+            stage.until(lambda: stage.driver.inhibited, 13.0, "silent since")
+    stage.always(lambda: stage.driver.inhibited, 4.0, "another return releases the driver")
+
+
+def collector_that_returns_waits_for_no_slow_output() -> None:
+    """The fast outputs release a driver that was stopped for the collector; the slow one was heard not long ago."""
+    for fall in (_hang, _die):
+        stage = _slow_arm()
+        stage.start(cloud=False)
+        stage.robot_acts()
+        stage.run(20.2)
+        fall(stage)
+        stage.until_inhibited(0.9, "without a collector the driver is inhibited")
+        driver = stage.driver
+        stage.until(lambda on=driver: not on.inhibited, 2.0, "the slow output holds the driver")  # type: ignore[misc]
+
+
 STORIES = (
     released_by_messages,
     released_by_messages_after_a_loss,
@@ -119,4 +192,8 @@ STORIES = (
     no_release_by_old_reports,
     restarted_control_releases_by_messages,
     slow_outputs_hold_nobody,
+    need_waits_for_no_slow_output,
+    returned_nodes_are_released_before_their_slow_output_speaks,
+    returning_again_earns_no_second_deadline,
+    collector_that_returns_waits_for_no_slow_output,
 )

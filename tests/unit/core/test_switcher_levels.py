@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from robot_offload_core import switcher
+from robot_offload_core import slow_outputs, switcher
 from robot_offload_core.events import Acting, Tick
 from robot_offload_core.gates import GateReport
 from robot_offload_core.placement import GateReported, Permit, Phase, Robot, SetGate, SetPin, SwitchByHand, Wish
@@ -130,8 +130,34 @@ def test_outputs_count_as_heard_when_the_collector_passes_a_message_of_each(repo
 
 def test_outputs_that_are_slower_than_nodes_wake_have_a_deadline_for_their_first_message() -> None:
     told = situation(gate=gate_report(Site.ROBOT, 3, robot_flowing=(0,)))
-    assert heard(robot_in(outputs=OUTPUTS, charged_s=NOW_S - 39.0, situation=told))
-    assert not heard(robot_in(outputs=OUTPUTS, charged_s=NOW_S - 41.0, situation=told))
+    slow = slow_outputs.start(OUTPUTS)
+    assert heard(robot_in(outputs=OUTPUTS, slow=slow, charged_s=NOW_S - 39.0, situation=told))
+    assert not heard(robot_in(outputs=OUTPUTS, slow=slow, charged_s=NOW_S - 41.0, situation=told))
+
+
+def test_a_slow_output_that_was_seen_not_long_ago_is_heard_although_the_collector_has_none() -> None:
+    told = situation(gate=gate_report(Site.ROBOT, 3, robot_flowing=(0,)))
+    seen = slow_outputs.see(slow_outputs.start(OUTPUTS), (2,), NOW_S - 39.0)
+    assert heard(robot_in(outputs=OUTPUTS, slow=seen, charged_s=NOW_S - 60.0, situation=told))
+    seen = slow_outputs.see(seen, (2,), NOW_S - 41.0)
+    assert not heard(robot_in(outputs=OUTPUTS, slow=seen, charged_s=NOW_S - 60.0, situation=told))
+
+
+@pytest.mark.parametrize(("woken_s", "flows"), [(NOW_S - 39.0, True), (NOW_S - 41.0, False)])
+def test_a_slow_output_is_not_silent_before_its_node_had_its_deadline_again(woken_s: float, flows: bool) -> None:
+    told = situation(gate=gate_report(Site.ROBOT, 3, robot_flows=False, robot_flowing=(0,), robot_silent=(2,)))
+    slow = slow_outputs.see(slow_outputs.start(OUTPUTS), (2,), NOW_S - 100.0)
+    slow = slow_outputs.wake(slow_outputs.wake(slow, (2,), NOW_S - 90.0), (), woken_s)
+    assert flow(robot_in(outputs=OUTPUTS, slow=slow, charged_s=NOW_S - 200.0, situation=told)) is flows
+
+
+def test_a_second_return_of_a_node_without_a_message_between_earns_no_second_deadline() -> None:
+    slow = slow_outputs.see(slow_outputs.start(OUTPUTS), (2,), NOW_S - 100.0)
+    for returned_s in (NOW_S - 41.0, NOW_S - 1.0):
+        slow = slow_outputs.wake(slow_outputs.wake(slow, (2,), returned_s - 1.0), (), returned_s)
+    assert not slow[-1].excused(NOW_S)
+    slow = slow_outputs.wake(slow_outputs.wake(slow_outputs.see(slow, (2,), NOW_S), (2,), NOW_S), (), NOW_S)
+    assert slow[-1].excused(NOW_S)
 
 
 def test_an_old_report_of_the_collector_proves_no_message() -> None:

@@ -28,6 +28,10 @@ from robot_offload_lab.bench.results import (
 )
 
 GROUP: Final = "handover"
+MIRRORED: Final = "mirrored"
+MIRROR_MUST_MS: Final = 60.0
+MIRROR_AIM_MS: Final = 30.0
+"""Beyond a period of the rated output whose silence is the loss."""
 SUCCEEDED: Final = 4
 WORDS: Final = {"commanded": "a commanded switch", "cut": "a sudden cut", "killed": "the end of the robot's relay"}
 PATHS: Final = {"direct": "direct", "robot": "the robot holds", "cloud": "the cloud holds"}
@@ -112,21 +116,39 @@ def faults(account: HandoverAccount) -> tuple[int, dict[str, int]]:
     }
 
 
-def outcome(case: BenchCase, priority: Priority, account: HandoverAccount) -> GroupResult:
-    """Returns the figures of a run."""
+def outcome(group: str, case: BenchCase, priority: Priority, account: HandoverAccount) -> GroupResult:
+    """Returns the figures of a run: of a group, because it is measured idle and with load."""
     return GroupResult(
-        GROUP, priority, tuple(_figures(case, account)), parts(_parts(account)), tuple(_samples(account))
+        group, priority, tuple(_figures(case, account)), parts(_parts(account)), tuple(_samples(account))
     )
+
+
+def mirrored(case: BenchCase, priority: Priority, account: HandoverAccount) -> GroupResult:
+    """Returns the figures of a run of cuts in which both sides execute each goal."""
+    gaps = gaps_ms(account, "cut")
+    gap = Figure(
+        "gap_cut", "Feedback gap of a mirrored goal at a sudden cut, Hot, p99", case.describe(), case.tolerance_ms,
+        len(gaps), at_or_none(gaps, 0.99), "ms", case.robot_period_ms + MIRROR_MUST_MS,
+        case.robot_period_ms + MIRROR_AIM_MS, note=f"a message each 20 ms; median {at_or_none(gaps, 0.5) or 0:.0f} ms",
+    )  # fmt: skip
+    samples = tuple({"what": "gap cut", "number": n, "ms": round(ms, 3)} for n, ms in enumerate(gaps, start=1))
+    distribution = part("longest feedback gap at a sudden cut, mirrored", "ms", gaps)
+    return GroupResult(MIRRORED, priority, (_faults(case, account), gap), parts([distribution]), samples)
+
+
+def _faults(case: BenchCase, account: HandoverAccount) -> Figure:
+    count, found = faults(account)
+    note = ", ".join(f"{number} {name}" for name, number in found.items())
+    what = " and ".join(WORDS[kind] for kind in dict.fromkeys(moment.kind for moment in account.moments))
+    return Figure(
+        "faults", "Goals lost, doubled or with a wrong result", case.describe(), case.tolerance_ms, count,
+        sum(found.values()), "messages", 0, 0, note=f"{note} of {count} goals through {what}",
+    )  # fmt: skip
 
 
 def _figures(case: BenchCase, account: HandoverAccount) -> Iterator[Figure]:
     where = case.describe(), case.tolerance_ms
-    count, found = faults(account)
-    note = ", ".join(f"{number} {name}" for name, number in found.items())
-    yield Figure(
-        "faults", "Goals lost, doubled or with a wrong result", *where, count, sum(found.values()), "messages", 0, 0,
-        note=f"{note} of {count} goals through switches, cuts and a killed relay",
-    )  # fmt: skip
+    yield _faults(case, account)
     for name in ("robot", "cloud"):
         times = accepted_ms(account, name)
         yield Figure(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import random
 import signal
@@ -9,15 +10,20 @@ from typing import Final
 
 from robot_offload_lab.bench.analysis import handover
 from robot_offload_lab.bench.analysis.handover import HandoverAccount, Moment, Phase
+from robot_offload_lab.bench.groups.hot import CASE as HOT
+from robot_offload_lab.bench.groups.hot import LEARN_S
 from robot_offload_lab.bench.plan import Amounts, Order
 from robot_offload_lab.bench.resource import BenchCase
 from robot_offload_lab.bench.results import GroupResult
-from robot_offload_lab.bench.world import MeasuredSystem
+from robot_offload_lab.bench.world import MeasuredSystem, Setting
 from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 
 DELAY_MS: Final = 5
 CASE: Final = BenchCase("handover", LinkOptions(delay=f"{DELAY_MS}ms"), tolerance_ms=30, serves=True)
+MIRRORED: Final = dataclasses.replace(HOT, name="mirrored", serves=True, mirrors=True)
+"""Both sides execute each goal; the cloud comes back soon after a cut."""
+LOADED: Final = "loaded"
 PRODUCT, DIRECT = "/bench", "/direct"
 ALIVE: Final = 3
 """Goals alive at once."""
@@ -36,8 +42,34 @@ def steps(amounts: Amounts) -> float:
 
 def run(order: Order) -> GroupResult:
     """Measures acceptance and calls on each path, then switches, cuts and kills with goals alive."""
+    return handover.outcome(handover.GROUP, CASE, order.priority, _measure(order, order.serving(CASE.name)))
+
+
+def run_loaded(order: Order) -> GroupResult:
+    """Measures the same while every processor is busy with something else."""
+    return handover.outcome(LOADED, CASE, order.priority, _measure(order, order.loaded(LOADED)))
+
+
+def steps_mirrored(amounts: Amounts) -> float:
+    """For the progress bar."""
+    return amounts.mirror_cuts
+
+
+def run_mirrored(order: Order) -> GroupResult:
+    """Cuts the link while both sides execute the goals."""
     chance = random.Random(order.seed)
-    with MeasuredSystem(CASE, order.serving(CASE.name)) as world:
+    with MeasuredSystem(MIRRORED, order.serving(MIRRORED.name)) as world:
+        world.rest(LEARN_S)
+        moments = [_happen(world, "cut", chance) for _ in _counted(order, order.amounts.mirror_cuts)]
+        world.rest(1.0)  # a second result would come now
+        evidence = world.finish()
+    account = HandoverAccount((), tuple(moments), evidence.goals, 0.0, 2.0 * DELAY_MS)
+    return handover.mirrored(MIRRORED, order.priority, account)
+
+
+def _measure(order: Order, setting: Setting) -> HandoverAccount:
+    chance = random.Random(order.seed)
+    with MeasuredSystem(CASE, setting) as world:
         world.rest(2.0)  # discovery of the clients
         phases = [_ask(world, order, DIRECT, "direct")]
         for site in ("cloud", "robot"):
@@ -50,8 +82,7 @@ def run(order: Order) -> GroupResult:
         world.rest(1.0)  # a second result would come now
         evidence = world.finish()
         loss_ms = world.system.spec.switching.loss_timeout_ms
-    account = HandoverAccount(tuple(phases), tuple(moments), evidence.goals, loss_ms, 2.0 * DELAY_MS)
-    return handover.outcome(CASE, order.priority, account)
+    return HandoverAccount(tuple(phases), tuple(moments), evidence.goals, loss_ms, 2.0 * DELAY_MS)
 
 
 def _counted(order: Order, count: int) -> range:

@@ -1,10 +1,19 @@
 import pytest
 
 from robot_offload_core.settings import Settings
-from robot_offload_lab.bench.groups import alarms, commanded, cuts, latency, resources
+from robot_offload_lab.bench.groups import alarms, commanded, cuts, handover, keeping, latency, resources
 from robot_offload_lab.bench.resource import BenchCase, offload
 
-CASES = (alarms.CASE, commanded.CASE, cuts.CASE, latency.CASE, resources.CASE)
+CASES = (
+    alarms.CASE,
+    commanded.CASE,
+    cuts.CASE,
+    latency.CASE,
+    resources.CASE,
+    handover.CASE,
+    handover.MIRRORED,
+    *keeping.CASES,
+)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

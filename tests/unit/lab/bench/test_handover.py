@@ -9,7 +9,7 @@ import pytest
 
 from robot_offload_lab.bench.analysis import handover
 from robot_offload_lab.bench.analysis.handover import HandoverAccount, Moment, Phase
-from robot_offload_lab.bench.groups.handover import CASE
+from robot_offload_lab.bench.groups.handover import CASE, MIRRORED
 from robot_offload_lab.bench.observed import CallAnswered, GoalAnswered, GoalEnded, GoalFeedback, Observation
 from robot_offload_lab.bench.results import Figure
 
@@ -32,7 +32,7 @@ def account(*observations: Observation, kind: str = "commanded") -> HandoverAcco
 
 
 def figures(given: HandoverAccount) -> dict[str, Figure]:
-    return {figure.name: figure for figure in handover.outcome(CASE, "realtime", given).figures}
+    return {figure.name: figure for figure in handover.outcome(handover.GROUP, CASE, "realtime", given).figures}
 
 
 def test_acceptance_stands_beside_the_direct_path() -> None:
@@ -64,3 +64,11 @@ def test_a_goal_without_exactly_one_good_result_is_a_fault(ends: tuple[int, ...]
     assert found["faults"].value == 1
     assert what in found["faults"].note
     assert "of 2 goals" in found["faults"].note
+
+
+def test_a_mirrored_goal_may_miss_a_period_of_the_output_and_what_it_takes_to_be_sure() -> None:
+    given = account(*goal(100.5, 2.0, (100.6, 100.62, 100.70, 100.72)), kind="cut")
+    found = {figure.name: figure for figure in handover.mirrored(MIRRORED, "realtime", given).figures}
+    assert (found["gap_cut"].must, found["gap_cut"].aim) == (110.0, 80.0)
+    assert found["gap_cut"].value == pytest.approx(80.0, abs=1.0)
+    assert found["faults"].note == "0 lost, 0 doubled, 0 wrong of 1 goals through a sudden cut"
