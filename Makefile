@@ -125,7 +125,7 @@ venv: ## Make or refresh .venv (the other targets do it by themselves)
 
 pins: ## Resolve requirements/all.txt anew from the groups of pyproject.toml
 	uv pip compile --quiet --universal --python-version 3.12 --generate-hashes --no-emit-index-url --no-header \
-	  --group pyproject.toml:ros --group pyproject.toml:operator --group pyproject.toml:lab --group pyproject.toml:dev -o requirements/all.txt
+	  --group pyproject.toml:ros --group pyproject.toml:operator --group pyproject.toml:console --group pyproject.toml:lab --group pyproject.toml:dev -o requirements/all.txt
 
 clean: ## Remove what was built here
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis out dist

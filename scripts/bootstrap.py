@@ -101,7 +101,7 @@ def main():
     if python is None:
         sys.stderr.write(HELP)
         return 2
-    sys.stderr.write("Setting up .venv (once; downloads about 250 MB when nothing is cached)\n")
+    sys.stderr.write("Setting up .venv (once; downloads about 330 MB when nothing is cached)\n")
     uv = uv_on_path() or own_uv(python)
     subprocess.run([uv, "venv", "--quiet", "--clear", "--python", python, str(VENV)], check=True, cwd=ROOT)
     install(uv)

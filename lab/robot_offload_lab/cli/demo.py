@@ -15,6 +15,7 @@ from rich.console import Console
 
 from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
+from robot_offload_lab.cli.pages import ConsolePages
 from robot_offload_lab.judge import recording
 from robot_offload_lab.run import routed
 from robot_offload_lab.run.demo import LONGEST_S, DemoOptions, DemoResult, run
@@ -123,6 +124,8 @@ Compared = Annotated[
     ),
 ]
 Picture = Annotated[bool, typer.Option("--ui/--no-ui", help="Show a live picture, or print one line per event.")]
+Pages = Annotated[bool, typer.Option("--console", help="Show the run in the browser as well, until Ctrl-C.")]
+Port = Annotated[int, _option("port", "PORT", "Port of --console on 127.0.0.1. Default: a free one.")]
 Realtime = Annotated[bool, typer.Option("--realtime", help="Run everything under real-time priority, where permitted.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print report.json on standard output at the end.")]
 
@@ -146,6 +149,8 @@ def demo(
     domains: Domains = "",
     compare: Compared = False,
     ui: Picture = True,
+    console: Pages = False,
+    port: Port = 0,
     realtime: Realtime = False,
     as_json: AsJson = False,
 ) -> None:
@@ -175,15 +180,21 @@ def demo(
         domains=parse_domains(domains),
     )
     # The report stands alone on standard output, when somebody wants to read it with a program.
-    console = Terminal(stderr=as_json)
+    terminal = Terminal(stderr=as_json)
+    if console and compare:
+        raise InputError("--console, --compare: one of them at a time")
+    pages = ConsolePages(port) if console else None
+    options = replace(options, seen=pages.show) if pages else options
     if compare:
-        results = {it.value: _run(replace(options, mode=it, out=out / it.value), console, ui) for it in Mode}
-        _compare(results, out, console)
+        results = {it.value: _run(replace(options, mode=it, out=out / it.value), terminal, ui) for it in Mode}
+        _compare(results, out, terminal)
     else:
-        results = {mode.value: _run(options, console, ui)}
+        results = {mode.value: _run(options, terminal, ui)}
     if as_json:
         reports = {name: result.report for name, result in results.items()}
         typer.echo(json.dumps(reports if compare else reports[mode.value], indent=2))
+    if pages is not None:
+        pages.linger(terminal)
     # One side alone breaks promises, which is what the comparison shows.
     judged = [it for name, it in results.items() if not compare or name == Mode.OFFLOAD.value]
     if any(result.report["violations"] for result in judged) or any(result.trouble for result in results.values()):

@@ -56,6 +56,9 @@ LONGEST_S: Final = 75.0
 START_TIMEOUT_S: Final = 30.0
 """Longer than a busy machine needs to start a dozen processes."""
 RECORDER_GRACE_S: Final = 5.0
+RESOURCE: Final = "robotoffload.json"
+"""Beside the recording: what ran, for whoever looks at it later."""
+STATE_FILE: Final = "cloud-state.json"
 _LOOK_S: Final = 0.05
 _REST_S: Final = 0.5
 """The run goes on for this long after the goal is reached, so that the stop is seen."""
@@ -79,6 +82,7 @@ class DemoOptions:
         domains: ROS domains of robot and cloud; None picks free ones.
         adapt: changes the resource before it runs.
         longest_s: see duration_s.
+        seen: what else shows the run; gets the view and the system that is about to start.
     """
 
     spec: Path
@@ -92,6 +96,7 @@ class DemoOptions:
     domains: tuple[int, int] | None = None
     adapt: Callable[[RobotOffload], RobotOffload] = lambda offload: offload
     longest_s: float = LONGEST_S
+    seen: Callable[[View, System], View] | None = None
 
 
 @dataclass(frozen=True)
@@ -133,7 +138,10 @@ def run(options: DemoOptions, view: View) -> DemoResult:
         temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="ro-", ignore_cleanup_errors=True))
         system = _system(options, offload, said, _made(options.spec.parent, said, view), Path(temporary))
         _clear(system)
+        (system.out / RESOURCE).write_text(json.dumps(manifest(system.offload), indent=2) + "\n", encoding="utf-8")
         threshold_ms = system.spec.switching.latency.allowed_loop_ms
+        if options.seen is not None:
+            view = options.seen(view, system)
         watch = LiveRun(threshold_ms, outputs=system.awaited, unrated=recording.unrated(system.spec))
         if system.wired:
             watch.link = LinkSample(steady_s(), schedule.latency_ms(0.0))
@@ -147,6 +155,12 @@ def run(options: DemoOptions, view: View) -> DemoResult:
             view.say(line)
         view.say("Writing the report")
     return DemoResult(write_report(system, demo.processor), system.recording, trouble, machine.sentence())
+
+
+def manifest(offload: RobotOffload) -> dict[str, Any]:
+    """Returns a resource as its YAML has it, defaults included."""
+    written: dict[str, Any] = offload.model_dump(mode="json", by_alias=True, exclude_none=True)
+    return written
 
 
 def _made(folder: Path, said: Showcase, view: View) -> tuple[Path, ...]:
@@ -174,6 +188,7 @@ def _system(
         temporary=temporary,
         domains=options.domains or free_domains(),
         link=options.link,
+        state_file=str(temporary / STATE_FILE) if options.seen is not None else "",
         seed=options.seed,
         realtime=options.realtime,
         dialled=dialled,
@@ -262,6 +277,7 @@ def _clear(system: System) -> None:
         "robot.yaml",
         "cloud.yaml",
         "dds-wire.json",
+        RESOURCE,
     ):
         (system.out / name).unlink(missing_ok=True)
     for folder in (system.logs, system.certificates):

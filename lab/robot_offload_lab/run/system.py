@@ -72,6 +72,7 @@ class System:
         interfaces: where the interface packages were made that the nodes need.
         dialled, served: ports of pulse and data session, as the robot dials and the cloud serves them.
         cloud_host: where the cloud listens.
+        state_file: where the cloud's agent writes what it does, for a console; empty: nowhere.
     """
 
     offload: RobotOffload
@@ -89,6 +90,7 @@ class System:
     said: Showcase = field(default_factory=Showcase)
     cloud_host: str = HOST
     interfaces: tuple[Path, ...] = ()
+    state_file: str = ""
 
     @property
     def uid(self) -> str:
@@ -311,6 +313,7 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
         state_dir=str(fresh_state(system, side)),
         realtime=system.realtime,
         observers=tuple(observers),
+        state_file=system.state_file if side == "cloud" else "",
     )
     file = system.out / f"{side}.yaml"
     file.write_text(agent_config(system.offload, site), encoding="utf-8")

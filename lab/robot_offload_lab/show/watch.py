@@ -12,7 +12,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from robot_offload_lab.judge.recording import LINES, Arrival, Calls, Errand, Inhibit, LinkSample, PlacementChange, Site
+from robot_offload_lab.judge.recording import (
+    LINES,
+    Arrival,
+    Calls,
+    Errand,
+    Inhibit,
+    LinkSample,
+    PlacementChange,
+    Restored,
+    Site,
+)
 
 GAP_WINDOW_S: Final = 0.5
 """Half the window around a switch in which its silence is looked for; the report does the same."""
@@ -61,9 +71,11 @@ class LiveRun:
         round_trip_ms: measured by the agents; None while they have not met.
         nodes: lifecycle states of the robot's nodes, as its agent sees them.
         received: messages by topic.
+        ages_ms: age of the newest message by topic.
         switches: since the start.
         goals: the newest word about each goal, by its number.
         calls: the newest word about calls of services; None without any.
+        restored: with which state each node has begun last, by its name.
     """
 
     threshold_ms: float
@@ -77,9 +89,11 @@ class LiveRun:
     round_trip_ms: float | None = None
     nodes: dict[str, str] = field(default_factory=dict)
     received: dict[str, int] = field(default_factory=dict)
+    ages_ms: dict[str, float] = field(default_factory=dict)
     switches: list[SwitchSeen] = field(default_factory=list)
     goals: dict[int, Errand] = field(default_factory=dict)
     calls: Calls | None = None
+    restored: dict[str, Restored] = field(default_factory=dict)
     _times: dict[str, deque[float]] = field(default_factory=dict)
     _events: list[Event] = field(default_factory=list)
     _link_word: str = ""
@@ -93,7 +107,7 @@ class LiveRun:
             elif "agents" in message:
                 self._take_agents(message["agents"])
             else:
-                self._take_record(LINES.decode(line))
+                self.take_record(LINES.decode(line))
         except (ValueError, KeyError, TypeError):
             return
 
@@ -150,8 +164,10 @@ class LiveRun:
         self.round_trip_ms = float(agents["round_trip_p50_ms"]) if agents["round_trip_p50_ms"] else None
         self.nodes = agents["nodes"]
 
-    def _take_record(self, record: object) -> None:
+    def take_record(self, record: object) -> None:
+        """Takes one record of a recording."""
         if isinstance(record, Arrival):
+            self.ages_ms[record.topic] = record.age_s * 1e3
             self.received[record.topic] = self.received.get(record.topic, 0) + 1
             if record.topic not in self.unrated:
                 self._times.setdefault(record.topic, deque(maxlen=_KEPT)).append(record.t_s)
@@ -161,6 +177,8 @@ class LiveRun:
             self._take_goal(record)
         elif isinstance(record, Calls):
             self.calls = record
+        elif isinstance(record, Restored):
+            self.restored[record.node] = record
         elif isinstance(record, LinkSample):
             self.link = record
             self._tell_link(record)

@@ -16,7 +16,8 @@ from robot_offload.api.agent_state import AgentState, StateError, parse_state
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload.kube.configuration import connect, current_namespace
 from robot_offload.kube.errors import KubeError, NotFoundError
-from robot_offload.kube.kinds import ROBOT_OFFLOAD, Kind
+from robot_offload.kube.kinds import ROBOT_OFFLOAD
+from robot_offload.kube.pages import REPORTER_PORT, answered, proxied, read_page
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.kube.retry import RetryPolicy
 from robot_offload.objects.names import AGENT, child_name
@@ -34,7 +35,6 @@ Namespace = Annotated[
 
 FIELD_MANAGER: Final = "kubectl-offload"
 """Whose a pin by hand is: a person's, not the operator's."""
-REPORTER_PORT: Final = 8080
 INSTALL: Final = "helm install robot-offload charts/robot-offload --namespace robot-offload-system --create-namespace"
 NO_KIND: Final = f"the cluster does not know RobotOffload; install it first: {INSTALL}"
 PATIENCE: Final = RetryPolicy(attempts=2, request_timeout_s=10.0)
@@ -134,42 +134,11 @@ class Live:
 
 async def live(api: KubeApi, namespace: str, name: str) -> Live:
     """Asks the reporter of a RobotOffload through the API server's proxy."""
-    service = child_name(name, AGENT)
-    url = f"/api/v1/namespaces/{namespace}/services/http:{service}:{REPORTER_PORT}/proxy/state"
+    url = proxied(namespace, child_name(name, AGENT), REPORTER_PORT, "state")
     try:
         answer = await read_page(api, url)
         return Live(parse_state(json.dumps(answer))) if answer else Live(problem="there is no cloud agent")
     except KubeError as error:
-        return Live(problem=_short(error))
+        return Live(problem=answered(error))
     except StateError as error:
         return Live(problem=str(error))
-
-
-@dataclass(frozen=True, slots=True)
-class _Page(Kind):
-    """Something that the API server answers at a fixed place and that is no object of a kind."""
-
-    url: str = ""
-
-    def path(self, namespace: str | None, name: str = "", subresource: str = "") -> str:
-        """The place."""
-        return self.url
-
-
-async def read_page(api: KubeApi, url: str) -> Manifest | None:
-    """What the API server answers at `url` as JSON; None: there is nothing."""
-    return await api.get(_Page("", url, "", namespaced=False, url=url), None, "")
-
-
-def _short(error: KubeError) -> str:
-    """The reporter's own words where it has answered, else the API server's."""
-    text = str(error)
-    if "no endpoints available" in text:
-        return "the cloud agent has no ready pod"
-    start = text.find('{"problem"')
-    if start >= 0:
-        try:
-            return str(json.loads(text[start : text.rindex("}") + 1])["problem"])
-        except (ValueError, KeyError):
-            pass
-    return text if len(text) <= 160 else f"{text[:157]}..."

@@ -20,8 +20,18 @@ EXTRAS: Final = {
     "aiohttp": "cluster",
     "prometheus_client": "operator",
     "structlog": "operator",
+    "nicegui": "console",
+    "fastapi": "console",
+    "starlette": "console",
+    "uvicorn": "console",
 }
 """Which extra brings a library that the command line alone goes without."""
+NEEDS: Final = {
+    "cluster": "talks to a cluster",
+    "operator": "talks to a cluster",
+    "console": "serves pages to a browser",
+}
+"""Why a command needs an extra."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +69,7 @@ class LazyCommand(TyperCommand):
             try:
                 importlib.import_module(f"{ROOM}.{entry.module}").add_to(app)
             except ModuleNotFoundError as error:
-                raise _without_extra(entry.name, error) from error
+                raise without_extra(entry.name, error) from error
         else:
             lab.add_to(app, entry.name)
         return typer.main.get_group(app).commands[entry.name]
@@ -80,9 +90,9 @@ class LazyCommands(Commands):
         return name, command.load() if isinstance(command, LazyCommand) else command, rest
 
 
-def _without_extra(command: str, error: ModuleNotFoundError) -> Exception:
-    """What is raised for a library that is not there: the next step where an extra brings it, else the error itself."""
+def without_extra(command: str, error: ModuleNotFoundError) -> Exception:
+    """Returns what to raise for a missing library: the next step where an extra brings it, else the error itself."""
     extra = EXTRAS.get((error.name or "").partition(".")[0])
     if extra is None:
         return error
-    return InputError(f"robot-offload {command} talks to a cluster: pip install 'robot-offload[{extra}]'")
+    return InputError(f"robot-offload {command} {NEEDS[extra]}: pip install 'robot-offload[{extra}]'")

@@ -79,7 +79,7 @@ def explain(
         headline=headline,
         problems=problems,
         notes=tuple(_notes(offload)),
-        events=tuple(_events(offload.name, events, now)),
+        events=tuple(event_lines(offload.name, events, now)),
     )
 
 
@@ -140,16 +140,23 @@ def _notes(offload: Observed) -> Iterator[str]:
         yield from (f"Warning: {line}" for line in warned.message.splitlines())
 
 
-def _events(name: str, events: Iterable[Mapping[str, Any]], now: datetime.datetime) -> Iterator[str]:
-    """The last warnings, each once."""
+def event_lines(
+    name: str,
+    events: Iterable[Mapping[str, Any]],
+    now: datetime.datetime,
+    *,
+    types: Sequence[str] = ("Warning",),
+    most: int = EVENTS,
+) -> Iterator[str]:
+    """Yields the last events of these types about a RobotOffload or its children, each once, the newest last."""
     found: dict[str, tuple[datetime.datetime, str]] = {}
     for event in events:
         about = event.get("involvedObject") or event.get("regarding") or {}
         owner = str(about.get("name", ""))
-        if event.get("type") != "Warning" or not (owner == name or owner.startswith(f"{name}-")):
+        if event.get("type") not in types or not (owner == name or owner.startswith(f"{name}-")):
             continue
         text = f"{about.get('kind')} {owner}: {event.get('reason')}: {event.get('message') or event.get('note') or ''}"
         last = str(event.get("lastTimestamp") or event.get("eventTime") or "")
         found[text] = max(found.get(text, (EPOCH, "")), (time_of(last) or EPOCH, last))
-    for text, (_, last) in sorted(found.items(), key=lambda each: each[1][0])[-EVENTS:]:
+    for text, (_, last) in sorted(found.items(), key=lambda each: each[1][0])[-most:]:
         yield f"{ago(last, now) or '?'} ago, {text}"

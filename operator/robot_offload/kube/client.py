@@ -119,19 +119,36 @@ class Client:
             allowWatchBookmarks="true",
             timeoutSeconds=random.randint(*_WATCH_S),
         )
+        async for line in self._lines(kind.path(namespace), doing, timeout, asked):
+            try:
+                change = _change(json.loads(line), kind, doing)
+            except ValueError as error:
+                raise UnreachableError(f"cannot {doing}: {error}") from error
+            if change is not None:
+                yield change
+
+    async def lines(self, path: str, *, idle_s: float) -> AsyncIterator[bytes]:
+        """See `KubeApi.lines`."""
+        self._guard("get")
+        timeout = aiohttp.ClientTimeout(total=None, sock_connect=self._retry.request_timeout_s, sock_read=idle_s)
+        async for line in self._lines(path, f"follow {path}", timeout, _Asked()):
+            yield line
+
+    async def _lines(
+        self, path: str, doing: str, timeout: aiohttp.ClientTimeout, asked: _Asked
+    ) -> AsyncIterator[bytes]:
+        silent = f"cannot {doing}: silent for {timeout.sock_read:g} s"
         try:
-            answer = await self._request("get", kind.path(namespace), doing, timeout, asked)
+            answer = await self._request("get", path, doing, timeout, asked)
         except UnreachableError as error:
             if isinstance(error.__cause__, TimeoutError):
-                raise SilentError(f"cannot {doing}: silent for {idle_s:g} s") from error
+                raise SilentError(silent) from error
             raise
         try:
             while line := await answer.content.readline():
-                change = _change(json.loads(line), kind, doing)
-                if change is not None:
-                    yield change
+                yield line
         except TimeoutError as error:
-            raise SilentError(f"cannot {doing}: silent for {idle_s:g} s") from error
+            raise SilentError(silent) from error
         except (aiohttp.ClientError, OSError, ValueError) as error:
             raise UnreachableError(f"cannot {doing}: {error or type(error).__name__}") from error
         finally:

@@ -59,6 +59,9 @@ POD: Final = Kind("v1", "Pod", "pods")
 NODE: Final = Kind("v1", "Node", "nodes", namespaced=False)
 EVENT: Final = Kind("v1", "Event", "events")
 NAMESPACE: Final = Kind("v1", "Namespace", "namespaces", namespaced=False)
+ACCESS_REVIEW: Final = Kind(
+    "authorization.k8s.io/v1", "SelfSubjectAccessReview", "selfsubjectaccessreviews", namespaced=False
+)
 CUSTOM_RESOURCE_DEFINITION: Final = Kind(
     "apiextensions.k8s.io/v1", "CustomResourceDefinition", "customresourcedefinitions", namespaced=False
 )
@@ -80,7 +83,17 @@ CHILD_KINDS: Final = (
 
 _KINDS: Final = {
     (kind.api_version, kind.kind): kind
-    for kind in (ROBOT_OFFLOAD, *CHILD_KINDS, CERTIFICATE, POD, NODE, EVENT, NAMESPACE, CUSTOM_RESOURCE_DEFINITION)
+    for kind in (
+        ROBOT_OFFLOAD,
+        *CHILD_KINDS,
+        CERTIFICATE,
+        POD,
+        NODE,
+        EVENT,
+        NAMESPACE,
+        ACCESS_REVIEW,
+        CUSTOM_RESOURCE_DEFINITION,
+    )
 }
 
 

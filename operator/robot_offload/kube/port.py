@@ -85,6 +85,15 @@ class KubeApi(Protocol):
         """
         ...
 
+    def lines(self, path: str, *, idle_s: float) -> AsyncIterator[bytes]:
+        """Yields the lines of an answer that goes on, such as a stream behind the API server's proxy, until its end.
+
+        Args:
+            path: with its query.
+            idle_s: a connection that is silent for this long is a `SilentError`.
+        """
+        ...
+
     async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:
         """Server-side apply as `FIELD_MANAGER`; creates what is missing.
 

@@ -15,7 +15,7 @@ from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
 from robot_offload.cli.bundle.command import secrets_of
-from robot_offload.cli.cluster import find, live, read_page
+from robot_offload.cli.cluster import find, live
 from robot_offload.cli.doctor import checks as checkup
 from robot_offload.cli.doctor import machine
 from robot_offload.cli.doctor.checks import Finding
@@ -24,6 +24,7 @@ from robot_offload.errors import SpecError
 from robot_offload.insight.observed import Observed, observe
 from robot_offload.kube.errors import KubeError
 from robot_offload.kube.kinds import CUSTOM_RESOURCE_DEFINITION, DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET
+from robot_offload.kube.pages import read_page
 from robot_offload.kube.port import KubeApi
 
 OPERATOR_LABELS: Final = {"app.kubernetes.io/name": "robot-offload-operator"}

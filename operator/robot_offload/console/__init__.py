@@ -1,0 +1,1 @@
+"""The console: one page in the browser over a cluster, a recording or the running demo."""

@@ -1,0 +1,105 @@
+"""What a person can do on a robot's page, as a change of the resource. Pure: the API server decides who may."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final
+
+from robot_offload.insight.observed import Observed, time_of
+
+PINNED_UNTIL: Final = "robotoffload.dev/pinned-until"
+"""On a RobotOffload: when a console lets go of the pin, RFC 3339. Consoles read it, the operator does not."""
+TAKE_OVER_S: Final = 60.0
+"""So long the robot keeps what it took over now: longer than a person needs to look, and to pin it for good."""
+
+
+class Want(Enum):
+    """What is wanted."""
+
+    PIN_ROBOT = "Pin to the robot"
+    PIN_CLOUD = "Pin to the cloud"
+    AUTO = "Let the rule decide"
+    OBSERVE = "Observe only"
+    SWITCH = "Switch again"
+    TAKE_OVER = "Robot takes over now"
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """A wish of a person; `for_s`: how long a pin lasts, None: until somebody lets go."""
+
+    want: Want
+    for_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Permission:
+    """Whether somebody may do something; `reason`: why not."""
+
+    allowed: bool
+    reason: str = ""
+
+
+ALLOWED: Final = Permission(True)
+_PINS: Final = {Want.PIN_ROBOT: "Robot", Want.PIN_CLOUD: "Cloud", Want.AUTO: "Auto", Want.TAKE_OVER: "Robot"}
+_MODES: Final = {Want.OBSERVE: "Observe", Want.SWITCH: "Auto"}
+
+
+def patch(action: Action, uid: str, now: datetime.datetime, version: str = "") -> dict[str, Any]:
+    """Returns the merge patch of the RobotOffload with this uid.
+
+    Args:
+        action: what is wanted.
+        uid: another object of this name is none of ours.
+        now: the present.
+        version: a resourceVersion as a precondition; empty: none.
+    """
+    metadata: dict[str, Any] = {"uid": uid, **({"resourceVersion": version} if version else {})}
+    if action.want in _MODES:
+        return {"metadata": metadata, "spec": {"switching": {"mode": _MODES[action.want]}}}
+    for_s = TAKE_OVER_S if action.want is Want.TAKE_OVER else action.for_s
+    until = None
+    if for_s is not None and action.want is not Want.AUTO:
+        until = (now + datetime.timedelta(seconds=for_s)).astimezone(datetime.UTC).isoformat(timespec="seconds")
+        until = until.replace("+00:00", "Z")
+    metadata["annotations"] = {PINNED_UNTIL: until}
+    return {"metadata": metadata, "spec": {"switching": {"pin": _PINS[action.want]}}}
+
+
+def done(action: Action, after: Observed) -> str:
+    """Returns what was done, a sentence."""
+    if action.want in _MODES:
+        word = "it decides and never switches" if after.mode == "Observe" else "it switches again"
+        return f"{after.name}: mode {after.mode}, {word}; generation {after.generation}"
+    if after.pin == "Auto":
+        return f"{after.name}: the rule decides again; generation {after.generation}"
+    heard = "" if after.connected else "; the robot is not connected and hears it when it connects"
+    lasting = "for a minute" if action.want is Want.TAKE_OVER else _lasting(action.for_s)
+    return f"{after.name}: held on the {after.pin.lower()} {lasting}; generation {after.generation}{heard}"
+
+
+def useless(action: Action, observed: Observed | None) -> str:
+    """Returns why there is no point in an action now; empty: there is."""
+    if observed is None:
+        return "there is no resource to change"
+    if action.want in _PINS and action.want is not Want.TAKE_OVER and _PINS[action.want] == observed.pin:
+        return f"the pin is {observed.pin} already" if action.for_s is None else ""
+    if action.want in _MODES and _MODES[action.want] == observed.mode:
+        return f"the mode is {observed.mode} already"
+    return ""
+
+
+def pinned_until(manifest: Mapping[str, Any]) -> datetime.datetime | None:
+    """Returns when a console is to let go of the pin; None: nobody said so, or there is no pin."""
+    pin = ((manifest.get("spec") or {}).get("switching") or {}).get("pin") or "Auto"
+    until = ((manifest.get("metadata") or {}).get("annotations") or {}).get(PINNED_UNTIL)
+    return time_of(str(until)) if until and pin != "Auto" else None
+
+
+def _lasting(for_s: float | None) -> str:
+    if for_s is None:
+        return "until somebody lets go"
+    return f"for {for_s / 60:.0f} min" if for_s >= 60 else f"for {for_s:.0f} s"

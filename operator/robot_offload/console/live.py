@@ -1,0 +1,158 @@
+"""What is known of one robot at one moment, whatever it was read from. Values only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+ROBOT: Final = "robot"
+CLOUD: Final = "cloud"
+UNKNOWN: Final = "unknown"
+SITES: Final = (ROBOT, CLOUD, UNKNOWN)
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Key:
+    """Which RobotOffload: its Kubernetes namespace (empty outside a cluster) and its name."""
+
+    namespace: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.namespace}/{self.name}" if self.namespace else self.name
+
+
+@dataclass(frozen=True, slots=True)
+class NodeState:
+    """One replica: its node, its side, its lifecycle state, and how it stands by (Hot, Configured; empty: unknown)."""
+
+    name: str
+    side: str
+    state: str
+    standby: str = ""
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TopicFlow:
+    """What crossed the link, or reached the consumers, of one topic.
+
+    Attributes:
+        topic: its public name.
+        messages: since the start; None: not counted.
+        size_bytes: since the start; None: not counted.
+        age_ms: of the newest message when it arrived; None: not known.
+        left_out: thinned and refused messages, in words; empty: none, or not counted.
+    """
+
+    topic: str
+    messages: int | None = None
+    size_bytes: int | None = None
+    age_ms: float | None = None
+    left_out: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Errand:
+    """A goal or a service with calls: its name, how it stands, and the figures in words."""
+
+    name: str
+    state: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """The agents' word about one robot at one moment.
+
+    Attributes:
+        site: the side that acts: robot, cloud or unknown.
+        reason, message: why, as one word and as a sentence.
+        epoch: number of the present changeover.
+        connected: whether the robot's agent is heard.
+        latency_ms: loop latency of the link now; None: cut, or not known.
+        cut: the link is known to carry nothing.
+        loss_share: of the heartbeats of the last seconds, 0 to 1; None: not known.
+        p50_ms, p99_ms: the round trip's quantiles; None: not known.
+        gap_ms: silence of the consumers around the last changeover; None: not known.
+        nodes, topics, goals, services: as far as the source knows them.
+        state_ages_ms: how old the state was with which the side in charge went on, by name.
+        numbers: further figures of the robot, name and value, for people.
+        note: what a person should know about how these numbers came; empty: nothing.
+    """
+
+    site: str = UNKNOWN
+    reason: str = ""
+    message: str = ""
+    epoch: int = 0
+    connected: bool = False
+    latency_ms: float | None = None
+    cut: bool = False
+    loss_share: float | None = None
+    p50_ms: float | None = None
+    p99_ms: float | None = None
+    gap_ms: float | None = None
+    nodes: tuple[NodeState, ...] = ()
+    topics: tuple[TopicFlow, ...] = ()
+    goals: tuple[Errand, ...] = ()
+    services: tuple[Errand, ...] = ()
+    state_ages_ms: tuple[tuple[str, float], ...] = ()
+    numbers: tuple[tuple[str, str], ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One moment of the strips: seconds, loop latency, its p99, loss, side; cut: nothing came through."""
+
+    t_s: float
+    latency_ms: float | None
+    p99_ms: float | None
+    loss_share: float | None
+    site: str
+    cut: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Changeover:
+    """A change of the side in charge.
+
+    Attributes:
+        t_s: when.
+        to: the side that acts from then on.
+        reason, message: why.
+        gap_ms: silence of the consumers around it; None: not known.
+    """
+
+    t_s: float
+    to: str
+    reason: str
+    message: str = ""
+    gap_ms: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The numbers of the rule that are drawn and named.
+
+    Attributes:
+        allowed_ms: loop latency up to which the cloud is worth it; None: not known.
+        loss_timeout_ms: silence that counts as a loss; None: not known.
+        hold_down_s: first and longest wait after a loss; None: not known.
+    """
+
+    allowed_ms: float | None = None
+    loss_timeout_ms: float | None = None
+    hold_down_s: tuple[float, float] | None = None
+
+
+NOTHING: Final = Live()
+NO_BOUNDS: Final = Bounds()
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A kept word of the agents: scrolled back to."""
+
+    t_s: float
+    live: Live = field(default_factory=Live)

@@ -1,0 +1,231 @@
+"""The console's memory: events of a source in, what the pages show out. Pure: time comes with the events."""
+
+from __future__ import annotations
+
+import bisect
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from robot_offload.console.live import NO_BOUNDS, NOTHING, UNKNOWN, Bounds, Changeover, Key, Live, Moment, Point
+from robot_offload.console.reading import bounds
+from robot_offload.insight.observed import Observed, observe
+
+POINTS: Final = 6000
+"""Twenty minutes of the strips at five points a second."""
+MOMENTS: Final = 1200
+"""The same twenty minutes of tables, one a second."""
+MOMENT_S: Final = 1.0
+RATE_S: Final = 2.0
+"""Rates of topics are those of the last seconds of this number, at least."""
+CHANGEOVERS: Final = 200
+SILENT_S: Final = 12.0
+"""Live numbers older than this are old, and shown as such."""
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """A RobotOffload as the source has it, as plain YAML values."""
+
+    key: Key
+    manifest: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Gone:
+    """There is no such RobotOffload any more."""
+
+    key: Key
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """The agents' word at a moment."""
+
+    key: Key
+    t_s: float
+    live: Live
+
+
+@dataclass(frozen=True, slots=True)
+class Switched:
+    """A changeover that the source saw by itself, or whose silence is now known (same moment: replaces)."""
+
+    key: Key
+    changeover: Changeover
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """Something cannot be read: of one robot, or (None) of the source itself; empty: it can again."""
+
+    key: Key | None
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """The newest Kubernetes events about a robot, as lines for people."""
+
+    key: Key
+    lines: tuple[str, ...]
+
+
+Event = Declared | Gone | Said | Switched | Trouble | Happened
+
+
+@dataclass
+class Track:
+    """All that is known of one robot.
+
+    Attributes:
+        key: which one.
+        observed: as the API server has it; None: not yet, or there is none.
+        bounds: the rule's numbers.
+        live: the newest word; heard_s: when it came, on the source's clock; None: never.
+        problem: why there are no live numbers; empty: there are.
+        points, changeovers, moments: the past, oldest first.
+        events: lines.
+        version: grows with every change.
+        rates: bytes and messages a second, by topic.
+    """
+
+    key: Key
+    observed: Observed | None = None
+    manifest: Mapping[str, Any] = field(default_factory=dict)
+    bounds: Bounds = NO_BOUNDS
+    live: Live = NOTHING
+    heard_s: float | None = None
+    problem: str = ""
+    points: deque[Point] = field(default_factory=lambda: deque(maxlen=POINTS))
+    changeovers: deque[Changeover] = field(default_factory=lambda: deque(maxlen=CHANGEOVERS))
+    moments: deque[Moment] = field(default_factory=lambda: deque(maxlen=MOMENTS))
+    events: tuple[str, ...] = ()
+    version: int = 0
+
+    @property
+    def site(self) -> str:
+        """The side that acts: the agents' word, else what the resource says."""
+        if self.heard_s is not None and not self.problem:
+            return self.live.site
+        return self.observed.placement.lower() if self.observed else UNKNOWN
+
+    def window(self, from_s: float, to_s: float) -> list[Point]:
+        """Returns the points of a stretch of time."""
+        first = bisect.bisect_left(self.points, from_s, key=lambda point: point.t_s)
+        last = bisect.bisect_right(self.points, to_s, key=lambda point: point.t_s)
+        return [self.points[index] for index in range(first, last)]
+
+    def at(self, t_s: float) -> Live:
+        """Returns the word that held at a moment; the first one before it."""
+        index = bisect.bisect_right(self.moments, t_s, key=lambda moment: moment.t_s)
+        return self.moments[max(0, index - 1)].live if self.moments else self.live
+
+    def rates(self, t_s: float) -> dict[str, tuple[float | None, float | None]]:
+        """Returns messages and bytes a second of each topic, over the last seconds before `t_s`."""
+        index = bisect.bisect_right(self.moments, t_s, key=lambda moment: moment.t_s) - 1
+        if index < 1:
+            return {}
+        new = self.moments[index]
+        while index > 0 and self.moments[index].t_s > new.t_s - RATE_S:
+            index -= 1
+        old = self.moments[index]
+        before = {topic.topic: topic for topic in old.live.topics}
+        found = {}
+        for topic in new.live.topics:
+            past = before.get(topic.topic)
+            if past is not None:
+                passed_s = new.t_s - old.t_s
+                found[topic.topic] = (
+                    _rate(past.messages, topic.messages, passed_s),
+                    _rate(past.size_bytes, topic.size_bytes, passed_s),
+                )
+        return found
+
+
+@dataclass
+class Fleet:
+    """Every robot of a source.
+
+    Attributes:
+        source: what the page is about, for its title.
+        recorded: the past of a recording: nothing comes any more, times count from its start.
+        problem: why the source cannot be read now; empty: it can.
+        tracks: by key.
+        version: grows with every change.
+    """
+
+    source: str
+    recorded: bool = False
+    problem: str = ""
+    tracks: dict[Key, Track] = field(default_factory=dict)
+    version: int = 0
+
+    def take(self, event: Event) -> None:
+        """Takes in what has happened."""
+        self.version += 1
+        if isinstance(event, Trouble) and event.key is None:
+            self.problem = event.problem
+            return
+        assert event.key is not None
+        if isinstance(event, Gone):
+            self.tracks.pop(event.key, None)
+            return
+        track = self.tracks.setdefault(event.key, Track(event.key))
+        track.version = self.version
+        _take(track, event)
+
+    def sorted(self) -> Sequence[Track]:
+        """Returns all robots in the order of their names."""
+        return [self.tracks[key] for key in sorted(self.tracks)]
+
+
+def _take(track: Track, event: Event) -> None:
+    match event:
+        case Declared():
+            track.observed, track.manifest = observe(event.manifest), event.manifest
+            track.bounds = bounds(track.observed.spec)
+        case Said():
+            _hear(track, event)
+        case Switched():
+            _switch(track, event.changeover)
+        case Trouble():
+            track.problem = event.problem
+        case Happened():
+            track.events = event.lines
+
+
+def _hear(track: Track, said: Said) -> None:
+    live, before = said.live, track.live
+    if track.heard_s is not None and said.t_s < track.heard_s:
+        return  # reordered: the newer word holds
+    changed = track.heard_s is not None and live.site != before.site and UNKNOWN not in (live.site, before.site)
+    track.live, track.heard_s, track.problem = live, said.t_s, ""
+    track.points.append(Point(said.t_s, live.latency_ms, live.p99_ms, live.loss_share, live.site, live.cut))
+    kept = track.moments
+    if changed or not kept or said.t_s - kept[-1].t_s >= MOMENT_S:
+        kept.append(Moment(said.t_s, live))
+    if changed and not _known(track.changeovers, live.site, said.t_s):
+        _switch(track, Changeover(said.t_s, live.site, live.reason, live.message, live.gap_ms))
+    elif live.gap_ms is not None and track.changeovers and track.changeovers[-1].gap_ms is None:
+        track.changeovers[-1] = replace(track.changeovers[-1], gap_ms=live.gap_ms)
+
+
+def _known(changeovers: Iterable[Changeover], to: str, t_s: float) -> bool:
+    """Whether the source has reported this change by itself, a moment before."""
+    return any(each.to == to and abs(each.t_s - t_s) < MOMENT_S for each in changeovers)
+
+
+def _switch(track: Track, changeover: Changeover) -> None:
+    for index, each in enumerate(track.changeovers):
+        if each.t_s == changeover.t_s and each.to == changeover.to:
+            track.changeovers[index] = changeover
+            return
+    track.changeovers.append(changeover)
+
+
+def _rate(before: int | None, now: int | None, passed_s: float) -> float | None:
+    if before is None or now is None or passed_s <= 0 or now < before:
+        return None
+    return (now - before) / passed_s

@@ -1,0 +1,143 @@
+"""The console's memory: what comes from a source, and what the pages show of it."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from typing import Any
+
+import pytest
+
+from robot_offload.console import tables
+from robot_offload.console.figures import strips
+from robot_offload.console.live import Changeover, Key, Live, TopicFlow
+from robot_offload.console.model import Declared, Fleet, Gone, Said, Switched, Track, Trouble
+from robot_offload.console.reading import EventError, bounds, of_event
+from robot_offload.console.rows import row
+
+KEY = Key("ward", "wheelchair-7")
+NOW = datetime.datetime(2026, 11, 23, 12, 0, tzinfo=datetime.UTC)
+NOW_S = NOW.timestamp()
+CLOUD = Live(site="cloud", reason="LinkGood", message="good", connected=True, latency_ms=12.0)
+ROBOT = Live(site="robot", reason="HeartbeatLost", message="lost", connected=True, cut=True)
+
+
+def manifest(**status: Any) -> dict[str, Any]:
+    return {
+        "metadata": {"name": "wheelchair-7", "namespace": "ward", "uid": "1", "generation": 3},
+        "spec": {"switching": {"latency": {"robotPeriod": "50ms", "cloudPeriod": "20ms", "tolerance": "30ms"}}},
+        "status": {"placement": "Cloud", "placementReason": "LinkGood", "placementMessage": "good", **status},
+    }
+
+
+def fleet(*events: Any) -> Fleet:
+    found = Fleet("test")
+    for event in events:
+        found.take(event)
+    return found
+
+
+def shown(found: Fleet) -> dict[str, Any]:
+    return row(found.tracks[KEY], NOW_S, NOW)
+
+
+def test_a_resource_without_live_numbers_shows_what_its_status_says_and_why_there_are_none() -> None:
+    found = shown(fleet(Declared(KEY, manifest()), Trouble(KEY, "the cloud agent has no ready pod")))
+    assert found["placement"] == "☁ Cloud"
+    assert found["reason"] == "LinkGood: good"
+    assert found["quality"] == "no live numbers: the cloud agent has no ready pod"
+
+
+def test_a_change_of_side_is_a_changeover_and_its_silence_is_added_when_it_is_known() -> None:
+    switched = Changeover(NOW_S - 5.0, "robot", "HeartbeatLost", gap_ms=140.0)
+    found = fleet(Said(KEY, NOW_S - 6, CLOUD), Said(KEY, NOW_S - 4.9, ROBOT), Said(KEY, NOW_S, ROBOT))
+    assert [change.to for change in found.tracks[KEY].changeovers] == ["robot"]
+    both = fleet(Said(KEY, NOW_S - 6, CLOUD), Switched(KEY, switched), Said(KEY, NOW_S - 4.9, ROBOT))
+    assert list(both.tracks[KEY].changeovers) == [switched]
+    assert shown(both)["gap"] == "140 ms"
+    assert shown(both)["since"] == "5s"
+
+
+def test_an_unknown_side_in_between_is_no_changeover() -> None:
+    words = (CLOUD, Live(), CLOUD)
+    found = fleet(*(Said(KEY, NOW_S + second, word) for second, word in enumerate(words)))
+    assert not found.tracks[KEY].changeovers
+
+
+def test_a_word_that_comes_late_does_not_take_the_newer_one_back() -> None:
+    found = fleet(Said(KEY, NOW_S, ROBOT), Said(KEY, NOW_S - 1, CLOUD))
+    assert found.tracks[KEY].live == ROBOT
+
+
+def test_numbers_that_stopped_coming_are_not_shown_as_present() -> None:
+    assert shown(fleet(Said(KEY, NOW_S - 60, CLOUD)))["quality"] == "silent"
+    assert shown(fleet(Said(KEY, NOW_S, CLOUD)))["quality"] == "● 12 ms"
+    assert shown(fleet(Said(KEY, NOW_S, ROBOT)))["quality"] == "✕ cut"
+
+
+def test_the_small_picture_of_the_link_holds_line_cuts_and_bound() -> None:
+    found = shown(fleet(Declared(KEY, manifest()), Said(KEY, NOW_S - 60, CLOUD), Said(KEY, NOW_S - 1, ROBOT)))
+    assert found["sparkLine"].startswith("60,")
+    assert found["sparkCuts"] == "M118,0V24"
+    assert found["sparkBound"] == 8.0
+
+
+def test_a_deleted_resource_is_gone_and_the_source_can_be_in_trouble_as_a_whole() -> None:
+    found = fleet(Declared(KEY, manifest()), Gone(KEY), Trouble(None, "the API server does not answer"))
+    assert (found.sorted(), found.problem) == ([], "the API server does not answer")
+
+
+def test_scrolled_back_the_tables_are_those_of_that_moment() -> None:
+    topics = [Live(site="cloud", topics=(TopicFlow("/scan", 10 * n, 1000 * n, 3.0),)) for n in range(6)]
+    track = fleet(*(Said(KEY, NOW_S + n, live) for n, live in enumerate(topics))).tracks[KEY]
+    assert track.at(NOW_S + 2.5) == topics[2]
+    [shown_row] = tables.topics(track, track.at(NOW_S + 5), NOW_S + 5)
+    assert (shown_row["rate"], shown_row["bandwidth"], shown_row["age"]) == ("10.0 Hz", "1.0 kB/s", "3 ms")
+
+
+def test_the_strip_has_a_band_for_each_stay_and_a_gap_where_the_link_was_cut() -> None:
+    track = fleet(
+        Declared(KEY, manifest()), *(Said(KEY, NOW_S + n, CLOUD if n < 3 else ROBOT) for n in range(6))
+    ).tracks[KEY]
+    options = strips(track, NOW_S + 5, run=False)
+    latency = options["series"][0]
+    assert [value for _, value in latency["data"]] == [12.0, 12.0, 12.0, None, None, None]
+    assert [start["name"] for start, _ in latency["markArea"]["data"]] == ["cloud acts", "robot acts"]
+    assert latency["markLine"]["data"][0]["yAxis"] == 60.0
+    json.dumps(options)
+
+
+def test_the_rules_numbers_are_those_of_the_specification_and_its_defaults() -> None:
+    assert bounds({}).allowed_ms == 60.0
+    assert bounds({"switching": {"profile": "Responsive", "aNewerField": 1}}).loss_timeout_ms == 45.0
+    assert bounds({"switching": {"latency": {"tolerance": "unreadable"}}}).allowed_ms is None
+
+
+def event(**state: Any) -> str:
+    return json.dumps({"at": NOW_S, "state": {"version": 1, "site": "cloud", **state}, "robot": {"cpu": 0.25}})
+
+
+def test_an_event_of_the_stream_becomes_a_word() -> None:
+    link = {"latency_ms": 14.5, "loss_share": 0.02}
+    at_s, live = of_event(event(link=link, nodes=[{"name": "c", "state": "active"}], connected=True))
+    assert (at_s, live.latency_ms, live.loss_share, live.cut) == (NOW_S, 14.5, 0.02, False)
+    assert live.numbers == (("cpu", "0.25"),)
+    assert of_event(event(round_trip_ms={"p50": 9.0}))[1].latency_ms == 9.0  # of an agent that is older
+
+
+@pytest.mark.parametrize(
+    "data",
+    ["", "{", "[]",
+     '{"at": "x", "state": {}}', '{"at": 1, "state": null, "problem": "silent"}', '{"at": 1, "state": 5}',
+     event(version=2), event(epoch="many"), event(link=[1], site=7), '{"at":1,"state":' + "[" * 100_000],
+)  # fmt: skip
+def test_garbage_in_the_stream_is_told_and_never_raised_further(data: str) -> None:
+    with pytest.raises(EventError):
+        of_event(data)
+
+
+def test_a_track_that_knows_nothing_can_be_shown() -> None:
+    track = Track(KEY)
+    assert row(track, NOW_S, NOW)["quality"] == "no live numbers yet"
+    assert tables.nodes(track, track.live) == tables.topics(track, track.live, NOW_S) == []
+    assert strips(track, NOW_S, run=True)["series"][0]["data"] == []
