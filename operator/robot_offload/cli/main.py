@@ -24,7 +24,12 @@ class Program(LazyCommands):
         Entry("validate", "validate", "Check RobotOffload files and tell every problem."),
         Entry("crd", "crd", "Print the CustomResourceDefinition of RobotOffload."),
         Entry("status", "status.command", "Show which side acts, why, the latency, and how robot and nodes are."),
-        Entry("console", "console", "Show all robots in the browser: which side acts and why, live and scrolled back."),
+        Entry(
+            "console",
+            "console",
+            "Show all robots in the browser: which side acts and why, live and scrolled back; with RECORDING a finished "
+            "run.",
+        ),
         Entry("explain", "status.explain", "Tell why a RobotOffload is not Ready, and the next step for each problem."),
         Entry(
             "bundle",
