@@ -27,8 +27,8 @@ class Program(LazyCommands):
         Entry(
             "console",
             "console",
-            "Show all robots in the browser: which side acts and why, live and scrolled back; with RECORDING a finished "
-            "run.",
+            "Show all robots in the browser: which side acts and why, live and scrolled back; with RECORDING a "
+            "finished run.",
         ),
         Entry("explain", "status.explain", "Tell why a RobotOffload is not Ready, and the next step for each problem."),
         Entry(
