@@ -153,6 +153,26 @@ def test_a_lost_acknowledgement_holds_nothing_up(
     eventually(many, "messages over a link that loses packets")
 
 
+def test_over_a_link_that_is_too_narrow_for_two_topics_the_one_of_higher_priority_passes_more_often(
+    paths: CertificatePaths, port: int, ends: Ends, wire: EmulatedWire
+) -> None:
+    cloud = ends.open(make_settings(paths, "cloud", port, lease_ms=10_000))
+    robot = ends.open(make_settings(paths, "robot", wire.port("data"), lease_ms=10_000))
+    connected(robot, cloud)
+    crosses(robot, cloud)
+    wire.set(delay_ms=10, rate_kbit_s=8000, queue_ms=100)
+    taken = {"in/last": 0, "in/first": 0}
+
+    def enough() -> bool:
+        for channel in taken:
+            taken[channel] += robot.link.send(channel, b"", bytes(60_000))
+        time.sleep(0.05)  # many times what the link carries, also on a slow machine
+        return taken["in/first"] >= 60
+
+    eventually(enough, "one of them passes")
+    assert taken["in/last"] < taken["in/first"] * 0.8, taken
+
+
 def test_a_killed_cloud_that_returns_is_found_again(paths: CertificatePaths, port: int, ends: Ends) -> None:
     cloud = ends.process(make_settings(paths, "cloud", port))
     robot = ends.open(make_settings(paths, "robot", port))

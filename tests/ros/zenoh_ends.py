@@ -23,10 +23,14 @@ from robot_offload_agent.link.port import Channel
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import ZenohSettings
 from robot_offload_agent.link.zenoh_log import WheelLog
+from robot_offload_core.declared import Priority
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from tests.ros.ports import HOST
 
-CHANNELS = [Channel("beat", reliable=False, urgent=True), Channel("in/scan"), Channel("out/cmd", reliable=False)]
+CHANNELS = [
+    Channel("beat", reliable=False, urgent=True), Channel("in/scan"), Channel("out/cmd", reliable=False),
+    Channel("in/first", priority=Priority.HIGH), Channel("in/last", priority=Priority.LOW),
+]  # fmt: skip
 PATIENCE_S = 20.0
 ROOT = Path(__file__).parents[2]
 
