@@ -1,4 +1,4 @@
-"""`robot-offload-agent robot|cloud --params FILE`: the agent of one side. `doctor --params FILE` looks for problems."""
+"""`robot-offload-agent robot|cloud --params FILE`: the agent of one side. Beside it: `doctor`, and `record` (MCAP)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import gc
 import logging
 import os
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -25,6 +26,7 @@ examples:
   robot-offload-agent robot --params robot.yaml     on the robot, with the file of the bundle
   robot-offload-agent robot --params robot.yaml --check   only says whether the file is good
   robot-offload-agent doctor --params robot.yaml    looks for what would bite on this robot
+  robot-offload-agent record --params robot.yaml --output run.mcap   records until Ctrl-C, for Foxglove or rosbag2
   robot-offload-agent robot --params robot.yaml --record link.csv   for robot-offload simulate --trace link.csv
 
 exit codes: 0 ended by a signal, 2 bad configuration, 3 this identity runs here already, 4 the ROS graph forbids it
@@ -55,6 +57,10 @@ def main(arguments: list[str] | None = None) -> int:
         from robot_offload_agent.doctor.command import main as doctor  # noqa: PLC0415 - the agent goes without it
 
         return doctor(words[1:])
+    if words[:1] == ["record"]:
+        from robot_offload_agent.recording.command import main as record  # noqa: PLC0415 - the agent goes without it
+
+        return record(words[1:])
     options = parser().parse_args(words)
     logging.basicConfig(
         level=options.log_level.upper(), stream=sys.stderr,
@@ -114,6 +120,8 @@ def supervise(configuration: Configuration) -> int:
     }
     if robot:
         runs = {"collector": collector.run, **runs}
+    if robot and configuration["record.switches"]:
+        runs |= recorder()
     if configuration.relay_plan() is not None:
         runs["relay"] = relay_robot.run if robot else relay_cloud.run
     preload(configuration)
@@ -125,6 +133,16 @@ def supervise(configuration: Configuration) -> int:
     prefix = "ro-robot" if robot else "ro-cloud"
     identity = f"{configuration['uid']}-{configuration['side']}"
     return Supervisor(configuration.runtime_dir, prefix, children, identity).run()
+
+
+def recorder() -> dict[str, Callable[[Configuration], None]]:
+    """Returns the process that records changeovers; none where its library is missing, which ends nothing."""
+    from robot_offload_agent.recording import mcap_file, process  # noqa: PLC0415 - see supervise
+
+    if mcap_file.installed():
+        return {"record": process.run}
+    logging.getLogger(__name__).warning("No changeover is recorded: %s reason=RecordingFailed", mcap_file.MISSING)
+    return {}
 
 
 def check_link(configuration: Configuration) -> None:

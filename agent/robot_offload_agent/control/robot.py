@@ -22,7 +22,7 @@ from robot_offload_agent.settings.parameters import Configuration, too_tight
 from robot_offload_core import links, placement, replica_parameters, switcher
 from robot_offload_core.availability import Available
 from robot_offload_core.problems import Problem
-from robot_offload_core.process.messages import Arrived, Notes
+from robot_offload_core.process.messages import Arrived, CollectorStatus, Notes
 from robot_offload_core.process.robot_control import RobotControlProcess, RobotPlan
 from robot_offload_core.reasons import Reason
 from robot_offload_core.token import Site
@@ -70,10 +70,17 @@ class RobotControlShell(ControlShell):
         self.process.step(placement.SetPin(self.override.wish(now)))
 
     def take(self, message: Any) -> None:
-        """Takes one datagram; a beat is recorded."""
+        """Takes one datagram; what viewers draw is published."""
         super().take(message)
-        if self.recorder is not None and isinstance(message, Arrived):
-            self.recorder.take(self.process.robot.link)
+        live = self.report.live
+        if isinstance(message, Arrived):
+            if live is not None:
+                live.measured(self.process.robot.link)
+            if self.recorder is not None:
+                self.recorder.take(self.process.robot.link)
+        elif isinstance(message, CollectorStatus) and live is not None:
+            charge = message.report.charge
+            live.passes(None if charge is None else charge.site)
 
     def adopt(self, _now: float) -> None:
         """Takes settings that the cloud offers, when they were answered; in force when accepted (deciding thread)."""
@@ -141,6 +148,8 @@ class RobotControlShell(ControlShell):
             decided.epoch, verdict.reason, silent,
         )  # fmt: skip
         self.publish_placement(verdict.reason, message, decided.silent_s)
+        if self.report.live is not None:
+            self.report.live.note(f"{decided.site.value}, {decided.phase.value}: {message} ({verdict.reason})")
 
     def explained(self, reason: str, message: str) -> str:
         """Returns the message of a decision with the nodes and topics that it is about."""
@@ -170,6 +179,8 @@ class RobotControlShell(ControlShell):
         }
         self.published = message
         self.report.publish_placement(json.dumps(body))
+        if self.report.live is not None:
+            self.report.live.decided(switcher.site(robot), reason)
         self.send_notes()
 
     def available(self, statements: tuple[Available, ...]) -> None:

@@ -36,6 +36,7 @@ class Check(str, Enum):
     RELEASES = "Releases"
     REALTIME_PRIORITY = "RealtimePriority"
     RECEIVE_BUFFER = "ReceiveBuffer"
+    RECORDING = "Recording"
     ROS_ENVIRONMENT = "RosEnvironment"
     ROS_GRAPH = "RosGraph"
     SECOND_LIFECYCLE_MANAGER = "SecondLifecycleManager"

@@ -8,6 +8,7 @@ import resource
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from robot_offload_agent.certificates.openssl import CertificateError
@@ -51,6 +52,7 @@ class Machine:
         realtime: the highest real-time priority that this user's processes may take.
         receive_buffer: bytes that a socket may ask for; None: the system does not say.
         environment: variables of this shell.
+        records: the library is installed with which changeovers are recorded.
     """
 
     clock_error_s: float | None
@@ -58,6 +60,7 @@ class Machine:
     realtime: int
     receive_buffer: int | None
     environment: Mapping[str, str]
+    records: bool = True
 
 
 def look() -> Machine:
@@ -75,6 +78,7 @@ def look() -> Machine:
         realtime=99 if unlimited else realtime,
         receive_buffer=buffer,
         environment=dict(os.environ),
+        records=find_spec("mcap") is not None,
     )
 
 
@@ -85,6 +89,8 @@ def judge(machine: Machine, configuration: Configuration) -> Iterator[Finding]:
     yield _realtime(machine.realtime, configuration["realtime"])
     yield _buffer(machine.receive_buffer)
     yield from _environment(machine.environment, configuration["domain_id"])
+    if configuration["record.switches"]:
+        yield _recording(machine.records)
 
 
 def certificates(configuration: Configuration, now_s: float | None = None) -> Iterator[Finding]:
@@ -116,6 +122,13 @@ def certificates(configuration: Configuration, now_s: float | None = None) -> It
         yield Finding(Check.CERTIFICATES, Level.WARNING, f"the robot's certificate ends on {end}", step)
     else:
         yield Finding(Check.CERTIFICATES, Level.OK, f"the robot's certificate lasts until {end}")
+
+
+def _recording(installed: bool) -> Finding:
+    if installed:
+        return Finding(Check.RECORDING, Level.OK, "changeovers are recorded")
+    step = "pip install 'robot-offload-agent[record]'"
+    return Finding(Check.RECORDING, Level.WARNING, "no changeover is recorded: mcap is not installed", step)
 
 
 def _clock(error_s: float | None, limit_s: float) -> Finding:

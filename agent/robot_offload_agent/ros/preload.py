@@ -22,7 +22,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.type_support import check_for_type_support
-from std_msgs.msg import Header, Int32, String, UInt8MultiArray
+from std_msgs.msg import Float64, Header, Int32, String, UInt8MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 from robot_offload_agent.ros.interfaces import action_types, message_type, service_type
@@ -31,7 +31,7 @@ from robot_offload_agent.settings.parameters import Configuration
 OWN = (
     DiagnosticArray, TransitionEvent, ChangeState, GetAvailableStates, GetAvailableTransitions, GetState, Log,
     ParameterEvent, DescribeParameters, GetParameters, GetParameterTypes, ListParameters, SetParameters,
-    SetParametersAtomically, Header, Int32, String, UInt8MultiArray, SetBool, Trigger,
+    SetParametersAtomically, Float64, Header, Int32, String, UInt8MultiArray, SetBool, Trigger,
 )  # fmt: skip
 """What the agent's own nodes use, rclpy's parameter and lifecycle services included."""
 

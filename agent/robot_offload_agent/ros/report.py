@@ -16,6 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, Int32, String
 
 from robot_offload_agent.ros import services
+from robot_offload_agent.ros.live import Live
 from robot_offload_agent.settings.offer import RUN_TIME
 from robot_offload_agent.settings.override import WORDS, Override
 from robot_offload_agent.settings.parameter import Parameter
@@ -64,9 +65,10 @@ class Report:
         self.network_status_value: int | None = None
         self.network_status = self.monitor.create_lifecycle_publisher(Int32, f"/{prefix}network_status", LATCHED)
         self.diagnostics = self.switcher.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.placement = self.availability = None
+        self.placement = self.availability = self.live = None
         if self.side is Site.ROBOT:
             self.placement = self.switcher.create_publisher(String, "/offload/placement", LATCHED)
+            self.live = Live(self.switcher)
             if any(output["of_cloud"] for output in configuration.outputs):
                 self.availability = self.switcher.create_publisher(DiagnosticArray, "/offload/available", LATCHED)
         # On DDS transports the beats themselves travel on these topics; otherwise what is heard is mirrored.

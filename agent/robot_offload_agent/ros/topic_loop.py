@@ -19,15 +19,16 @@ LONGEST_WAIT_S = 0.1
 """An end that is not noticed by the wait itself is noticed after this."""
 
 
-def spin_topics(node: Node, work: Callable[[], float]) -> None:
+def spin_topics(node: Node, work: Callable[[], float], is_over: Callable[[], bool] = lambda: False) -> None:
     """Hands on the messages of all subscriptions of a node until rclpy is shut down.
 
     Args:
         node: its timers, services, clients and event callbacks are not served.
         work: called on this thread at once, and again after as many seconds as it returned; may add subscriptions.
+        is_over: asked about ten times a second; True ends the loop before rclpy is shut down.
     """
     due_s = now_s()
-    while rclpy.ok():
+    while rclpy.ok() and not is_over():
         if now_s() >= due_s:
             due_s = now_s() + work()
         take(node, max(0.0, min(LONGEST_WAIT_S, due_s - now_s())))

@@ -156,8 +156,8 @@ def demo(
 ) -> None:
     """Run both sides on this machine while the link between them fails, and report what the consumers felt.
 
-    Writes report.html, report.json, run.png, the recording and all logs into a folder. Ends with 0 when every promise
-    was kept, with 1 when one was broken or a process died, and with 2 when the input is wrong.
+    Writes report.html, report.json, run.png, run.mcap, the recording and all logs into a folder. Ends with 0 when every
+    promise was kept, with 1 when one was broken or a process died, and with 2 when the input is wrong.
     """
     options = DemoOptions(
         spec=_found(spec, example),

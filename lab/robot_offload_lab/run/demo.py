@@ -36,12 +36,14 @@ from robot_offload_lab.run.showcase import Showcase, showcase
 from robot_offload_lab.run.standstill import Standstill
 from robot_offload_lab.run.system import (
     DDS_WIRE,
+    MCAP,
     RECORDER,
     Mode,
     System,
     adapted,
     check_runnable,
     programs,
+    recording_in_the_fields_format,
     run_info,
     wire_config,
 )
@@ -274,6 +276,7 @@ def _clear(system: System) -> None:
         "report.html",
         "run.png",
         "recording.jsonl",
+        "run.mcap",
         "robot.yaml",
         "cloud.yaml",
         "dds-wire.json",
@@ -306,7 +309,7 @@ class Demo:
         with ExitStack() as stack:
             if self._system.wired and not self._system.joined_by_dds_wire:
                 self._wire = stack.enter_context(EmulatedWire(wire_config(self._system), self._system.temporary))
-            self._start(programs(self._system))
+            self._start((*programs(self._system), recording_in_the_fields_format(self._system)))
             self._await_up()
             self._begin()
             before = usage.read(self._programs.pids)
@@ -314,6 +317,7 @@ class Demo:
             self.processor = usage.percent(before, usage.read(self._programs.pids))
             # The recorder hears that the run is over before anything else ends.
             self._programs.finish(RECORDER, {"end": steady_s()}, RECORDER_GRACE_S)
+            self._programs.processes.end(MCAP, RECORDER_GRACE_S)
             self._view.say("Ending the processes")
             self._programs.processes.stop()
         return trouble

@@ -156,6 +156,11 @@ class Processes:
                 return Ended(name, code, self.log(name))
         return None
 
+    def end(self, name: str, grace_s: float) -> None:
+        """Asks a program to end by SIGTERM, and kills it after `grace_s`; forgets it."""
+        _signal_group(self._children[name], signal.SIGTERM)
+        self.finish(name, grace_s)
+
     def finish(self, name: str, grace_s: float) -> None:
         """Waits until a program that was asked to end has ended, and kills it if it does not; forgets it."""
         child = self._children.pop(name)

@@ -34,6 +34,7 @@ from robot_offload_lab.wire.options import Forward, LinkOptions, WireConfig
 from robot_offload_lab.wire.process import REALTIME_PRIORITY
 
 RECORDER: Final = "recorder"
+MCAP: Final = "mcap"
 DDS_WIRE: Final = "dds-wire"
 NODE_PRIORITY: Final = 3
 RECORDER_PRIORITY: Final = 4
@@ -164,6 +165,11 @@ class System:
         """What the recorder writes."""
         return self.out / "recording.jsonl"
 
+    @property
+    def mcap(self) -> Path:
+        """The recording for Foxglove, Lichtblick, PlotJuggler and rosbag2."""
+        return self.out / "run.mcap"
+
 
 def adapted(offload: RobotOffload, mode: Mode, seed: int, transport: str = "") -> RobotOffload:
     """Returns the resource as this run needs it.
@@ -283,6 +289,14 @@ def recorder(system: System) -> Program:
         command += ["--link", json.dumps(dataclasses.asdict(system.link))]
     priority = RECORDER_PRIORITY if system.realtime else 0
     return Program(RECORDER, tuple(command), system.out, environment(system, "robot"), piped=True, priority=priority)
+
+
+def recording_in_the_fields_format(system: System) -> Program:
+    """Returns what records the robot's side as MCAP, as the robot's own command does; reads the robot's file."""
+    command = ("record", "--params", str(system.out / "robot.yaml"), "--output", str(system.mcap))
+    return Program(
+        MCAP, (sys.executable, "-m", "robot_offload_agent.main", *command), system.out, environment(system, "robot")
+    )
 
 
 def dds_wire(system: System) -> Program:

@@ -18,7 +18,7 @@ def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
         *(f"  {line}" for line in _handed(report)),
         *(f"  {line}" for line in _processor(report)),
         *_verdict(report["violations"]),
-        f"Report: {out / 'report.html'} (also report.json, run.png, recording.jsonl, logs)",
+        f"Report: {out / 'report.html'} (also report.json, run.png, recording.jsonl, run.mcap, logs)",
     )
 
 

@@ -13,7 +13,16 @@ from typing import Any, Final
 import yaml
 
 from robot_offload import transport
-from robot_offload.api.v1alpha1 import Node, Output, QualityOfService, RobotOffload, Switching, TopicToCloud, While
+from robot_offload.api.v1alpha1 import (
+    Node,
+    Output,
+    QualityOfService,
+    Record,
+    RobotOffload,
+    Switching,
+    TopicToCloud,
+    While,
+)
 from robot_offload.api.v1alpha1.names import Side, identifier
 from robot_offload.api.v1alpha1.nodes import flat_parameters
 from robot_offload.objects.site import AgentSite
@@ -41,7 +50,7 @@ SHARED: Final = RUN_TIME | {
     "domain_id", "namespace", "heartbeat_period_ms", "strict", "inhibit_service", "nodes", "node", "outputs", "output",
     "inputs", "input", "services", "service", "actions", "action", "used_services", "used_service", "used_actions",
     "used_action", "states", "state", "silent", "max_message_size", "prepare_deadline_ms", "cancel_deadline_ms",
-    "settle_for_ms",
+    "settle_for_ms", "record",
 }  # fmt: skip
 """What follows from the resource alone, not from where an agent runs."""
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -87,6 +96,7 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         **_files(site),
         **_switching(spec.switching, with_actions=any(node.actions for node in spec.nodes)),
         "inhibit_service": spec.driver.inhibit_service or "",
+        "record": _record(spec.record),
         "link": _link(offload, site),
         "nodes": listed(node.name for node in nodes),
         "node": {node.name: _node(node) for node in nodes},
@@ -162,6 +172,16 @@ def _switching(switching: Switching, *, with_actions: bool) -> dict[str, Any]:
         "settle_for_ms": float(switching.settle_for_ms),
         "max_message_size": switching.max_message_size,
         "silent": listed(switching.silent),
+    }
+
+
+def _record(record: Record) -> dict[str, Any]:
+    return {
+        "switches": record.switches,
+        "before_ms": float(record.before_ms),
+        "after_ms": float(record.after_ms),
+        "keep": record.keep,
+        "max_mib": max(1, record.max_size >> 20),
     }
 
 

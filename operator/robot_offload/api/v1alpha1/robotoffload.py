@@ -21,7 +21,7 @@ from robot_offload.api.v1alpha1.names import (
 )
 from robot_offload.api.v1alpha1.nodes import Node
 from robot_offload.api.v1alpha1.outputs import Output
-from robot_offload.api.v1alpha1.quantities import DomainID, Duration, Within
+from robot_offload.api.v1alpha1.quantities import DomainID, Duration, Size, UpTo, Within
 from robot_offload.api.v1alpha1.switching import Switching
 from robot_offload.api.v1alpha1.topics import Topics
 from robot_offload.api.v1alpha1.transport import Transport
@@ -175,6 +175,30 @@ class Scale(Model):
     )
 
 
+class Record(Model):
+    """What the robot's agent records for people: MCAP files for Foxglove, Lichtblick, PlotJuggler and rosbag2."""
+
+    switches: bool = Field(
+        default=False,
+        description="Whether the robot's agent writes a recording of each changeover into its state folder. Needs "
+        "`robot-offload-agent[record]` on the robot. Default false.",
+    )
+    before_ms: Annotated[Duration, Within("0s", "5m")] = Field(
+        default=20_000, description="How much of the time before a changeover is recorded. Default 20s, from 0s to 5m."
+    )
+    after_ms: Annotated[Duration, Within("0s", "5m")] = Field(
+        default=10_000, description="How much of the time after a changeover is recorded. Default 10s, from 0s to 5m."
+    )
+    keep: Annotated[int, Field(ge=1, le=1_000)] = Field(
+        default=50, description="How many recordings stay on the robot; the oldest go. Default 50, from 1 to 1000."
+    )
+    max_size: Annotated[Size, UpTo("1024Mi")] = Field(
+        default=64 * 1024 * 1024,
+        description="The largest size of one recording, and of the memory in which the agent keeps what may be "
+        "recorded, e.g. 64Mi; counted in whole Mi. Default 64Mi, at most 1024Mi.",
+    )
+
+
 class RobotOffloadSpec(Model):
     """What the user wants."""
 
@@ -198,6 +222,7 @@ class RobotOffloadSpec(Model):
         "Default 1, from 0 to 1.",
     )
     scale: Scale = Field(default_factory=Scale, description="When the cloud side goes to sleep.")
+    record: Record = Field(default_factory=Record, description="What the robot's agent records for people.")
 
     @property
     def cloud_domain_id(self) -> int:

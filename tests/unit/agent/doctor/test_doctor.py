@@ -120,6 +120,15 @@ def test_one_way_to_the_cloud_is_enough_and_none_is_an_error() -> None:
     assert [f.level for f in network.judge([(udp, ""), (tcp, "")])] == [Level.OK, Level.OK]
 
 
+def test_a_robot_that_is_to_record_and_has_no_library_for_it_is_warned() -> None:
+    recording = parameters.parse({**GIVEN, "record.switches": True})
+    [found] = [each for each in machine.judge(replace(GOOD, records=False), recording) if each.check is Check.RECORDING]
+    assert found.level is Level.WARNING
+    assert "robot-offload-agent[record]" in found.step
+    quiet = parameters.parse(GIVEN)
+    assert Check.RECORDING not in [each.check for each in machine.judge(replace(GOOD, records=False), quiet)]
+
+
 @contextmanager
 def udp_server(answer: Callable[[bytes], bytes]) -> Iterator[int]:
     """Answers one datagram."""

@@ -1,0 +1,82 @@
+"""Which topics a recording has: what the agent says of itself, what passes on the outputs, and the states of goals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+
+from robot_offload_agent.ros.live import ACTING, NOTES, PASSING, REASON, ROUND_TRIP
+from robot_offload_agent.ros.raw import RawSubscription
+from robot_offload_agent.settings.parameters import Configuration, Named
+
+PLACEMENT = "/offload/placement"
+HEARD = "/connectivity_test_remote"
+DEPTH = 10
+"""Of each subscription: large messages wait in the middleware's memory until this process reads them."""
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic to record; a type or a quality `auto` is the publishers'."""
+
+    name: str
+    type_name: str = "auto"
+    reliability: str = "auto"
+    durability: str = "auto"
+
+    @property
+    def spec(self) -> Named:
+        """As the parameters of a topic."""
+        values = {"type": self.type_name, "reliability": self.reliability, "durability": self.durability}
+        return Named(self.name, {**values, "depth": DEPTH})
+
+
+def topics(configuration: Configuration) -> Iterator[Topic]:
+    """Yields the topics of the robot's side."""
+    latched, volatile = ("reliable", "transient_local"), ("best_effort", "volatile")
+    yield Topic(PLACEMENT, "std_msgs/msg/String", *latched)
+    yield Topic(ACTING, "std_msgs/msg/Int32", *latched)
+    yield Topic(PASSING, "std_msgs/msg/Int32", *latched)
+    yield Topic(REASON, "std_msgs/msg/String", *latched)
+    yield Topic(NOTES, "rcl_interfaces/msg/Log", *latched)
+    yield Topic("/network_status", "std_msgs/msg/Int32", *latched)
+    yield Topic(ROUND_TRIP, "std_msgs/msg/Float64", *volatile)
+    yield Topic(HEARD, "std_msgs/msg/Header", *volatile)
+    yield Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", *volatile)
+    for output in configuration.outputs:
+        yield Topic(output["topic"])
+    for action in (*configuration.actions, *configuration.used_actions):
+        yield Topic(f"{action['name']}/_action/status", "action_msgs/msg/GoalStatusArray", *latched)
+
+
+class Heard:
+    """Subscriptions to these topics, of `node`.
+
+    Args:
+        node: spun by `topic_loop.spin_topics`.
+        wanted: topics; each name once.
+        take: called with the topic's name, its type, whether it is latched, and each message.
+    """
+
+    def __init__(self, node: Node, wanted: Iterator[Topic], take: Callable[[str, str, bool, bytes], None]) -> None:
+        self._take = take
+        self._subscriptions: dict[str, RawSubscription] = {}
+        for topic in wanted:
+            if topic.name not in self._subscriptions:
+                self._subscriptions[topic.name] = RawSubscription(
+                    node, topic.name, topic.spec, False, partial(self._heard, topic.name)
+                )
+
+    def resolve(self) -> None:
+        """Subscribes to what has become known; call now and then."""
+        for subscription in self._subscriptions.values():
+            subscription.resolve()
+
+    def _heard(self, name: str, payload: Any) -> None:
+        subscription = self._subscriptions[name]
+        latched = subscription.qos is not None and subscription.qos.durability.name == "TRANSIENT_LOCAL"
+        self._take(name, subscription.type_name, latched, bytes(payload))
