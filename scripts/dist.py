@@ -1,7 +1,8 @@
 """Builds what pip installs: `python -m scripts.dist`, also `make dist`. Writes wheels and a constraints file.
 
 With them a robot needs `pip install --constraint constraints.txt robot_offload_core-*.whl robot_offload_agent-*.whl`,
-and a terminal `robot_offload-*.whl`. The same commit gives the same bytes.
+nodes that hand over their state `robot_offload_state-*.whl`, a terminal `robot_offload-*.whl`. The same commit gives
+the same bytes.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parents[1]
-PACKAGES: Final = ("core", "agent", "operator", "lab")
+PACKAGES: Final = ("core", "agent", "state", "operator", "lab")
 CONSTRAINTS: Final = "constraints.txt"
 _BUILD: Final = "import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])"
 _PIN: Final = re.compile(r"^([A-Za-z0-9_.-]+==[^\s;\\]+)\s*(;[^\\\n]*)?", re.MULTILINE)

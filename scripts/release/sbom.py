@@ -20,7 +20,7 @@ from packageurl import PackageURL
 
 from scripts.release.pins import Pin, normalised
 
-OURS: Final = ("robot-offload-core", "robot-offload-agent", "robot-offload", "robot-offload-lab")
+OURS: Final = ("robot-offload-core", "robot-offload-agent", "robot-offload", "robot-offload-lab", "robot-offload-state")
 _NAMESPACE: Final = uuid.UUID("6f1b6f0e-4e55-5c53-9d0c-4b1a5c9b2a11")
 _REQUIREMENT: Final = re.compile(r"^\s*([A-Za-z0-9][A-Za-z0-9._-]*)")
 

@@ -87,7 +87,8 @@ def version() -> str:
 
 def test_every_file_is_there_and_its_checksum_is_right(folder: Path) -> None:
     wheels = {f"{name}-{version()}-py3-none-any.whl" for name in (
-        "robot_offload", "robot_offload_agent", "robot_offload_core", "robot_offload_lab")}  # fmt: skip
+        "robot_offload", "robot_offload_agent", "robot_offload_core", "robot_offload_lab", "robot_offload_state",
+    )}  # fmt: skip
     archives = {path.name for path in folder.glob("kubectl-offload-*.tar.gz")}
     assert len(archives) == 1
     assert {path.name for path in folder.iterdir()} == wheels | archives | {
@@ -105,7 +106,7 @@ def test_images_are_named_by_their_digests_and_without_one_by_their_tag(folder: 
     listed = (folder / "images.txt").read_text().split()
     assert f"{REGISTRY}/agent@{DIGEST}" in listed
     assert f"{REGISTRY}/router:{version()}" in listed
-    assert len(listed) == len(set(listed)) == 8  # five of ours, two of the examples, buildah
+    assert len(listed) == len(set(listed)) == 10  # five of ours, four of the examples, buildah
     assert {word for word in listed if "@" not in word and ":" not in word} == set()
 
 

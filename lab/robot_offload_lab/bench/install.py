@@ -123,7 +123,7 @@ def _colcon(setuptools: str, python: str, folder: Path) -> Times:
     """
     own = python == f"python3.{sys.version_info.minor}"
     _environment(folder / "venv", sys.executable if own else _interpreter(python))
-    tools = [*COLCON, f"setuptools=={setuptools}", "wheel"]
+    tools = [*COLCON, f"setuptools=={setuptools}", "wheel", "pyyaml"]  # PyYAML comes with ROS 2
     _run([str(folder / "venv/bin/pip"), "install", "--quiet", "--no-cache-dir", *tools])
     source = folder / "src"
     source.mkdir()

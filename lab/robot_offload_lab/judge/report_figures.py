@@ -282,6 +282,7 @@ def _mark_ends(axes: Axes, measures: Measures) -> None:
         return
     outcome = measures.recording.outcome
     at_end = "goal" if outcome is not None and outcome.goal_reached else "end of the run"
-    for point, word in ((path_points[0], "start"), (path_points[-1], at_end)):
+    # One word above and one below: a patrol ends where it began.
+    for point, word, offset in ((path_points[0], "start", 7), (path_points[-1], at_end, -14)):
         axes.plot(point.x_m, point.y_m, marker="o", markersize=6, color=INK)
-        axes.annotate(word, (point.x_m, point.y_m), (0, 7), textcoords="offset points", ha="center", fontsize=8)
+        axes.annotate(word, (point.x_m, point.y_m), (0, offset), textcoords="offset points", ha="center", fontsize=8)

@@ -22,11 +22,11 @@ COMMANDS: Final = frozenset({
     "ackermann_msgs/msg/AckermannDriveStamped", "trajectory_msgs/msg/JointTrajectory",
 })  # fmt: skip
 """Types of messages that move a robot."""
-SENSED: Final = frozenset(f"sensor_msgs/msg/{name}" for name in (
+SENSED: Final = frozenset({"nav_msgs/msg/Odometry"} | {f"sensor_msgs/msg/{name}" for name in (
     "LaserScan", "Image", "CompressedImage", "PointCloud2", "Imu", "NavSatFix", "JointState", "BatteryState", "Range",
     "Joy", "MagneticField", "FluidPressure", "Temperature", "RelativeHumidity", "MultiEchoLaserScan", "CameraInfo",
-))  # fmt: skip
-"""Types of messages that devices make."""
+)})  # fmt: skip
+"""Types of messages that devices make: of odometry, wheels do, unless its node hears what it fuses."""
 PLUMBING: Final = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/diagnostics", "/bond")
 """Topics that say nothing of what a node does."""
 HABITS: Final = (

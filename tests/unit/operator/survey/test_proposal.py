@@ -105,6 +105,17 @@ def test_a_driver_is_known_by_what_it_publishes_and_does_not_hear() -> None:
     assert "publishes /scan and hears nothing: it is a sensor's driver" in text
 
 
+def test_wheels_that_only_say_how_far_they_turned_stay_on_the_robot() -> None:
+    seen = small()
+    scan = next(topic for topic in seen.topics if topic.name == "/scan")
+    odom = scan.model_copy(update={"name": "/odom", "types": ("nav_msgs/msg/Odometry",)})
+    others = tuple(topic for topic in seen.topics if topic != scan)
+    wheels = seen.nodes[0].model_copy(update={"lifecycle": "active"})
+    offload, text = imported(seen.model_copy(update={"nodes": (wheels, *seen.nodes[1:]), "topics": (odom, *others)}))
+    assert nodes(offload)["laser"].placement == "Robot"
+    assert "publishes /odom and hears nothing: it is a sensor's driver" in text
+
+
 def test_of_two_publishers_of_one_topic_the_busier_one_leaves_and_the_topic_is_shared() -> None:
     seen = graph(
         [node(CONTROLLER), node("/behaviors"), node(WHEELS, managed=False)],
