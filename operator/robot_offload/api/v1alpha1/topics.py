@@ -27,7 +27,7 @@ class QualityOfService(Model):
         default=10,
         ge=1,
         le=1000,
-        description="How many messages a queue keeps. Default 10, from 1 to 1000.",
+        description="How many messages a queue keeps; one of a shared output at least 100. Default 10, from 1 to 1000.",
     )
 
 
