@@ -13,6 +13,8 @@ from tests.ros.agent.ears import LATCHED, Ear
 from tests.ros.agent.harness import MEASURING_S, World
 
 RESULT_AGE_S = 0.2
+GAP_S = 3.0
+"""Of a topic at 20 Hz, also on a machine that is busy."""
 DETECTIONS: dict[str, Any] = {
     "outputs": ["command", "detections"],
     "output.detections.topic": "/detections",
@@ -91,6 +93,7 @@ def test_results_of_a_cloud_node_reach_a_robot_whose_plain_node_runs_on_both_sid
 
 POSES: dict[str, Any] = {
     "nodes": ["walker", "localizer"],
+    "node.localizer.may_differ": ["rate_hz"],
     "outputs": ["command", "poses"],
     "output.poses.topic": "/poses",
     "output.poses.type": "std_msgs/msg/Header",
@@ -146,5 +149,5 @@ def test_a_shared_topic_is_heard_whole_and_once_on_both_sides_through_ten_change
         assert len(numbers(messages, "feed")) > 50, where
     feed = numbers(heard["robot replica"], "feed")
     assert feed == list(range(feed[0], feed[-1] + 1)), "the robot's replica misses nothing of others"
-    assert gap_s(heard["robot"]) < 1.0
+    assert gap_s(heard["robot"]) < GAP_S
     world.check()

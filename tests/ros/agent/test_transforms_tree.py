@@ -23,6 +23,8 @@ from tests.ros.agent.transform_buffer import TransformBuffer
 STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEHIND_S = 0.25
 """How far behind the newest message RViz would look up on a link of some round trips."""
+GAP_S = 3.0
+"""Of a frame at 20 Hz, also on a machine that is busy; an idle one has less than 100 ms more than its period."""
 CHANGEOVERS = 10
 CHILDREN = ("odom", "base_link", "arm")
 STATICS = ("gripper", "laser", "camera")
@@ -194,7 +196,7 @@ def test_one_tree_of_transforms_on_both_sides_through_ten_changeovers(made: Path
         held = [*map(len, (one.buffer.stays("odom"), one.buffer.stays("arm"), runs(one.joints), runs(one.statuses)))]
         assert held == [CHANGEOVERS + 1] * 4, f"none of the standby's at the {where}"
         sys.stdout.write(f"{where}: {one.figures()}\n")
-        assert max(one.buffer.gap_s(child) for child in CHILDREN) < 1.0
+        assert max(one.buffer.gap_s(child) for child in CHILDREN) < GAP_S
     for one in everyone:
         assert one.buffer.out_of_order() == [], one.prefix
         for said in (one.joints, one.statuses):
