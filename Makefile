@@ -62,7 +62,7 @@ fmt: venv ## Rewrite in the project's format
 	.venv/bin/ruff format .
 
 ##@ Measure
-.PHONY: bench bench-switch bench-handover bench-hot bench-weight bench-links bench-operator bench-sedia bench-install bench-e2e
+.PHONY: bench bench-switch bench-handover bench-hot bench-weight bench-links bench-operator bench-see bench-sedia bench-install bench-e2e
 bench: venv ## A short form of every measurement; refreshes docs/benchmarks.md (< 10 minutes, idle machine); ARGS="--resume"
 	$(PYTHON) -m robot_offload_lab.bench all --quick --docs docs $(ARGS)
 
@@ -83,6 +83,9 @@ bench-weight: venv ## Processor time and memory of both agents; ARGS="--seconds 
 
 bench-links: venv ## What links carry of images and point clouds (root); ARGS="--full --resume"
 	$(PYTHON) -m robot_offload_lab.bench links --docs docs $(ARGS)
+
+bench-see: venv ## How late the console shows a change, and what it costs; ARGS="--part console"
+	$(PYTHON) -m robot_offload_lab.bench.see $(ARGS)
 
 bench-sedia: venv ## The whole robot: change of its navigation stack, processor time against the robot alone; ARGS="--docs"
 	$(PYTHON) -m robot_offload_lab.bench.sedia $(ARGS)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import ssl
 import threading
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from aiohttp import web
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.operator_cluster import eventually
 
+SERVICE = re.compile(r"/api/v1/namespaces/([^/]+)/services/http:([^/:]+):\d+/proxy/(.*)")
 WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 LEADER = "/leases/robot-offload-operator"
 _HOP_BY_HOP = frozenset({"connection", "content-length", "transfer-encoding", "host"})
@@ -73,8 +75,11 @@ class Proxy:
         self.fault: Fault | None = None
         self.after_write: Callable[[Asked], None] | None = None
         self.silent = False
+        self.services: dict[str, str] = {}
+        """Where the pods of Services are, by namespace/service: there is no kubelet that the API server could ask."""
         self._plane = plane
         self._watches: set[asyncio.Task[Any]] = set()
+        self._streams: set[asyncio.Task[Any]] = set()
         self._loop = asyncio.new_event_loop()
         self._alone = asyncio.Lock()
         self._stopping = asyncio.Event()
@@ -123,6 +128,15 @@ class Proxy:
 
         return asyncio.run_coroutine_threadsafe(cut(), self._loop).result(30)
 
+    def cut_streams(self) -> None:
+        """End all streams of Services."""
+
+        async def cut() -> None:
+            for stream in list(self._streams):
+                stream.cancel()
+
+        asyncio.run_coroutine_threadsafe(cut(), self._loop).result(30)
+
     def watches(self) -> int:
         return len(self._watches)
 
@@ -154,8 +168,8 @@ class Proxy:
             self._port = runner.addresses[0][1]
             self._started.set()
             await self._stopping.wait()
-            for watch in list(self._watches):
-                watch.cancel()
+            for task in [*self._watches, *self._streams]:
+                task.cancel()
             await runner.cleanup()
 
     async def _handle(self, request: web.Request) -> web.StreamResponse:
@@ -172,6 +186,9 @@ class Proxy:
             return web.json_response(answer.body, status=answer.status, headers=dict(answer.headers))
         if watch:
             return await self._watch(request)
+        served = SERVICE.fullmatch(request.path)
+        if served and (url := self.services.get(f"{served[1]}/{served[2]}")):
+            return await self._pass_on(request, f"{url}/{served[3]}")
         if asking.write and self.after_write:
             return await self._forward_alone(request, body, asking, self.after_write)
         status, headers, content = await self._forward(request, body)
@@ -191,6 +208,24 @@ class Proxy:
                 after(asking)
                 await asyncio.sleep(0.1)  # until its connections are seen to be closed
         return web.Response(status=status, body=content, headers=headers)
+
+    async def _pass_on(self, request: web.Request, url: str) -> web.StreamResponse:
+        """What a pod answers, for as long as it goes on."""
+        task = asyncio.current_task()
+        assert task is not None
+        self._streams.add(task)
+        try:
+            async with self._session.get(url, timeout=aiohttp.ClientTimeout(total=None)) as upstream:
+                response = web.StreamResponse(status=upstream.status, headers=_passed(upstream.headers))
+                await response.prepare(request)
+                async for chunk in upstream.content.iter_any():
+                    await response.write(chunk)
+                await response.write_eof()
+                return response
+        except (ConnectionError, aiohttp.ClientError):
+            return web.Response(status=503)
+        finally:
+            self._streams.discard(task)
 
     def _note(self, asking: Asked, status: int) -> None:
         self.asked.append(Asked(asking.method, asking.path, asking.query, asking.watch, status, asking.content))

@@ -29,13 +29,13 @@ class Buttons:
         with ui.row().classes("items-center gap-2"):
             self._for = ui.select(LASTING, value=None, label="Pin lasts").props("dense outlined").classes("w-32")
             self._made = {want: self._button(want) for want in SHOWN}
-        self._reason = ui.label().classes("text-grey").mark("forbidden")
+        self._reason = ui.label().classes("text-grey").classes("mark-forbidden")
         ui.timer(ASK_AGAIN_S, self._ask)
 
     def _button(self, want: Want) -> tuple[ui.button, ui.tooltip]:
         colour = "negative" if want is Want.TAKE_OVER else "primary"
         button = ui.button(want.value, on_click=lambda: self._act(want)).props(f"dense no-caps color={colour}")
-        button.mark(want.name)
+        button.classes(f"mark-{want.name}")
         button.disable()
         with button:
             tip = ui.tooltip("asking whether you may")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
@@ -10,6 +11,11 @@ from robot_offload.console.model import Track
 
 COLOURS: Final = {ROBOT: "#d55e00", CLOUD: "#0072b2", "bound": "#555555", "loss": "#999999"}
 """Of the palette of Okabe and Ito, whose colours differ for every kind of colour vision."""
+MIDDLE: Final = "#808080"
+"""Can be read on white and on black."""
+FAINT: Final = "#80808040"
+LEAST_S: Final = 10.0
+"""A strip is never shorter than this."""
 WINDOW_S: Final = 120.0
 LABELLED_S: Final = 10.0
 """A shorter stay has no room for its name; its colour and its edges say it."""
@@ -26,32 +32,49 @@ def strips(track: Track, end_s: float, *, run: bool, window_s: float = WINDOW_S)
         run: times count from the start of a run; otherwise they are those of the system's clock.
         window_s: how much is seen.
     """
-    points = track.window(end_s - window_s, end_s)
+    oldest_s = track.points[0].t_s if track.points else end_s
+    start_s = min(max(end_s - window_s, oldest_s), end_s - LEAST_S)
+    points = track.window(start_s, end_s)
     scale = 1.0 if run else 1e3
-    axis: dict[str, Any] = {"min": (end_s - window_s) * scale, "max": end_s * scale, "type": "value" if run else "time"}
+    line = {"axisLine": {"onZero": False}, "splitLine": {"lineStyle": {"color": FAINT}}}
+    across = {
+        **line,
+        "min": _rounded(start_s * scale),
+        "max": _rounded(end_s * scale),
+        "type": "value" if run else "time",
+    }
+    seconds = {"formatter": "{value} s", "showMaxLabel": False, "showMinLabel": False} if run else {}
     return {
         "animation": False,
         "aria": {"enabled": True},
+        "textStyle": {"color": MIDDLE},
         "grid": [
-            {"left": 55, "right": 15, "top": 30, "height": 150},
-            {"left": 55, "right": 15, "top": 205, "height": 45},
+            {"left": 55, "right": 15, "top": 45, "height": 150},
+            {"left": 55, "right": 15, "top": 225, "height": 40},
         ],
         "tooltip": {"trigger": "axis"},
-        "legend": {"top": 0, "data": ["loop latency", "99th percentile", "loss"]},
+        "legend": {"top": 0, "data": ["loop latency", "99th percentile", "loss"], "textStyle": {"color": MIDDLE}},
         "xAxis": [
-            {**axis, "gridIndex": 0, "axisLabel": {"show": False}},
-            {**axis, "gridIndex": 1, "axisLabel": {"formatter": "{value} s"} if run else {}},
+            {**across, "gridIndex": 0, "axisLabel": {"show": False}},
+            {**across, "gridIndex": 1, "axisLabel": seconds},
         ],
         "yAxis": [
-            {"gridIndex": 0, "name": "ms", "min": 0},
-            {"gridIndex": 1, "name": "loss %", "min": 0, "max": 100, "splitNumber": 1},
+            {**line, "gridIndex": 0, "name": "ms", "min": 0, "max": _top_ms(track, points)},
+            {**line, "gridIndex": 1, "name": "loss %", "min": 0, "max": 100, "splitNumber": 1},
         ],
-        "series": list(_series(track, points, scale, end_s, window_s)),
+        "series": list(_series(track, points, scale, start_s, end_s)),
     }
 
 
+def _top_ms(track: Track, points: Sequence[Point]) -> float:
+    """Returns the upper edge: round, and above both the bound and the latency."""
+    seen_ms = [point.latency_ms for point in points if point.latency_ms is not None and not point.cut]
+    top_ms = max([*seen_ms, (track.bounds.allowed_ms or 0.0) * 1.3, 10.0])
+    return float(math.ceil(top_ms / 20.0) * 20)
+
+
 def _series(
-    track: Track, points: Sequence[Point], scale: float, end_s: float, window_s: float
+    track: Track, points: Sequence[Point], scale: float, start_s: float, end_s: float
 ) -> Iterator[dict[str, Any]]:
     line = {"type": "line", "showSymbol": False, "connectNulls": False, "lineStyle": {"width": 1.5}}
     yield {
@@ -64,7 +87,7 @@ def _series(
             "symbol": "none",
             "data": [
                 *_bound(track.bounds.allowed_ms),
-                *(_mark(change, scale) for change in track.changeovers if end_s - window_s <= change.t_s <= end_s),
+                *_marks([change for change in track.changeovers if start_s <= change.t_s <= end_s], scale),
             ],
         },
         "markArea": {"silent": True, "data": list(_bands(points, scale))},
@@ -91,7 +114,7 @@ def _series(
 
 def _bound(allowed_ms: float | None) -> Iterator[dict[str, Any]]:
     if allowed_ms is not None:
-        label = {"formatter": "{b}", "position": "insideEndTop"}
+        label = {"formatter": "{b}", "position": "insideStartTop", "color": MIDDLE}
         yield {"yAxis": allowed_ms, "name": f"bound {allowed_ms:g} ms", "label": label}
 
 
@@ -101,13 +124,22 @@ def _loss_percent(point: Point) -> float | None:
     return None if point.loss_share is None else round(point.loss_share * 100, 1)
 
 
-def _mark(change: Changeover, scale: float) -> dict[str, Any]:
+def _marks(changes: Sequence[Changeover], scale: float) -> Iterator[dict[str, Any]]:
+    """Yields a line for each change; the newest ones are named as far as there is room."""
+    named_s = float("inf")
+    for change in reversed(changes):
+        room = named_s - change.t_s >= LABELLED_S
+        named_s = change.t_s if room else named_s
+        yield _mark(change, scale, room=room)
+
+
+def _mark(change: Changeover, scale: float, *, room: bool) -> dict[str, Any]:
     gap = "" if change.gap_ms is None else f" {change.gap_ms:.0f} ms"
     return {
         "xAxis": _rounded(change.t_s * scale),
         "name": f"{SIGNS.get(change.to, '?')}{gap}",
         "lineStyle": {"color": COLOURS.get(change.to, "#555555"), "type": "solid"},
-        "label": {"formatter": "{b}", "fontSize": 10},
+        "label": {"show": room, "formatter": "{b}", "fontSize": 10, "color": MIDDLE},
     }
 
 

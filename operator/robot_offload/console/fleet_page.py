@@ -57,7 +57,7 @@ class FleetPage:
         frame.build(session, "Fleet")
         with ui.row().classes("items-center w-full"):
             self._filter = ui.input(label="Filter", placeholder="name, side, reason").props("dense clearable autofocus")
-            self._count = ui.label().classes("text-grey").mark("count")
+            self._count = ui.label().classes("text-grey").classes("mark-count")
         table = ui.table(columns=COLUMNS, rows=[], row_key="id", pagination=0).classes("w-full console-fleet")
         table.props('flat dense hide-pagination no-data-label="no RobotOffload yet"').bind_filter_from(
             self._filter, "value"

@@ -28,7 +28,7 @@ class Banner:
         self._row = ui.row().classes("w-full p-2 rounded bg-amber-3 text-black items-center").props("role=alert")
         with self._row:
             ui.icon("warning")
-            self._label = ui.label().mark("banner")
+            self._label = ui.label().classes("mark-banner")
         self._row.set_visibility(False)
         self._row.move(target_index=0)
 
@@ -49,9 +49,9 @@ def build(session: Session, title: str) -> None:
         session.dark = not session.dark
         dark.value = session.dark
 
-    with ui.header().classes("items-center py-1 px-4 bg-blue-10"):
-        ui.link("Robot Offload", "/").classes("text-white text-h6 no-underline")
-        ui.label(session.fleet.source).classes("text-white ellipsis").style("max-width: 50vw")
+    with ui.header().classes("items-center no-wrap py-1 px-4 bg-blue-10"):
+        ui.link("Robot Offload", "/").classes("text-white text-h6 no-underline whitespace-nowrap")
+        ui.label(session.fleet.source).classes("text-white ellipsis").style("max-width: 40vw")
         ui.space()
         ui.button(icon="contrast", on_click=toggle).props('flat round color=white aria-label="dark or light"')
     ui.keyboard(on_key=lambda event: toggle() if event.action.keydown and event.key == "d" else None)

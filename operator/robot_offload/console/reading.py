@@ -8,9 +8,14 @@ from typing import Any, Final
 
 from robot_offload.api.agent_state import AgentState, StateError, parse_state
 from robot_offload.api.v1alpha1.switching import Switching
-from robot_offload.console.live import CLOUD, ROBOT, SITES, UNKNOWN, Bounds, Live, NodeState, TopicFlow
+from robot_offload.console.live import CLOUD, ROBOT, SITES, UNKNOWN, Bounds, Errand, Live, NodeState, TopicFlow
 
 MAX_NUMBERS: Final = 64
+LEFT_OUT: Final = ("over the rate", "thinned", "unsent")
+ENDINGS: Final = ("succeeded", "aborted", "canceled")
+PROCESSES: Final = "processes"
+TABLES: Final = frozenset({"nodes", "topics", "goals", "states"})
+"""Parts of the robot's report that are shown in tables of their own."""
 MAX_WORD: Final = 120
 _RULE: Final = ("latency", "profile", "heartbeatPeriod", "lossTimeout", "holdDown")
 """What of spec.switching is drawn; the rest may be of another version."""
@@ -62,33 +67,79 @@ def of_state(state: Mapping[str, Any], robot: object = None) -> Live:
         p50_ms=parsed.round_trip_p50_ms,
         p99_ms=parsed.round_trip_p99_ms,
         nodes=_nodes(parsed, report),
-        topics=tuple(TopicFlow(topic, size_bytes=count) for topic, count in parsed.carried),
-        state_ages_ms=tuple((name, float(age_ms)) for name, age_ms in parsed.state_ages_ms),
+        topics=tuple(_topics(parsed, report)),
+        goals=tuple(_goals(report)),
+        state_ages_ms=(
+            *((name, float(age_ms)) for name, age_ms in parsed.state_ages_ms),
+            *(
+                (f"{name} on the robot", age)
+                for name, each in part(report, "states")
+                if (age := number(each)) is not None
+            ),
+        ),
         numbers=tuple(numbers(report)),
     )
 
 
 def _nodes(state: AgentState, report: Mapping[str, Any]) -> tuple[NodeState, ...]:
-    cloud = [NodeState(name, CLOUD, word) for name, word in state.nodes]
-    listed = report.get("nodes")
-    robot = [
-        NodeState(word(each.get("name", "")), ROBOT, word(each.get("state", "")))
-        for each in (listed if isinstance(listed, list) else ())[:MAX_NUMBERS]
-        if isinstance(each, Mapping)
-    ]
+    cloud = [NodeState(name, CLOUD, lifecycle) for name, lifecycle in state.nodes]
+    robot = [NodeState(name, ROBOT, word(each)) for name, each in part(report, "nodes")]
     return (*robot, *cloud)
 
 
+def _topics(state: AgentState, report: Mapping[str, Any]) -> Iterator[TopicFlow]:
+    """Yields what crossed the link: bytes as the cloud counts, messages and what was left out as the robot does."""
+    counted = dict(part(report, "topics"))
+    carried = dict(state.carried)
+    for topic in dict.fromkeys([*carried, *counted]):
+        counts = _counts(counted.get(topic))
+        left_out = [f"{count} {name}" for name, count in zip(LEFT_OUT, counts[1:], strict=False) if count]
+        yield TopicFlow(topic, counts[0] if counts else None, carried.get(topic), left_out=", ".join(left_out))
+
+
+def _goals(report: Mapping[str, Any]) -> Iterator[Errand]:
+    for action, counts in part(report, "goals"):
+        ended = [f"{count} {name}" for name, count in zip(ENDINGS, _counts(counts), strict=False)]
+        yield Errand(f"goals of {action}", "ended", ", ".join(ended))
+
+
+def _counts(value: object) -> list[int]:
+    found = value if isinstance(value, list) else []
+    return [each for each in found if isinstance(each, int) and not isinstance(each, bool)]
+
+
+def part(report: Mapping[str, Any], name: str) -> list[tuple[str, Any]]:
+    """Returns the entries of a part of a report, bounded; none where it is no mapping."""
+    found = report.get(name)
+    entries = list(found.items()) if isinstance(found, Mapping) else []
+    return [(word(key), value) for key, value in entries[:MAX_NUMBERS]]
+
+
 def numbers(report: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yields the figures of a report as name and value, those of parts with the part's name in front."""
+    """Yields the figures of a report that stand in no other table, those of parts with the part's name in front."""
     for name, value in list(report.items())[:MAX_NUMBERS]:
         label = word(f"{prefix}{name}")
-        if isinstance(value, Mapping) and not prefix:
+        if not prefix and name in TABLES:
+            continue
+        if not prefix and name == PROCESSES:
+            yield from _processes(report)
+        elif isinstance(value, Mapping) and not prefix:
             yield from numbers(value, f"{label}.")
         elif isinstance(value, bool | int | str):
             yield label, word(value)
         elif isinstance(value, float):
             yield label, f"{value:.4g}"
+        elif isinstance(value, list):
+            yield label, word(", ".join(map(str, value[:MAX_NUMBERS])))
+
+
+def _processes(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yields what each process of the robot's agent has used."""
+    for name, value in part(report, PROCESSES):
+        counts = _counts(value)
+        if len(counts) >= 3:
+            cpu_ms, memory_kb, deaths = counts[:3]
+            yield f"process {name}", f"{cpu_ms / 1e3:.1f} s of a core, {memory_kb / 1024:.0f} MiB, {deaths} deaths"
 
 
 def word(value: object) -> str:

@@ -104,7 +104,7 @@ class Reporters:
         try:
             state = await read_page(self._api, _url(key, "state"))
             if state is None:
-                publish(Trouble(key, "there is no cloud agent"))
+                publish(Trouble(key, "there is no cloud agent; shown is the resource's status"))
                 return
             robot = state.pop("robot", None)
             now_s = datetime.datetime.now(datetime.UTC).timestamp()

@@ -58,7 +58,7 @@ class RobotPage:
         self._banner = frame.Banner()
         self._head()
         self._buttons = Buttons(session, key)
-        self._chart = ui.echart({"series": []}).classes("w-full").style("height: 290px").mark("strips")
+        self._chart = ui.echart({"series": []}).classes("w-full").style("height: 290px").classes("mark-strips")
         self._scroll()
         self._why = self._card("Why is it not switching back?")
         self._others()
@@ -73,16 +73,16 @@ class RobotPage:
         with ui.row().classes("items-center w-full gap-4"):
             ui.link("← all robots", "/")
             ui.label(str(self._key)).classes("text-h5").props('role=heading aria-level="1"')
-            self._place = ui.badge().classes("text-subtitle1").mark("placement")
-            self._line = ui.label().classes("text-body1").mark("line")
-        self._reason = ui.label().classes("text-body1").mark("reason")
+            self._place = ui.badge().classes("text-subtitle1").classes("mark-placement")
+            self._line = ui.label().classes("text-body1").classes("mark-line")
+        self._reason = ui.label().classes("text-body1").classes("mark-reason")
 
     def _scroll(self) -> None:
         with ui.row().classes("items-center w-full no-wrap"):
             ui.label("Past").classes("text-grey")
             self._slider = ui.slider(min=-1, max=0, value=0, step=0.5, on_change=lambda event: self._go(event.value))
-            self._slider.props('aria-label="scroll back, seconds"').mark("past")
-            self._when = ui.label("live").style("min-width: 9em").mark("when")
+            self._slider.props('aria-label="scroll back, seconds"').classes("mark-past")
+            self._when = ui.label("live").style("min-width: 9em").classes("mark-when")
             ui.button("Live", on_click=lambda: self._slider.set_value(0)).props("dense flat")
         ui.keyboard(on_key=self._on_key)
 
@@ -100,7 +100,7 @@ class RobotPage:
     def _card(title: str) -> ui.column:
         with ui.card().classes("w-full p-3 gap-1").props("flat bordered"):
             ui.label(title).classes("text-subtitle1 text-weight-medium").props('role=heading aria-level="2"')
-            return ui.column().classes("gap-0 w-full").mark("why")
+            return ui.column().classes("gap-0 w-full").classes("mark-why")
 
     def _others(self) -> None:
         with ui.card().classes("w-full p-3 gap-1").props("flat bordered"):
@@ -111,8 +111,9 @@ class RobotPage:
             }  # fmt: skip
             columns = [{"name": name, "label": text, "field": name, "align": "left"} for name, text in labels.items()]
             table = ui.table(columns=columns, rows=[], row_key="rule", pagination=0).classes("w-full console-wrap")
+            table.props("flat dense hide-bottom")
             table.set_visibility(False)
-            said = ui.label().classes("text-grey").mark("others")
+            said = ui.label().classes("text-grey").classes("mark-others")
 
             async def judge() -> None:
                 track = self._track()

@@ -59,6 +59,7 @@ POD: Final = Kind("v1", "Pod", "pods")
 NODE: Final = Kind("v1", "Node", "nodes", namespaced=False)
 EVENT: Final = Kind("v1", "Event", "events")
 NAMESPACE: Final = Kind("v1", "Namespace", "namespaces", namespaced=False)
+ENDPOINTS: Final = Kind("v1", "Endpoints", "endpoints")
 ACCESS_REVIEW: Final = Kind(
     "authorization.k8s.io/v1", "SelfSubjectAccessReview", "selfsubjectaccessreviews", namespaced=False
 )
@@ -91,6 +92,7 @@ _KINDS: Final = {
         NODE,
         EVENT,
         NAMESPACE,
+        ENDPOINTS,
         ACCESS_REVIEW,
         CUSTOM_RESOURCE_DEFINITION,
     )

@@ -125,6 +125,34 @@ def test_an_event_of_the_stream_becomes_a_word() -> None:
     assert of_event(event(round_trip_ms={"p50": 9.0}))[1].latency_ms == 9.0  # of an agent that is older
 
 
+def test_the_robots_own_report_fills_the_tables() -> None:
+    report = {
+        "release": "0.1.0",
+        "nodes": {"controller": "active"},
+        "topics": {"/scan": [100, 5, 0, 2]},
+        "goals": {"/drive": [3, 1, 0]},
+        "states": {"localiser": 120},
+        "processes": {"control": [1500, 30_720, 0]},
+        "beats": [1000, 3],
+    }
+    state = {"version": 1, "site": "robot", "carried": [{"topic": "/scan", "bytes": 5000}]}
+    _, live = of_event(json.dumps({"at": NOW_S, "state": state, "robot": report}))
+    assert [(node.name, node.side, node.state) for node in live.nodes] == [("controller", "robot", "active")]
+    assert live.topics == (TopicFlow("/scan", 100, 5000, left_out="5 over the rate, 2 unsent"),)
+    assert live.goals[0].detail == "3 succeeded, 1 aborted, 0 canceled"
+    assert live.state_ages_ms == (("localiser on the robot", 120.0),)
+    assert dict(live.numbers) == {
+        "release": "0.1.0", "process control": "1.5 s of a core, 30 MiB, 0 deaths", "beats": "1000, 3",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "report", [{"nodes": [1], "topics": 5, "goals": {"/a": "x"}, "processes": {"c": [True]}}, [], 7]
+)
+def test_a_robots_report_of_any_form_breaks_nothing(report: Any) -> None:
+    assert of_event(json.dumps({"at": NOW_S, "state": {"version": 1}, "robot": report}))[1].site == "unknown"
+
+
 @pytest.mark.parametrize(
     "data",
     ["", "{", "[]",

@@ -1,0 +1,309 @@
+"""The console in a real browser over a real API server with two hundred robots, one of which has a real reporter."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import secrets
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import Browser
+
+from robot_offload.kube.kinds import ROBOT_OFFLOAD
+from robot_offload_lab.cluster.commands import Kubectl
+from robot_offload_lab.cluster.control_plane import ControlPlane
+from tests.headless import PHONE, Tab, browser
+from tests.integration.operator_cluster import Place, eventually, walker
+from tests.integration.operator_proxy import Answer, Asked, Proxy
+from tests.unit.operator.reporter.running import Running
+from tests.unit.operator.reporter.states import text
+
+pytestmark = pytest.mark.api
+ROBOTS = 200
+ONE = "walker-007"
+HOSTILE = '<img src=x onerror="alert(1)"><script>alert(2)</script>'
+READERS = ["robotoffloads", "events"]
+
+
+class Served:
+    """`robot-offload console` as a process."""
+
+    def __init__(self, *arguments: str) -> None:
+        command = [sys.executable, "-m", "robot_offload", "console", "--no-open", *arguments]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        if not line.startswith("Console: "):
+            pytest.fail(f"it never said its address: {line}{self.process.communicate()[1]}")
+        self.url = line.split()[1]
+        self.port = urlsplit(self.url).port or 0
+
+    def status(self, path: str, host: str = "") -> int:
+        """What a request without a cookie is answered with."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        try:
+            connection.request("GET", path, headers={"Host": host or f"127.0.0.1:{self.port}"})
+            return connection.getresponse().status
+        finally:
+            connection.close()
+
+    def stop(self) -> tuple[int, str]:
+        """The exit code, and what it said on standard error."""
+        self.process.send_signal(signal.SIGINT)
+        _, errors = self.process.communicate(timeout=60)
+        return self.process.returncode, errors
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    with browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def fleet(control_plane: ControlPlane) -> Iterator[Place]:
+    """Two hundred RobotOffloads as an operator has left them; one carries hostile words."""
+    namespace = control_plane.new_namespace(f"console-{secrets.token_hex(3)}")
+    place = Place(control_plane, namespace)
+    for number in range(ROBOTS):
+        name = f"walker-{number:03}"
+        made = place.create(ROBOT_OFFLOAD, walker(name))
+        reason = HOSTILE if number == 3 else f"as robot {number} says"
+        status = {
+            "observedGeneration": made["metadata"]["generation"],
+            "placement": "Cloud" if number % 3 else "Robot",
+            "placementReason": "LinkGood" if number % 3 else "HeartbeatLost",
+            "placementMessage": reason,
+            "robot": {"connected": True, "since": "2026-11-23T10:00:00Z"},
+            "certificates": {"robot": {"serial": "ab12", "notAfter": "2027-11-23T10:00:00Z"}},
+            "endpoints": [{"purpose": "pulse", "protocol": "UDP", "host": "edge.example", "port": 30443}],
+            "conditions": [
+                {"type": "Ready", "status": "True", "reason": "Ready", "message": "",
+                 "lastTransitionTime": "2026-11-23T10:00:00Z", "observedGeneration": 1},
+            ],
+        }  # fmt: skip
+        place.patch(ROBOT_OFFLOAD, name, {"status": status}, "status")
+    yield place
+    control_plane.request("DELETE", f"/api/v1/namespaces/{namespace}")
+
+
+class Beating(threading.Thread):
+    """Writes the cloud agent's state as it does: five times a second; `values` replace fields."""
+
+    def __init__(self, reporter: Running) -> None:
+        super().__init__(daemon=True)
+        self.reporter = reporter
+        self.values: dict[str, Any] = {}
+        self.ended = False
+
+    def run(self) -> None:
+        number = 0
+        while not self.ended:
+            number += 1
+            link = {"latency_ms": 12.0 + number % 5, "loss_share": 0.01}
+            carried = [{"topic": "/scan", "bytes": 1000 * number}]
+            self.reporter.write(text(**{"written": str(number), "link": link, "carried": carried, **self.values}))
+            time.sleep(0.2)
+
+
+@pytest.fixture(scope="module")
+def beating(
+    control_plane: ControlPlane, fleet: Place, proxy: Proxy, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Beating]:
+    """The reporter of one robot, behind the API server's proxy."""
+    reporter = Running(tmp_path_factory.mktemp("reporter"), proxy.kubeconfig, fleet.namespace, ONE)
+    proxy.services[f"{fleet.namespace}/{ONE}-agent"] = reporter.url
+    beats = Beating(reporter)
+    beats.start()
+    yield beats
+    beats.ended = True
+    beats.join()
+    assert reporter.stop() == 0
+
+
+@pytest.fixture(scope="module")
+def served(fleet: Place, proxy: Proxy, beating: Beating) -> Iterator[Served]:
+    console = Served("--kubeconfig", str(proxy.kubeconfig), "--namespace", fleet.namespace)
+    yield console
+    assert console.stop() == (0, "")
+
+
+@pytest.fixture
+def tab(served: Served, chromium: Browser) -> Iterator[Tab]:
+    opened = Tab(chromium, served.url)
+    yield opened
+    opened.close()
+
+
+def open_robot(tab: Tab, name: str = ONE) -> None:
+    tab.page.get_by_label("Filter").fill(name)
+    tab.page.get_by_role("link", name=name).click()
+    tab.page.wait_for_selector("canvas")
+
+
+def test_all_robots_are_there_sorted_filtered_and_their_words_are_only_words(tab: Tab) -> None:
+    rows = tab.page.locator(".console-fleet tbody tr")
+    tab.until(lambda: rows.count() == ROBOTS, "all rows")
+    tab.says(f"{ROBOTS} robots, 133 in the cloud")
+    tab.says("✓ Ready")
+    tab.until(lambda: "● 1" in tab.text(), "the link of the robot that has a reporter")
+    tab.picture("console-fleet.png")
+    tab.page.get_by_role("columnheader", name="Robot", exact=True).click()
+    tab.page.get_by_role("columnheader", name="Robot", exact=True).click()
+    tab.until(lambda: "walker-199" in rows.first.inner_text(), "the other order")
+    tab.page.get_by_label("Filter").fill("onerror")
+    tab.until(lambda: rows.count() == 1, "the one row with these words")
+    assert HOSTILE in rows.first.inner_text()
+    assert tab.complaints == []
+
+
+def test_one_robot_is_live_and_can_be_scrolled_back(tab: Tab, beating: Beating) -> None:
+    open_robot(tab)
+    tab.says("☁ Cloud")
+    tab.says("LinkGood: the link sustains the cloud")
+    tab.says("loss 1.0%")
+    tab.says("kB/s")  # of /scan
+    for part in ("edge.example:30443/UDP", "ab12", "Ready", "● active", "The cloud acts."):
+        tab.says(part)
+    beating.values = {"site": "robot", "reason": "HoldDown", "message": "hold-down for another 2.0 s", "epoch": 13}
+    tab.says("The robot's rule says HoldDown: hold-down for another 2.0 s")
+    tab.says("within the bound of 60 ms")
+    tab.says("▲ Robot")
+    tab.says("changeover 13")
+    beating.values = {}
+    tab.says("☁ Cloud")
+    tab.page.get_by_role("button", name="Replay the last minutes").click()
+    tab.says("ours: the agents' own rule")
+    tab.picture("console-robot.png")
+    tab.page.keyboard.press("ArrowLeft")
+    tab.until(lambda: "UTC" in tab.text("when"), "the moment that is scrolled back to")
+    tab.page.keyboard.press("l")
+    tab.until(lambda: tab.text("when") == "live", "live again")
+    assert tab.complaints == []
+
+
+def test_a_pin_changes_the_resource_for_two_tabs_and_ends_by_itself(
+    tab: Tab, served: Served, chromium: Browser, fleet: Place
+) -> None:
+    other = Tab(chromium, served.url)
+    for each in (tab, other):
+        open_robot(each)
+    tab.page.get_by_role("button", name="Pin to the robot").click()
+    pinned = eventually(lambda: fleet.roff(ONE)["spec"]["switching"].get("pin") == "Robot", "the pin")
+    assert pinned
+    tab.says("held on the robot until somebody lets go")
+    for each in (tab, other):
+        button = each.page.get_by_role("button", name="Pin to the robot")
+        each.until(button.is_disabled, "the button to know")
+    past = {"metadata": {"annotations": {"robotoffload.dev/pinned-until": "2026-11-23T00:00:00Z"}}}
+    fleet.patch(ROBOT_OFFLOAD, ONE, past)  # as a console that was closed has left it
+    eventually(lambda: fleet.roff(ONE)["spec"]["switching"].get("pin") == "Auto", "the pin to end")
+    other.page.get_by_role("button", name="Robot takes over now").click()
+    roff = eventually(
+        lambda: (found := fleet.roff(ONE))["spec"]["switching"]["pin"] == "Robot" and found, "the robot to take over"
+    )
+    assert "robotoffload.dev/pinned-until" in roff["metadata"]["annotations"]
+    tab.page.get_by_role("button", name="Let the rule decide").click()
+    eventually(lambda: fleet.roff(ONE)["spec"]["switching"]["pin"] == "Auto", "the rule to decide")
+    assert tab.complaints == other.complaints == []
+    other.close()
+
+
+def test_an_api_server_that_is_gone_is_said_and_comes_back(tab: Tab, proxy: Proxy) -> None:
+    open_robot(tab)
+    tab.says("☁ Cloud")
+    proxy.fault = lambda asked: Answer.refusal(503, "ServiceUnavailable")
+    proxy.cut_watches()
+    tab.says("what is shown is old, trying again each second")
+    proxy.fault = None
+    tab.quiet("what is shown is old")
+    tab.says("☁ Cloud")
+
+
+def test_a_reporter_without_a_stream_is_asked_and_a_reporter_that_is_gone_is_said(
+    tab: Tab, proxy: Proxy, fleet: Place, beating: Beating
+) -> None:
+    def older(asked: Asked) -> Answer | None:
+        return Answer.refusal(404, "NotFound") if asked.path.endswith("/stream") else None
+
+    proxy.fault = older
+    proxy.cut_streams()
+    open_robot(tab)
+    tab.says("the reporter is older and offers no stream")
+    tab.says("LinkGood: the link sustains the cloud")
+    proxy.fault = None
+    tab.quiet("the reporter is older")
+    url = proxy.services.pop(f"{fleet.namespace}/{ONE}-agent")
+    proxy.cut_streams()
+    tab.says("shown is the resource's status")
+    proxy.services[f"{fleet.namespace}/{ONE}-agent"] = url
+    tab.quiet("shown is the resource's status")
+
+
+def test_who_may_only_look_sees_why_the_buttons_do_nothing(
+    chromium: Browser, control_plane: ControlPlane, fleet: Place
+) -> None:
+    kubectl: Kubectl = control_plane.kubectl(fleet.namespace)
+    kubectl("create", "serviceaccount", "visitor")
+    for resource in READERS:
+        group = ".robotoffload.dev" if resource == "robotoffloads" else ""
+        kubectl("create", "role", f"look-at-{resource}", "--verb=get,list,watch", f"--resource={resource}{group}")
+        visitor = f"--serviceaccount={fleet.namespace}:visitor"
+        kubectl("create", "rolebinding", f"visitor-{resource}", f"--role=look-at-{resource}", visitor)
+    kubeconfig = control_plane.kubeconfig_of(fleet.namespace, "visitor")
+    console = Served("--kubeconfig", str(kubeconfig), "--namespace", fleet.namespace)
+    try:
+        tab = Tab(chromium, console.url, PHONE, color_scheme="dark")
+        open_robot(tab)
+        tab.says(f"you may not patch robotoffloads in namespace {fleet.namespace}")
+        tab.says("you may not get services/proxy")
+        tab.says("LinkGood: as robot 7 says")
+        assert tab.page.get_by_role("button", name="Pin to the robot").is_disabled()
+        width = tab.page.evaluate("document.documentElement.scrollWidth")
+        assert width <= PHONE["width"]
+        assert tab.complaints == []
+        tab.close()
+    finally:
+        code, errors = console.stop()
+    assert (code, errors) == (0, "")
+
+
+def test_without_the_token_or_under_another_name_nobody_gets_in(served: Served) -> None:
+    token = urlsplit(served.url).query
+    assert served.status(f"/?{token}") == 303
+    assert served.status("/") == 403
+    assert served.status("/?token=guessed") == 403
+    assert served.status("/_nicegui/client.js") == 403
+    assert served.status(f"/?{token}", host=f"attacker.example:{served.port}") == 403
+
+
+def test_a_console_that_ends_is_said_in_the_tab(chromium: Browser, fleet: Place, proxy: Proxy) -> None:
+    console = Served("--kubeconfig", str(proxy.kubeconfig), "--namespace", fleet.namespace)
+    tab = Tab(chromium, console.url)
+    tab.says(f"{ROBOTS} robots")
+    assert console.stop() == (0, "")
+    tab.says("Connection lost")
+    tab.close()
+
+
+def test_an_unreachable_cluster_is_said_on_the_page(chromium: Browser, tmp_path: Path) -> None:
+    kubeconfig = tmp_path / "kubeconfig"
+    cluster = {"name": "c", "cluster": {"server": "http://127.0.0.1:1"}}
+    context = {"name": "c", "context": {"cluster": "c", "user": "u"}}
+    users = [{"name": "u", "user": {"token": "t"}}]
+    body = {"apiVersion": "v1", "kind": "Config", "clusters": [cluster], "users": users, "contexts": [context]}
+    kubeconfig.write_text(json.dumps({**body, "current-context": "c"}))
+    console = Served("--kubeconfig", str(kubeconfig), "--all-namespaces")
+    with contextlib.closing(Tab(chromium, console.url)) as tab:
+        tab.says("trying again each second")
+    assert console.stop()[0] == 0
