@@ -8,6 +8,8 @@ from typing import Any, Final
 from nicegui import ui
 
 from robot_offload.console import frame
+from robot_offload.console.live import Key
+from robot_offload.console.model import Track
 from robot_offload.console.rows import SPARK_HEIGHT, SPARK_WIDTH, row
 from robot_offload.console.session import Session
 
@@ -23,7 +25,7 @@ SPARK_CELL: Final = f"""
     <path :d="props.row.sparkCuts" class="console-cut"/>
     <polyline :points="props.row.sparkLine" class="console-line"/>
   </svg>
-  <span class="console-quality">{{{{ props.row.quality }}}}</span>
+  <span class="console-quality" :title="props.row.trouble">{{{{ props.row.quality }}}}</span>
 </q-td>
 """
 _WIDE: Final = {"classes": "console-wide", "headerClasses": "console-wide"}
@@ -54,6 +56,7 @@ class FleetPage:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._shown: list[dict[str, Any]] = []
+        self._kept: dict[Key, tuple[int, int, dict[str, Any]]] = {}
         frame.build(session, "Fleet")
         with ui.row().classes("items-center w-full"):
             self._filter = ui.input(label="Filter", placeholder="name, side, reason").props("dense clearable autofocus")
@@ -71,12 +74,19 @@ class FleetPage:
         self.update()
         ui.timer(UPDATE_S, self.update)
 
+    def _row(self, track: Track, now_s: float, now: datetime.datetime) -> dict[str, Any]:
+        """Returns one robot's line; it is made anew when something was said, and each second."""
+        kept = self._kept.get(track.key)
+        if kept is None or kept[:2] != (track.version, int(now_s)):
+            kept = self._kept[track.key] = (track.version, int(now_s), row(track, now_s, now))
+        return kept[2]
+
     def update(self) -> None:
         """Shows what has changed."""
         fleet = self._session.fleet
         self._banner.show(fleet.problem)
         now_s, now = self._session.now_s(), datetime.datetime.now(datetime.UTC)
-        rows = [row(track, now_s, now) for track in fleet.sorted()]
+        rows = [self._row(track, now_s, now) for track in fleet.sorted()]
         if rows != self._shown:
             self._shown = rows
             self._table.rows = rows

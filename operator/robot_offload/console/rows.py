@@ -35,6 +35,7 @@ def row(track: Track, now_s: float, now: datetime.datetime) -> dict[str, Any]:
         "placement": PLACES.get(track.site, "? Unknown"),
         "reason": ": ".join(part for part in (reason, message) if part),
         "quality": _quality(track, old),
+        "trouble": track.problem,
         "latency": SORTED_LAST if old or live.latency_ms is None else live.latency_ms,
         **spark(track.window(now_s - SPARK_S, now_s), now_s, track.bounds.allowed_ms),
         "gap": "" if last is None or last.gap_ms is None else f"{last.gap_ms:.0f} ms",
@@ -69,7 +70,7 @@ def spark(points: Sequence[Point], now_s: float, allowed_ms: float | None) -> Ma
 
 def _quality(track: Track, old: bool) -> str:
     if track.problem:
-        return f"no live numbers: {track.problem}"
+        return "no live numbers"
     if track.heard_s is None:
         return "no live numbers yet"
     if old:

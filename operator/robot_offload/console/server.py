@@ -87,7 +87,13 @@ async def serve(source: Source, port: int, ready: Callable[[str], None], stop: a
     )
     outer.add_middleware(Guard, token=token, port=port)
     config = uvicorn.Config(
-        outer, log_level="warning", access_log=False, ws="websockets-sansio", timeout_graceful_shutdown=1, lifespan="on"
+        outer,
+        log_level="warning",
+        access_log=False,
+        ws="websockets-sansio",
+        timeout_graceful_shutdown=1,
+        lifespan="on",
+        ws_per_message_deflate=False,  # on the loopback packing costs more than it saves
     )
     server = _Server(config)
     running = asyncio.create_task(server.serve(sockets=[listening]))

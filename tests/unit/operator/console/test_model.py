@@ -45,7 +45,7 @@ def test_a_resource_without_live_numbers_shows_what_its_status_says_and_why_ther
     found = shown(fleet(Declared(KEY, manifest()), Trouble(KEY, "the cloud agent has no ready pod")))
     assert found["placement"] == "☁ Cloud"
     assert found["reason"] == "LinkGood: good"
-    assert found["quality"] == "no live numbers: the cloud agent has no ready pod"
+    assert (found["quality"], found["trouble"]) == ("no live numbers", "the cloud agent has no ready pod")
 
 
 def test_a_change_of_side_is_a_changeover_and_its_silence_is_added_when_it_is_known() -> None:
