@@ -1,4 +1,4 @@
-"""`robot-offload-agent robot|cloud --params FILE`: the agent of one side. Beside it: `doctor`, and `record` (MCAP)."""
+"""`robot-offload-agent robot|cloud --params FILE`: the agent of one side. Beside it: `doctor`, `record`, `audit`."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ examples:
   robot-offload-agent robot --params robot.yaml --check   only says whether the file is good
   robot-offload-agent doctor --params robot.yaml    looks for what would bite on this robot
   robot-offload-agent record --params robot.yaml --output run.mcap   records until Ctrl-C, for Foxglove or rosbag2
+  robot-offload-agent audit verify --params robot.yaml     was the trail of pins, switches and settings altered?
   robot-offload-agent robot --params robot.yaml --record link.csv   for robot-offload simulate --trace link.csv
 
 exit codes: 0 ended by a signal, 2 bad configuration, 3 this identity runs here already, 4 the ROS graph forbids it
@@ -57,6 +58,10 @@ def main(arguments: list[str] | None = None) -> int:
         from robot_offload_agent.doctor.command import main as doctor  # noqa: PLC0415 - the agent goes without it
 
         return doctor(words[1:])
+    if words[:1] == ["audit"]:
+        from robot_offload_agent.control.audit_command import main as audit  # noqa: PLC0415 - as above
+
+        return audit(words[1:])
     if words[:1] == ["record"]:
         from robot_offload_agent.recording.command import main as record  # noqa: PLC0415 - the agent goes without it
 

@@ -113,6 +113,14 @@ class Problem(Explained):
         "NodeUnseen", "A node without a lifecycle, or a topic that it is declared to publish, is not in the graph",
         "Start the node under its declared name, and remap its outputs to their private topics",
     )  # fmt: skip
+    AUDIT_FAILED = (
+        "AuditFailed", "The audit trail on the robot cannot be written; its entries wait",
+        "Free the disk, or give each agent a state folder of its own",
+    )  # fmt: skip
+    RECORDING_FAILED = (
+        "RecordingFailed", "A changeover could not be recorded; nothing else is the worse for it",
+        "Free the disk, or install `robot-offload-agent[record]`, as the message says",
+    )  # fmt: skip
     SETTINGS_REFUSED = (
         "SettingsRefused", "The robot refused settings that the cloud offers", "Read the reason in the message"
     )  # fmt: skip

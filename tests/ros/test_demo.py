@@ -21,9 +21,11 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from robot_offload_core import audit
 from robot_offload_lab.blackbox import ring
 from robot_offload_lab.blackbox.decided import Totals, moments
 from robot_offload_lab.judge import recording
+from tests.viewers import groups, shown
 
 ROOT = Path(__file__).parents[2]
 TALKER = ROOT / "examples" / "talker" / "robotoffload.yaml"
@@ -150,13 +152,16 @@ def assert_recorded(file: Path, output: str, output_type: str) -> None:
         for connection, _, raw in bag.messages():
             read.setdefault(connection.topic, []).append(bag.deserialize(raw, connection.msgtype))
     assert set(expected) <= set(read)
+    for topic, field in shown():
+        assert all(not field or hasattr(message, field) for message in read[topic])
+    names = {status.name for array in read["/diagnostics"] for status in array.status}
+    assert any(name.startswith(groups()[0]) for name in names)
     assert {message.data for message in read["/offload/acting"]} == {0, 1}
     assert {0, 1} <= {message.data for message in read["/offload/passing"]}
     assert all(message.data > 0 for message in read["/offload/round_trip_ms"])
     sites = [json.loads(message.data)["site"] for message in read["/offload/placement"]]
     assert {"robot", "cloud"} == set(sites)
     assert any("HeartbeatLost" in line.msg for line in read["/offload/notes"])
-    names = {status.name for array in read["/diagnostics"] for status in array.status}
     assert {"robot_offload robot: link", "robot_offload robot: placement"} <= names
 
 
@@ -260,6 +265,10 @@ def test_the_wheelchair_drives_without_touching_anything_while_its_link_fails(de
     assert run.outcome is not None
     assert re.search(r"1[1-9]\.\d s, goal not reached, 0 collisions", said)
     assert_recorded(demo.out / "run.mcap", "/cmd_vel", "geometry_msgs/msg/TwistStamped")
+    files = sorted((demo.out / "state" / "robot" / "audit").glob("audit-*.log"))
+    trail = [line for file in files for line in file.read_text().splitlines(keepends=True)]
+    assert audit.verify(trail).problems == ()
+    assert {"Start", "Certificate"} <= {entry["kind"] for entry in audit.exported(trail)}
     for side, decided in (("robot", "placement"), ("cloud", "lease")):
         totals = Totals()
         decisions = list(moments(ring.lines(demo.out / "state" / side / "blackbox" / side), totals))

@@ -28,6 +28,7 @@ from robot_offload_agent.ros.replica_parameters import ReplicaParameters
 from robot_offload_agent.ros.report import Problem, Report
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import beats, guardians, managed_nodes
+from robot_offload_core.events import Machine, Witness
 from robot_offload_core.process.control import ControlProcess
 from robot_offload_core.process.messages import Arrived, Fatal, Lives, Notes, PulseStatus
 from robot_offload_core.reasons import Reason
@@ -47,11 +48,29 @@ SWITCH_INTERVAL_S = 0.001
 """The interpreter changes threads this often at most: the deciding thread must not wait 5 ms for the spinning one."""
 
 
+class Witnesses:
+    """Several witnesses as one."""
+
+    def __init__(self, witnesses: list[Witness]) -> None:
+        self.witnesses = tuple(witnesses)
+
+    def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
+        """Hands a step to each."""
+        for witness in self.witnesses:
+            witness.stepped(machine, now_s, event, after, commands)
+
+    def restated(self, machine: Machine, now_s: float, state: Any) -> None:
+        """Hands a state to each."""
+        for witness in self.witnesses:
+            witness.restated(machine, now_s, state)
+
+
 class ControlShell(ABC):
     """Base of both sides.
 
     Attributes:
         process: the core's control process, set by the subclass before `run`.
+        witnesses: what sees every step of it besides the black box; added to before `run`.
     """
 
     process: ControlProcess
@@ -66,6 +85,7 @@ class ControlShell(ABC):
         self.lives = Lives(())
         self.guard = Guard(context.is_up)
         self.box = blackbox.of(configuration, self.incarnation)
+        self.witnesses: list[Witness] = []
         self.beacon = beacon.Beacon(bus, "decide", "ros")
         self.report_due_s = self.graph_due_s = self.seen_due_s = 0.0
         context.init(configuration)
@@ -79,8 +99,10 @@ class ControlShell(ABC):
         """Runs until it is ended."""
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         if self.box is not None:
-            self.process.watched_by(self.box)
+            self.witnesses.append(self.box)
             self.box.start()
+        if self.witnesses:
+            self.process.watched_by(Witnesses(self.witnesses))
         threading.Thread(target=self.decide, name="decide", daemon=True).start()
         self.report.guardian.create_timer(beacon.PERIOD_S, lambda: self.beacon.sign("ros"))
         context.spin(*self.report.nodes)

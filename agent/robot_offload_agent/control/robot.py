@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_offload_agent.certificates.keeper import CertificateKeeper
-from robot_offload_agent.control import culprits
+from robot_offload_agent.control import audit, culprits
 from robot_offload_agent.control.process import ControlShell, start
 from robot_offload_agent.control.recorder import Recorder
 from robot_offload_agent.process.bus import Bus
@@ -20,6 +20,7 @@ from robot_offload_agent.settings.liaison import LEAVING_S
 from robot_offload_agent.settings.override import Override
 from robot_offload_agent.settings.parameters import Configuration, too_tight
 from robot_offload_core import links, placement, replica_parameters, switcher
+from robot_offload_core.audit import Kind
 from robot_offload_core.availability import Available
 from robot_offload_core.problems import Problem
 from robot_offload_core.process.messages import Arrived, CollectorStatus, Notes
@@ -57,6 +58,12 @@ class RobotControlShell(ControlShell):
         self.report.declare_override(self.override, lambda: self.post(self.set_override))
         record = configuration.values.get("record_file")  # of the command line, no parameter
         self.recorder = Recorder(Path(record), self.process.settings.beat_period_s) if record else None
+        self.audit = audit.of(configuration)
+        self.witnesses.append(self.audit)
+        self.answered = ("", "")
+        self.audited_pin, self.serial = str(present["pin"]), ""
+        self.audit.say(Kind.START, "agent", release=release(), generation=str(self.tuned.generation))
+        self.audit.start()
         self.effects_changed()
 
     # -- events in ----------------------------------------------------------------------------------------------------
@@ -85,11 +92,39 @@ class RobotControlShell(ControlShell):
     def adopt(self, _now: float) -> None:
         """Takes settings that the cloud offers, when they were answered; in force when accepted (deciding thread)."""
         present = self.tuned.present
+        self.note_settings()
         self.process.adopt(present.settings(), present.input_specs())
         self.report.note("settings", self.tuned.problem)
         self.report.show_settings(present)
         self.send_limits()
         self.send_notes()
+
+    def note_settings(self) -> None:
+        """Notes in the audit trail what became of an offer, once, and a pin that came with it."""
+        judgement, pin = self.tuned.judgement, str(self.tuned.present["pin"])
+        answered = (self.tuned.judged, judgement.reason.value)
+        if answered == self.answered:
+            return
+        self.answered = answered
+        who = f"resource, offered by the cloud's agent {self.process.robot.link.peer}"
+        offer = self.tuned.heard.offer
+        generation = str(self.tuned.generation if offer is None else offer.generation)
+        self.audit.say(
+            Kind.SETTINGS, who, generation=generation, digest=self.tuned.judged, answer=judgement.reason.value,
+            message=judgement.message,
+        )  # fmt: skip
+        if pin != self.audited_pin:
+            self.audit.say(Kind.PIN, who, before=self.audited_pin, to=pin, generation=generation)
+            self.audited_pin = pin
+
+    def note_certificate(self) -> None:
+        """Notes in the audit trail that the robot dials with another certificate."""
+        found = self.certificate.credential
+        if found.serial in ("", self.serial):
+            return
+        who = "authority of the cluster" if self.serial else "found at the start"
+        self.audit.say(Kind.CERTIFICATE, who, serial=found.serial, before=self.serial, not_after=found.not_after)
+        self.serial = found.serial
 
     def send_limits(self) -> None:
         """Sends limits that the other processes keep: at changes, and again because they may be new."""
@@ -120,6 +155,7 @@ class RobotControlShell(ControlShell):
             message,
             self.certificate.credential,
             replica_parameters.statements(self.comparison.compared),
+            str(self.audit.head),
         )
         self.bus.send("data", Notes(self.incarnation, text))
 
@@ -128,6 +164,7 @@ class RobotControlShell(ControlShell):
         if self.recorder is not None:
             self.recorder.flush(now)
         if self.override.expire():
+            self.audit.say(Kind.OVERRIDE, "its time was over", to=self.override.word)
             self.report.show_override(self.override.word)
 
     # -- what the core's process needs --------------------------------------------------------------------------------
@@ -204,6 +241,8 @@ class RobotControlShell(ControlShell):
         self.report.note("limits", (Problem.LIMIT_TOO_TIGHT, tight) if tight else None)
         self.report.note("settings", self.tuned.problem)
         self.report.note("certificate", self.certificate.problem)
+        self.note_certificate()
+        self.report.note("audit", (Problem.AUDIT_FAILED, self.audit.problem) if self.audit.problem else None)
         self.compare_parameters()
         process.veto("managers", self.other_managers)
         self.send_limits()
@@ -230,7 +269,7 @@ class RobotControlShell(ControlShell):
                 "reason": robot.decided.reason,
                 "message": self.explained(robot.decided.reason, robot.decided.message),
                 "generation": str(self.tuned.generation),
-                "release": release(), "cloud_release": self.tuned.heard.release,
+                "release": release(), "cloud_release": self.tuned.heard.release, "audit": str(self.audit.head),
             },
             nodes=process.guardian.nodes,
             counters=self.counters | self.life_counters(),

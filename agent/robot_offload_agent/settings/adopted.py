@@ -99,7 +99,7 @@ class RobotSettings:
 
     def notes(
         self, left: str, site: Site, reason: str, message: str, credential: Credential = UNKNOWN,
-        parameters: dict[str, Statement] | None = None,
+        parameters: dict[str, Statement] | None = None, audit: str = "",
     ) -> str:  # fmt: skip
         """Returns the notes for the cloud."""
         judgement = self.judgement
@@ -107,7 +107,7 @@ class RobotSettings:
         accepted = judgement.configuration is not None
         told = RobotNotes(
             self.generation, digest, accepted, judgement.reason, judgement.message, left, site.value, reason, message,
-            credential, parameters or {}, self.dials,
+            credential, parameters or {}, self.dials, audit,
         )  # fmt: skip
         return encode(told)
 

@@ -154,6 +154,7 @@ def state(
         "settings": _settings(liaison),
         "certificate": vars(liaison.robot.credential if liaison.robot is not None else Credential()),
         "dials": liaison.robot.dials if liaison.robot is not None else "",
+        "audit": liaison.robot.audit if liaison.robot is not None else "",
         "handover": liaison.handed_over,
         "ready": ready,
     }

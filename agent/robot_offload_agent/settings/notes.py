@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from robot_offload_agent.settings.offer import Offer
+from robot_offload_core.audit import parse_head
 from robot_offload_core.replica_parameters import MAX_NAME as MAX_PARAMETER_NAME
 from robot_offload_core.replica_parameters import MAX_NODES, MAX_STATED, Statement
 
@@ -88,6 +89,7 @@ class RobotNotes:
         parameters: what the robot states of its nodes' parameters, by node.
         dials: addresses (host:port) of the cloud that its bundle names, with spaces between them; "" where the agent
             dials none.
+        audit: newest entry of its audit trail, NUMBER:DIGEST; "" where there is none.
     """
 
     generation: int = 0
@@ -102,6 +104,7 @@ class RobotNotes:
     credential: Credential = field(default_factory=Credential)
     parameters: dict[str, Statement] = field(default_factory=dict)
     dials: str = ""
+    audit: str = ""
 
 
 def encode(notes: CloudNotes | RobotNotes) -> str:
@@ -159,6 +162,8 @@ def decode_robot(text: str) -> RobotNotes:
         raise NotesError("a generation or a reason has another form")
     if max(len(notes.digest), len(notes.left)) > MAX_NAME:
         raise NotesError("a name is too long")
+    if notes.audit and parse_head(notes.audit) is None:
+        raise NotesError("the head of the audit trail has another form")
     # Texts for people go on to the operator's status, which has limits of its own.
     return replace(
         notes,

@@ -20,6 +20,7 @@ _HELP: Final = {
     "simulate": "Try switching rules on a recorded link, or the protocol in virtual time.",
     "bench": "Measure what the product claims.",
     "blackbox": "Replay what an agent took in and decided: its black box.",
+    "audit": "Check the audit trail of a robot: pins, switches by hand, settings, certificates.",
 }
 
 

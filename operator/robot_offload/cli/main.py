@@ -55,6 +55,7 @@ class Program(LazyCommands):
             "Try a switching policy on a recorded link: where it would have acted, and what that would have cost.",
         ),
         Entry("blackbox", "", "Replay what an agent took in and decided: its black box."),
+        Entry("audit", "", "Check the audit trail of a robot: pins, switches by hand, settings, certificates."),
         Entry(
             "dockerfile",
             "images.dockerfile",

@@ -24,7 +24,7 @@ SAMPLES = Path(__file__).parents[4] / "manifests" / "samples"
 PROGRAMS = Path(__file__).parents[4] / ".venv" / "bin"
 COMMANDS = (
     "validate", "render", "crd", "status", "explain", "bundle", "pin", "revoke", "doctor", "completion", "demo",
-    "simulate", "blackbox", "bench", "dockerfile", "build",
+    "simulate", "blackbox", "audit", "bench", "dockerfile", "build",
 )  # fmt: skip
 
 

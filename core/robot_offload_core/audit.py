@@ -1,0 +1,194 @@
+"""The audit trail: who had a robot's placement, settings or certificate changed, as a chain of hashes. Pure.
+
+Each line is a JSON list `[format, number, at, kind, who, what, previous, digest]`: a number that grows by one, an RFC
+3339 time of the system clock, texts, a table of texts, the digest of the line before, and the SHA-256 of all before it
+in this line. Who changes, removes, inserts or moves a line must write all that follow anew; who keeps a head elsewhere
+(number and digest of a line) sees that, and what was cut off at the end.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+FORMAT: Final = 1
+BEGINNING: Final = "0" * 64
+"""What the first line of a trail names as the digest before it."""
+MAX_TEXT: Final = 1024
+"""Characters of a text; what is longer is cut, because texts come from others."""
+_DIGEST: Final = re.compile(r"[0-9a-f]{64}")
+
+
+class Kind(str, Enum):
+    """What was done."""
+
+    START = "Start"
+    SETTINGS = "Settings"
+    PIN = "Pin"
+    OVERRIDE = "Override"
+    SWITCH_BY_HAND = "SwitchByHand"
+    CERTIFICATE = "Certificate"
+    TORN = "Torn"
+    MISSED = "Missed"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True)
+class Head:
+    """A line of a trail, by number and digest: who knows it knows all that came before."""
+
+    number: int = 0
+    digest: str = BEGINNING
+
+    def __str__(self) -> str:
+        return f"{self.number}:{self.digest}"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of a trail.
+
+    Attributes:
+        head: its number and its digest. previous: the digest before it.
+        at: RFC 3339 time, by the robot's clock. kind: of what was done; a later release may have others.
+        who: where the word came from. what: details.
+    """
+
+    head: Head
+    previous: str
+    at: str
+    kind: str
+    who: str
+    what: Mapping[str, str]
+
+
+def line(before: Head, at: str, kind: Kind, who: str, what: Mapping[str, str]) -> tuple[Head, str]:
+    """Returns the next line of a trail (with its end) and the head that it makes."""
+    texts = {name[:MAX_TEXT]: text[:MAX_TEXT] for name, text in what.items()}
+    body = [FORMAT, before.number + 1, at, kind.value, who[:MAX_TEXT], texts, before.digest]
+    head = Head(before.number + 1, _digest(body))
+    return head, _text([*body, head.digest]) + "\n"
+
+
+def parse(text: str) -> Entry | None:
+    """Returns what a line says; None for one that is torn, altered or of another format."""
+    try:
+        body = json.loads(text)
+        form, number, at, kind, who, what, previous, digest = body
+    except (ValueError, TypeError, RecursionError):
+        return None
+    texts = [at, kind, who, previous, digest]
+    fits = form == FORMAT and type(number) is int and all(isinstance(each, str) for each in texts)
+    if not fits or not isinstance(what, dict) or not all(isinstance(each, str) for each in what.values()):
+        return None
+    if not _DIGEST.fullmatch(previous) or _digest(body[:-1]) != digest:
+        return None
+    return Entry(Head(number, digest), previous, at, kind, who, what)
+
+
+def parse_head(text: str) -> Head | None:
+    """Returns the head that a text names, `NUMBER:DIGEST`; None for anything else."""
+    number, _, digest = text.partition(":")
+    known = number.isascii() and number.isdigit() and len(number) < 16 and _DIGEST.fullmatch(digest)
+    return Head(int(number), digest) if known else None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a check.
+
+    Attributes:
+        entries: how many lines are good, in one chain. first, last: its ends; `first` is 0 without a line.
+        problems: sentences; empty: nothing was altered, as far as the lines themselves show.
+        torn: the last line is not whole, as a loss of power leaves it.
+    """
+
+    entries: int
+    first: int
+    last: Head
+    problems: tuple[str, ...] = ()
+    torn: bool = False
+
+
+def verify(lines: Iterable[str], known: Head | None = None) -> Verdict:
+    """Checks a trail, the oldest line first.
+
+    Args:
+        lines: of all files of the trail.
+        known: a head that was kept elsewhere; None: none was.
+    """
+    problems: list[str] = []
+    entries, first, torn = 0, 0, False
+    before: Head | None = None
+    found = known is None
+    rest = list(lines)
+    for position, text in enumerate(rest, start=1):
+        entry = parse(text)
+        if entry is None:
+            torn = position == len(rest) and not text.endswith("\n")
+            if not torn and not _covers_torn(rest[position:]):
+                problems.append(f"line {position} was altered, or is none of a trail")
+            continue
+        if before is None:
+            first = entry.head.number
+            if entry.head.number == 1 and entry.previous != BEGINNING:
+                problems.append(f"line {position}: the first entry names another one before it")
+        elif entry.previous != before.digest or entry.head.number != before.number + 1:
+            problems.append(f"line {position}: entry {entry.head.number} does not follow entry {before.number}")
+        found = found or entry.head == known
+        before, entries = entry.head, entries + 1
+    if not found and known is not None:
+        problems.append(_absent(known, first, before))
+    return Verdict(entries, first, before or Head(), tuple(problems), torn)
+
+
+def sentences(verdict: Verdict) -> list[str]:
+    """Returns what a check has found, for people; the last sentence names the head to keep."""
+    if not verdict.entries:
+        return [*verdict.problems, "The trail has no entry"]
+    found = [f"{verdict.entries} entries, {verdict.first} to {verdict.last.number}"]
+    found += [f"NOT AS WRITTEN: {problem}" for problem in verdict.problems]
+    if verdict.torn:
+        found.append("the last line is not whole, as a loss of power leaves it")
+    if not verdict.problems:
+        found.append("in one chain; nothing was altered since the head was seen, if you compared one (--head)")
+    return [*found, f"head {verdict.last}"]
+
+
+def exported(lines: Iterable[str]) -> list[dict[str, object]]:
+    """Returns the good entries as plain values, for other programs."""
+    entries = (parse(text) for text in lines)
+    return [
+        {"number": e.head.number, "at": e.at, "kind": e.kind, "who": e.who, "what": dict(e.what),
+         "digest": e.head.digest}
+        for e in entries if e is not None
+    ]  # fmt: skip
+
+
+def _covers_torn(following: list[str]) -> bool:
+    """Returns whether the next line says that the one before it was found torn."""
+    entry = parse(following[0]) if following else None
+    return entry is not None and entry.kind == Kind.TORN.value
+
+
+def _absent(known: Head, first: int, last: Head | None) -> str:
+    if last is None or known.number > last.number:
+        return f"the trail was cut: it ends before entry {known.number}, which was seen"
+    if known.number < first:
+        return f"entry {known.number} has gone with the oldest file: the head cannot be compared"
+    return f"the trail was written anew: entry {known.number} is another one than was seen"
+
+
+def _digest(body: list[object]) -> str:
+    return hashlib.sha256(_text(body).encode()).hexdigest()
+
+
+def _text(body: list[object]) -> str:
+    return json.dumps(body, separators=(",", ":"), ensure_ascii=True, sort_keys=True)

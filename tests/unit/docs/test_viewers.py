@@ -1,0 +1,30 @@
+"""The layouts for viewers have the form that viewers import, and name what the agent publishes."""
+
+from typing import Any
+
+from robot_offload_agent.recording.topics import topics
+from robot_offload_agent.ros.interfaces import message_type
+from robot_offload_agent.settings import parameters
+from tests.viewers import foxglove, groups, shown
+
+
+def leaves(node: Any) -> set[str]:
+    return {node} if isinstance(node, str) else leaves(node["first"]) | leaves(node["second"])
+
+
+def test_the_layout_has_the_old_form_that_foxglove_and_lichtblick_import() -> None:
+    layout = foxglove()
+    assert {"configById", "layout", "globalVariables", "userNodes", "playbackConfig"} == set(layout)
+    assert leaves(layout["layout"]) == set(layout["configById"])
+
+
+def test_every_topic_of_the_layouts_is_recorded_with_the_field_that_is_drawn() -> None:
+    configuration = parameters.parse({"side": "robot", "uid": "chair"})
+    recorded = {topic.name: topic.type_name for topic in topics(configuration)}
+    for topic, field in shown():
+        assert topic in recorded
+        assert not field or field in message_type(recorded[topic]).get_fields_and_field_types()
+
+
+def test_the_groups_of_the_robot_monitor_are_those_of_both_agents() -> None:
+    assert groups() == ["robot_offload robot: ", "robot_offload cloud: "]
