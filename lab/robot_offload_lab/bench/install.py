@@ -70,13 +70,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     unknown = sorted(set(options.ways) - set(WAYS))
     if unknown:
         parser.error(f"{unknown[0]!r} is no way to install; these are {', '.join(WAYS)}")
-    found = {}
+    found, busy = {}, machine.load()
     for way in options.ways or WAYS:
         with tempfile.TemporaryDirectory(prefix="robot-offload-install-") as folder:
             found[way] = WAYS[way](Path(folder))
         print(f"{way}: {found[way]}", file=sys.stderr, flush=True)  # noqa: T201 - a program for people
     date = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
-    text = table(found, date, machine.words(machine.describe()))
+    text = table(found, date, f"{machine.words(machine.describe())}; load average {busy:.0f} at the start")
     print(text)  # noqa: T201
     if options.docs:
         page = PAGE.read_text(encoding="utf-8")
