@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -21,8 +22,10 @@ from std_msgs.msg import String
 
 from robot_offload.api.files import load
 from robot_offload.survey.asked import PROGRAM
+from robot_offload_lab.run.showcase import showcase
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "wheelchair"
+SEDIA = EXAMPLE.parent / "sedia"
 DOMAIN = 33
 PATIENCE_S = 60.0
 SCRIPTS = (
@@ -31,6 +34,8 @@ SCRIPTS = (
     ("localiser.py",),
     ("controller.py", "-r", "odom:=/pose", "-p", "rate_hz:=20.0", "-p", "max_speed:=0.6"),
 )
+
+PATROL = ("-p", "waypoint_follower:waypoints:=[2.0, 1.0, 10.0, 1.0]", "-p", "detector:layers:=4")
 
 pytestmark = [
     pytest.mark.ros,
@@ -43,13 +48,33 @@ def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
     """The four nodes of the wheelchair, Active, without agents."""
     found = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN), ROS_LOG_DIR=str(tmp_path))
     commands = [[sys.executable, script, "--ros-args", *words] for script, *words in SCRIPTS]
+    with started(commands, EXAMPLE, found):
+        activate("localiser", "controller")
+        yield found
+
+
+@pytest.fixture
+def whole_robot(tmp_path: Path) -> Iterator[dict[str, str]]:
+    """The 22 nodes of sedia, Active and on the way, in the processes of its demo, without agents."""
+    from robot_offload_lab.run import interfaces
+
+    said = showcase(SEDIA / "robotoffload.yaml")
+    made = [interfaces.cached(interfaces.read(SEDIA / name)) for name in said.interfaces]
+    found = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN), ROS_LOG_DIR=str(tmp_path)) | interfaces.environment(*made)
+    commands = [[sys.executable, "sedia.py", *it.nodes, "--ros-args", *PATROL] for it in said.processes]
+    with started(commands, SEDIA, found):
+        activate(*(name for it in said.processes for name in it.nodes))
+        yield found
+
+
+@contextmanager
+def started(commands: list[list[str]], folder: Path, environment: dict[str, str]) -> Iterator[None]:
     running = [
-        subprocess.Popen(it, cwd=EXAMPLE, env=found, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.Popen(it, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         for it in commands
     ]
     try:
-        activate("localiser", "controller")
-        yield found
+        yield
     finally:
         for process in running:
             process.kill()
@@ -141,3 +166,33 @@ def test_a_topic_that_appears_while_we_look_is_measured(tmp_path: Path) -> None:
     found = next(it for it in seen["topics"] if it["name"] == "/late_topic")
     assert found["measured"]
     assert found["messages"] > 2
+
+
+@pytest.mark.timeout(300)  # the first time its interface packages are made
+def test_advice_for_the_running_whole_robot_keeps_what_touches_the_hardware_and_moves_the_navigation_stack(
+    whole_robot: dict[str, str], tmp_path: Path
+) -> None:
+    file = tmp_path / "sedia.yaml"
+    done = subprocess.run(
+        [
+            sys.executable, "-m", "robot_offload", "import", "--seconds", "8", "--name", "sedia", "-o", str(file),
+            "--advise", "--rtt", "20ms", "--bandwidth", "20Mbit/s", "--picture", str(tmp_path / "cuts.svg"),
+        ],
+        env=whole_robot, capture_output=True, text=True, timeout=180, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found, own = load(file).spec, load(SEDIA / "robotoffload.yaml").spec
+    placed = {it.name: it.placement for it in found.nodes}
+    assert all(it.lifecycle for it in found.nodes)
+    assert placed.keys() == {it.name for it in own.nodes}
+    # Who wants something of the robot, or works on what others sense, could leave: only a person knows better.
+    could = {"hmi", "waypoint_follower", "pointcloud_to_laserscan"}
+    stays = {it.name for it in own.nodes if it.placement == "Robot"} - could
+    assert {name for name in stays if placed[name] != "Robot"} == set()
+    moves = {it.name for it in own.nodes if it.duplicated}
+    assert {name for name in moves if placed[name] != "Duplicated"} == set()
+    assert {it.name for it in found.nodes if it.core} == {"controller_server", "behavior_server"}
+    assert found.driver == own.driver
+    assert "/controller_server" in done.stdout + done.stderr
+    assert "frames" in file.read_text(), "two nodes publish on /tf, one of them leaves"
+    assert (tmp_path / "cuts.svg").stat().st_size > 0
