@@ -15,6 +15,9 @@ from typing import NamedTuple, Protocol
 
 from robot_offload_core.token import Site, Token
 
+ALL_GOALS = bytes(16)
+"""Goal id with which a server is asked to end all its goals (action_msgs/srv/CancelGoal)."""
+
 
 class Face(str, Enum):
     """Whom a server of the relay faces, and which servers its clients call.

@@ -7,9 +7,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from robot_offload_core.declared import ActionSpec, ServiceSpec, UsedAction, UsedService
-from robot_offload_core.ledger.executor import SEEN_WITHIN_S, Executor, OfferAnswered, Outcome, Run, RunEnded, RunGone
+from robot_offload_core.lease import SetEgress
+from robot_offload_core.ledger.executor import (
+    CANCEL_AGAIN_S,
+    SEEN_WITHIN_S,
+    Executor,
+    OfferAnswered,
+    Outcome,
+    Run,
+    RunEnded,
+    RunGone,
+)
 from robot_offload_core.ledger.goals import CancelRequested
-from robot_offload_core.ledger.ports import CancelCode, CloudRelayPorts, Face, GoalStatus
+from robot_offload_core.ledger.ports import ALL_GOALS, CancelCode, CloudRelayPorts, Face, GoalStatus
 from robot_offload_core.ledger.wire_ids import goal_id_of
 from robot_offload_core.ledger.words import (
     CalledWord,
@@ -51,6 +61,8 @@ class CloudRelay(RelayProcess):
         egress: what control says may leave, and until when.
         ends: end of the lease of each token that something was admitted under.
         newest: epoch of the newest word for the standby.
+        inherited: actions whose server may execute what a predecessor of this relay began, until the robot's relay or
+            a cancel of all goals has settled that, from inherited_s on. sweeping: until when such a cancel may act.
         calls: at servers here. used: calls and goals of the replicas here at used names.
     """
 
@@ -72,6 +84,8 @@ class CloudRelay(RelayProcess):
         self._of = {s.name: s.node for s in plan.services} | {a.name: a.node for a in plan.actions}
         self._actions = {spec.name for spec in plan.actions}
         served: tuple[ServiceSpec | ActionSpec, ...] = (*plan.services, *plan.actions)
+        self.inherited, self.inherited_s = set(self._actions), ports.now_s() + ORPHAN_S
+        self.sweeping: dict[str, float] = {}
         self._of_cloud = {spec.name for spec in served if spec.of_cloud}
         self.used = CloudUsed(plan, ports, self.post, self.acts_under, self.counters)
 
@@ -124,12 +138,14 @@ class CloudRelay(RelayProcess):
     def due_s(self) -> float:
         """Returns when `turn` has something to do."""
         runs = [self._runs_until_s(run) for run in self.own.runs.values() if not run.cancel]
-        return min([self.post.due_s(), self.status_due_s, self.own.due_s(), self.used.due_s(), *runs])
+        inherited = [self._inherited_until_s(action) for action in self.inherited & self.own.seen.keys()]
+        return min([self.post.due_s(), self.status_due_s, self.own.due_s(), self.used.due_s(), *runs, *inherited])
 
     def turn(self) -> None:
         """Does what is due."""
         now_s = self.ports.now_s()
         self._cancel_orphans(now_s)
+        self._cancel_inherited(now_s)
         self.own.turn()
         self.used.turn()
         self.post.turn(self._hello())
@@ -143,6 +159,7 @@ class CloudRelay(RelayProcess):
             word, met = self.post.take(message.data)
             if met:
                 self.calls.clear()
+                self.inherited.clear()  # it names its attempts, and cancels what it has given up
                 self._unname()
                 self.used.robot_relay_met()
             if word is not None:
@@ -175,7 +192,9 @@ class CloudRelay(RelayProcess):
                 pass
 
     def _offer(self, word: OfferWord) -> None:
-        if not self._admits_word(word.action, word.token, standby=word.mirror) or word.action not in self.own.seen:
+        admitted = self._admits_word(word.action, word.token, standby=word.mirror)
+        swept = self.ports.now_s() < self.sweeping.get(word.action, 0.0)
+        if not admitted or swept or word.action not in self.own.seen:
             self.counters["offers.not_holder"] += 1
             self.own.done[word.attempt] = None
             self.post.write(OfferedWord(Face.GROUP, word.attempt, CallVerdict.NOT_HOLDER))
@@ -222,7 +241,10 @@ class CloudRelay(RelayProcess):
 
     def cancel_answered(self, face: Face, name: str, goal_id: bytes, code: CancelCode) -> None:
         """Takes the answer to a cancel."""
-        self.own.cancel_answered(goal_id, code)
+        if goal_id == ALL_GOALS:
+            self.sweeping.pop(name, None)
+        else:
+            self.own.cancel_answered(goal_id, code)
 
     def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
         """Takes a result, and whether this side was still allowed to act."""
@@ -289,6 +311,24 @@ class CloudRelay(RelayProcess):
         egress = self.egress.egress if self.egress is not None else None
         current = {egress.token, egress.presence} if egress is not None else set()
         self.ends = {token: end for token, end in self.ends.items() if token in tokens or token in current}
+
+    def _inherited_until_s(self, action: str) -> float:
+        egress = self.egress.egress if self.egress is not None else SetEgress(None, 0.0)
+        end_s = egress.presence_end_s if action in self._of_cloud else egress.lease_end_s
+        return max(self.inherited_s, end_s + ORPHAN_S)
+
+    def _cancel_inherited(self, now_s: float) -> None:
+        """Ends what a predecessor began when no relay of the robot comes to name it: all goals, their ids are unknown.
+
+        Until the server has answered nothing new is offered to it, because the cancel would end that too.
+        """
+        for action in sorted(self.inherited & self.own.seen.keys()):
+            if now_s < self._inherited_until_s(action):
+                continue
+            self.inherited.discard(action)
+            if all(run.action != action for run in self.own.runs.values()):
+                self.sweeping[action] = now_s + CANCEL_AGAIN_S
+                self.ports.cancel(Face.GROUP, action, ALL_GOALS)
 
     def _unname(self) -> None:
         """Lets mirrors run on for as long as a new relay of the robot may take to name them again."""

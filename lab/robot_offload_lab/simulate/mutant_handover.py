@@ -351,4 +351,9 @@ HANDOVER: dict[str, Mutant] = {
         "stale_state_is_waited_for",
         (Edit("handing", "    lacks = lacks or _stale(robot, preparation, candidate)\n", ""),),
     ),
+    "N45": Mutant(
+        "a new relay of the cloud leaves its predecessor's goals alone",
+        "clouds_relay_dies_unheard",
+        (Edit("process.cloud_relay", "        self._cancel_inherited(now_s)\n", ""),),
+    ),
 }

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from robot_offload_core.ledger.ports import CancelCode, Face, GoalStatus
+from robot_offload_core.ledger.ports import ALL_GOALS, CancelCode, Face, GoalStatus
 from robot_offload_core.ledger.wire_ids import GOAL_ID, goal_id_of
 from robot_offload_core.managed_nodes import State
 from robot_offload_core.token import Site
@@ -136,17 +136,23 @@ class Servers:
         if not node.running:
             return
         self._forget(action)
+        if attempt == ALL_GOALS:
+            for running in self._running(action):
+                self._ask_to_end(running)
+            client.reply(node.name, f"{action}/cancel_goal", done, CancelCode.NONE)
+            return
         execution = self.executions.get(attempt)
         if execution is None:
             client.reply(node.name, f"{action}/cancel_goal", done, CancelCode.UNKNOWN_GOAL)
             return
+        self._ask_to_end(execution)
+        code = CancelCode.REJECTED if self.traits[action].deaf else CancelCode.NONE
+        client.reply(node.name, f"{action}/cancel_goal", done, code)
+
+    def _ask_to_end(self, execution: Execution) -> None:
         if execution.asked_s is None:
             execution.asked_s = self.world.now
-        if self.traits[action].deaf:
-            client.reply(node.name, f"{action}/cancel_goal", done, CancelCode.REJECTED)
-            return
-        client.reply(node.name, f"{action}/cancel_goal", done, CancelCode.NONE)
-        if not execution.status.ended:
+        if not self.traits[execution.action].deaf and not execution.status.ended:
             self.world.after(LOOK_S, self._end, execution, GoalStatus.CANCELED)
 
     def ask_result(self, client: Process, action: str, attempt: bytes, done: Done) -> None:

@@ -121,7 +121,23 @@ def node_of_the_cloud_serves() -> None:
     stage.until(lambda: refused.accepted is False and call.failures == ["CloudAway"], 0.1, "refused at once")
 
 
+def clouds_relay_dies_unheard() -> None:
+    """A relay dies in the cloud while the link is cut: its successor ends what Hot nodes execute and nobody names."""
+    stage = GoalStage(cloud_nodes=tuple(replace(node, hot=True) for node in (CONTROLLER, PLANNER)))
+    stage.in_cloud()
+    goal = stage.goal()
+    join = stage.lose_cloud()
+    stage.handing.cloud.kill(0.3)
+    stage.run(3.0)
+    stage.expect(not stage.copies(CLOUD, goal), "the cloud's copy has ended")
+    join()
+    stage.run(2.0)
+    stage.let_end()
+    stage.ends(goal, GoalStatus.SUCCEEDED)
+
+
 STORIES = (
     mirror_takes_over, mirror_in_the_cloud, mirror_over_changes, mirror_ends_early,
     mirror_that_ended_early_keeps_from_a_takeover_by_silence, node_of_the_cloud_serves,
+    clouds_relay_dies_unheard,
 )  # fmt: skip

@@ -31,7 +31,7 @@ from robot_offload_agent.relay.inherited import Inherited, find_writer
 from robot_offload_agent.ros import interfaces
 from robot_offload_agent.ros.native import Form, NativeError
 from robot_offload_agent.ros.raw_services import Loop, RawClient, RawService
-from robot_offload_core.ledger.ports import CancelCode, GoalEntry
+from robot_offload_core.ledger.ports import ALL_GOALS, CancelCode, GoalEntry
 from robot_offload_core.ledger.ports import GoalStatus as Status
 
 DOMAIN = 86
@@ -189,6 +189,7 @@ def test_the_small_messages_of_an_action_are_read_and_written_as_rclpy_does_it()
     assert cdr.read_cancel_request(asked) == (GOAL_ID, stamp_ns)
     one = CancelGoal.Request(goal_info=GoalInfo(goal_id=goal))
     assert read(cdr.cancel_request(GOAL_ID), CancelGoal.Request) == one
+    assert read(cdr.cancel_request(ALL_GOALS), CancelGoal.Request) == CancelGoal.Request(), "which ends all"
     entries = [GoalEntry(GOAL_ID, stamp_ns, Status.EXECUTING)] * 3
     cancelled = CancelGoal.Response(return_code=2, goals_canceling=[info] * 3)
     assert read(cdr.cancel_response(CancelCode.UNKNOWN_GOAL, entries), CancelGoal.Response) == cancelled

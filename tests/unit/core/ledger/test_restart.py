@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_core.ledger import journal
-from robot_offload_core.ledger.ports import Face, GoalStatus, Holding
+from robot_offload_core.ledger.ports import ALL_GOALS, CancelCode, Face, GoalStatus, Holding
 from robot_offload_core.process.messages import Letters
 from robot_offload_core.token import Site
 from tests.unit.core.ledger.pair import FOLLOW, PLAN, Pair, goal, goal_id, token
@@ -68,6 +68,35 @@ def test_a_new_cloud_relay_takes_up_what_its_server_executes() -> None:
     assert pair.cloud.results_asked == pair.cloud.offered * 2
     pair.cloud.end(0)
     assert pair.result_of(wants) == [GoalStatus.SUCCEEDED]
+
+
+def test_a_new_cloud_relay_that_nobody_names_goals_to_ends_those_of_its_predecessor() -> None:
+    """Its predecessor's ids are unknown to it; meanwhile nothing is offered, because the cancel would end that too."""
+    pair = Pair()
+    pair.in_cloud()
+    pair.goal(1)
+    pair.lose |= {Site.CLOUD}
+    pair.change(Site.ROBOT, 9, sudden=True)
+    pair.start_cloud()
+    pair.run(0.9)
+    assert pair.cloud.cancelled == []
+    pair.run(0.5)
+    assert set(pair.cloud.cancelled) == {ALL_GOALS}
+    pair.lose.clear()
+    pair.prepare(Site.CLOUD, 10)
+    assert len(pair.cloud.offered) == 1
+    pair.cloud.relay.cancel_answered(Face.GROUP, FOLLOW, ALL_GOALS, CancelCode.NONE)
+    pair.run(1.0)
+    assert len(pair.cloud.offered) == 2
+
+
+def test_a_new_cloud_relay_that_the_robot_speaks_to_ends_nothing() -> None:
+    pair = Pair()
+    pair.in_cloud()
+    pair.goal(1)
+    pair.start_cloud()
+    pair.run(3.0)
+    assert pair.cloud.cancelled == []
 
 
 def test_an_ended_result_is_kept_over_a_restart() -> None:
