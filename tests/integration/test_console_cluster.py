@@ -201,9 +201,8 @@ def test_a_pin_changes_the_resource_for_two_tabs_and_ends_by_itself(
     for each in (tab, other):
         open_robot(each)
     tab.page.get_by_role("button", name="Pin to the robot").click()
-    pinned = eventually(lambda: fleet.roff(ONE)["spec"]["switching"].get("pin") == "Robot", "the pin")
-    assert pinned
     tab.says("held on the robot until somebody lets go")
+    eventually(lambda: fleet.roff(ONE)["spec"]["switching"].get("pin") == "Robot", "the pin")
     for each in (tab, other):
         button = each.page.get_by_role("button", name="Pin to the robot")
         each.until(button.is_disabled, "the button to know")

@@ -29,7 +29,7 @@ class Shown:
     """A table that is sent to the browser only when it differs."""
 
     def __init__(self, title: str, labels: dict[str, str], empty: str) -> None:
-        with ui.card().classes("w-full p-3 gap-1").props("flat bordered"):
+        with ui.card().classes(f"w-full p-3 gap-1 mark-{title.partition(' ')[0]}").props("flat bordered"):
             ui.label(title).classes("text-subtitle1 text-weight-medium").props('role=heading aria-level="2"')
             columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in labels.items()]
             self._table = ui.table(columns=columns, rows=[], row_key=next(iter(labels)), pagination=0)
