@@ -19,13 +19,7 @@ class CodecError(ValueError):
 
 def plain(value: Any) -> Any:
     """Returns dataclasses as lists of their fields, enums as their values, tuples as lists."""
-    if is_dataclass(value):
-        return [plain(getattr(value, name)) for name in _names(value.__class__)]
-    if isinstance(value, Enum):
-        return value.value
-    if isinstance(value, tuple):
-        return [plain(v) for v in value]
-    return value
+    return _writer(value.__class__)(value)
 
 
 def typed(kind: Any, value: Any) -> Any:
@@ -36,6 +30,23 @@ def typed(kind: Any, value: Any) -> Any:
 @cache
 def _names(cls: Any) -> tuple[str, ...]:
     return tuple(field.name for field in fields(cls))
+
+
+@cache
+def _writer(kind: Any) -> Reader:
+    """Returns what writes values of one class: worked out once, as for reading."""
+    if is_dataclass(kind):
+        names = _names(kind)
+        return lambda value: [_writer((v := getattr(value, name)).__class__)(v) for name in names]
+    if issubclass(kind, Enum):
+        return lambda value: value.value
+    if issubclass(kind, tuple):
+        return lambda value: [_writer(v.__class__)(v) for v in value]
+    return _same
+
+
+def _same(value: Any) -> Any:
+    return value
 
 
 @cache

@@ -316,6 +316,22 @@ def report(collector: Collector, now_s: float) -> GateReport:
     )  # fmt: skip
 
 
+def next_deadline_s(collector: Collector, now_s: float) -> float:
+    """Returns when silence next changes what is reported or passes; infinite when it changes nothing."""
+    times = [collector.judged_from_s]
+    if not collector.fell_back:
+        times += [t + collector.gate_timeout_s for t in (collector.gate_s, collector.resumed_s) if t is not None]
+    for output in collector.outputs:
+        if not output.spec.deadline_s:
+            continue
+        since_s = (output.robot_s, output.cloud_s, collector.acts_s, collector.resumed_s)
+        times += [t + output.spec.deadline_s for t in since_s if t is not None]
+        if output.spec.while_ is not None:
+            while_s = (output.robot_while_s, output.cloud_while_s)
+            times += [t + collector.activation_s for t in while_s if t is not None]
+    return min([at_s for at_s in times if at_s >= now_s], default=math.inf)
+
+
 def _offer_next(
     collector: Collector, index: int, sequence: int, born_s: float, now_s: float
 ) -> tuple[Collector, Passage]:

@@ -23,7 +23,7 @@ STALL_LEAST_S = 0.050
 PAUSE_MOST_S = 0.150
 ROBOT_LIVE_LEAST_S = 1.0
 LOOKS_S = 0.060
-"""Shortest deadline of an output that can be judged: the collector looks every 20 ms, a look may be late."""
+"""Shortest deadline of an output that can be judged: a look of the collector may be late."""
 LARGEST_MESSAGE = 16 * MEBIBYTE
 """Bytes. What the agent's processes hand over in one piece at most."""
 
@@ -293,7 +293,7 @@ class OutputSpec:
         """Returns why its deadline may be missed although all is well; "" when it is kept."""
         if not 0 < self.deadline_s < LOOKS_S:
             return ""
-        return f"should be at least {LOOKS_S * 1e3:g} ms: the collector looks every 20 ms"
+        return f"should be at least {LOOKS_S * 1e3:g} ms: a look of the collector may be late"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from robot_offload_agent.settings import store
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.collectors import Collector
 from robot_offload_core.process import rivals
-from robot_offload_core.process.collector import TURN_S, CollectorPlan, CollectorProcess
+from robot_offload_core.process.collector import CollectorPlan, CollectorProcess
 from robot_offload_core.process.messages import Fatal, HolderChanged
 
 log = logging.getLogger(__name__)
@@ -33,8 +33,6 @@ NODE_NAME = "offload_collector"
 RESOLVE_FIRST_S = 0.05
 RESOLVE_PERIOD_S = 0.5
 """How often the graph is looked at: often until everything is subscribed, because no message passes before."""
-EARLY_S = 0.008
-"""A turn that is due so soon is made with the datagram that has just come: waking up costs more than what is done."""
 SECOND_PUBLISHER_CHECK_S = rivals.NAME_S
 """A second publisher found by then stops the start."""
 
@@ -93,6 +91,10 @@ class CollectorShell:
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""
         return self.bus.send(to, message)
+
+    def renew(self, to: str, message: object) -> bool:
+        """Sends a level that has not changed to another process of this agent."""
+        return self.bus.renew(to, message)
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         """Sends an output's message to another process of this agent."""
@@ -219,26 +221,20 @@ class CollectorShell:
 
     def serve_bus(self) -> None:
         """Reads the gate and the cloud's messages, and reports."""
-        due_s = look_s = now_s()
+        due_s = now_s()
         while True:
-            timeout_s = max(0.0, min(due_s, look_s) - now_s())
-            readable, _, _ = select.select([self.bus], [], [], timeout_s)
+            select.select([self.bus], [], [], max(0.0, due_s - now_s()))
             with self.lock:
                 self.process.woke()
             self.beacon.sign("bus")
-            while readable and (message := self.bus.receive()) is not None:
+            while (message := self.bus.receive()) is not None:
                 with self.guard, self.lock:
                     self.process.handle(message)
             with self.lock:
-                if look_s <= now_s() < due_s:
-                    self.process.report(only_news=True)
-                look_s = self.process.look_due_s()
-            if now_s() >= due_s - EARLY_S:
-                due_s = now_s() + TURN_S
-                with self.lock:
-                    self.process.counters["garbage.collector"] = self.bus.garbage + self.guard.count
-                    losses.report(self.bus, self.process)
-                    self.process.report(only_news=True)
+                self.process.counters["garbage.collector"] = self.bus.garbage + self.guard.count
+                losses.report(self.bus, self.process)
+                self.process.report(only_news=True)
+                due_s = self.process.turn_due_s()
 
 
 def run(configuration: Configuration) -> None:

@@ -244,7 +244,13 @@ class ControlShell(ABC):
 
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""
+        if to == "pulse":
+            return self.bus.renew(to, message)  # pulse reads its inbox when it speaks, nothing wakes it
         return self.bus.send(to, message)
+
+    def renew(self, to: str, message: object) -> bool:
+        """Sends a level that has not changed to another process of this agent."""
+        return self.bus.renew(to, message)
 
     def carry_out(self, command: managed_nodes.Command) -> None:
         """Calls a lifecycle service or the driver, or logs what the guardian reports."""

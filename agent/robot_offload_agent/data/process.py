@@ -128,10 +128,10 @@ class DataShell(ABC):
         """Reads orders; sends probes and reports."""
         while True:
             timeout_s = max(0.0, self.process.due_s + SLACK_S - now_s())
-            readable, _, _ = select.select([self.bus], [], [], timeout_s)
+            select.select([self.bus], [], [], timeout_s)
             self.process.woke()
             self.beacon.sign("bus")
-            while readable and (message := self.bus.receive()) is not None:
+            while (message := self.bus.receive()) is not None:
                 with self.guard:
                     self.process.handle(message)
             self.look_who_is_heard()
@@ -167,6 +167,10 @@ class DataShell(ABC):
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""
         return self.bus.send(to, message)
+
+    def renew(self, to: str, message: object) -> bool:
+        """Sends a level that has not changed to another process of this agent."""
+        return self.bus.renew(to, message)
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         """Sends an output's message to another process of this agent."""

@@ -4,6 +4,10 @@ Losing a datagram loses nothing: everything that matters is a level, sent again 
 waits. The kernel charges what nobody has read yet to the socket that sent it, so there is one sending socket for each
 receiver: one that is stopped holds up nothing but what is meant for itself.
 
+To wake a process up costs more than what it does with most messages. So a level that is only repeated lies in the inbox
+until its receiver wakes for another reason, and what is new rings a bell, a second socket, which is what receivers wait
+for. There is one inbox, so what is new never overtakes what was sent before.
+
 A datagram is one kind byte and a body: for `MESSAGE` JSON `[name, fields]` of a registered dataclass, for `ENVELOPE`
 and `PASSED` an output index, a header and the payload, for `LETTERS` the bytes of `Letters`. A payload above
 `MAX_INLINE` travels beside its datagram, see `parcels.py`.
@@ -84,15 +88,13 @@ class Bus:
     """
 
     def __init__(self, folder: Path, name: str) -> None:
-        """Binds `<folder>/<name>.sock`, taking it over from a dead predecessor."""
+        """Binds `<folder>/<name>.sock` and `.bell`, taking them over from a dead predecessor."""
         self.folder = folder
         self.name = name
-        path = folder / f"{name}.sock"
-        with contextlib.suppress(FileNotFoundError):
-            path.unlink()
-        self.socket = _socket()
+        self.socket = _bound(folder / f"{name}.sock")
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        self.socket.bind(str(path))
+        self.bell = _bound(folder / f"{name}.bell")
+        self.begins = True
         self.lock = threading.RLock()
         self.outgoing: dict[str, tuple[socket.socket, str]] = {}
         self.buffer = bytearray(MAX_DATAGRAM)
@@ -102,15 +104,20 @@ class Bus:
         self.too_large: dict[str, int] = {}
 
     def fileno(self) -> int:
-        """For select."""
-        return self.socket.fileno()
+        """Returns the bell's descriptor for select: it is readable until `receive` begins."""
+        return self.bell.fileno()
 
     def send(self, to: str, message: Any) -> bool:
         """Sends Letters or a registered dataclass; returns False when the receiver is absent or full."""
         if isinstance(message, Letters):
             return self._carry(to, LETTERS, b"", message.data, "letters", reliable=True)
-        body = json.dumps([type(message).__name__, plain(message)], separators=(",", ":"))
-        return self._send(to, MESSAGE + body.encode())
+        sent = self._send(to, _written(message))
+        self._ring(to)
+        return sent
+
+    def renew(self, to: str, message: Any) -> bool:
+        """Sends a level that has not changed: its receiver reads it when it wakes for another reason."""
+        return self._send(to, _written(message))
 
     def carry(
         self, to: str, kind: bytes, index: int, header: bytes, payload: bytes, label: str = "", reliable: bool = True
@@ -133,7 +140,9 @@ class Bus:
 
     def _carry(self, to: str, kind: bytes, where: bytes, payload: bytes, label: str, reliable: bool) -> bool:
         if len(payload) <= MAX_INLINE:
-            return self._send(to, b"".join((kind, where, payload)))
+            sent = self._send(to, b"".join((kind, where, payload)))
+            self._ring(to)
+            return sent
         if len(payload) > parcels.LARGEST_BYTES:
             self.too_large[label] = max(len(payload), self.too_large.get(label, 0))
             self.dropped += 1
@@ -147,6 +156,7 @@ class Bus:
             sent = self._send(to, _BESIDE[kind] + where, parcel.file)
             if not sent:
                 self.parcels.withdraw(parcel)
+        self._ring(to)
         return sent
 
     def losses(self) -> Counter[str]:
@@ -169,6 +179,12 @@ class Bus:
         self.dropped += 1
         return False
 
+    def _ring(self, to: str) -> None:
+        """Wakes a receiver; one whose bell is full of rings is woken already."""
+        outgoing, _ = self.outgoing.get(to) or self._open(to)
+        with contextlib.suppress(OSError):
+            outgoing.sendto(b"", f"{self.folder}/{to}.bell")
+
     def _open(self, to: str) -> tuple[socket.socket, str]:
         with self.lock:
             if to not in self.outgoing:
@@ -178,10 +194,14 @@ class Bus:
 
     def receive(self) -> Any | None:
         """Returns the next datagram as an object, None without one; garbage is counted, logged once and left out."""
+        if self.begins:  # before the first of a row is read: what comes later rings again
+            self.begins = False
+            self._hush()
         while True:
             try:
                 size, rights, _, _ = self.socket.recvmsg_into([self.buffer], _RIGHTS_BYTES, socket.MSG_CMSG_CLOEXEC)
             except BlockingIOError:
+                self.begins = True
                 return None
             files = _files(rights)
             try:
@@ -199,16 +219,37 @@ class Bus:
             if message is not None:
                 return message
 
+    def _hush(self) -> None:
+        """Takes all rings of the bell."""
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self.bell.recv(1)
+
     def close(self) -> None:
         """Closes the sockets."""
         self.parcels.close()
         for outgoing, _ in self.outgoing.values():
             outgoing.close()
         self.socket.close()
+        self.bell.close()
 
 
 def _socket() -> socket.socket:
     return socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+
+
+def _bound(path: Path) -> socket.socket:
+    """Returns a socket of this name, taken over from a dead predecessor."""
+    with contextlib.suppress(FileNotFoundError):
+        path.unlink()
+    made = _socket()
+    made.bind(str(path))
+    return made
+
+
+def _written(message: Any) -> bytes:
+    """Returns the datagram of a registered dataclass."""
+    return MESSAGE + json.dumps([type(message).__name__, plain(message)], separators=(",", ":")).encode()
 
 
 def _files(rights: list[tuple[int, int, bytes]]) -> list[int]:

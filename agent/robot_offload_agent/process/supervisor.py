@@ -98,8 +98,9 @@ class Supervisor:
             self.systemd.say("STOPPING=1")
             self._end_all()
             bus.close()
-            for path in self.folder.glob("*.sock"):
-                path.unlink(missing_ok=True)
+            for pattern in ("*.sock", "*.bell"):
+                for path in self.folder.glob(pattern):
+                    path.unlink(missing_ok=True)
         return self.exit_code
 
     def _turn(self, bus: Bus) -> None:

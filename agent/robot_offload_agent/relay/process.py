@@ -128,10 +128,10 @@ class RelayShell:
     def serve_bus(self) -> None:
         """Reads messages of the other processes."""
         while True:
-            readable, _, _ = select.select([self.bus], [], [], BUS_S)
+            select.select([self.bus], [], [], BUS_S)
             self.beacon.sign("bus")
             found = False
-            while readable and (message := self.bus.receive()) is not None:
+            while (message := self.bus.receive()) is not None:
                 self.inbox.append(message)
                 found = True
             if found:

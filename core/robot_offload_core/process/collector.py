@@ -23,8 +23,13 @@ from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
 
-TURN_S = 0.020
-"""How often the process looks whether anything has changed that control must know."""
+TURN_S = 0.040
+"""The process looks at least this often whether anything has changed that control must know.
+
+It looks with every message too, and when the next deadline passes.
+"""
+DEADLINE_MARGIN_S = 0.0005
+"""Behind a deadline, so that one look finds it passed."""
 REPORTS_PER_LEASE = 3
 """Control gets a report this often in any case, ten times a second at least."""
 REPEAT_PERIOD_S = 5.0
@@ -41,6 +46,9 @@ class CollectorPorts(Protocol):
 
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""
+
+    def renew(self, to: str, message: object) -> bool:
+        """Sends a level that has not changed: it is read when its receiver wakes for another reason."""
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         """Sends an output's message with its header to another process of this agent."""
@@ -274,6 +282,12 @@ class CollectorProcess:
         """Returns when `report` is worth more than at the next turn: a message of the cloud is missed then."""
         return standby.next_look_s(self.state, self.ports.now_s())
 
+    def turn_due_s(self) -> float:
+        """Returns when to look again if no message comes: when something falls silent, after TURN_S at the latest."""
+        now_s = self.ports.now_s()
+        deadline_s = min(collectors.next_deadline_s(self.state, now_s) + DEADLINE_MARGIN_S, self.look_due_s())
+        return min(deadline_s, now_s + TURN_S)
+
     def _release(self, before: Collector) -> None:
         """Publishes what is kept of the robot's Hot replicas when it has taken over."""
         self.state, outputs = standby.release(before, self.state, self.ports.now_s())
@@ -335,7 +349,8 @@ class CollectorProcess:
             self._release(before)
         self.state = standby.look(self.state, now_s)
         report = collectors.report(self.state, now_s)
-        if only_news and report == self.reported and now_s < self.report_due_s:
+        news = report != self.reported or not only_news
+        if not news and now_s < self.report_due_s:
             return
         self.reported, self.report_due_s = report, now_s + self.report_period_s
         problems: tuple[tuple[str, str], ...] = ()
@@ -346,7 +361,8 @@ class CollectorProcess:
             self._look_at_frames()
             self._repeat_others(now_s)
             problems, counters = tuple(self.problems.values()), tuple(sorted(self.counters.items()))
-        self.ports.send("control", CollectorStatus(report, problems, counters))
+        tell = self.ports.send if news else self.ports.renew
+        tell("control", CollectorStatus(report, problems, counters))
 
 
 def same_type(one: str, other: str) -> bool:

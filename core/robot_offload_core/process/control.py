@@ -27,6 +27,9 @@ class ControlPorts(Protocol):
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""
 
+    def renew(self, to: str, message: object) -> bool:
+        """Sends a level that has not changed: it is read when its receiver wakes for another reason."""
+
     def carry_out(self, command: managed_nodes.Command) -> None:
         """Calls a lifecycle service or the driver, or logs what the guardian reports."""
 

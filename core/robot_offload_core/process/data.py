@@ -23,6 +23,10 @@ from robot_offload_core.process.probe import Probe, ProbeError, Sign
 from robot_offload_core.settings import OutputSpec
 
 STATUS_PERIOD_S = 0.040
+SIGN_S = 0.050
+"""Most time between two signs of life: far below `pauses.LIMIT_S`."""
+EARLY_PROBE_S = 0.030
+"""A probe that is due so soon goes with a report: waking up costs more than what is done then."""
 DETAIL_PERIOD_S = 1.0
 RELAY = "relay"
 """Channel of what the two relays write to each other."""
@@ -40,6 +44,9 @@ class DataPorts(Protocol):
 
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""
+
+    def renew(self, to: str, message: object) -> bool:
+        """Sends a level that has not changed: it is read when its receiver wakes for another reason."""
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         """Sends an output's message with its header to another process of this agent."""
@@ -186,20 +193,25 @@ class DataProcess(ABC):
 
     @property
     def due_s(self) -> float:
-        """When `turn` has something to do."""
-        return min(self.status_due_s, self.probe_due_s)
+        """When `turn` has something to do, or a sign of life is due lest a wait looks like a pause."""
+        return min(self.status_due_s, self.probe_due_s, self.pauses.alive_s + SIGN_S)
 
     def turn(self) -> None:
         """Sends the probe and the report that are due."""
         now_s = self.ports.now_s()
-        if now_s >= self.probe_due_s:
+        soon_s = EARLY_PROBE_S if now_s >= self.status_due_s else 0.0
+        if now_s >= self.probe_due_s - soon_s:
             self.probe_due_s = now_s + probe.PERIOD_S
             self._send_probe(now_s)
         if now_s >= self.status_due_s:
-            self.status_due_s = now_s + STATUS_PERIOD_S
+            self.status_due_s = self.next_status_s(now_s)
             detailed = now_s >= self.detail_due_s
             self.detail_due_s = now_s + DETAIL_PERIOD_S if detailed else self.detail_due_s
             self.report(now_s, detailed)
+
+    def next_status_s(self, now_s: float) -> float:
+        """Returns when to report again after a report."""
+        return now_s + STATUS_PERIOD_S
 
     def _send_probe(self, now_s: float) -> None:
         """Sends a sign of life; whole while the other side has not got what we hold now, and once a second."""

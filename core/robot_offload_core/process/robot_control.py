@@ -360,9 +360,13 @@ class RobotControlProcess(ControlProcess):
         else:
             level = message
         sent, sent_s = self.levels.get(process, (None, 0.0))
-        if level != sent or now_s - sent_s >= self.settings.lease_s / LEVELS_PER_LEASE:
-            self.levels[process] = level, now_s
+        if level != sent:
             self.ports.send(process, message)
+        elif now_s - sent_s >= self.settings.lease_s / LEVELS_PER_LEASE:
+            self.ports.renew(process, message)
+        else:
+            return
+        self.levels[process] = level, now_s
 
     def _answered_cloud(self) -> str:
         """Returns the answer to the last request from the cloud, a level in our probes."""

@@ -8,6 +8,7 @@ from typing import Any
 from robot_offload_core import envelope
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import DataReported, StateReported
+from robot_offload_core.process import probe
 from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess, others_of
 from robot_offload_core.process.messages import (
     ENVELOPE,
@@ -32,6 +33,8 @@ MAX_LATCHED = 32
 """Values kept per latched topic; one per publisher, several for topics such as /tf_static."""
 LATEST_S = 1.0
 """A message that has waited for room so long is left out: nobody calls it the latest any more."""
+ARRIVED_S = 0.025
+"""So long after a probe of the cloud should have come control gets a report: then it has come, if it is not lost."""
 EARLY_SHARE = 0.8
 """Share of the least distance of two messages after which one passes: publishers jitter, not every second may fall."""
 
@@ -43,6 +46,8 @@ class RobotDataProcess(DataProcess):
         sequence, sent_s: of each input. least_s: least distance of two messages of it.
         waiting: newest refused message of each input with `latest`: since when, its header, its payload.
         packers: of inputs whose messages cross in another form than they came, what makes that form.
+        hurries: control must know at once which outputs are to speak (`while`).
+        told: what the last report to control said, without what changes all the time.
     """
 
     def __init__(self, plan: DataPlan, ports: DataPorts) -> None:
@@ -61,6 +66,8 @@ class RobotDataProcess(DataProcess):
         self.latest = {i.name for i in plan.inputs if i.latest}
         self.waiting: dict[str, tuple[float, bytes, Any]] = {}
         self.packers: dict[str, Callable[[Any], Any]] = {}
+        self.told: tuple[object, ...] = ()
+        self.hurries = any(o.spec is not None and o.spec.while_ is not None for o in plan.outputs)
         self._limit_rates((i.name, i.max_age_ms, i.rate_hz) for i in plan.inputs)
 
     def forward(self, name: str, payload: Any, publishers: int = 1) -> None:
@@ -127,6 +134,8 @@ class RobotDataProcess(DataProcess):
     def order(self, message: object) -> None:
         """Takes the identity from control, and what has passed from the collector, for consumers in the cloud."""
         if isinstance(message, Orders):
+            if message.preparing != self.orders.preparing:
+                self.status_due_s = self.ports.now_s()
             self.orders = message
         elif isinstance(message, Carried) and message.kind in (PASSED, OTHERS) and self.plan.carried:
             if message.index >= len(self.plan.outputs):
@@ -196,6 +205,17 @@ class RobotDataProcess(DataProcess):
             delivered = self.ports.carry("collector", ENVELOPE, self.index[name], header, payload)
             self.counters[f"{name}.{'arrived' if delivered else 'undelivered'}"] += 1
 
+    def next_status_s(self, now_s: float) -> float:
+        """Returns when to report again: after the next probe of the cloud, sooner while something is under way."""
+        received, heard_s = self.probe, self.probe_s
+        usual_s = super().next_status_s(now_s)
+        if self.hurries or received is None or received.preparing or heard_s is None or self.orders.preparing:
+            return usual_s
+        if self.lacks or received.lacks or now_s - heard_s > 2 * probe.PERIOD_S:
+            return usual_s
+        due_s = heard_s + probe.PERIOD_S + ARRIVED_S
+        return due_s if due_s >= usual_s else due_s + probe.PERIOD_S
+
     def report(self, now_s: float, detailed: bool) -> None:
         """Reports to control."""
         connected, endpoint = self.ports.link_status()
@@ -226,4 +246,7 @@ class RobotDataProcess(DataProcess):
             occasions=self.occasions(now_s),
             states=states,
         )
-        self.ports.send("control", status)
+        level = (connected, report.cloud, report.age_s is None, word, status.occasions, states)
+        tell = self.ports.renew if level == self.told else self.ports.send
+        self.told = level
+        tell("control", status)

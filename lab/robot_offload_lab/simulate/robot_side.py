@@ -187,11 +187,19 @@ class RobotControl(Shell):
 
     def send(self, to: str, message: object) -> bool:
         """Sends a datagram; permissions and gates are shown."""
+        self._show(message)
+        return super().send(to, message)
+
+    def renew(self, to: str, message: object) -> bool:
+        """Sends a level that has not changed; gates are shown."""
+        self._show(message)
+        return super().renew(to, message)
+
+    def _show(self, message: object) -> None:
         if isinstance(message, Speak) and isinstance(message.body, Permission):
             self.around.witness.permitted(message.body, message.incarnation)
         elif isinstance(message, placement.SetGate):
             self.around.witness.gate_said(message.gate)
-        return super().send(to, message)
 
     def carry_out(self, command: Command) -> None:
         """Calls a node or the driver."""

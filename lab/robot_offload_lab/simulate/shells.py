@@ -22,6 +22,8 @@ TEXT_EVERY = 8
 TYPE = "simulated/msg/Payload"
 LOOK_S = 0.5
 """As in the agent: how often nodes without a lifecycle are looked for."""
+RENEWED_S = 0.040
+"""A level that has not changed lies in its receiver's inbox for at most about so long: then the receiver turns."""
 SLACK_S = 0.010
 """As in the agent: what is due waits so long for a datagram to come with."""
 
@@ -37,6 +39,7 @@ class Shell(Process):
         super().__init__(around.world, host, f"{host.name}/{name}")
         self.around = around
         self.peers = peers
+        self.renewed: list[tuple[str, object]] = []
         peers[name] = self
 
     @abstractmethod
@@ -53,8 +56,24 @@ class Shell(Process):
         peer = self.peers.get(to)
         if peer is None or not peer.alive:
             return False
+        peer.read_renewed()
         peer.post(self.name, peer.take, message)
         return True
+
+    def renew(self, to: str, message: object) -> bool:
+        """Puts a level that has not changed into the inbox of another process, which reads it when it wakes."""
+        peer = self.peers.get(to)
+        if peer is None or not peer.alive:
+            return False
+        peer.renewed.append((self.name, message))
+        self.world.after(self.world.dice.random() * RENEWED_S, peer.read_renewed)
+        return True
+
+    def read_renewed(self) -> None:
+        """Takes the levels that were only repeated: this process has woken, or is about to."""
+        waiting, self.renewed = self.renewed, []
+        for sender, message in waiting:
+            self.post(sender, self.take, message)
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         """Sends an output's message to another process of this side."""

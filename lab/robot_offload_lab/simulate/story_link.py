@@ -186,7 +186,7 @@ def paused_virtual_machine() -> None:
         stage.in_cloud()
         stage.cloud.host.stand(1.0)
         stage.lost(0.2, "a paused cloud")
-        stage.until(lambda s=stage: s.site is Site.CLOUD, 2.0, "the clocks agree, whatever stood still")  # type: ignore[misc]
+        stage.until(lambda s=stage: s.site is Site.CLOUD, 3.0, "the clocks agree, whatever stood still")  # type: ignore[misc]
 
 
 STORIES = (

@@ -429,3 +429,21 @@ def test_an_output_that_falls_silent_while_we_turn_is_called_silent() -> None:
     for later_s in (0.0, 0.1, 0.2):
         state = collectors.turn(state, NOW_S + later_s)
     assert not collectors.report(state, NOW_S + 0.2).cloud_flows
+
+
+def test_the_next_look_is_when_something_falls_silent() -> None:
+    collector = passing(charge(Site.CLOUD, 3))
+    assert collectors.next_deadline_s(collector, NOW_S) == NOW_S + OUTPUTS[CMD_VEL].deadline_s
+    collector, _ = collectors.offer_cloud(collector, CMD_VEL, sent(3, 1, now_s=NOW_S + 0.02), NOW_S + 0.02)
+    silent_s = NOW_S + 0.02 + OUTPUTS[CMD_VEL].deadline_s
+    assert collectors.report(collector, silent_s).cloud_flows
+    assert not collectors.report(collector, silent_s + 1e-6).cloud_flows
+    deadlines = []
+    now_s = NOW_S + 0.02
+    while (now_s := collectors.next_deadline_s(collector, now_s)) < float("inf"):
+        deadlines.append(now_s)
+        now_s += 1e-6
+    assert silent_s in deadlines
+    assert deadlines[-1] == NOW_S + TIMEOUT_S
+    assert not collectors.turn(collector, NOW_S + TIMEOUT_S).fell_back
+    assert collectors.turn(collector, NOW_S + TIMEOUT_S + 1e-6).fell_back

@@ -2,6 +2,7 @@
 
 import array
 import random
+import select
 import socket
 from dataclasses import is_dataclass
 from pathlib import Path
@@ -198,6 +199,44 @@ def test_a_process_that_starts_again_takes_over_the_socket_of_its_predecessor(tm
     assert heir.receive() == Fatal("sender", "hello")
     for end in (sender, first, heir):
         end.close()
+
+
+def rings(receiver: Bus) -> bool:
+    """Returns whether a process that waits for its bus is woken."""
+    return bool(select.select([receiver], [], [], 0)[0])
+
+
+def test_news_wakes_its_receiver_and_a_level_that_is_repeated_waits_for_it_in_order(pair: tuple[Bus, Bus]) -> None:
+    one, two = pair
+    assert one.renew("two", Fatal("one", "first"))
+    assert not rings(two)
+    assert one.send("two", Fatal("one", "second"))
+    assert one.renew("two", Fatal("one", "third"))
+    assert rings(two)
+    assert [two.receive() for _ in range(4)] == [*(Fatal("one", n) for n in ("first", "second", "third")), None]
+    assert not rings(two)
+    assert one.carry("two", ENVELOPE, 0, HEADER, b"")
+    assert rings(two)
+
+
+def test_what_comes_while_a_row_is_read_is_read_or_rings_again(pair: tuple[Bus, Bus]) -> None:
+    one, two = pair
+    one.send("two", Fatal("one", "first"))
+    assert two.receive() == Fatal("one", "first")
+    one.send("two", Fatal("one", "second"))
+    assert rings(two)
+    assert two.receive() == Fatal("one", "second")
+    assert two.receive() is None
+
+
+@pytest.mark.parametrize("large", [0, MAX_INLINE + 1])
+def test_a_receiver_whose_inbox_is_full_is_woken(pair: tuple[Bus, Bus], large: int) -> None:
+    one, two = pair
+    while one.renew("two", Fatal("one", "a level")):
+        pass
+    assert not rings(two)
+    one.carry("two", ENVELOPE, 0, HEADER, bytes(large))
+    assert rings(two)
 
 
 def test_every_message_of_the_core_can_be_sent() -> None:

@@ -38,6 +38,9 @@ class Ports:
         self.statuses.append(message)
         return True
 
+    def renew(self, to: str, message: object) -> bool:
+        return self.send(to, message)
+
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         return True
 

@@ -23,6 +23,9 @@ class Surroundings:
         del to, message
         return False
 
+    def renew(self, to: str, message: object) -> bool:
+        return self.send(to, message)
+
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         del to, kind, index, header, payload
         return False

@@ -38,6 +38,9 @@ class Side:
         del to, message
         return True
 
+    def renew(self, to: str, message: object) -> bool:
+        return self.send(to, message)
+
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         del to, kind, index, header, payload
         return True

@@ -28,6 +28,9 @@ class Ports:
         self.sent.append((to, message))
         return True
 
+    def renew(self, to: str, message: object) -> bool:
+        return self.send(to, message)
+
     def carry_out(self, command: managed_nodes.Command) -> None: ...
 
     def answer(self, key: int, accepted: bool, message: str) -> None: ...
