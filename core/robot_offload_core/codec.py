@@ -36,7 +36,7 @@ def _names(cls: Any) -> tuple[str, ...]:
 def _writer(kind: Any) -> Reader:
     """Returns what writes values of one class: worked out once, as for reading."""
     if is_dataclass(kind):
-        names = _names(kind)
+        names = tuple(field.name for field in fields(kind))
         return lambda value: [_writer((v := getattr(value, name)).__class__)(v) for name in names]
     if issubclass(kind, Enum):
         return lambda value: value.value

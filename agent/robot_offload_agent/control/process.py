@@ -39,6 +39,8 @@ TICK_S = 0.020
 """The clockwork of retries and renewals; a deadline that matters sooner is met by `next_deadline_s`."""
 SLACK_S = 0.010
 """A tick that is due waits so long for a datagram to come with: waking up costs more than what is done then."""
+EARLY_S = 0.008
+"""A tick that is due so soon is made with the datagram that has just come: beats have the period of ticks."""
 REPORT_PERIOD_S = 1.0
 SEEN_PERIOD_S = 0.5
 """How often nodes without a lifecycle are looked for in the graph."""
@@ -121,7 +123,7 @@ class ControlShell(ABC):
     def decide(self) -> None:
         """Takes events, then a turn, over and over (the deciding thread)."""
         due_s = turned_s = now_s()
-        sources: list[Any] = [self.bus, self.wake]
+        sources: list[Any] = [self.bus.bell, self.wake]
         while True:
             wake_s, deadline_s = due_s + SLACK_S, self.process.next_deadline_s()
             if deadline_s > turned_s:  # each once, or one that changes nothing would be met for ever
@@ -135,7 +137,7 @@ class ControlShell(ABC):
             if now >= self.seen_due_s:
                 self.seen_due_s = now + SEEN_PERIOD_S
                 self.look_for_plain_nodes()
-            if now >= due_s:
+            if now >= due_s - EARLY_S:
                 due_s, turned_s = now + TICK_S, now
                 self.process.turn()
                 self.turned(now)

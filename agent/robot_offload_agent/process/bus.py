@@ -5,8 +5,8 @@ waits. The kernel charges what nobody has read yet to the socket that sent it, s
 receiver: one that is stopped holds up nothing but what is meant for itself.
 
 To wake a process up costs more than what it does with most messages. So a level that is only repeated lies in the inbox
-until its receiver wakes for another reason, and what is new rings a bell, a second socket, which is what receivers wait
-for. There is one inbox, so what is new never overtakes what was sent before.
+until its receiver wakes for another reason, and what is new rings a bell, a second socket, which is what control, data
+and collector wait for. There is one inbox, so what is new never overtakes what was sent before.
 
 A datagram is one kind byte and a body: for `MESSAGE` JSON `[name, fields]` of a registered dataclass, for `ENVELOPE`
 and `PASSED` an output index, a header and the payload, for `LETTERS` the bytes of `Letters`. A payload above
@@ -82,6 +82,7 @@ class Bus:
     """One process's socket. Any thread may send, one thread receives.
 
     Attributes:
+        bell: for select, in processes that wake for what is new alone; quiet again when `receive` begins.
         dropped: datagrams that could not be sent.
         garbage: datagrams that were no message of ours.
         too_large: size in bytes of the largest payload refused, by label.
@@ -104,8 +105,8 @@ class Bus:
         self.too_large: dict[str, int] = {}
 
     def fileno(self) -> int:
-        """Returns the bell's descriptor for select: it is readable until `receive` begins."""
-        return self.bell.fileno()
+        """Returns the inbox's descriptor for select, for processes that wake for each datagram."""
+        return self.socket.fileno()
 
     def send(self, to: str, message: Any) -> bool:
         """Sends Letters or a registered dataclass; returns False when the receiver is absent or full."""

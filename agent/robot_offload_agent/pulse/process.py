@@ -28,6 +28,8 @@ log = logging.getLogger(__name__)
 
 BEAT = Channel("beat", reliable=False, urgent=True)
 STATUS_PERIOD_S = 1.0
+LOOK_S = 0.1
+"""How often the session's state is looked at; people read what comes of it."""
 
 
 class PulseProcess:
@@ -41,7 +43,7 @@ class PulseProcess:
         self.pulse = pulse.Pulse(configuration["uid"], configuration.side, period_s)
         self.garbage: Counter[str] = Counter()
         self.status = LinkStatus(False)
-        self.status_due_s = 0.0
+        self.status_due_s = self.look_due_s = 0.0
         self.realtime = "normal"
         self.sent: PulseSent | None = None
         self.told_sent_s = 0.0
@@ -81,6 +83,9 @@ class PulseProcess:
         if now - self.told_sent_s > self.pulse.beat_period_s:
             self.told_sent_s = now
             self.bus.send("control", self.sent)
+        if now < self.look_due_s:
+            return
+        self.look_due_s = now + LOOK_S
         status = self.link.status()
         if status != self.status or now >= self.status_due_s:
             self.status, self.status_due_s = status, now + STATUS_PERIOD_S

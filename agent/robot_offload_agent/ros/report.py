@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter as NodeParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, Int32, String
 
+from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros import services
 from robot_offload_agent.ros.live import Live
 from robot_offload_agent.settings.offer import RUN_TIME
@@ -34,6 +35,8 @@ log = logging.getLogger(__name__)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEAT_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 Problem = tuple[str, str]
+LISTENED_S = 0.5
+"""How often it is looked whether anybody listens to the beats."""
 
 
 def describe(parameter: Parameter, read_only: bool = True) -> ParameterDescriptor:
@@ -74,6 +77,7 @@ class Report:
         # On DDS transports the beats themselves travel on these topics; otherwise what is heard is mirrored.
         heard = "/connectivity_test_remote" if self.side is Site.ROBOT else "/connectivity_test_local"
         self.mirror = None
+        self.is_listened_to, self.listened_due_s = False, 0.0
         if configuration["link.type"] == "zenoh":
             self.mirror = self.monitor.create_lifecycle_publisher(Header, heard, BEAT_QOS)
         for node in (self.monitor, self.switcher, self.guardian):
@@ -198,7 +202,12 @@ class Report:
 
     def mirror_beat(self, text: str, beat: Beat) -> None:
         """Publishes what was heard, for people and other monitors."""
-        if self.mirror is None or not self.mirror.get_subscription_count():
+        if self.mirror is None:
+            return
+        if now_s() >= self.listened_due_s:
+            self.listened_due_s = now_s() + LISTENED_S
+            self.is_listened_to = self.mirror.get_subscription_count() > 0
+        if not self.is_listened_to:
             return
         message = Header(frame_id=text)
         wall_ns = (beat.sent_us + beat.wall_us) * 1000

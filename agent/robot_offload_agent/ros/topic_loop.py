@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_native
@@ -27,28 +28,40 @@ def spin_topics(node: Node, work: Callable[[], float], is_over: Callable[[], boo
         work: called on this thread at once, and again after as many seconds as it returned; may add subscriptions.
         is_over: asked about ten times a second; True ends the loop before rclpy is shut down.
     """
+    topics = Topics(node)
     due_s = now_s()
     while rclpy.ok() and not is_over():
         if now_s() >= due_s:
             due_s = now_s() + work()
-        take(node, max(0.0, min(LONGEST_WAIT_S, due_s - now_s())))
+        topics.take(max(0.0, min(LONGEST_WAIT_S, due_s - now_s())))
 
 
-def take(node: Node, wait_s: float) -> None:
-    """Waits for messages and hands on one of each topic that has any."""
-    subscriptions = list(node.subscriptions)
-    if not subscriptions:
-        time.sleep(wait_s)  # an empty wait set cannot be waited for
-        return
-    wait_set = rclpy_native.WaitSet(len(subscriptions), 0, 0, 0, 0, 0, node.context.handle)
-    for subscription in subscriptions:
-        wait_set.add_subscription(subscription.handle)
-    wait_set.wait(int(wait_s * 1e9))
-    ready = wait_set.get_ready_entities("subscription")
-    for subscription in subscriptions:
-        if subscription.handle.pointer not in ready:
-            continue
-        with subscription.handle:
-            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-        if taken is not None:
-            subscription.callback(taken[0])
+class Topics:
+    """The subscriptions of a node, and a wait set that is made anew when there are others."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.subscriptions: tuple[Any, ...] = ()
+        self.wait_set: Any = None
+
+    def take(self, wait_s: float) -> None:
+        """Waits for messages and hands on one of each topic that has any."""
+        subscriptions = tuple(self.node.subscriptions)
+        if not subscriptions:
+            time.sleep(wait_s)  # an empty wait set cannot be waited for
+            return
+        if subscriptions != self.subscriptions:
+            self.subscriptions = subscriptions
+            self.wait_set = rclpy_native.WaitSet(len(subscriptions), 0, 0, 0, 0, 0, self.node.context.handle)
+        self.wait_set.clear_entities()  # a wait leaves only those in it that are ready
+        for subscription in subscriptions:
+            self.wait_set.add_subscription(subscription.handle)
+        self.wait_set.wait(int(wait_s * 1e9))
+        ready = self.wait_set.get_ready_entities("subscription")
+        for subscription in subscriptions:
+            if subscription.handle.pointer not in ready:
+                continue
+            with subscription.handle:
+                taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            if taken is not None:
+                subscription.callback(taken[0])

@@ -137,7 +137,7 @@ class DataStatus:
 
 @dataclass(frozen=True)
 class CollectorStatus:
-    """collector -> control, at changes and three times a lease; once a second with problems and counters."""
+    """collector -> control, at changes and five times a lease; once a second with problems and counters."""
 
     report: gates.GateReport
     problems: tuple[tuple[str, str], ...] = ()

@@ -26,6 +26,8 @@ LEVELS_PER_LEASE = 5
 UNSEEN = managed_nodes.State.UNKNOWN.value
 REPLICA_GRACE_S = 3.0
 """How long a replica may be on its way before it is reported missing."""
+UNREAD_MOST_S = 0.045
+"""Ticks are this far apart at most but for a turn: below what counts as a stall."""
 DEADLINE_MARGIN_S = 0.0005
 """Behind a deadline, so that one turn finds it passed."""
 VETOES = {
@@ -90,6 +92,7 @@ class RobotControlProcess(ControlProcess):
         left: (cloud, its last announced end), as far as obeyed.
         effects: the side whose effects were admitted at the last look.
         refused_words: how many requests from the cloud were none.
+        heard: the newest event was a beat of our cloud.
         stated: what was last published of the nodes with placement Cloud.
     """
 
@@ -120,6 +123,7 @@ class RobotControlProcess(ControlProcess):
         self.cloud_answer = ""
         self.left = ("", "")
         self.refused_words = 0
+        self.heard = False
         self.stated: tuple[Available, ...] | None = None
 
     def watched_by(self, witness: Witness) -> None:
@@ -132,6 +136,7 @@ class RobotControlProcess(ControlProcess):
     def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: placement.PulseSent | None = None) -> None:
         """Takes a beat of the cloud, and our own newest."""
         self.step(CloudBeat(beat, arrived_s, wall_us, sent))
+        self.heard = self.robot.link.heard_s == arrived_s
 
     def handle(self, message: object) -> None:
         """Takes reports of pulse, collector, relay and data."""
@@ -228,10 +233,20 @@ class RobotControlProcess(ControlProcess):
         """Lets time pass for the placement machine."""
         self.check_ready()
         self._note_while()
-        self.step(Tick())
+        if not self._has_judged():
+            self.step(Tick())
         if switcher.effects_site(self.robot, self.ports.now_s()) is not self.effects:
             self.ports.effects_changed()
         self._state()
+
+    def _has_judged(self) -> bool:
+        """Returns whether a Tick would add nothing: a beat of our cloud has just been taken, which judges all the same.
+
+        Silence is judged as of that beat then. What else comes, such as beats of strangers, takes no Tick's place.
+        """
+        heard, self.heard = self.heard, False
+        read_s = self.robot.stalls.read_s
+        return heard and read_s is not None and self.ports.now_s() - read_s < UNREAD_MOST_S
 
     def _state(self) -> None:
         """Publishes what has changed for the nodes with placement Cloud."""

@@ -1176,8 +1176,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "process.robot_control",
-                "if level != sent or now_s - sent_s >= self.settings.lease_s / LEVELS_PER_LEASE:",
-                "if level != sent:",
+                "elif now_s - sent_s >= self.settings.lease_s / LEVELS_PER_LEASE:",
+                "elif False:",
             ),
         ),
     ),

@@ -22,7 +22,7 @@ TEXT_EVERY = 8
 TYPE = "simulated/msg/Payload"
 LOOK_S = 0.5
 """As in the agent: how often nodes without a lifecycle are looked for."""
-RENEWED_S = 0.040
+RENEWED_S = 0.030
 """A level that has not changed lies in its receiver's inbox for at most about so long: then the receiver turns."""
 SLACK_S = 0.010
 """As in the agent: what is due waits so long for a datagram to come with."""

@@ -202,8 +202,8 @@ def test_a_process_that_starts_again_takes_over_the_socket_of_its_predecessor(tm
 
 
 def rings(receiver: Bus) -> bool:
-    """Returns whether a process that waits for its bus is woken."""
-    return bool(select.select([receiver], [], [], 0)[0])
+    """Returns whether a process that waits for its bell is woken."""
+    return bool(select.select([receiver.bell], [], [], 0)[0])
 
 
 def test_news_wakes_its_receiver_and_a_level_that_is_repeated_waits_for_it_in_order(pair: tuple[Bus, Bus]) -> None:

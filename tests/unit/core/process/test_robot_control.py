@@ -6,11 +6,13 @@ from typing import Any
 
 from robot_offload_core import managed_nodes, placement
 from robot_offload_core.availability import Available
+from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
 from robot_offload_core.placement import SetGate
 from robot_offload_core.process.robot_control import LEVELS_PER_LEASE, RobotControlProcess, RobotPlan
 from robot_offload_core.settings import NodeSpec
-from tests.unit.core.builders import NOW_S, ROBOT, SETTINGS, us
+from robot_offload_core.token import Site
+from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, SETTINGS, STRANGER, us
 
 
 class Ports:
@@ -88,3 +90,33 @@ def test_parameters_that_differ_stop_no_driver_and_are_degraded_in_a_stay() -> N
     assert process.degraded() is None
     process.robot = replace(process.robot, phase=placement.Phase.CLOUD)
     assert process.degraded() == ("Degraded", "ReplicaParametersDiffer: Parameters differ: controller (speed)")
+
+
+def beat_of(cloud: str, sequence: int, now_s: float) -> Beat:
+    """A bare beat, which says nothing but that its sender lives."""
+    return Beat("uid", Site.CLOUD, cloud, sequence, us(now_s), 0, 1000, None, None)
+
+
+def ticks_of(process: RobotControlProcess, ports: Ports, cloud: str, beats: int) -> int:
+    """Beats of that sender come with each turn; returns how many turns made a Tick."""
+    ticks = 0
+    for sequence in range(beats):
+        ports.time_s += 0.020
+        process.arrived(beat_of(cloud, sequence, ports.time_s), ports.time_s, 0)
+        before = process.robot.stalls.read_s
+        process.turn()
+        ticks += process.robot.stalls.read_s != before
+        assert process.robot.judged_s(ports.time_s) >= ports.time_s - 0.045
+    return ticks
+
+
+def test_a_beat_of_our_cloud_judges_like_a_tick_and_takes_the_place_of_two_in_three() -> None:
+    process, ports = control()
+    assert 30 <= ticks_of(process, ports, CLOUD, 90) <= 31
+    silent = process.robot.link.heard_s
+    assert ticks_of(process, ports, STRANGER, 4) == 4, "a beat of a stranger takes the place of none"
+    assert process.robot.link.heard_s == silent
+    for _ in range(10):
+        ports.time_s += 0.020
+        process.turn()
+        assert process.robot.stalls.read_s == ports.time_s

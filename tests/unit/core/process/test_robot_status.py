@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from robot_offload_core.lease import SetEgress
 from robot_offload_core.placement import DataReported
 from robot_offload_core.process import data, pauses, probe
