@@ -223,7 +223,7 @@ class CollectorShell:
         """Reads the gate and the cloud's messages, and reports."""
         due_s = now_s()
         while True:
-            select.select([self.bus.bell], [], [], max(0.0, due_s - now_s()))
+            select.select([self.bus.news], [], [], max(0.0, due_s - now_s()))
             with self.lock:
                 self.process.woke()
             self.beacon.sign("bus")

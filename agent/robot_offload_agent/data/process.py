@@ -128,7 +128,7 @@ class DataShell(ABC):
         """Reads orders; sends probes and reports."""
         while True:
             timeout_s = max(0.0, self.process.due_s + SLACK_S - now_s())
-            select.select([self.bus.bell], [], [], timeout_s)
+            select.select([self.bus.news], [], [], timeout_s)
             self.process.woke()
             self.beacon.sign("bus")
             while (message := self.bus.receive()) is not None:

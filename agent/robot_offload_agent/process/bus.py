@@ -63,6 +63,8 @@ MAX_INLINE = 64 << 10
 """Larger payloads travel in memory files."""
 MAX_DATAGRAM = 190_000
 """Largest datagram with the kernel's default socket buffers (212,992 bytes less its own accounting)."""
+FULL = 8
+"""So many datagrams in a row mean that the inbox was nearly full: many kernels hold ten."""
 _BESIDE = {ENVELOPE: b"E", PASSED: b"P", OTHERS: b"O", LETTERS: b"L"}
 _KINDS = {beside: kind for kind, beside in _BESIDE.items()}
 _RIGHTS_BYTES = socket.CMSG_SPACE(array.array("i").itemsize)
@@ -82,7 +84,6 @@ class Bus:
     """One process's socket. Any thread may send, one thread receives.
 
     Attributes:
-        bell: for select, in processes that wake for what is new alone; quiet again when `receive` begins.
         dropped: datagrams that could not be sent.
         garbage: datagrams that were no message of ours.
         too_large: size in bytes of the largest payload refused, by label.
@@ -95,7 +96,7 @@ class Bus:
         self.socket = _bound(folder / f"{name}.sock")
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
         self.bell = _bound(folder / f"{name}.bell")
-        self.begins = True
+        self.row = self.last_row = 0
         self.lock = threading.RLock()
         self.outgoing: dict[str, tuple[socket.socket, str]] = {}
         self.buffer = bytearray(MAX_DATAGRAM)
@@ -107,6 +108,14 @@ class Bus:
     def fileno(self) -> int:
         """Returns the inbox's descriptor for select, for processes that wake for each datagram."""
         return self.socket.fileno()
+
+    @property
+    def news(self) -> socket.socket:
+        """Returns what to select for in a process that wakes for what is new alone: the bell.
+
+        While the inbox fills up faster than it is read, by whoever, it is the inbox.
+        """
+        return self.socket if self.last_row >= FULL else self.bell
 
     def send(self, to: str, message: Any) -> bool:
         """Sends Letters or a registered dataclass; returns False when the receiver is absent or full."""
@@ -195,15 +204,15 @@ class Bus:
 
     def receive(self) -> Any | None:
         """Returns the next datagram as an object, None without one; garbage is counted, logged once and left out."""
-        if self.begins:  # before the first of a row is read: what comes later rings again
-            self.begins = False
+        if not self.row:  # before the first of a row is read: what comes later rings again
             self._hush()
         while True:
             try:
                 size, rights, _, _ = self.socket.recvmsg_into([self.buffer], _RIGHTS_BYTES, socket.MSG_CMSG_CLOEXEC)
             except BlockingIOError:
-                self.begins = True
+                self.row, self.last_row = 0, self.row
                 return None
+            self.row += 1
             files = _files(rights)
             try:
                 message = _read(bytes(memoryview(self.buffer)[:size]), files)

@@ -202,8 +202,8 @@ def test_a_process_that_starts_again_takes_over_the_socket_of_its_predecessor(tm
 
 
 def rings(receiver: Bus) -> bool:
-    """Returns whether a process that waits for its bell is woken."""
-    return bool(select.select([receiver.bell], [], [], 0)[0])
+    """Returns whether a process that waits for news is woken."""
+    return bool(select.select([receiver.news], [], [], 0)[0])
 
 
 def test_news_wakes_its_receiver_and_a_level_that_is_repeated_waits_for_it_in_order(pair: tuple[Bus, Bus]) -> None:
@@ -227,6 +227,23 @@ def test_what_comes_while_a_row_is_read_is_read_or_rings_again(pair: tuple[Bus, 
     assert rings(two)
     assert two.receive() == Fatal("one", "second")
     assert two.receive() is None
+
+
+def test_a_receiver_whose_inbox_fills_up_without_a_ring_waits_for_the_inbox_until_it_has_read_all(
+    pair: tuple[Bus, Bus],
+) -> None:
+    one, two = pair
+    for _ in range(2):
+        while one.renew("two", Fatal("one", "garbage")):
+            pass
+        while two.receive() is not None:
+            pass
+    one.renew("two", Fatal("one", "more of it"))
+    assert rings(two)
+    assert two.receive() == Fatal("one", "more of it")
+    assert two.receive() is None
+    one.renew("two", Fatal("one", "a level"))
+    assert not rings(two)
 
 
 @pytest.mark.parametrize("large", [0, MAX_INLINE + 1])
