@@ -127,7 +127,8 @@ class ControlShell(ABC):
             wake_s, deadline_s = due_s + SLACK_S, self.process.next_deadline_s()
             if deadline_s > turned_s:  # each once, or one that changes nothing would be met for ever
                 due_s, wake_s = min(due_s, deadline_s), min(wake_s, deadline_s)
-            readable, _, _ = select.select([self.bus.news, self.wake], [], [], max(0.0, wake_s - now_s()))
+            sources: list[Any] = [self.bus.news, self.wake]
+            readable, _, _ = select.select(sources, [], [], max(0.0, wake_s - now_s()))
             if self.wake in readable:
                 os.eventfd_read(self.wake)
             self.drain()
