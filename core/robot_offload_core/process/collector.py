@@ -31,7 +31,7 @@ It looks with every message too, and when the next deadline passes.
 DEADLINE_MARGIN_S = 0.0005
 """Behind a deadline, so that one look finds it passed."""
 REPORTS_PER_LEASE = 5
-"""Control gets a report this often in any case, ten times a second at least; it reads one without news when it wakes."""
+"""Control gets a report this often in any case, ten times a second at least; one without news does not wake it."""
 REPEAT_PERIOD_S = 5.0
 """The data process gets the latched messages of others again this often; it knows them unless it was started anew."""
 DETAIL_PERIOD_S = 1.0
