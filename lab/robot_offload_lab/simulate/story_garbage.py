@@ -5,6 +5,7 @@ from __future__ import annotations
 from robot_offload_core.declared import SnapshotState
 from robot_offload_core.ledger.ports import GoalStatus
 from robot_offload_core.placement import Phase
+from robot_offload_core.reasons import Reason
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate import garbage
 from robot_offload_lab.simulate.goal_stage import GoalStage
@@ -39,6 +40,8 @@ def garbage_in_every_channel() -> None:
         goal = stage.goal()
         stage.ends(goal, GoalStatus.SUCCEEDED)
         stage.always(lambda at=site: stage.site is at, 2.0, "nothing ends the stay")  # type: ignore[misc]
+    strange = [key for key in stage.robot.collector.process.counters if key.endswith(Reason.TYPES_DIFFER)]
+    stage.expect(not strange, "types of another version were believed")
     few = {name: count for name, count in _refused(stage).items() if count < 10}
     stage.expect(not few, f"garbage was refused everywhere: {few}")
 

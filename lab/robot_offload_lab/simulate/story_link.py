@@ -18,7 +18,7 @@ UNRATED = (OutputSpec("cmd_vel", 0.0),)
 
 def first_command_after_a_cut() -> None:
     """After a cut of the link alone the robot's first command comes within its bound, many times."""
-    stage = Stage()
+    stage = Stage("story of links")
     stage.in_cloud()
     settings = stage.scenario.settings
     for _ in range(3):
