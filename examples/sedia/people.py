@@ -3,11 +3,10 @@
 import contextlib
 import json
 import time
-from dataclasses import asdict
 from typing import Any
 
+from errands import Errand, Errands  # type: ignore[import-not-found]  # of the wheelchair
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from passenger import ENDINGS, Account, Errand  # type: ignore[import-not-found]  # of the wheelchair
 from places import Place, moved, posed  # type: ignore[import-not-found]  # beside this script
 from rclpy.action import ActionClient
 from sedia_interfaces.action import NavigateToPose
@@ -33,63 +32,37 @@ class WaypointFollower(Managed):
         super().__init__("waypoint_follower")
         flat = list(self.declare_parameter("waypoints", [2.0, 1.0]).value)
         self._places = list(zip(flat[::2], flat[1::2], strict=True))
-        self._account = Account()
-        self._sent_s = self._heard_s = self._rested_s = 0.0
-        self._last = (0, 0)
+        self._errands = Errands()
+        self._rested_s = 0.0
         self._navigate = ActionClient(self, NavigateToPose, "navigate_to_pose")
         self._said = self.create_publisher(String, "waypoint_follower/account", 10)
         self.every(SAY_S, self._tell)
 
-    @property
-    def _errand(self) -> Errand | None:
-        """The present goal."""
-        goals = self._account.goals
-        return goals[-1] if goals and not goals[-1].ending else None
-
     def _tell(self) -> None:
-        now_s, errand = time.monotonic(), self._errand
-        if errand is not None:
-            self._note_silence(errand)
-        elif self._places and now_s - self._rested_s > REST_S and self._navigate.server_is_ready():
+        rested = time.monotonic() - self._rested_s > REST_S
+        if self._errands.present is None and self._places and rested and self._navigate.server_is_ready():
             self._send(*self._places.pop(0))
-        self._said.publish(String(data=json.dumps(asdict(self._account))))
-        if errand is not None:
-            errand.silence_ms = 0.0
+        self._said.publish(String(data=self._errands.text()))
 
     def _send(self, x_m: float, y_m: float) -> None:
-        errand = Errand(len(self._account.goals) + 1)
-        self._account.goals.append(errand)
-        self._sent_s, self._last = time.monotonic(), (0, 0)
+        errand = self._errands.begin()
         goal = NavigateToPose.Goal(pose=posed(Place(x_m, y_m), self.wall.now().to_msg()))
         sent = self._navigate.send_goal_async(goal, feedback_callback=lambda said: self._on_feedback(errand, said))
         sent.add_done_callback(lambda future: self._on_answer(errand, future.result()))
 
     def _on_answer(self, errand: Errand, handle: Any) -> None:
-        if not handle.accepted:
-            errand.ending = "rejected"
-            return
-        self._heard_s = time.monotonic()
-        errand.accepted_ms = round((self._heard_s - self._sent_s) * 1e3, 1)
-        handle.get_result_async().add_done_callback(lambda future: self._on_result(errand, future.result().status))
+        self._errands.answered(errand, accepted=handle.accepted)
+        if handle.accepted:
+            handle.get_result_async().add_done_callback(lambda future: self._on_result(errand, future.result().status))
 
     def _on_feedback(self, errand: Errand, message: Any) -> None:
-        said, (process, tick) = message.feedback, self._last
-        errand.servers += said.process != process
-        errand.backwards += said.process == process and said.tick <= tick
-        self._last = (said.process, said.tick)
-        errand.feedback += 1
-        errand.x_m, errand.y_m = said.pose.pose.position.x, said.pose.pose.position.y
-        self._note_silence(errand)
-        self._heard_s = time.monotonic()
+        said = message.feedback
+        at = said.pose.pose.position
+        self._errands.heard(errand, said.process, said.tick, at.x, at.y)
 
     def _on_result(self, errand: Errand, status: int) -> None:
-        errand.results += 1
-        errand.ending = errand.ending or ENDINGS.get(status, f"status {status}")
+        self._errands.ended(errand, status)
         self._rested_s = time.monotonic()
-
-    def _note_silence(self, errand: Errand) -> None:
-        if errand.accepted_ms is not None:
-            errand.silence_ms = max(errand.silence_ms, round((time.monotonic() - self._heard_s) * 1e3, 1))
 
 
 class Hmi(Managed):

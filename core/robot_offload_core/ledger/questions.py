@@ -49,6 +49,11 @@ def copy_of(goal: Goal, site: Site, token: Token | None) -> Attempt | None:
     return None
 
 
+def is_resent(ledger: Ledger, attempt: bytes) -> bool:
+    """Returns whether an attempt is of a goal that was offered before: its execution begins anew."""
+    return any(len(g.attempts) > 1 and any(a.id == attempt for a in g.attempts) for g in ledger.goals.values())
+
+
 def overtaken(ledger: Ledger, goal: Goal, attempt: Attempt) -> bool:
     """Returns whether a later goal of the action was accepted at the same server after this attempt was: preempted."""
     return any(

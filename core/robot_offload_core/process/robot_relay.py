@@ -155,6 +155,8 @@ class RobotRelay(RelayProcess):
     def _to_side(self, command: goals.Offer | goals.Cancel | goals.Resume) -> None:
         face, action, attempt = Face.GROUP, command.action, command.attempt
         local = command.site is Site.ROBOT
+        if isinstance(command, goals.Offer) and not command.mirror:
+            self.counters[f"{action}.resent"] += questions.is_resent(self.ledger, attempt)
         match command:
             case goals.Offer() if local:
                 self.own.offer(action, attempt, command.payload, command.token)

@@ -1,8 +1,9 @@
 """The actions `/count` and `/many` and the services `/ask` and `/do` of a replica, as Nav2's servers would serve them.
 
 `/count` is a SimpleActionServer as Nav2 has it. `/many` runs any number of goals at once; deactivation aborts them. A
-goal of order N counts N ticks of 20 ms; feedback is [process, tick], the result [process, N]. `/ask` answers
-`PROCESS#n`. `/do` remembers each request's number; a negative one asks for all that were executed.
+goal of order N counts N ticks of 20 ms; feedback is [process, tick], the result [process, N]. The cloud's replica
+refuses goals of `/many` with the order HERE_ONLY. `/ask` answers `PROCESS#n`. `/do` remembers each request's number; a
+negative one asks for all that were executed.
 """
 
 import os
@@ -17,6 +18,7 @@ from test_msgs.action import Fibonacci
 from test_msgs.srv import BasicTypes
 
 TICK_S = 0.02
+HERE_ONLY = 7777
 
 
 def counted(goal: ServerGoalHandle, tick: int) -> Fibonacci.Result | None:
@@ -47,12 +49,16 @@ class Counting:
         self.one = SimpleActionServer(node, Fibonacci, "/count", counted)
         self.many = ActionServer(
             node, Fibonacci, "/many", self.execute,
-            goal_callback=lambda _: GoalResponse.ACCEPT if self.active else GoalResponse.REJECT,
+            goal_callback=lambda goal: GoalResponse.ACCEPT if self.takes(goal.order) else GoalResponse.REJECT,
             handle_accepted_callback=self.accepted, cancel_callback=lambda _: CancelResponse.ACCEPT,
         )  # fmt: skip
+        self.elsewhere = "/cloud/" in node.resolve_service_name("/ask")
         node.create_service(Trigger, "/ask", self.ask)
         node.create_service(BasicTypes, "/do", self.do)
         node.create_timer(TICK_S, self.count)
+
+    def takes(self, order: int) -> bool:
+        return self.active and not (self.elsewhere and order == HERE_ONLY)
 
     def activate(self) -> None:
         self.active = True

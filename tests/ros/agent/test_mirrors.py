@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tests.ros.agent.clients import SUCCEEDED, Goal, action_client
+from tests.ros.agent.clients import CANCELED, SUCCEEDED, Goal, action_client
 from tests.ros.agent.harness import World
 from tests.ros.agent.test_services import BasicTypes, Caller, executed
 
@@ -13,7 +13,12 @@ HOT = {
     **{f"{name}.hot": ["robot"] for name in ("action.count", "action.many", "service.do", "service.ask")},
     "action.count.mirror": True,
     "service.do.mode": "Race",
+    "action.many.timeout_ms": 20_000.0,
 }
+
+
+HERE_ONLY = 7777
+"""An order that the cloud's `/many` refuses, see `counting.py`."""
 
 
 def test_a_hot_robot_goes_on_with_the_clouds_goal_and_answers_beside_it(build: Callable[..., World]) -> None:
@@ -45,3 +50,19 @@ def test_a_hot_robot_goes_on_with_the_clouds_goal_and_answers_beside_it(build: C
     assert all(set(range(do.asked)) == set(numbers) for numbers in both), both
     do.close()
     count.destroy()
+    world.place("robot", stay=True)
+    a_pin_goes_on_without_a_goal(world)
+
+
+def a_pin_goes_on_without_a_goal(world: World) -> None:
+    """The stay is Degraded while the goal that the cloud's server refuses is offered to it."""
+    many = action_client(world.ear.node, "/many")
+    goal = Goal(many, HERE_ONLY).accepted()
+    goal.beats()
+    world.override("Cloud")
+    world.until(lambda: world.site == "cloud", "the deadline ends the wait")
+    said = "GoalsPending: "
+    world.until(lambda: said in world.ear.diagnostics["data"].values.get("Degraded", ""), "the stay is Degraded")
+    assert goal.cancel() == 0
+    assert goal.result()[0] == CANCELED
+    many.destroy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,10 +11,12 @@ from std_srvs.srv import Trigger
 from test_msgs.srv import BasicTypes
 
 from tests.ros.agent.clients import until
-from tests.ros.agent.ears import Ear
+from tests.ros.agent.ears import Ear, wait_until
 from tests.ros.agent.harness import World
 
 PERIOD_S = 0.05
+UNREAD = 7001
+"""A call that reaches a relay which will never read it."""
 
 
 class Caller:
@@ -116,6 +119,34 @@ def test_what_must_not_be_repeated_is_executed_at_most_once(serving_world: World
     assert set(do.answers) <= set(everywhere)
     assert {len(answers) for answers in do.answers.values()} == {1}
     assert all(answers[0].int32_value == number for number, answers in do.answers.items())
+
+
+def test_a_call_that_a_dying_relay_had_not_read_is_not_executed_and_the_next_is_answered(serving_world: World) -> None:
+    ear = serving_world.ear
+    client = ear.node.create_client(BasicTypes, "/do")
+    until(client.service_is_ready, "a server of /do")
+    answered: list[int] = []
+
+    def call(number: int) -> None:
+        request = BasicTypes.Request(int32_value=number)
+        client.call_async(request).add_done_callback(lambda future: answered.append(future.result().int32_value))
+
+    serving_world.signal("robot", "relay", signal.SIGSTOP)
+    ear.executor.create_task(call, UNREAD)
+    sent: list[None] = []
+    ear.executor.create_task(sent.append, None)
+    until(lambda: sent, "the call is sent")
+    serving_world.kill("robot", "relay")
+    number = UNREAD
+    while number - UNREAD < 20 and not wait_until(lambda: bool(answered), 3.0):
+        number += 1  # a client that gets no answer asks again
+        ear.executor.create_task(call, number)
+    both = (("robot", ear), ("cloud", serving_world.cloud_ear()))
+    everywhere = [number for side, heard in both for number in executed(serving_world, heard, side)]
+    assert set(answered) <= set(everywhere)
+    assert len(answered) == len(set(answered)) > 0
+    assert UNREAD not in everywhere
+    ear.node.destroy_client(client)
 
 
 def test_a_large_call_crosses_and_one_beyond_the_limit_is_counted(serving_world: World) -> None:

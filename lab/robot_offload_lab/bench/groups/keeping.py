@@ -20,15 +20,18 @@ CASES: Final = tuple(
     dataclasses.replace(
         HOT, name=f"state-{name}", standby="Warm", cloud_standby="Warm", state_bytes=size, state_rate_hz=rate_hz
     )
-    for name, size, rate_hz in (("1KiB", KIB, 10.0), ("1MiB", KIB * KIB, 10.0))
+    for name, size, rate_hz in (("1KiB", KIB, 10.0), ("1MiB", KIB * KIB, 10.0), ("16MiB", 16 * KIB * KIB - KIB, 0.2))
 )
+"""The largest leaves room for the headers of a message of 16 MiB, and comes seldom: it takes seconds to cross."""
 CUT_S: Final = 0.6
 STAY_S: Final = (0.8, 1.4)
+LARGE_CUTS: Final = 3
+"""As many of the largest at most."""
 
 
 def steps(amounts: Amounts) -> float:
     """For the progress bar."""
-    return amounts.state_cuts * len(CASES)
+    return sum(_cuts(case, amounts) for case in CASES)
 
 
 def run(order: Order) -> GroupResult:
@@ -37,11 +40,15 @@ def run(order: Order) -> GroupResult:
     return keeping.outcome(order.priority, [_measure(case, order) for case in wanted])
 
 
+def _cuts(case: BenchCase, amounts: Amounts) -> int:
+    return min(amounts.state_cuts, LARGE_CUTS) if case is CASES[-1] else amounts.state_cuts
+
+
 def _measure(case: BenchCase, order: Order) -> StateAccount:
     chance = random.Random(order.seed)
     cuts = []
     with MeasuredSystem(case, order.setting(case.name)) as world:
-        for _ in range(order.amounts.state_cuts):
+        for _ in range(_cuts(case, order.amounts)):
             world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
             world.rest(chance.uniform(*STAY_S) + 2.0 / case.state_rate_hz)
             cuts.append(world.cut("both")[1])

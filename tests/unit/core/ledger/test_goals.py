@@ -66,6 +66,7 @@ def test_a_candidate_gets_the_live_goals_first_and_the_client_hears_only_the_hol
     assert pair.result_of(wants) == []
     pair.cloud.end(0)
     assert pair.result_of(wants) == [SUCCEEDED]
+    assert pair.relay.counters[f"{FOLLOW}.resent"] == 1
 
 
 def test_the_candidate_is_not_ready_before_it_has_accepted_the_goals_in_their_order() -> None:

@@ -47,4 +47,4 @@ def test_a_cut_after_which_no_node_woke_counts_as_nothing_restored() -> None:
 
 
 def test_sizes_are_said_as_people_say_them() -> None:
-    assert [keeping.size_in_words(case.state_bytes) for case in CASES] == ["1 KiB", "1 MiB"]
+    assert [keeping.size_in_words(case.state_bytes) for case in CASES] == ["1 KiB", "1 MiB", "16 MiB"]
