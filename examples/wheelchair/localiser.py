@@ -10,7 +10,6 @@ import json
 import math
 import struct
 from collections import deque
-from typing import Any
 
 from geometry_msgs.msg import Pose, PoseStamped
 from nav_msgs.msg import Odometry
@@ -33,15 +32,15 @@ KEPT_ODOMETRY = 50
 class Localiser(StatefulNode):
     """Publishes `pose` for each `odom`, and 10 times a second its state and `localiser/account`, while it is Active."""
 
-    def __init__(self, name: str = "localiser", **options: Any) -> None:
-        super().__init__(name, **options)
+    def __init__(self) -> None:
+        super().__init__("localiser")
         self._wall = Clock(clock_type=ClockType.SYSTEM_TIME)
         self._correction = Place()
         self._restored_age_s: float | None = None
         self._odometry: deque[tuple[float, Place]] = deque(maxlen=KEPT_ODOMETRY)
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._pose = self.create_publisher(Odometry, "pose", newest)
-        self._account = self.create_lifecycle_publisher(String, f"{name}/account", 10)
+        self._account = self.create_lifecycle_publisher(String, "localiser/account", 10)
         self.create_subscription(Odometry, "odom", self._on_odom, newest)
         self.create_subscription(PoseStamped, "marker", self._on_marker, 10)
         self.create_timer(0.1, self._tell)
