@@ -80,8 +80,7 @@ def build(
         shutil.copytree(root / "images" / "wheels-base", context, dirs_exist_ok=True)
         text = (root / "requirements" / "all.txt").read_text(encoding="utf-8")
         (context / "constraints.txt").write_text(constraints(text), encoding="utf-8")
-        # The interpreter's own: those of the system belong to another version.
-        shutil.copytree(sysconfig.get_path("include"), context / "include")
+        _lend_headers(context / "include")
         names = {stage: f"{_name(stage)}:{fingerprint(context, kept)}" for stage in STAGES if stage in set(stages)}
         missing = [stage for stage, name in names.items() if not _is_there(tool, name, environment)]
         for archive in kept if missing else ():
@@ -92,6 +91,14 @@ def build(
             run(tool, wanted, environment=environment)
     for stage, name in names.items():
         subprocess.run((tool, "tag", name, tag(stage)), check=True, timeout=60.0, env=environment)
+
+
+def _lend_headers(folder: Path) -> None:
+    """Copies the interpreter's own headers: those of the system belong to another version."""
+    headers = Path(sysconfig.get_path("include"))
+    folder.mkdir()
+    if headers.is_dir():  # without them only the stage with compilers is of no use
+        shutil.copytree(headers, folder, dirs_exist_ok=True)
 
 
 def fingerprint(context: Path, kept: Iterable[Path]) -> str:
