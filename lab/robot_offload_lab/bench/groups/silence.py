@@ -20,8 +20,8 @@ CASE: Final[BenchCase] = dataclasses.replace(
     ALARMS, name="silence", standby="Hot", cloud_standby="Hot", sensors=(Sensor("odom", (200,), 1000),),
     output=(("deadline", "400ms"),),
 )
-"""The command is reliable, as a publisher's default is: what is lost comes late. A best-effort message that is lost looks
-like the silence of its sender."""
+"""The command is reliable, as a publisher's default is: what is lost comes late. A best-effort message that is lost
+looks like the silence of its sender."""
 
 
 def steps(amounts: Amounts) -> float:
