@@ -17,7 +17,11 @@ from robot_offload_lab.bench.world import MeasuredSystem
 from robot_offload_lab.wire.loop import steady_s
 
 CASE: Final[BenchCase] = dataclasses.replace(
-    ALARMS, name="silence", standby="Hot", cloud_standby="Hot", sensors=(Sensor("odom", (200,), 1000),),
+    ALARMS,
+    name="silence",
+    standby="Hot",
+    cloud_standby="Hot",
+    sensors=(Sensor("odom", (200,), 1000),),
     output=(("deadline", "400ms"),),
 )
 """The command is reliable, as a publisher's default is: what is lost comes late. A best-effort message that is lost
