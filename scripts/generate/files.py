@@ -10,6 +10,8 @@ import yaml
 
 from robot_offload.api.crd import GROUP, PLURAL, crd
 from robot_offload.cli.own_images import default_images
+from scripts.generate.dashboards import dashboards
+from scripts.generate.metrics import metrics
 from scripts.generate.reasons import reasons
 from scripts.generate.reference import reference
 from scripts.generate.support import support
@@ -20,6 +22,7 @@ REFERENCE_FILE: Final = "docs/reference/robotoffload.md"
 REASONS_FILE: Final = "docs/reference/reasons.md"
 IMAGES_FILE: Final = "manifests/images.txt"
 SUPPORT_FILE: Final = "docs/reference/support.md"
+METRICS_FILE: Final = "docs/reference/metrics.md"
 
 _HEAD: Final = "# Generated from the models in operator/robot_offload/api by `make generate`; changes here are lost.\n"
 
@@ -28,8 +31,13 @@ def generated_files() -> Mapping[str, str]:
     """Path below the repository -> text, of every generated file."""
     definition = crd()
     text = _HEAD + yaml.dump(definition, Dumper=_PlainDumper, sort_keys=False, width=110, allow_unicode=True)
-    pages = {REFERENCE_FILE: reference(definition), REASONS_FILE: reasons(), SUPPORT_FILE: support()}
-    return {CRD_FILE: text, CHART_CRD_FILE: text, IMAGES_FILE: _images(), **pages}
+    pages = {
+        REFERENCE_FILE: reference(definition),
+        REASONS_FILE: reasons(),
+        SUPPORT_FILE: support(),
+        METRICS_FILE: metrics(),
+    }
+    return {CRD_FILE: text, CHART_CRD_FILE: text, IMAGES_FILE: _images(), **pages, **dashboards()}
 
 
 def _images() -> str:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from typing import Any
 
+from robot_offload_agent.control import numbers
 from robot_offload_agent.control.process import ControlShell, start
 from robot_offload_agent.process.bus import Bus
+from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.process.release import release
 from robot_offload_agent.ros.services import SwitchServices
-from robot_offload_agent.settings import liaison
+from robot_offload_agent.settings import liaison, robot_report
 from robot_offload_agent.settings.cluster_files import ClusterFiles, wall_text
 from robot_offload_agent.settings.notes import NotesError, decode_robot, encode
 from robot_offload_agent.settings.offer import offered_limits
@@ -17,7 +20,8 @@ from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import lease, momentary, replica_parameters
 from robot_offload_core.lease import Stand
 from robot_offload_core.process.cloud_control import CloudControlProcess
-from robot_offload_core.process.messages import Limits, Notes
+from robot_offload_core.process.messages import Arrived, Limits, Notes, Reported
+from robot_offload_core.tallies import LinkTally
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
@@ -44,6 +48,13 @@ class CloudControlShell(ControlShell):
         )
         self.noted: tuple[object, ...] = ()
         self.watched = momentary.Watched()
+        self.tally = LinkTally()
+        self.numbers: dict[str, Any] = {}
+        self.numbers_s = float("-inf")
+        self.garbage = 0
+        self.cost: dict[str, list[int]] = {}
+        self.processes_due_s = 0.0
+        self.topics = {spec.name: spec["topic"] for spec in (*configuration.inputs, *configuration.outputs)}
         self.files = ClusterFiles(configuration, lambda event: self.post(lambda now: self.deal(event, now)))
         self.files.start()
         self.services = SwitchServices(self.report.guardian, self.report.switcher_names(), self.post_switch)
@@ -78,6 +89,29 @@ class CloudControlShell(ControlShell):
             return
         self.comparison.hear(notes.parameters)
         self.deal(liaison.RobotSaid(notes), now)
+
+    def take(self, message: Any) -> None:
+        """Takes one datagram; a beat is counted."""
+        if isinstance(message, Reported):
+            self.take_report(message.text, now_s())
+            return
+        super().take(message)
+        if isinstance(message, Arrived):
+            self.tally.look(self.process.link, message.arrived_s, self.process.settings.loss_timeout_s)
+
+    def take_report(self, text: str, now: float) -> None:
+        """Takes the robot's own numbers; what is none of ours is counted, and a later version said in words."""
+        try:
+            self.numbers = robot_report.decode(text, self.process.cloud.robot, self.topics)
+        except robot_report.ReportError as error:
+            if error.reason == "OtherRobot":  # the first one may come before the robot's first beat
+                return
+            self.garbage += 1
+            other = error.reason == "OtherVersion"
+            self.report.note("report", ("OtherVersion", str(error)) if other else None)
+            return
+        self.numbers_s = now
+        self.report.note("report", None)
 
     def deal(self, event: liaison.Event, now: float) -> None:
         """Takes one event for what joins us to the operator."""
@@ -116,15 +150,39 @@ class CloudControlShell(ControlShell):
         glance = momentary.Glance()
         if self.liaison.connected:
             glance = momentary.glance(self.watched, now, self.process.settings.beat_period_s)
-        return liaison.figures(self.process.health(), glance, self.carried(), self.state_ages_ms())
+        fresh = self.liaison.connected and now - self.numbers_s < robot_report.FRESH_S
+        return {
+            **liaison.figures(self.process.health(), glance, self.carried(), self.state_ages_ms()),
+            "cloud": {
+                **numbers.of_link(self.tally),
+                "garbage_reports": self.garbage,
+                "ready": self.process.is_ready(),
+                "processes": self.processes(now),
+            },
+            "robot": self.numbers if fresh else None,
+        }
 
-    def carried(self) -> dict[str, int]:
-        """Returns the bytes that crossed the link so far, by topic."""
+    def processes(self, now: float) -> dict[str, list[int]]:
+        """Returns what this agent's processes cost, looked at once a second."""
+        if now >= self.processes_due_s:
+            self.processes_due_s = now + 1.0
+            self.cost = numbers.processes({name: deaths for name, deaths, _, _ in self.lives.processes})
+        return self.cost
+
+    def carried(self) -> list[liaison.Carried]:
+        """Returns what crossed the link so far, by topic: as this side got or sent it."""
         status = self.process.data_status
         counters = dict(status.counters) if status is not None else {}
-        specs = (*self.configuration.inputs, *self.configuration.outputs)
-        counted = {spec["topic"]: counters.get(f"{spec.name}.bytes") for spec in specs}
-        return {topic: count for topic, count in counted.items() if count}
+        ways = (
+            ("to_cloud", self.configuration.inputs, "published"),
+            ("to_robot", self.configuration.outputs, "sent"),
+        )
+        return [
+            liaison.Carried(spec["topic"], way, counters[f"{spec.name}.bytes"], counters.get(f"{spec.name}.{word}", 0))
+            for way, specs, word in ways
+            for spec in specs
+            if counters.get(f"{spec.name}.bytes")
+        ]
 
     def state_ages_ms(self) -> dict[str, int]:
         """Returns how old the state was with which the cloud last began to act, by name of the entry."""

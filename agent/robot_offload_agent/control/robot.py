@@ -4,28 +4,31 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from robot_offload_agent.certificates.keeper import CertificateKeeper
-from robot_offload_agent.control import audit, culprits
+from robot_offload_agent.control import audit, culprits, numbers
 from robot_offload_agent.control.process import ControlShell, start
 from robot_offload_agent.control.recorder import Recorder
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s, now_us
 from robot_offload_agent.process.release import release
 from robot_offload_agent.ros.services import SwitchServices
+from robot_offload_agent.settings import robot_report
 from robot_offload_agent.settings.adopted import RobotSettings
 from robot_offload_agent.settings.liaison import LEAVING_S
 from robot_offload_agent.settings.override import Override
 from robot_offload_agent.settings.parameters import Configuration, too_tight
-from robot_offload_core import links, placement, replica_parameters, switcher
+from robot_offload_core import links, momentary, placement, replica_parameters, switcher
 from robot_offload_core.audit import Kind
 from robot_offload_core.availability import Available
 from robot_offload_core.problems import Problem
-from robot_offload_core.process.messages import Arrived, CollectorStatus, Notes
+from robot_offload_core.process.messages import Arrived, CollectorStatus, Notes, Reported
 from robot_offload_core.process.robot_control import RobotControlProcess, RobotPlan
 from robot_offload_core.reasons import Reason
+from robot_offload_core.tallies import LinkTally
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
@@ -54,6 +57,10 @@ class RobotControlShell(ControlShell):
         self.process = RobotControlProcess(plan, self, self.incarnation, started_us)
         self.report.show_settings(present)
         self.counters: dict[str, int] = {}
+        self.tally = LinkTally()
+        relay = configuration.relay_plan()
+        self.actions = tuple(action.name for action in relay.actions) if relay is not None else ()
+        self.watched = momentary.Watched()
         self.services = SwitchServices(self.report.guardian, self.report.switcher_names(), self.post_switch)
         self.report.declare_override(self.override, lambda: self.post(self.set_override))
         record = configuration.values.get("record_file")  # of the command line, no parameter
@@ -77,10 +84,11 @@ class RobotControlShell(ControlShell):
         self.process.step(placement.SetPin(self.override.wish(now)))
 
     def take(self, message: Any) -> None:
-        """Takes one datagram; what viewers draw is published."""
+        """Takes one datagram; a beat is counted, what viewers draw is published."""
         super().take(message)
         live = self.report.live
         if isinstance(message, Arrived):
+            self.tally.look(self.process.robot.link, message.arrived_s, self.process.settings.loss_timeout_s)
             if live is not None:
                 live.measured(self.process.robot.link)
             if self.recorder is not None:
@@ -176,6 +184,7 @@ class RobotControlShell(ControlShell):
     def decided(self, decided: placement.Decided) -> None:
         """Logs a decision and publishes the placement."""
         verdict = decided.verdict
+        self.tally.decided(decided, self.process.robot.link.peer, now_s())
         if decided.switched:
             self.since_s = now_s()
         silent = "" if decided.silent_s is None else f" silent_ms={decided.silent_s * 1e3:.0f}"
@@ -275,6 +284,36 @@ class RobotControlShell(ControlShell):
             counters=self.counters | self.life_counters(),
             problems=[p for status in statuses if status for p in status.problems],
         )  # fmt: skip
+        self.send_numbers(now)
+
+    def send_numbers(self, now: float) -> None:
+        """Sends the robot's own numbers to the cloud, which shows them beside its own."""
+        process, robot, counters = self.process, self.process.robot, self.counters
+        self.watched = momentary.watch(self.watched, robot.link, now)
+        glance = momentary.glance(self.watched, now, process.settings.beat_period_s)
+        health = links.health(robot.link, now)
+        inputs = [spec.name for spec in self.configuration.inputs]
+        outputs = [spec.name for spec in self.configuration.outputs]
+        plain = {
+            "release": release(), "site": switcher.site(robot).value, "phase": robot.phase.value,
+            "latency_ms": glance.latency_ms, "loss_share": glance.loss_share,
+            "limit_ms": process.settings.allowed_loop_s * 1e3, "clock_offset_ms": health.clock_offset_ms,
+            "ready": process.is_ready(), **numbers.of_link(self.tally),
+        }  # fmt: skip
+        lists: dict[str, Mapping[str, Any]] = {
+            "gaps": numbers.gaps(counters, outputs),
+            "processes": numbers.processes({name: deaths for name, deaths, _, _ in self.lives.processes}),
+            "goals": numbers.goals(counters, self.actions),
+            "refused": numbers.refused(counters, outputs),
+            "topics": numbers.topics(counters, inputs),
+            "nodes": dict(process.node_states()),
+            "states": {
+                state.name: counters[key]
+                for state in self.configuration.states
+                if (key := f"state {state.name}.age_at_change_ms") in counters
+            },
+        }
+        self.bus.send("data", Reported(robot_report.encode(self.incarnation, plain, lists)))
 
     def compare_parameters(self) -> None:
         """Reports parameters that differ between the replicas; they hinder the policy's way to the cloud."""

@@ -21,7 +21,7 @@ from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.declared import Priority
-from robot_offload_core.process.data import RELAY, DataPlan, DataProcess, InputPlan, OutputPlan
+from robot_offload_core.process.data import RELAY, REPORT, DataPlan, DataProcess, InputPlan, OutputPlan
 from robot_offload_core.process.states import CHANNEL
 
 log = logging.getLogger(__name__)
@@ -35,11 +35,12 @@ CARRYING = ("in", "out")
 """Kinds of channels that carry a topic from one side to the other."""
 PROBE = Channel("probe", reliable=False, urgent=True)
 LETTERS = Channel(RELAY)
+NUMBERS = Channel(REPORT, reliable=False, priority=Priority.LOW)
 
 
 def channels(configuration: Configuration) -> list[Channel]:
     """Returns the channels of the data session; the same on both sides."""
-    found = [PROBE]
+    found = [PROBE, NUMBERS]
     carried = configuration["link.type"] == "zenoh"
     for spec in configuration.inputs if carried else ():
         found.append(

@@ -52,6 +52,7 @@ from robot_offload_core.process.messages import (
     PulseStatus,
     RelayOrders,
     RelayStatus,
+    Reported,
     Speak,
 )
 
@@ -74,7 +75,7 @@ KINDS: dict[str, type] = {
     cls.__name__: cls
     for cls in (
         Speak, Arrived, Heard, PulseStatus, Orders, Egress, DataStatus, CollectorStatus, CloudTypes, Notes, Limits,
-        HolderChanged, RelayOrders, RelayStatus, Fatal, Alive, Lives,
+        HolderChanged, RelayOrders, RelayStatus, Fatal, Alive, Lives, Reported,
         placement.PulseSent, placement.SetGate, placement.Reopen,
     )
 }  # fmt: skip

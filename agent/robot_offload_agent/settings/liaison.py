@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from robot_offload_agent.settings.notes import CloudNotes, Credential, RobotNotes
 from robot_offload_agent.settings.offer import Answer, Offer
@@ -24,6 +24,15 @@ What comes after that is not ready until its nodes are. A new agent ends it by b
 VERSION = 1
 MAX_TOPICS = 64
 """Topics in the state file: those that carried the most."""
+
+
+class Carried(NamedTuple):
+    """What crossed the link of one topic since the agent's start; `direction` is to_cloud or to_robot."""
+
+    topic: str
+    direction: str
+    bytes: int
+    messages: int
 
 
 @dataclass(frozen=True)
@@ -161,19 +170,19 @@ def state(
 
 
 def figures(
-    health: Health | None, glance: Glance, carried: Mapping[str, int], ages_ms: Mapping[str, int]
+    health: Health | None, glance: Glance, carried: Iterable[Carried], ages_ms: Mapping[str, int]
 ) -> dict[str, Any]:
     """Returns the part of the state file that differs each time.
 
     Args:
         health: of the link; None: not known.
         glance: at the link as of now.
-        carried: bytes that crossed the link so far, by topic.
+        carried: what crossed the link so far.
         ages_ms: how old the state was with which the cloud went on at its last change, by name of the entry.
     """
     p50, p99 = (health.round_trip_p50_ms, health.round_trip_p99_ms) if health else (None, None)
-    most = sorted(carried.items(), key=lambda topic: -topic[1])[:MAX_TOPICS]
-    shown = [{"topic": name, "bytes": count} for name, count in sorted(most)]
+    most = sorted(carried, key=lambda topic: -topic.bytes)[:MAX_TOPICS]
+    shown = [topic._asdict() for topic in sorted(most)]
     ages = [{"name": name, "age_ms": age_ms} for name, age_ms in sorted(ages_ms.items())[:MAX_TOPICS]]
     link = {
         "latency_ms": glance.latency_ms,

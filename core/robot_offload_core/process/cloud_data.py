@@ -11,12 +11,14 @@ from robot_offload_core.envelope import Envelope
 from robot_offload_core.lease import CloudData, SetEgress
 from robot_offload_core.mirror import Mirror
 from robot_offload_core.process import probe
-from robot_offload_core.process.data import DataPlan, DataPorts, DataProcess, others_of
+from robot_offload_core.process.data import MAX_REPORT, DataPlan, DataPorts, DataProcess, others_of
 from robot_offload_core.process.loops import Loop
-from robot_offload_core.process.messages import DataStatus, Egress, Limits
+from robot_offload_core.process.messages import DataStatus, Egress, Limits, Reported
 from robot_offload_core.process.probe import Probe
 from robot_offload_core.token import Site, Token
 
+REPORT_PERIOD_S = 0.2
+"""Reports of the robot that come faster are left out; one comes a second."""
 CLOSED = Egress("", "", SetEgress(None, 0.0))
 MAX_LATCHED = 32
 """Values kept per latched topic."""
@@ -77,6 +79,7 @@ class CloudDataProcess(DataProcess):
         self.max_age_ms = {i.name: i.max_age_ms for i in plan.inputs}
         self.index = {output.name: index for index, output in enumerate(plan.outputs)}
         self.spoke_s: dict[int, float] = {}
+        self.report_due_s = 0.0
         self.accepted: dict[str, tuple[float, float]] = {}
         self.newest: dict[str, tuple[str, int]] = {}
         self.wanted: dict[str, str] = {}
@@ -316,6 +319,20 @@ class CloudDataProcess(DataProcess):
     def knows(self, incarnation: str) -> bool:
         """Returns True for the robot served: a second one of the same identity must not disturb the first."""
         return bool(incarnation) and incarnation == self.egress.robot
+
+    def reported(self, payload: Any) -> None:
+        """Passes the robot's own numbers to control: small ones, and few."""
+        now_s = self.ports.now_s()
+        if len(payload) > MAX_REPORT or now_s < self.report_due_s:
+            self.counters["garbage.report"] += 1
+            return
+        try:
+            text = bytes(payload).decode()
+        except UnicodeDecodeError:
+            self.counters["garbage.report"] += 1
+            return
+        self.report_due_s = now_s + REPORT_PERIOD_S
+        self.ports.send("control", Reported(text))
 
     def probed(self, received: Probe) -> None:
         """Takes types and wanted hashes from the robot."""

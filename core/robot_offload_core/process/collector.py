@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from robot_offload_core import collectors, envelope, gates, results, standby
+from robot_offload_core import collectors, envelope, gates, results, standby, tallies
 from robot_offload_core.collectors import Collector
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.gates import Charge, Passage, Ruling
@@ -97,7 +97,7 @@ class CollectorProcess:
 
     Attributes:
         state: of the machine. held: newest message per output of the side that gets ready. standby: newest one of
-            each Hot replica on the robot.
+            each Hot replica on the robot. passed_s: when each rated output last passed.
         sequence: of the robot's messages; grows over restarts of this process.
         problems: by key, for diagnostics. counters: per output, side and reason.
         cloud_types: of the outputs, as the cloud says.
@@ -121,6 +121,7 @@ class CollectorProcess:
         self.sequence = round(now_s * 1e6)
         self.held: dict[int, Any] = {}
         self.standby: dict[int, Any] = {}
+        self.passed_s: dict[int, float] = {}
         self.counters: Counter[str] = Counter(cloud_garbage=0)  # never empty: control takes a detailed report by it
         self.problems: dict[str, tuple[str, str]] = {}
         self.cloud_types: dict[str, str] = {}
@@ -276,6 +277,7 @@ class CollectorProcess:
             if other in self.loops:
                 self.loops[other].say(held, self.ports.now_s())
             self.ports.publish(other, held)
+            self._count_gap(other)
         return passing
 
     def look_due_s(self) -> float:
@@ -296,6 +298,7 @@ class CollectorProcess:
             if index in self.loops:
                 self.loops[index].say(payload, self.ports.now_s())
             self.ports.publish(index, payload)
+            self._count_gap(index)
             self._count("robot", index, Passage(Ruling.RELEASED))
         self._mirror(passing)
 
@@ -308,6 +311,18 @@ class CollectorProcess:
     def _count(self, side: str, index: int, passage: Passage) -> None:
         name = self.plan.outputs[index].name
         self.counters[f"{name}.{side}.{'passed' if passage.passes else passage.reason}"] += 1
+
+    def _count_gap(self, index: int) -> None:
+        """Counts the time since a rated output last passed: what the driver sees of everything."""
+        spec, now_s = self.plan.outputs[index], self.ports.now_s()
+        if not spec.deadline_s:
+            return
+        before_s, self.passed_s[index] = self.passed_s.get(index), now_s
+        if before_s is not None:
+            gap_ms = (now_s - before_s) * 1e3
+            self.counters[f"{spec.name}.gap_ms.{tallies.bucket(tallies.GAP_MS, gap_ms)}"] += 1
+            self.counters[f"{spec.name}.gap_sum_ms"] += round(gap_ms)
+            self.counters[f"{spec.name}.overdue_ms"] += max(0, round(gap_ms - spec.deadline_s * 1e3))
 
     def _keep(self, state: Collector) -> bool:
         """Takes over the next state; returns whether who passes has changed, which is remembered."""

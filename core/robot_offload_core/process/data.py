@@ -17,7 +17,7 @@ from robot_offload_core.declared import MEBIBYTE, Priority
 from robot_offload_core.envelope import Envelope, EnvelopeError
 from robot_offload_core.placement import Reopen
 from robot_offload_core.process import probe
-from robot_offload_core.process.messages import Heard, Letters, Limits, Notes
+from robot_offload_core.process.messages import Heard, Letters, Limits, Notes, Reported
 from robot_offload_core.process.pauses import Pauses
 from robot_offload_core.process.probe import Probe, ProbeError, Sign
 from robot_offload_core.settings import OutputSpec
@@ -30,6 +30,10 @@ EARLY_PROBE_S = 0.030
 DETAIL_PERIOD_S = 1.0
 RELAY = "relay"
 """Channel of what the two relays write to each other."""
+REPORT = "report"
+"""Channel of the robot's own numbers."""
+MAX_REPORT = 2000
+"""Bytes of a report; one comes a second."""
 
 
 class DataPorts(Protocol):
@@ -179,6 +183,8 @@ class DataProcess(ABC):
             self.ports.reopen(message.reason)
         elif isinstance(message, Notes):
             self.notes = message.text
+        elif isinstance(message, Reported):
+            self.ports.cross(REPORT, b"-", message.text.encode())
         elif isinstance(message, Limits):
             self.limit(message)
         elif isinstance(message, Letters):
@@ -263,6 +269,9 @@ class DataProcess(ABC):
         if channel == RELAY:
             self.ports.send("relay", Letters(bytes(payload)))
             return
+        if channel == REPORT:
+            self.reported(payload)
+            return
         kind, _, name = channel.partition("/")
         try:
             opened = envelope.decode(header)
@@ -290,6 +299,11 @@ class DataProcess(ABC):
             self.probe, self.probe_s = whole, self.ports.now_s()
         self.probed(whole)
         self._pass_notes(whole)
+
+    def reported(self, payload: Any) -> None:
+        """Takes a report of the other side; nobody waits for one here."""
+        del payload
+        self.counters["garbage.report"] += 1
 
     def _refuse(self, error: ProbeError) -> None:
         """Counts what is no probe of ours; another version is a problem that somebody has to solve."""

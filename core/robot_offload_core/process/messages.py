@@ -156,6 +156,13 @@ class Notes:
 
 
 @dataclass(frozen=True)
+class Reported:
+    """robot control -> data, once a second, and data -> cloud control: the robot's own numbers, opaque here."""
+
+    text: str
+
+
+@dataclass(frozen=True)
 class Limits:
     """control -> collector and data, once a second and at changes: limits that can change at run time.
 

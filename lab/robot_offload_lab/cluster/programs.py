@@ -43,6 +43,14 @@ PODS: Mapping[str, str] = {name: f"./{name}" for name in ("coredns", "pause", "t
 REGISTRY: Mapping[str, str] = {"registry": "./registry"}
 """A container registry: of the module in registry/."""
 
+PROMETHEUS_MODULE = Path(__file__).with_name("prometheus")
+PROMETHEUS: Mapping[str, str] = {
+    name: f"github.com/prometheus/prometheus/cmd/{name}" for name in ("prometheus", "promtool")
+}
+"""What reads metrics and judges rules: of the module in prometheus/; only the tests of dashboards and alerts build it."""
+TAGS: Mapping[Path, str] = {PROMETHEUS_MODULE: "remove_all_sd"}
+"""Build tags by module. Prometheus without the service discoveries of clouds: a quarter of the packages of all of them."""
+
 KIND_MODULE = Path(__file__).with_name("kind")
 KIND: Mapping[str, str] = {"kind": "sigs.k8s.io/kind"}
 """For clusters whose nodes are containers of Docker: of the module in kind/."""
@@ -165,6 +173,8 @@ def _run_go(missing: Mapping[str, str], module: Path, target: Path, say: Say) ->
     command += [
         "-ldflags",
         _link_flags() if module in (MODULE, KUBEADM_MODULE) else "-s -w",
+        "-tags",
+        TAGS.get(module, ""),
         "-o",
         f"{target}/",
         *missing.values(),

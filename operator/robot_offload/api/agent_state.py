@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from robot_offload.api.side_numbers import SideNumbers, parse_numbers
 from robot_offload.errors import RobotOffloadError
 
 VERSION: Final = 1
@@ -28,6 +29,7 @@ MAX_NODES: Final = 64
 """As many as a specification may have."""
 MAX_TOPICS: Final = 64
 """Those that carried the most."""
+DIRECTIONS: Final = ("to_cloud", "to_robot")
 UNREADABLE: Final = "Unreadable"
 """Stands in place of a reason that is no single word."""
 _REASON: Final = re.compile(r"[A-Za-z]{1,64}")
@@ -37,7 +39,7 @@ _DIALLED: Final = re.compile(r"[0-9A-Za-z.:\[\]-]{3,262}")
 MAX_DIALLED: Final = 16
 """Addresses of one bundle that are kept: those of a few nodes of the cluster, two ports each."""
 _INT64: Final = range(-(2**63), 2**63)
-_LIVE_FIELDS: Final = ("written", "round_trip_ms", "link", "carried", "state_ages", "robot")
+_LIVE_FIELDS: Final = ("written", "round_trip_ms", "link", "carried", "state_ages", "cloud", "robot")
 """What changes all the time; it is in the metrics and never in the Lease."""
 
 
@@ -82,6 +84,16 @@ class RobotCertificate:
 
 
 @dataclass(frozen=True, slots=True)
+class Carried:
+    """What crossed the link of one topic; `direction` is one of DIRECTIONS, empty from an older agent."""
+
+    topic: str
+    direction: str
+    bytes: int
+    messages: int
+
+
+@dataclass(frozen=True, slots=True)
 class AgentState:
     """What the cloud agent says about its robot and itself.
 
@@ -95,7 +107,7 @@ class AgentState:
         message: the same as a sentence.
         round_trip_p50_ms: the median round trip of the heartbeats; None: not known.
         round_trip_p99_ms: the round trip that one of a hundred exceeds; None: not known.
-        carried: bytes that crossed the link since the agent's start, by topic.
+        carried: what crossed the link since the agent's start.
         state_ages_ms: how old the state was with which the cloud went on at its last change, by name of the entry.
         nodes: name and lifecycle state of each node in the cloud.
         settings: what became of the run-time settings on the robot.
@@ -105,6 +117,7 @@ class AgentState:
         ready: whether the agent listens for its robot; no robot need be there.
         handover: the id of the last handover that the agent has finished.
         written: RFC 3339 time at which the agent wrote this.
+        cloud, robot: the numbers of the two sides' agents; None: it has said none, or nothing for 5 s.
     """
 
     agent_generation: int = 0
@@ -116,7 +129,7 @@ class AgentState:
     message: str = ""
     round_trip_p50_ms: float | None = None
     round_trip_p99_ms: float | None = None
-    carried: tuple[tuple[str, int], ...] = ()
+    carried: tuple[Carried, ...] = ()
     state_ages_ms: tuple[tuple[str, int], ...] = ()
     nodes: tuple[tuple[str, str], ...] = ()
     settings: Settings = Settings()
@@ -125,6 +138,8 @@ class AgentState:
     ready: bool = False
     handover: str = ""
     written: str = ""
+    cloud: SideNumbers | None = None
+    robot: SideNumbers | None = None
 
 
 def parse_state(text: str) -> AgentState:
@@ -152,7 +167,7 @@ def parse_state(text: str) -> AgentState:
         message=_sentence(values),
         round_trip_p50_ms=_number(round_trip, "p50"),
         round_trip_p99_ms=_number(round_trip, "p99"),
-        carried=_counts(values, "carried", "topic", "bytes"),
+        carried=_carried(values),
         state_ages_ms=_counts(values, "state_ages", "name", "age_ms"),
         nodes=_nodes(values),
         settings=Settings(
@@ -166,6 +181,8 @@ def parse_state(text: str) -> AgentState:
         ready=_of(values, "ready", bool, False),
         handover=_of(values, "handover", str, ""),
         written=_of(values, "written", str, ""),
+        cloud=parse_numbers(values.get("cloud")),
+        robot=parse_numbers(values.get("robot")),
     )
 
 
@@ -266,6 +283,16 @@ def _counts(values: Mapping[str, Any], field: str, name: str, count: str) -> tup
     if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
         raise StateError(f"{field} of the agent's state is no list of mappings")
     return tuple((_word(entry, name), _of(entry, count, int, 0)) for entry in listed[:MAX_TOPICS])
+
+
+def _carried(values: Mapping[str, Any]) -> tuple[Carried, ...]:
+    listed = values.get("carried") or []
+    amounts = _counts(values, "carried", "topic", "bytes")
+    ways = (_word(entry, "direction") for entry in listed)
+    return tuple(
+        Carried(topic, way if way in DIRECTIONS else "", amount, _of(entry, "messages", int, 0))
+        for (topic, amount), way, entry in zip(amounts, ways, listed, strict=False)
+    )
 
 
 def _word(values: Mapping[str, Any], name: str) -> str:

@@ -118,6 +118,7 @@ class _State(Collector):
             for truth in ("True", "False", "Unknown"):
                 conditions.add_metric([name, truth], found[name, truth])
         yield conditions
+        yield _builds(statuses)
 
 
 def _info(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
@@ -130,6 +131,24 @@ def _info(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
         connected = str(bool((status.get("robot") or {}).get("connected"))).lower()
         site, ready = status.get("placement") or "Unknown", truths.get("Ready", "Unknown")
         found.add_metric([namespace, name, site, connected, ready], {})
+    return found
+
+
+def _builds(statuses: Iterable[Mapping[str, Any]]) -> Metric:
+    """What became of the images that are built; the reasons are words of this operator."""
+    found = GaugeMetricFamily(
+        "robot_offload_builds",
+        "Objects whose images are built in the cluster, by reason of ImageBuilt.",
+        labels=["reason"],
+    )
+    reasons = Tally(
+        condition["reason"]
+        for status in statuses
+        for condition in status.get("conditions") or ()
+        if condition["type"] == "ImageBuilt" and condition["reason"] != "NotNeeded"
+    )
+    for reason, count in sorted(reasons.items()):
+        found.add_metric([reason], count)
     return found
 
 

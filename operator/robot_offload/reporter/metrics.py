@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from prometheus_client import CollectorRegistry
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.core import Metric
 from prometheus_client.exposition import generate_latest
 from prometheus_client.registry import Collector
 
 from robot_offload.api.agent_state import AgentState, Sight
+from robot_offload.api.side_numbers import FATES, GAP_S, LATENCY_S, OUTCOMES, SideNumbers
+from robot_offload.reporter import families
+from robot_offload.reporter.families import Family, add
 
 SITES: Final = ("robot", "cloud", "unknown")
 
@@ -51,76 +54,101 @@ class _Page(Collector):
 
 def _metrics(sight: Sight, counts: Counts, now_s: float) -> Iterator[Metric]:
     fresh = sight.fresh(now_s)
-    yield _gauge("robot_offload_agent_alive", "1 while the cloud agent writes its state.", fresh)
+    yield families.ALIVE.one(fresh)
     if sight.state is not None:
-        yield _gauge(
-            "robot_offload_agent_state_age_seconds", "Age of the agent's last state.", max(0.0, sight.age_s(now_s))
-        )
+        yield families.STATE_AGE.one(max(0.0, sight.age_s(now_s)))
     if sight.state is not None and fresh:
         yield from _live(sight.state)
-    yield CounterMetricFamily(
-        "robot_offload_lease_writes", "Writes of the robot's Lease that succeeded.", value=counts.lease_writes
-    )
-    yield CounterMetricFamily(
-        "robot_offload_lease_failures", "Writes of the robot's Lease that failed.", value=counts.lease_failures
-    )
-    yield CounterMetricFamily(
-        "robot_offload_streams_refused", "Clients of the stream that found it full.", value=counts.streams_refused
-    )
-    yield CounterMetricFamily(
-        "robot_offload_streams_dropped", "Clients of the stream that were too slow.", value=counts.streams_dropped
-    )
-    yield CounterMetricFamily(
-        "robot_offload_handovers", "Handovers that pods have asked for before they stop.", value=counts.handovers
-    )
+        yield from _sides({"cloud": sight.state.cloud, "robot": sight.state.robot})
+    yield families.LEASE_WRITES.one(counts.lease_writes)
+    yield families.LEASE_FAILURES.one(counts.lease_failures)
+    yield families.HANDOVERS.one(counts.handovers)
+    yield families.STREAMS_REFUSED.one(counts.streams_refused)
+    yield families.STREAMS_DROPPED.one(counts.streams_dropped)
 
 
 def _live(state: AgentState) -> Iterator[Metric]:
     """Yields what only a living agent can vouch for; a silent one leaves gaps in the graphs instead of old numbers."""
-    yield _gauge("robot_offload_robot_connected", "1 while the robot is connected.", state.connected)
-    yield _gauge("robot_offload_agent_ready", "1 while the cloud agent listens for its robot.", state.ready)
-    yield _gauge("robot_offload_epoch", "Number of the present changeover.", state.epoch)
-    placement = GaugeMetricFamily("robot_offload_placement", "1 for the side that acts.", labels=["site"])
-    for site in SITES:
-        placement.add_metric([site], float(state.site == site))
-    yield placement
-    round_trip = GaugeMetricFamily(
-        "robot_offload_round_trip_seconds", "Round trip of the heartbeats, by quantile.", labels=["quantile"]
+    yield families.CONNECTED.one(state.connected)
+    yield families.AGENT_READY.one(state.ready)
+    yield families.EPOCH.one(state.epoch)
+    yield _labelled(families.PLACEMENT, (((site,), float(state.site == site)) for site in SITES))
+    trips = (("0.5", state.round_trip_p50_ms), ("0.99", state.round_trip_p99_ms))
+    yield _labelled(
+        families.ROUND_TRIP, (((at,), ms / 1e3) for at, ms in trips if ms is not None and math.isfinite(ms))
     )
-    for quantile, value_ms in (("0.5", state.round_trip_p50_ms), ("0.99", state.round_trip_p99_ms)):
-        if value_ms is not None and math.isfinite(value_ms):
-            round_trip.add_metric([quantile], value_ms / 1e3)
-    yield round_trip
-    carried = CounterMetricFamily(
-        "robot_offload_topic_bytes", "Bytes that crossed the link since the agent's start.", labels=["topic"]
+    carried = [(("cloud", topic.topic, topic.direction), topic) for topic in state.carried]
+    yield _labelled(families.TOPIC_BYTES, ((labels, topic.bytes) for labels, topic in carried))
+    yield _labelled(families.TOPIC_MESSAGES, ((labels, topic.messages) for labels, topic in carried))
+    robots = state.robot.states if state.robot is not None else ()
+    ages = [("cloud", state.state_ages_ms), ("robot", robots)]
+    yield _labelled(
+        families.STATE_AT_CHANGE, (((side, name), age_ms / 1e3) for side, all_ms in ages for name, age_ms in all_ms)
     )
-    for topic, count in state.carried:
-        carried.add_metric([topic], float(count))
-    yield carried
-    ages = GaugeMetricFamily(
-        "robot_offload_state_age_at_change_seconds",
-        "How old the state was with which the cloud's nodes went on when the cloud last began to act.",
-        labels=["state"],
-    )
-    for name, age_ms in state.state_ages_ms:
-        ages.add_metric([name], age_ms / 1e3)
-    yield ages
-    nodes = GaugeMetricFamily("robot_offload_node_state", "1 for each node's present state.", labels=["node", "state"])
-    for name, lifecycle in state.nodes:
-        nodes.add_metric([name, lifecycle], 1.0)
-    yield nodes
-    yield _gauge(
-        "robot_offload_agent_generation", "Generation the cloud agent was started with.", state.agent_generation
-    )
+    yield _labelled(families.NODE_STATE, ((node, 1.0) for node in state.nodes))
+    yield families.AGENT_GENERATION.one(state.agent_generation)
     if state.settings.robot_generation is not None:
-        yield _gauge(
-            "robot_offload_robot_generation", "Generation that the robot runs.", state.settings.robot_generation
-        )
+        yield families.ROBOT_GENERATION.one(state.settings.robot_generation)
     if state.settings.accepted is not None:
-        yield _gauge(
-            "robot_offload_settings_accepted", "1 when the robot took the last settings.", state.settings.accepted
+        yield families.ACCEPTED.one(state.settings.accepted)
+    yield families.ROBOT_REPORT.one(state.robot is not None)
+
+
+def _sides(said: Mapping[str, SideNumbers | None]) -> Iterator[Metric]:
+    """Yields the numbers that each side says of itself, with the label `side`."""
+    known = {side: numbers for side, numbers in said.items() if numbers is not None}
+    for family, value in _PLAIN:
+        found = ((side, value(numbers)) for side, numbers in known.items())
+        yield _labelled(family, (((side,), number) for side, number in found if number is not None))
+    for family, entries in _TABLES:
+        yield _labelled(
+            family, (((side, *names), value) for side, numbers in known.items() for names, value in entries(numbers))
         )
+    latency, gaps = families.LATENCY.histograms(), families.GAP.histograms()
+    for side, numbers in known.items():
+        if numbers.latency is not None:
+            add(latency, [side], LATENCY_S, numbers.latency)
+        for output, gap in numbers.gaps:
+            add(gaps, [side, output], GAP_S, gap)
+    yield latency
+    yield gaps
 
 
-def _gauge(name: str, text: str, value: float) -> GaugeMetricFamily:
-    return GaugeMetricFamily(name, text, value=float(value))
+_PLAIN: Final[tuple[tuple[Family, Callable[[SideNumbers], float | None]], ...]] = (
+    (families.SIDE_READY, lambda numbers: numbers.ready),
+    (families.LATENCY_NOW, lambda numbers: numbers.latency_s),
+    (families.LOSS, lambda numbers: numbers.loss_share),
+    (families.CLOCK_OFFSET, lambda numbers: numbers.clock_offset_s),
+    (families.BEATS_RECEIVED, lambda numbers: numbers.beats_received),
+    (families.BEATS_LOST, lambda numbers: numbers.beats_lost),
+    (families.LOSSES, lambda numbers: numbers.losses),
+    (families.FALSE_ALARMS, lambda numbers: numbers.false_alarms),
+    (families.SILENCE, lambda numbers: numbers.silence_s),
+    (families.GARBAGE, lambda numbers: numbers.garbage_reports),
+    (families.LEFT_OUT, lambda numbers: numbers.left_out),
+)
+Entries = Iterable[tuple[tuple[str, ...], float]]
+_TABLES: Final[tuple[tuple[Family, Callable[[SideNumbers], Entries]], ...]] = (
+    (families.CHANGEOVERS, lambda numbers: (((to, reason), count) for to, reason, count in numbers.changeovers)),
+    (families.OVERDUE, lambda numbers: (((name,), seconds) for name, seconds in numbers.overdue_s)),
+    (families.REFUSED, lambda numbers: (((reason,), count) for reason, count in numbers.refused)),
+    (families.INPUT_MESSAGES, lambda numbers: _by_word(numbers.topics, FATES)),
+    (families.GOALS, lambda numbers: _by_word(numbers.goals, OUTCOMES)),
+    (families.CPU, lambda numbers: (((name,), cpu_ms / 1e3) for name, (cpu_ms, _, _) in numbers.processes)),
+    (families.MEMORY, lambda numbers: (((name,), kilo * 1024) for name, (_, kilo, _) in numbers.processes)),
+    (families.DEATHS, lambda numbers: (((name,), deaths) for name, (_, _, deaths) in numbers.processes)),
+)
+
+
+def _by_word(table: Iterable[tuple[str, tuple[int, ...]]], words: tuple[str, ...]) -> Entries:
+    return (((name, word), count) for name, counts in table for word, count in zip(words, counts, strict=True))
+
+
+def _labelled(family: Family, samples: Entries) -> Metric:
+    """Returns a metric with one value for each set of labels; of two equal ones the first stands."""
+    found, known = family.empty(), set()
+    for labels, value in samples:
+        if labels not in known:
+            known.add(labels)
+            found.add_metric(list(labels), float(value))
+    return found

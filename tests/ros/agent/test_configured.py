@@ -2,15 +2,18 @@
 
 import datetime
 import itertools
+import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 from cryptography import x509
 
+from robot_offload.api.agent_state import parse_state
 from robot_offload.decide import renewal
 from robot_offload.render.pki import build_certificates
 from robot_offload_agent.process.clock import now_s
+from robot_offload_core.process.data import MAX_REPORT
 from tests.ros.agent.conftest import ROS_LINK_DOMAIN
 from tests.ros.agent.harness import Plan, World
 from tests.ros.agent.passage import holes
@@ -86,6 +89,38 @@ def test_the_state_file_follows_every_change(world: World) -> None:
     assert (gone["site"], gone["reason"]) == ("unknown", "RobotNotConnected")
     assert gone["since"] > state["since"]
     world.until(lambda: world.state["written"] > gone["written"], "it is written again while nothing happens")
+
+
+def test_the_robots_own_numbers_reach_the_state_file_and_go_with_the_robot(world: World) -> None:
+    numbers = Numbers(world)
+    world.until(lambda: numbers.robot is not None and sum(numbers.robot.latency.counts) > 50, "round trips")
+    world.until(lambda: numbers.robot.gaps and sum(numbers.robot.gaps[0][1].counts) > 10, "commands pass")
+    assert (numbers.robot.garbage, numbers.cloud.garbage, numbers.cloud.garbage_reports) == (0, 0, 0)
+    assert len(json.dumps(world.state["robot"])) <= MAX_REPORT
+    assert {"control", "pulse", "data", "collector"} <= {name for name, _ in numbers.robot.processes}
+    assert {"control", "pulse", "data"} <= {name for name, _ in numbers.cloud.processes}
+    before = sum(count for *_, count in numbers.robot.changeovers)
+    world.override("Robot")
+    world.until(lambda: sum(count for *_, count in numbers.robot.changeovers) > before, "the change is counted")
+    assert ("robot", "PinnedToRobot") in {(site, reason) for site, reason, _ in numbers.robot.changeovers}
+    world.kill_agent("robot")
+    world.until(lambda: numbers.robot is None, "nobody vouches for old numbers")
+    assert numbers.cloud is not None
+
+
+class Numbers:
+    """The numbers of both sides as the reporter reads them."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+
+    @property
+    def robot(self) -> Any:
+        return parse_state(json.dumps(self.world.state)).robot
+
+    @property
+    def cloud(self) -> Any:
+        return parse_state(json.dumps(self.world.state)).cloud
 
 
 def test_a_new_pin_reaches_the_robot_and_survives_its_restart_with_the_cloud_away(world: World) -> None:

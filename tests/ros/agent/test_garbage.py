@@ -99,6 +99,7 @@ def test_a_hostile_robot_ends_no_process_of_the_cloud(steady: World) -> None:
     with voice(steady, "data") as say:
         for payload in probes(robot, chance):
             say("probe", payload)
+            say("report", payload)
         for header in envelopes((robot, ""), chance):
             for channel in ("in/odom", "in/map", "in/unknown", "mirror/command", "mirror/unknown", "out/command"):
                 say(channel, chance.randbytes(chance.randrange(50)), header)
@@ -204,7 +205,7 @@ def throw(say: Callable[..., None], writer: str, reader: str, incarnations: tupl
     for payload in snapshots(chance):
         say("state/walker_1", payload, chance.choice(heads))
         say("state/unknown", payload, chance.choice(heads))
-    for channel in ("in/odom", "in/map", "out/command", "mirror/command", "relay", "state/walker_1", "probe"):
+    for channel in ("in/odom", "in/map", "out/command", "mirror/command", "relay", "state/walker_1", "probe", "report"):
         say(channel, chance.randbytes(300_000), chance.choice(heads))
 
 

@@ -146,7 +146,7 @@ def test_nobody_knows_who_acts_while_no_robot_is_heard() -> None:
 
 def test_since_changes_with_the_connection_only() -> None:
     assert told(after(Seen(True, LATER), start=CONNECTED))["since"] == WALL
-    assert liaison.figures(None, Glance(), {}, {}) == {
+    assert liaison.figures(None, Glance(), (), {}) == {
         "round_trip_ms": {"p50": None, "p99": None},
         "link": {"latency_ms": None, "loss_share": None, "age_ms": None, "up_ms": None, "down_ms": None},
         "carried": [],
@@ -155,12 +155,12 @@ def test_since_changes_with_the_connection_only() -> None:
 
 
 def test_the_ages_of_the_state_are_told() -> None:
-    ages = liaison.figures(None, Glance(), {}, {"slam_1": 85, "amcl_1": 12})["state_ages"]
+    ages = liaison.figures(None, Glance(), (), {"slam_1": 85, "amcl_1": 12})["state_ages"]
     assert ages == [{"name": "amcl_1", "age_ms": 12}, {"name": "slam_1", "age_ms": 85}]
 
 
 def test_the_bytes_of_the_topics_that_carried_most_are_told() -> None:
-    many = {f"/topic_{number:03d}": number for number in range(100)}
+    many = [liaison.Carried(f"/topic_{number:03d}", "to_cloud", number, 1) for number in range(200)]
     carried = liaison.figures(None, Glance(), many, {})["carried"]
     assert len(carried) == liaison.MAX_TOPICS
-    assert carried[-1] == {"topic": "/topic_099", "bytes": 99}
+    assert carried[-1] == {"topic": "/topic_199", "direction": "to_cloud", "bytes": 199, "messages": 1}

@@ -9,6 +9,16 @@ from robot_offload.api.agent_state import Sight, look
 
 SINCE = "2026-11-21T10:00:00Z"
 
+REPORT: dict[str, Any] = {
+    "version": 1, "release": "0.1.0", "site": "robot", "phase": "Robot", "latency_ms": 11.8, "loss_share": 0.01,
+    "limit_ms": 100.0, "clock_offset_ms": -0.4, "ready": True, "beats": [1000, 7],
+    "latency": [168, 0, 0, 14, *[0] * 11], "changeovers": [["cloud", "LinkGood", 2], ["robot", "HeartbeatLost", 2]],
+    "losses": [2, 1, 190], "gaps": {"/cmd_vel": [50, 1200, 1, 2, 0, 9, *[0] * 8]},
+    "processes": {"control": [1500, 2, 0]}, "goals": {"/go": [3, 0, 1]}, "refused": {"TooOld": 5},
+    "topics": {"/scan": [100, 0, 4, 1]}, "nodes": {"controller": "active"}, "states": {"amcl": 80}, "left_out": 2,
+}  # fmt: skip
+"""What a robot says of itself."""
+
 
 def text(**changes: Any) -> str:
     """The text of a state file; keyword arguments replace fields."""
@@ -23,7 +33,7 @@ def text(**changes: Any) -> str:
         "reason": "LinkGood",
         "message": "the link sustains the cloud",
         "round_trip_ms": {"p50": 11.5, "p99": 19.0},
-        "carried": [{"topic": "/scan", "bytes": 123456}],
+        "carried": [{"topic": "/scan", "direction": "to_cloud", "bytes": 123456, "messages": 400}],
         "state_ages": [{"name": "controller_1", "age_ms": 85}],
         "nodes": [{"name": "controller", "state": "active"}],
         "settings": {"robot_generation": 3, "accepted": True, "reason": "Accepted", "message": "in use"},

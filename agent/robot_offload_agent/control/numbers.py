@@ -1,0 +1,90 @@
+"""The robot's numbers for its report: counters of all its processes by kind, and what those processes cost."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from robot_offload_core.tallies import GAP_MS, LinkTally
+
+TICKS = os.sysconf("SC_CLK_TCK")
+PAGE_KB = os.sysconf("SC_PAGE_SIZE") // 1024
+GAPS = re.compile(r"(.+)\.gap_ms\.(\d+)")
+THINNED = ("sent", "rate_limited", "thinned", "unsent")
+"""What became of an input's messages on the robot."""
+ENDS = ("succeeded", "aborted", "canceled")
+PASSED = "passed"
+MAX_GAPS = 4
+
+
+def of_link(tally: LinkTally) -> dict[str, Any]:
+    """Returns the numbers of the link and of the changes."""
+    return {
+        "beats": [tally.received, tally.lost],
+        "latency": [round(tally.latency_sum_ms), *tally.latency],
+        "changeovers": [[site, reason, count] for (site, reason), count in sorted(tally.changeovers.items())],
+        "losses": [tally.losses, tally.false_alarms, round(tally.silence_ms)],
+    }
+
+
+def gaps(counters: Mapping[str, int], outputs: Iterable[str]) -> dict[str, list[int]]:
+    """Returns overdue time (ms), sum (ms) and counts by GAP_MS of the time between commands, by rated output."""
+    found: dict[str, list[int]] = {}
+    for name in outputs:
+        counts = [counters.get(f"{name}.gap_ms.{index}", 0) for index in range(len(GAP_MS) + 1)]
+        if any(counts) and len(found) < MAX_GAPS:
+            found[name] = [counters.get(f"{name}.overdue_ms", 0), counters.get(f"{name}.gap_sum_ms", 0), *counts]
+    return found
+
+
+def topics(counters: Mapping[str, int], inputs: Iterable[str]) -> dict[str, list[int]]:
+    """Returns how many messages of each input were sent, above its rate, thinned and not taken by the link."""
+    found = {name: [counters.get(f"{name}.{word}", 0) for word in THINNED] for name in inputs}
+    return dict(sorted(((name, counts) for name, counts in found.items() if any(counts)), key=lambda it: -sum(it[1])))
+
+
+def refused(counters: Mapping[str, int], outputs: Iterable[str]) -> dict[str, int]:
+    """Returns how many messages of the cloud the collector has refused, by reason."""
+    found: dict[str, int] = {}
+    names = set(outputs)
+    for key, count in counters.items():
+        name, _, reason = key.partition(".cloud.")
+        if name in names and reason and reason != PASSED:
+            found[reason] = found.get(reason, 0) + count
+    return dict(sorted(found.items(), key=lambda it: -it[1]))
+
+
+def goals(counters: Mapping[str, int], actions: Iterable[str]) -> dict[str, list[int]]:
+    """Returns how many goals of each action succeeded, were aborted and were canceled."""
+    found = {action: [counters.get(f"{action}.{word}", 0) for word in ENDS] for action in actions}
+    return {action: counts for action, counts in found.items() if any(counts)}
+
+
+def processes(deaths: Mapping[str, int]) -> dict[str, list[int]]:
+    """Returns processor time (ms), resident memory (kB) and deaths of the supervisor's children, by name.
+
+    Args:
+        deaths: by name of the process.
+    """
+    parent, found = os.getppid(), {}
+    try:
+        children = Path(f"/proc/{parent}/task/{parent}/children").read_text(encoding="ascii").split()
+    except OSError:  # a kernel without the list: this process alone
+        children = [str(os.getpid())]
+    for child in children:
+        try:
+            text = Path(f"/proc/{child}/stat").read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            continue
+        comm, _, rest = text.partition("(")[2].rpartition(")")
+        fields = rest.split()
+        name = comm.rpartition("-")[2]
+        found[name] = [
+            (int(fields[11]) + int(fields[12])) * 1000 // TICKS,  # proc(5): utime and stime are fields 14 and 15
+            int(fields[21]) * PAGE_KB,
+            deaths.get(name, 0),
+        ]
+    return found

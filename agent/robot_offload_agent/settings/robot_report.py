@@ -1,0 +1,89 @@
+"""The robot's own numbers on their way to the cloud: one small message a second, in words that metrics are made of.
+
+The robot's control process writes it, the cloud's puts it into its state file. Nothing depends on it: it may be lost,
+late or missing, and one that is none of ours is counted and left out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from robot_offload_core.process.data import MAX_REPORT
+
+VERSION = 1
+FRESH_S = 5.0
+"""An older report is said no more: a number that stands still is no number."""
+MOST = (32, 16, 8, 4, 0)
+"""How many entries each list may have, tried in turn until the whole is small enough."""
+DEPTH = 4
+
+
+class ReportError(ValueError):
+    """Text that is no report of ours; `reason`: BadForm, OtherVersion or OtherRobot."""
+
+    def __init__(self, reason: str, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
+
+
+def encode(incarnation: str, plain: Mapping[str, Any], lists: Mapping[str, Mapping[str, Any]]) -> str:
+    """Returns a report of at most MAX_REPORT bytes.
+
+    Args:
+        incarnation: of the robot's control process.
+        plain: what is always said.
+        lists: entries by name, the most important first; those that have no room are left out, and their number said.
+    """
+    for most in MOST:
+        cut = {name: dict(list(entries.items())[:most]) for name, entries in lists.items()}
+        left_out = sum(len(entries) for entries in lists.values()) - sum(len(entries) for entries in cut.values())
+        body = {"version": VERSION, "incarnation": incarnation, **plain, **cut, "left_out": left_out}
+        text = json.dumps(body, separators=(",", ":"))
+        if len(text.encode()) <= MAX_REPORT:
+            break
+    return text
+
+
+def decode(text: str, incarnation: str, topics: Mapping[str, str]) -> dict[str, Any]:
+    """Returns the report of the robot served, its topics by the names that people know.
+
+    What the fields hold is judged by whoever makes metrics of it; here it is small, flat and of this robot.
+
+    Args:
+        text: as it came.
+        incarnation: of the robot served.
+        topics: topic by name of the input or output; entries of others are left out, so their number is bounded.
+
+    Raises:
+        ReportError: it is none, is of another robot, or of a later version.
+    """
+    try:
+        body = json.loads(text, parse_constant=lambda _: None)
+    except (ValueError, RecursionError) as error:
+        raise ReportError("BadForm", f"no JSON: {error}") from error
+    if not isinstance(body, dict) or not _shallow(body, DEPTH):
+        raise ReportError("BadForm", "no table of plain values")
+    version = body.get("version")
+    if version != VERSION:
+        raise ReportError(
+            "OtherVersion",
+            f"The robot's report has version {version!r:.20}, this agent reads {VERSION}: install the same release of "
+            "the agent on both sides; until then the robot's own numbers are missing",
+        )
+    if body.pop("incarnation", None) != incarnation:
+        raise ReportError("OtherRobot", "of a robot that is not served, or not yet")
+    for name in ("topics", "gaps"):
+        entries = body.get(name)
+        if isinstance(entries, dict):
+            body[name] = {topics[key]: value for key, value in entries.items() if key in topics}
+    return body
+
+
+def _shallow(value: object, depth: int) -> bool:
+    """Returns whether tables and lists are nested no deeper than that."""
+    if not isinstance(value, dict | list):
+        return True
+    inner = value.values() if isinstance(value, dict) else value
+    return depth > 0 and all(_shallow(each, depth - 1) for each in inner)
