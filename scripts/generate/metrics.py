@@ -17,7 +17,7 @@ _HEAD: Final = """\
 Prometheus reads two kinds of pods: the reporter beside each cloud agent, one a robot, and the operator. Nothing reads a
 robot: its own numbers come once a second over the data session (at most 2 kB) and appear here with `side="robot"`, the
 cloud's with `side="cloud"`. Names and units follow [Prometheus's conventions](https://prometheus.io/docs/practices/naming/):
-base units, counters end in `_total`. How to use them: [dashboards, alerts and traces](../how-to/observe.md).
+base units, counters end in `_total`. How to use them: [dashboards and alerts](../how-to/observe.md).
 
 A counter begins at 0 when the process that counts starts anew; `rate()` and `increase()` know that. What a silent agent
 last said is left out instead of repeated, and so are the robot's numbers when none has come for 5 s
