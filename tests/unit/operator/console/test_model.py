@@ -10,10 +10,12 @@ import pytest
 
 from robot_offload.console import tables
 from robot_offload.console.figures import strips
-from robot_offload.console.live import Changeover, Key, Live, TopicFlow
+from robot_offload.console.live import ROBOT, Changeover, Key, Live, NodeState, TopicFlow
 from robot_offload.console.model import Declared, Fleet, Gone, Said, Switched, Track, Trouble
-from robot_offload.console.reading import EventError, bounds, of_event
+from robot_offload.console.reading import EventError, bounds, of_event, of_state
 from robot_offload.console.rows import row
+from tests.unit.operator.reporter.states import REPORT
+from tests.unit.operator.reporter.states import text as state_text
 
 KEY = Key("ward", "wheelchair-7")
 NOW = datetime.datetime(2026, 11, 23, 12, 0, tzinfo=datetime.UTC)
@@ -169,3 +171,11 @@ def test_a_track_that_knows_nothing_can_be_shown() -> None:
     assert row(track, NOW_S, NOW)["quality"] == "no live numbers yet"
     assert tables.nodes(track, track.live) == tables.topics(track, track.live, NOW_S) == []
     assert strips(track, NOW_S, run=True)["series"][0]["data"] == []
+
+
+def test_the_robots_report_names_its_nodes_and_what_it_left_out() -> None:
+    state = json.loads(state_text())
+    live = of_state(state, REPORT)
+    assert NodeState("controller", ROBOT, "active") in live.nodes
+    [scan] = live.topics
+    assert (scan.topic, scan.messages, scan.left_out) == ("/scan", 400, "4 thinned, 1 unsent")
