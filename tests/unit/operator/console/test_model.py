@@ -10,7 +10,7 @@ import pytest
 
 from robot_offload.console import tables
 from robot_offload.console.figures import strips
-from robot_offload.console.live import ROBOT, Changeover, Key, Live, NodeState, TopicFlow
+from robot_offload.console.live import Changeover, Key, Live, NodeState, TopicFlow
 from robot_offload.console.model import Declared, Fleet, Gone, Said, Switched, Track, Trouble
 from robot_offload.console.reading import EventError, bounds, of_event, of_state
 from robot_offload.console.rows import row
@@ -176,6 +176,6 @@ def test_a_track_that_knows_nothing_can_be_shown() -> None:
 def test_the_robots_report_names_its_nodes_and_what_it_left_out() -> None:
     state = json.loads(state_text())
     live = of_state(state, REPORT)
-    assert NodeState("controller", ROBOT, "active") in live.nodes
+    assert NodeState("controller", "robot", "active") in live.nodes
     [scan] = live.topics
     assert (scan.topic, scan.messages, scan.left_out) == ("/scan", 400, "4 thinned, 1 unsent")
