@@ -107,4 +107,7 @@ def summary(status: Mapping[str, Any]) -> dict[str, Any]:
         "conditions": tuple(
             {"type": condition["type"], "status": condition["status"]} for condition in status.get("conditions") or ()
         ),
+        "build": next(
+            (one["reason"] for one in status.get("conditions") or () if one["type"] == "ImageBuilt"), "NotNeeded"
+        ),
     }

@@ -141,12 +141,8 @@ def _builds(statuses: Iterable[Mapping[str, Any]]) -> Metric:
         "Objects whose images are built in the cluster, by reason of ImageBuilt.",
         labels=["reason"],
     )
-    reasons = Tally(
-        condition["reason"]
-        for status in statuses
-        for condition in status.get("conditions") or ()
-        if condition["type"] == "ImageBuilt" and condition["reason"] != "NotNeeded"
-    )
+    reasons = Tally(status.get("build", "NotNeeded") for status in statuses)
+    reasons.pop("NotNeeded", None)
     for reason, count in sorted(reasons.items()):
         found.add_metric([reason], count)
     return found
