@@ -87,8 +87,10 @@ FLEET: Final = (
         "Commands overdue, worst robots",
         (
             (
-                f"topk(10, sum by (namespace, {ROBOT}) "
-                f"(rate(robot_offload_command_overdue_seconds_total{{{ALL}}}{RATE})))",
+                (
+                    f"topk(10, sum by (namespace, {ROBOT}) "
+                    f"(rate(robot_offload_command_overdue_seconds_total{{{ALL}}}{RATE})))"
+                ),
                 NAMED,
             ),
         ),
