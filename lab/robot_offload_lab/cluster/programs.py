@@ -47,9 +47,9 @@ PROMETHEUS_MODULE = Path(__file__).with_name("prometheus")
 PROMETHEUS: Mapping[str, str] = {
     name: f"github.com/prometheus/prometheus/cmd/{name}" for name in ("prometheus", "promtool")
 }
-"""What reads metrics and judges rules: of the module in prometheus/; only the tests of dashboards and alerts build it."""
+"""What reads metrics and judges rules, of the module in prometheus/: for the tests of dashboards and alerts."""
 TAGS: Mapping[Path, str] = {PROMETHEUS_MODULE: "remove_all_sd"}
-"""Build tags by module. Prometheus without the service discoveries of clouds: a quarter of the packages of all of them."""
+"""Build tags by module. Prometheus without service discoveries: what one of them needs cannot be fetched any more."""
 
 KIND_MODULE = Path(__file__).with_name("kind")
 KIND: Mapping[str, str] = {"kind": "sigs.k8s.io/kind"}
