@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -62,7 +62,6 @@ class Findings:
     """What a pass finds out for the status and for the queue, however far it comes.
 
     Attributes:
-        step: which step is under way.
         verdicts: by type of condition.
         applied: what became of all writes so far.
         offload: the RobotOffload, once it is known as valid.
@@ -71,9 +70,12 @@ class Findings:
         again_s: seconds after which time alone may change something; None: never.
         however_s: the same, however the robot's Lease moves meanwhile.
         broken: whether a step was broken off.
+        begun: the steps so far, each with the time at which it began, in seconds on the steady clock.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float] = lambda: 0.0) -> None:
+        self._now = now
+        self.begun: list[tuple[Step, float]] = []
         self.step = Step.READ
         self.verdicts: dict[str, Verdict] = {}
         self.applied = Applied()
@@ -83,6 +85,15 @@ class Findings:
         self.again_s: float | None = None
         self.however_s: float | None = None
         self.broken = False
+
+    @property
+    def step(self) -> Step:
+        """Which step is under way."""
+        return self.begun[-1][0]
+
+    @step.setter
+    def step(self, step: Step) -> None:
+        self.begun.append((step, self._now()))
 
 
 class Pass:

@@ -37,6 +37,7 @@ from robot_offload.process.leadership import Leadership, LeadersOnly, Terms
 from robot_offload.process.metrics import Metrics
 from robot_offload.process.queue import Queue
 from robot_offload.process.settings import Settings, from_environment
+from robot_offload.process.traces import Traces
 from robot_offload.process.triggers import SETTLE_S, OthersConfigMaps, Triggers
 
 FEED_S: Final = 30.0
@@ -66,6 +67,9 @@ class Operator:
         )
         self._controller = Controller(self._api, settings.images, self._clock, self._store, policy)
         self.metrics = Metrics()
+        self._traces = Traces(settings.traces)
+        if settings.traces:
+            self._controller.watcher = self._traces.passed
         self._queue: Queue[Name] = Queue(self._clock.steady_s, waited=self.metrics.waited.observe)
         self._sight = WatchSight()
         self._collector = Collector(api, self._store, settings.watch_namespaces, settings.pod_namespace)
@@ -149,6 +153,7 @@ class Operator:
         parts.append(asyncio.create_task(self._feed(informers)))
         parts.append(asyncio.create_task(self._probe()))
         parts.append(asyncio.create_task(self._resync()))
+        parts.append(asyncio.create_task(self._traces.run()))
         parts.append(asyncio.create_task(self._collector.run(self._settings.resync_s)))
         self._watching = True
 

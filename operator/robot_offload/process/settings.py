@@ -38,6 +38,7 @@ class Settings:
         max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
+        traces: where traces of passes are sent, OTLP over HTTP; empty: nowhere.
     """
 
     images: Images
@@ -57,6 +58,7 @@ class Settings:
     max_rolling: int = AT_ONCE
     load_balancer_node_ports: bool = True
     network: Network = field(default_factory=Network)
+    traces: str = ""
 
 
 def from_environment(environment: Mapping[str, str]) -> Settings:
@@ -116,10 +118,20 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
             api_server=_networks("API_SERVER_NETWORKS", environment, problems),
             metrics_from=_words(environment.get("METRICS_NAMESPACES", "")),
         ),
+        traces=_address("TRACES_ENDPOINT", environment, problems),
     )
     if problems:
         raise InputError("\n".join(problems))
     return settings
+
+
+def _address(name: str, environment: Mapping[str, str], problems: list[str]) -> str:
+    value = environment.get(name, "")
+    if value and not value.startswith(("http://", "https://")):
+        problems.append(
+            f"{name} must be an address such as http://collector.monitoring:4318/v1/traces, found {value!r}"
+        )
+    return value
 
 
 def _words(text: str) -> tuple[str, ...]:
