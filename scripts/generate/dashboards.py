@@ -148,8 +148,8 @@ ONE_ROBOT: Final = (
         "percentunit",
     ),
     Panel(
-        "Changeovers",
-        ((f"increase(robot_offload_changeovers_total{{{ONE}}}[$__range])", "to {{to}}: {{reason}}"),),
+        "Changeovers since the agents began",
+        ((f"robot_offload_changeovers_total{{{ONE}}}", "to {{to}}: {{reason}}"),),
         kind="table",
     ),
     Panel(

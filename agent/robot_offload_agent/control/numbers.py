@@ -16,6 +16,8 @@ GAPS = re.compile(r"(.+)\.gap_ms\.(\d+)")
 THINNED = ("sent", "rate_limited", "thinned", "unsent")
 """What became of an input's messages on the robot."""
 ENDS = ("succeeded", "aborted", "canceled")
+NAMES = ("control", "pulse", "data", "collector", "relay")
+"""Of the processes; the kernel keeps 15 characters of `ro-robot-collector`."""
 PASSED = "passed"
 MAX_GAPS = 4
 
@@ -81,7 +83,8 @@ def processes(deaths: Mapping[str, int]) -> dict[str, list[int]]:
             continue
         comm, _, rest = text.partition("(")[2].rpartition(")")
         fields = rest.split()
-        name = comm.rpartition("-")[2]
+        word = comm.rpartition("-")[2]
+        name = next((name for name in NAMES if word and name.startswith(word)), word)
         found[name] = [
             (int(fields[11]) + int(fields[12])) * 1000 // TICKS,  # proc(5): utime and stime are fields 14 and 15
             int(fields[21]) * PAGE_KB,
