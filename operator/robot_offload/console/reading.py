@@ -90,11 +90,12 @@ def _nodes(state: AgentState, report: Mapping[str, Any]) -> tuple[NodeState, ...
 def _topics(state: AgentState, report: Mapping[str, Any]) -> Iterator[TopicFlow]:
     """Yields what crossed the link: bytes as the cloud counts, messages and what was left out as the robot does."""
     counted = dict(part(report, "topics"))
-    carried = dict(state.carried)
+    carried = {one.topic: (one.bytes, one.messages) for one in state.carried}
     for topic in dict.fromkeys([*carried, *counted]):
         counts = _counts(counted.get(topic))
         left_out = [f"{count} {name}" for name, count in zip(LEFT_OUT, counts[1:], strict=False) if count]
-        yield TopicFlow(topic, counts[0] if counts else None, carried.get(topic), left_out=", ".join(left_out))
+        size_bytes, messages = carried.get(topic, (None, None))
+        yield TopicFlow(topic, counts[0] if counts else messages, size_bytes, left_out=", ".join(left_out))
 
 
 def _goals(report: Mapping[str, Any]) -> Iterator[Errand]:

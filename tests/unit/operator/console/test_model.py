@@ -178,4 +178,4 @@ def test_the_robots_report_names_its_nodes_and_what_it_left_out() -> None:
     live = of_state(state, REPORT)
     assert NodeState("controller", "robot", "active") in live.nodes
     [scan] = live.topics
-    assert (scan.topic, scan.messages, scan.left_out) == ("/scan", 400, "4 thinned, 1 unsent")
+    assert (scan.topic, scan.messages, scan.left_out) == ("/scan", 100, "4 thinned, 1 unsent")
