@@ -101,8 +101,8 @@ def test_the_robots_own_numbers_reach_the_state_file_and_go_with_the_robot(world
     before = sum(count for *_, count in robot.changeovers)
     world.override("Robot")
     world.until(lambda: sum(count for *_, count in said(world, "robot").changeovers) > before, "the change is counted")
-    reasons = {(site, reason) for site, reason, _ in said(world, "robot").changeovers}
-    assert ("robot", "PinnedToRobot") in reasons
+    pinned = ("robot", "PinnedToRobot")
+    world.until(lambda: pinned in {one[:2] for one in said(world, "robot").changeovers}, "by its reason")
     world.kill_agent("robot")
     world.until(lambda: world.state["robot"] is None, "nobody vouches for old numbers")
     assert said(world, "cloud").processes
