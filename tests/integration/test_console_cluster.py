@@ -79,7 +79,7 @@ def fleet(control_plane: ControlPlane) -> Iterator[Place]:
     for number in range(ROBOTS):
         name = f"walker-{number:03}"
         made = place.create(ROBOT_OFFLOAD, walker(name))
-        reason = HOSTILE if number == 3 else f"as robot {number} says"
+        reason = HOSTILE if number == 103 else f"as robot {number} says"
         status = {
             "observedGeneration": made["metadata"]["generation"],
             "placement": "Cloud" if number % 3 else "Robot",
