@@ -103,9 +103,9 @@ class CloudControlShell(ControlShell):
         """Takes the robot's own numbers; what is none of ours is counted, and a later version said in words."""
         try:
             self.numbers = robot_report.decode(text, self.process.cloud.robot, self.topics)
+        except robot_report.StrangerError:
+            return
         except robot_report.ReportError as error:
-            if error.reason == "OtherRobot":  # the first one may come before the robot's first beat
-                return
             self.garbage += 1
             other = error.reason == "OtherVersion"
             self.report.note("report", ("OtherVersion", str(error)) if other else None)

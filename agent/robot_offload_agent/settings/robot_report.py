@@ -21,11 +21,15 @@ DEPTH = 4
 
 
 class ReportError(ValueError):
-    """Text that is no report of ours; `reason`: BadForm, OtherVersion or OtherRobot."""
+    """Text that is no report of ours; `reason`: BadForm or OtherVersion."""
 
     def __init__(self, reason: str, text: str) -> None:
         super().__init__(text)
         self.reason = reason
+
+
+class StrangerError(ReportError):
+    """A report of a robot that is not served, or not yet: its first one may come before its first beat."""
 
 
 def encode(incarnation: str, plain: Mapping[str, Any], lists: Mapping[str, Mapping[str, Any]]) -> str:
@@ -57,7 +61,8 @@ def decode(text: str, incarnation: str, topics: Mapping[str, str]) -> dict[str, 
         topics: topic by name of the input or output; entries of others are left out, so their number is bounded.
 
     Raises:
-        ReportError: it is none, is of another robot, or of a later version.
+        StrangerError: it is of another robot.
+        ReportError: it is none, or of a later version.
     """
     try:
         body = json.loads(text, parse_constant=lambda _: None)
@@ -73,7 +78,7 @@ def decode(text: str, incarnation: str, topics: Mapping[str, str]) -> dict[str, 
             "the agent on both sides; until then the robot's own numbers are missing",
         )
     if body.pop("incarnation", None) != incarnation:
-        raise ReportError("OtherRobot", "of a robot that is not served, or not yet")
+        raise StrangerError("BadForm", "of a robot that is not served, or not yet")
     for name in ("topics", "gaps"):
         entries = body.get(name)
         if isinstance(entries, dict):
