@@ -84,7 +84,7 @@ bench-weight: venv ## Processor time and memory of both agents; ARGS="--seconds 
 bench-links: venv ## What links carry of images and point clouds (root); ARGS="--full --resume"
 	$(PYTHON) -m robot_offload_lab.bench links --docs docs $(ARGS)
 
-bench-see: venv ## How late the console shows a change, and what it costs; ARGS="--part console"
+bench-see: venv ## What it costs to see a robot: console, recordings, black box; ARGS="--part recording"
 	$(PYTHON) -m robot_offload_lab.bench.see $(ARGS)
 
 bench-sedia: venv ## The whole robot: change of its navigation stack, processor time against the robot alone; ARGS="--docs"

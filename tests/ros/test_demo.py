@@ -165,8 +165,22 @@ def assert_recorded(file: Path, output: str, output_type: str) -> None:
     assert {"robot_offload robot: link", "robot_offload robot: placement"} <= names
 
 
+def assert_changeovers_recorded(files: list[Path]) -> None:
+    """Each file holds the seconds around one changeover, with its reason, as the agent wrote it beside the drive."""
+    reasons = []
+    for file in files:
+        with file.open("rb") as stream:
+            [facts] = [record.metadata for record in make_reader(stream).iter_metadata()]
+        reasons.append(facts["reason"])
+        with AnyReader([file]) as bag:
+            assert bag.duration < 6e9  # 3 s before and 1 s after, and what a busy machine held up
+            said = [bag.deserialize(raw, c.msgtype) for c, _, raw in bag.messages() if c.topic == "/offload/acting"]
+            assert ["robot", "cloud"].index(facts["to"]) in {message.data for message in said}
+    assert "HeartbeatLost" in reasons
+
+
 def packaged(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The talker's specification with its nodes as a built package of a sourced workspace."""
+    """The talker's specification with its nodes as a built package of a sourced workspace; it records changeovers."""
     for name in ("talker", "listener"):
         program = folder / "install" / "lib" / "hello" / name
         program.parent.mkdir(parents=True, exist_ok=True)
@@ -179,6 +193,7 @@ def packaged(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = TALKER.read_text()
     for name in ("talker", "listener"):
         text = text.replace(f"command: [python3, {name}.py]", f"package: hello, executable: {name}")
+    text += "  record: {switches: true, before: 3s, after: 1s, keep: 20}\n"
     (folder / "packaged.yaml").write_text(text)
     return folder / "packaged.yaml"
 
@@ -203,6 +218,7 @@ def test_a_packaged_talker_moves_between_the_sides_and_nobody_hears_it_twice(
     assert (chatter["duplicates"], chatter["reordered"]) == (0, 0)
     assert report["link"]["outages"] == 2
     assert min(report["messages_passed"].values()) > 0
+    assert_changeovers_recorded(sorted((demo.out / "state" / "robot" / "recordings").glob("*.mcap")))
     for name in ("report.html", "run.png", "recording.jsonl", "logs/robot-agent.log", "logs/wire.jsonl"):
         assert (demo.out / name).stat().st_size > 0
     assert demo.nothing_left()

@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
+from robot_offload_agent.process import threads
 from robot_offload_agent.settings.override import state_dir
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import audit, placement
@@ -88,7 +89,7 @@ class AuditTrail:
 
     def start(self) -> None:
         """Begins to write, in a thread of its own."""
-        threading.Thread(target=self._run, name="audit", daemon=True).start()
+        threads.start("audit", self._run)
 
     def _run(self) -> None:
         while True:

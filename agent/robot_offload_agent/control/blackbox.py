@@ -11,7 +11,6 @@ goes on with the next number. Format: `robot_offload_core.blackbox`.
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections import deque
 from importlib.metadata import version
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import robot_offload_core
+from robot_offload_agent.process import threads
 from robot_offload_agent.process.clock import wall_us
 from robot_offload_agent.settings.override import state_dir
 from robot_offload_agent.settings.parameters import Configuration
@@ -84,7 +84,7 @@ class BlackBox:
 
     def start(self) -> None:
         """Begins to write, in a thread of its own."""
-        threading.Thread(target=self._run, name="blackbox", daemon=True).start()
+        threads.start("blackbox", self._run)
 
     def _run(self) -> None:
         self.facts["core"] = digest_of_core()

@@ -20,6 +20,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from robot_offload_agent.errors import StartError
+from robot_offload_agent.process import threads
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s, wall_ns
@@ -70,7 +71,7 @@ class RecordShell:
 
     def run(self) -> None:
         """Runs until it is ended; what is open then is written as far as it goes."""
-        threading.Thread(target=self.write_all, name="write", daemon=True).start()
+        threads.start("write", self.write_all)
         try:
             spin_topics(self.node, self.work)
         finally:

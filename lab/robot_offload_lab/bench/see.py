@@ -17,11 +17,11 @@ from rich.console import Console
 from rich.table import Table
 
 from robot_offload.errors import InputError
-from robot_offload_lab.bench import see_console
+from robot_offload_lab.bench import see_console, see_recording
 from robot_offload_lab.bench.see_figures import Figure
 
 Part = Callable[[Path], list[Figure]]
-PARTS: Final[Mapping[str, Part]] = {"console": see_console.measure}
+PARTS: Final[Mapping[str, Part]] = {"console": see_console.measure, "recording": see_recording.measure}
 """Each measures one thing, alone on the machine, within some minutes; it gets a folder for its files."""
 
 
