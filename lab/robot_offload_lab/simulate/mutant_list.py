@@ -376,7 +376,13 @@ MUTANTS: dict[str, Mutant] = {
     "S13": Mutant(
         "robot's silent outputs never stop the driver",
         "inhibited_by_silence",
-        (Edit("levels", "    return gate is not None and gate.robot_flows\n", "    return True\n"),),
+        (
+            Edit(
+                "levels",
+                "    return gate is not None and (gate.robot_flows or (",
+                "    return gate is None or (True or (",
+            ),
+        ),
     ),
     "S14": Mutant(
         "dead collector counts as acting",
@@ -725,7 +731,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                "    if following is None or any(occasions.awaited(o, following.site) for o in collector.outputs):",
+                "    if following is None or any(_awaited(collector, o, following.site) for o in collector.outputs):",
                 "    if True:",
             ),
         ),

@@ -114,7 +114,7 @@ def results_that_come_twice() -> None:
     stage.in_cloud()
     stage.link.data.down.doubled = 0.9
     stage.run(2.0)
-    for _ in range(5):
+    for _ in range(12):
         stage.robot.collector.kill(0.05)
         stage.run(1.0)
     stage.expect(len([m for m in stage.seen.messages if m.index == RESULTS]) > 50, "results flow")
