@@ -63,7 +63,7 @@ fmt: venv ## Rewrite in the project's format
 
 ##@ Measure
 .PHONY: bench bench-switch bench-handover bench-hot bench-weight bench-links bench-operator bench-see bench-sedia bench-install bench-e2e
-bench: venv ## A short form of every measurement; refreshes docs/benchmarks.md (< 10 minutes, idle machine); ARGS="--resume"
+bench: venv ## A short form of every measurement; refreshes docs/benchmarks.md (some 15 minutes, idle machine); ARGS="--resume"
 	$(PYTHON) -m robot_offload_lab.bench all --quick --docs docs $(ARGS)
 
 bench-e2e: venv ## The figures of the end-to-end suite: a real cluster, a robot outside it (root)

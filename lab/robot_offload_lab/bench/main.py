@@ -240,7 +240,7 @@ def _show_row(out: Path, row: links.Row) -> None:
 @app.command("all")
 @measurement
 def everything(common: Common, *, only: Only = None) -> None:
-    """Everything; with --quick in less than ten minutes on an idle machine."""
+    """Everything; with --quick in some fifteen minutes on an idle machine."""
     _run(common, only or list(Group), common.amounts)
 
 

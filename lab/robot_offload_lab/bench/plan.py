@@ -61,7 +61,7 @@ QUICK: Final = Amounts(
     mirror_cuts=5, state_cuts=8,
     hot_switches=6, hot_cuts=5, hot_minutes=0.4,
 )  # fmt: skip
-"""Everything with real-time priority within 10 minutes."""
+"""Everything with real-time priority in some 15 minutes."""
 FULL: Final = Amounts(
     form="long", switches=1000, cuts=100, one_way=20, long_cuts=20, stretches=3, minutes=10.0, latency_s=60.0,
     resources_s=60.0, messages=600, rounds=300, detections=30, quiet_s=300.0, stage_s=10.0,
