@@ -79,6 +79,7 @@ def _carried(spec: RobotOffloadSpec) -> Iterator[Carried]:
     for direction, side, word in ways:
         yield Carried(f"/connectivity_test_{word}", direction, BEAT_TYPE, "best_effort")
         yield Carried(f"/offload/link/{side}/probe", direction, FRAME_TYPE, "best_effort")
+        yield Carried(f"/offload/link/{side}/report", direction, FRAME_TYPE, "best_effort")
         for _, output in spec.collected_outputs:
             chosen = _WORDS.get((output.qos.reliability if output.qos else "") or "", "reliable")
             yield Carried(f"/offload/link/{side}/out_{identifier(output.topic)}", direction, FRAME_TYPE, chosen)

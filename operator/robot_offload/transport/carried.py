@@ -39,6 +39,7 @@ def _agents(spec: RobotOffloadSpec, side: str) -> Iterator[tuple[str, str]]:
     """Yields what the agent of a side sends on its link over DDS."""
     yield _BEATS[side], _BEAT_TYPE
     yield f"/offload/link/{side}/probe", _FRAME_TYPE
+    yield f"/offload/link/{side}/report", _FRAME_TYPE
     for _, output in spec.collected_outputs:
         yield f"/offload/link/{side}/out_{identifier(output.topic)}", _FRAME_TYPE
     if any(node.offered or node.called for node in spec.nodes):

@@ -141,6 +141,7 @@ def test_only_declared_topics_cross_a_link_of_topics(tmp_path: Path) -> None:
     assert {topic for topic, direction in crossing if direction == "down"} == {
         "/connectivity_test_remote",
         "/offload/link/cloud/probe",
+        "/offload/link/cloud/report",
         "/offload/link/cloud/out_cmd_vel",
         "/offload/link/cloud/out_localiser__account",
         "/offload/link/cloud/state_localiser_1",

@@ -21,6 +21,7 @@ SECRETS = BundleSecrets(b"ca", b"certificate", b"key")
 TO_ROBOT = {
     "rt/connectivity_test_remote": "std_msgs::msg::dds_::Header_",
     "rt/offload/link/cloud/probe": "std_msgs::msg::dds_::UInt8MultiArray_",
+    "rt/offload/link/cloud/report": "std_msgs::msg::dds_::UInt8MultiArray_",
     "rt/offload/link/cloud/out_cmd_vel": "std_msgs::msg::dds_::UInt8MultiArray_",
 }
 
@@ -61,6 +62,7 @@ def test_exactly_the_declared_topics_and_the_agents_own_cross() -> None:
     assert [one["name"] for one in in_the_cloud()["allowlist"]] == [
         "rt/connectivity_test_local",
         "rt/offload/link/robot/probe",
+        "rt/offload/link/robot/report",
         "rt/offload/link/robot/out_cmd_vel",
         "rt/scan",
         "rt/odom",
