@@ -18,9 +18,9 @@ from rich.table import Table
 
 from robot_offload.errors import InputError
 from robot_offload_lab.bench import see_console, see_recording
-from robot_offload_lab.bench.see_figures import Figure
+from robot_offload_lab.bench.see_figures import SeeFigure
 
-Part = Callable[[Path], list[Figure]]
+Part = Callable[[Path], list[SeeFigure]]
 PARTS: Final[Mapping[str, Part]] = {"console": see_console.measure, "recording": see_recording.measure}
 """Each measures one thing, alone on the machine, within some minutes; it gets a folder for its files."""
 

@@ -31,7 +31,7 @@ from robot_offload.kube.kinds import NAMESPACE, ROBOT_OFFLOAD, SERVICE
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.objects.names import AGENT, child_name
 from robot_offload_lab.bench.operator_world import control_plane
-from robot_offload_lab.bench.see_figures import Figure
+from robot_offload_lab.bench.see_figures import SeeFigure
 
 ROBOTS: Final = 200
 PLACE: Final = "bench-see"
@@ -53,7 +53,7 @@ WATCH: Final = """() => {
 }"""
 
 
-def measure(out: Path) -> list[Figure]:
+def measure(out: Path) -> list[SeeFigure]:
     """Measures with one robot on its page, and with two hundred in the table."""
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
@@ -69,26 +69,26 @@ def measure(out: Path) -> list[Figure]:
     return [*fleet, *robot]
 
 
-def _fleet(page: Any, address: str, process: psutil.Process) -> Iterator[Figure]:
+def _fleet(page: Any, address: str, process: psutil.Process) -> Iterator[SeeFigure]:
     page.goto(address)
     began_s = time.monotonic()
     page.goto(address.partition("?")[0])
     page.wait_for_function(f"document.querySelectorAll('.console-fleet tbody tr').length == {ROBOTS}")
-    yield Figure(f"page with {ROBOTS} robots complete", time.monotonic() - began_s, "s", "< 2 s")
+    yield SeeFigure(f"page with {ROBOTS} robots complete", time.monotonic() - began_s, "s", "< 2 s")
     page.wait_for_timeout(5000)
     percent = _percent(process)
-    yield Figure(f"server, table of {ROBOTS} robots open, five updates a second", percent, "% of a core", "< 25 %")
+    yield SeeFigure(f"server, table of {ROBOTS} robots open, five updates a second", percent, "% of a core", "< 25 %")
 
 
-def _robot(page: Any, address: str, process: psutil.Process, agent: Agent) -> Iterator[Figure]:
+def _robot(page: Any, address: str, process: psutil.Process, agent: Agent) -> Iterator[SeeFigure]:
     began_s = time.monotonic()
     page.goto(f"{address.partition('?')[0]}robot/{PLACE}/{_name(0)}")
     page.wait_for_selector("canvas")
     page.wait_for_function("document.querySelector('.mark-line').innerText.includes('latency')")
-    yield Figure("page of one robot complete", time.monotonic() - began_s, "s", "< 2 s")
+    yield SeeFigure("page of one robot complete", time.monotonic() - began_s, "s", "< 2 s")
     page.wait_for_timeout(3000)
     percent = _percent(process)
-    yield Figure("server, page of one robot open, five updates a second", percent, "% of a core", "< 25 %")
+    yield SeeFigure("server, page of one robot open, five updates a second", percent, "% of a core", "< 25 %")
     page.evaluate(WATCH)
     written = {}
     for number in range(CHANGES):
@@ -100,7 +100,7 @@ def _robot(page: Any, address: str, process: psutil.Process, agent: Agent) -> It
     late_ms = [seen[text] - at_ms for text, at_ms in written.items() if text in seen]
     for quantile in (50, 99):
         value = float(np.percentile(late_ms, quantile)) if late_ms else None
-        yield Figure(f"change of the agent's state to the screen, p{quantile} of {len(late_ms)}", value, "ms")
+        yield SeeFigure(f"change of the agent's state to the screen, p{quantile} of {len(late_ms)}", value, "ms")
 
 
 def _percent(process: psutil.Process) -> float:

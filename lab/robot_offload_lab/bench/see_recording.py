@@ -18,7 +18,7 @@ from rich.console import Console
 
 from robot_offload.api.v1alpha1 import Record, RobotOffload
 from robot_offload.errors import RobotOffloadError
-from robot_offload_lab.bench.see_figures import Figure
+from robot_offload_lab.bench.see_figures import SeeFigure
 from robot_offload_lab.run.demo import DemoOptions, run
 from robot_offload_lab.show.view import LineView
 from robot_offload_lab.wire.loop import steady_s
@@ -85,7 +85,7 @@ class Watch(threading.Thread):
                 yield 100.0 * (after_s - before_s) / (last_s - first_s)
 
 
-def measure(out: Path) -> list[Figure]:
+def measure(out: Path) -> list[SeeFigure]:
     """Runs the wheelchair for 40 s with cuts, and returns what recorder, black box and audit trail used."""
     if not FILE.exists():
         raise RobotOffloadError(f"{FILE}: run this in a checkout of the repository")
@@ -101,12 +101,12 @@ def measure(out: Path) -> list[Figure]:
     files = list((folder / "state" / "robot" / "recordings").glob("*.mcap"))
     memory = watch.memory.get("ro-robot-record")
     return [
-        Figure("recorder of changeovers, robot", watch.percent("ro-robot-record"), "% of a core"),
-        Figure("its memory (PSS)", None if memory is None else memory / 2**20, "MiB"),
-        Figure("recordings written", float(len(files)), "files"),
-        Figure("black box, robot: writing thread", watch.percent(f"{control}/blackbox"), "% of a core", AIM),
-        Figure("black box, robot: written", written / SECONDS / 1000, "kB/s"),
-        Figure("audit trail: writing thread", watch.percent(f"{control}/audit"), "% of a core"),
+        SeeFigure("recorder of changeovers, robot", watch.percent("ro-robot-record"), "% of a core"),
+        SeeFigure("its memory (PSS)", None if memory is None else memory / 2**20, "MiB"),
+        SeeFigure("recordings written", float(len(files)), "files"),
+        SeeFigure("black box, robot: writing thread", watch.percent(f"{control}/blackbox"), "% of a core", AIM),
+        SeeFigure("black box, robot: written", written / SECONDS / 1000, "kB/s"),
+        SeeFigure("audit trail: writing thread", watch.percent(f"{control}/audit"), "% of a core"),
     ]
 
 
