@@ -27,7 +27,7 @@ import psutil
 from robot_offload.cli.cluster import Target
 from robot_offload.errors import RobotOffloadError
 from robot_offload.kube.errors import AlreadyExistsError
-from robot_offload.kube.kinds import NAMESPACE, ROBOT_OFFLOAD, SERVICE
+from robot_offload.kube.kinds import NAMESPACE, POD, ROBOT_OFFLOAD, SERVICE
 from robot_offload.kube.port import KubeApi, Manifest
 from robot_offload.objects.names import AGENT, child_name
 from robot_offload_lab.bench.operator_world import control_plane
@@ -191,6 +191,12 @@ async def _make(api: KubeApi, port: int) -> None:
     except AlreadyExistsError:
         return
     address = _own_address()
+    pod = {"apiVersion": "v1", "kind": POD.kind, "metadata": {"name": AGENT, "namespace": PLACE}}
+    container = {"name": "reporter", "image": "registry.example/operator:1"}
+    await api.create({**pod, "spec": {"containers": [container]}})
+    # The API server only asks an address that a pod has; no kubelet is here that could say which.
+    where = {"phase": "Running", "podIP": address, "podIPs": [{"ip": address}]}
+    await api.patch(POD, PLACE, AGENT, {"status": where}, subresource="status")
     for number in range(ROBOTS):
         name = _name(number)
         made = await api.create(_robot_offload(name))
@@ -221,11 +227,12 @@ def _robot_offload(name: str) -> Manifest:
 
 
 def _endpoints(service: str, address: str, port: int) -> Manifest:
+    pod = {"kind": POD.kind, "name": AGENT, "namespace": PLACE}
     return {
         "apiVersion": "v1",
         "kind": "Endpoints",
         "metadata": {"name": service, "namespace": PLACE},
-        "subsets": [{"addresses": [{"ip": address}], "ports": [{"port": port}]}],
+        "subsets": [{"addresses": [{"ip": address, "targetRef": pod}], "ports": [{"port": port}]}],
     }
 
 
