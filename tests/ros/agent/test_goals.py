@@ -28,6 +28,12 @@ def many(serving_world: World) -> Iterator[ActionClient]:
     client.destroy()
 
 
+def went_over(goal: Goal, world: World, *sides: str) -> bool:
+    """Whether these sides executed a goal in this order; on a busy machine it may have moved more often."""
+    executors = iter(goal.executors())
+    return all(world.nodes[side].pid in executors for side in sides)
+
+
 def test_a_goal_goes_on_through_commanded_switches(serving_world: World, count: ActionClient) -> None:
     goal = Goal(count, 250).accepted()
     goal.beats()
@@ -35,8 +41,7 @@ def test_a_goal_goes_on_through_commanded_switches(serving_world: World, count: 
         serving_world.place(side, stay=True)
         goal.beats()
     assert goal.result()[0] == SUCCEEDED
-    replicas = [serving_world.nodes[side].pid for side in ("cloud", "robot", "cloud", "robot", "cloud")]
-    assert goal.executors() == replicas
+    assert went_over(goal, serving_world, "cloud", "robot", "cloud", "robot", "cloud")
     assert len(goal.results) == 1
 
 
@@ -50,7 +55,7 @@ def test_a_goal_goes_on_after_a_sudden_loss(serving_world: World, count: ActionC
     serving_world.place("cloud", stay=True)
     goal.beats()
     assert goal.result()[0] == SUCCEEDED
-    assert goal.executors() == [serving_world.nodes[side].pid for side in ("cloud", "robot", "cloud")]
+    assert went_over(goal, serving_world, "cloud", "robot", "cloud")
     assert len(goal.results) == 1
 
 
