@@ -11,12 +11,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from robot_offload.console.actions import Action, Permission
 from robot_offload.console.live import Key
 from robot_offload.console.model import Declared, Fleet
 from robot_offload.console.source import Publish
 from robot_offload.errors import InputError
 from robot_offload_lab.console.told import Teller
+from robot_offload_lab.console.unchangeable import Unchangeable
 from robot_offload_lab.judge import recording
 from robot_offload_lab.judge.lines import Record
 from robot_offload_lab.judge.recording import Recording
@@ -30,7 +30,7 @@ NO: Final = "this is a recording: nothing can be changed in it"
 PAUSE_EVERY: Final = 50
 
 
-class RecordedSource:
+class RecordedSource(Unchangeable):
     """One recording.
 
     Args:
@@ -42,6 +42,7 @@ class RecordedSource:
     """
 
     def __init__(self, path: Path) -> None:
+        super().__init__(NO)
         file = path / FILE if path.is_dir() else path
         if not file.is_file():
             raise InputError(f"RECORDING: {file} does not exist; name a demo's folder, or its {FILE}")
@@ -76,21 +77,6 @@ class RecordedSource:
                 return
             if step % PAUSE_EVERY == 0:
                 await asyncio.sleep(0)  # pages are served meanwhile
-
-    async def may(self, key: Key, action: Action) -> Permission:
-        """Nobody may."""
-        del key, action
-        return Permission(False, NO)
-
-    async def act(self, key: Key, action: Action) -> str:
-        """Refuses."""
-        del key, action
-        raise InputError(NO)
-
-    def watching(self, key: Key) -> contextlib.AbstractContextManager[None]:
-        """Needs nothing."""
-        del key
-        return contextlib.nullcontext()
 
 
 def _records(found: Recording) -> Iterator[Record]:

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from robot_offload.cli.lazy import without_extra
-from robot_offload.console.actions import Action, Permission
 from robot_offload.console.live import Key, Live
 from robot_offload.console.model import Declared, Event, Fleet
 from robot_offload.console.reading import EventError, of_state
 from robot_offload.console.source import Publish
 from robot_offload.errors import InputError
 from robot_offload_lab.console.told import Teller
+from robot_offload_lab.console.unchangeable import Unchangeable
 from robot_offload_lab.show.view import View
 from robot_offload_lab.show.watch import LiveRun
 
@@ -28,7 +28,7 @@ START_S: Final = 120.0
 LINGER_S: Final = 1.0
 
 
-class DemoSource:
+class DemoSource(Unchangeable):
     """One running demo.
 
     Args:
@@ -38,6 +38,7 @@ class DemoSource:
     """
 
     def __init__(self, manifest: Mapping[str, Any], state_file: Path, offset_s: float) -> None:
+        super().__init__(NO)
         self._manifest = manifest
         self._key = Key("", str(manifest["metadata"]["name"]))
         self._state_file = state_file
@@ -71,21 +72,6 @@ class DemoSource:
             return of_state(json.loads(self._state_file.read_text(encoding="utf-8")))
         except (OSError, ValueError, EventError):
             return None  # it has not started, or is being written
-
-    async def may(self, key: Key, action: Action) -> Permission:
-        """Nobody may."""
-        del key, action
-        return Permission(False, NO)
-
-    async def act(self, key: Key, action: Action) -> str:
-        """Refuses."""
-        del key, action
-        raise InputError(NO)
-
-    def watching(self, key: Key) -> contextlib.AbstractContextManager[None]:
-        """Needs nothing."""
-        del key
-        return contextlib.nullcontext()
 
 
 def _publish_all(publish: Publish, events: list[Event]) -> None:

@@ -1,0 +1,31 @@
+"""What sources without a cluster have in common: one may look, and change nothing."""
+
+from __future__ import annotations
+
+import contextlib
+
+from robot_offload.console.actions import Action, Permission
+from robot_offload.console.live import Key
+from robot_offload.errors import InputError
+
+
+class Unchangeable:
+    """The half of a source that takes a person's wishes; `reason`: why none is granted."""
+
+    def __init__(self, reason: str) -> None:
+        self._reason = reason
+
+    async def may(self, key: Key, action: Action) -> Permission:
+        """Nobody may."""
+        del key, action
+        return Permission(False, self._reason)
+
+    async def act(self, key: Key, action: Action) -> str:
+        """Refuses."""
+        del key, action
+        raise InputError(self._reason)
+
+    def watching(self, key: Key) -> contextlib.AbstractContextManager[None]:
+        """Needs nothing."""
+        del key
+        return contextlib.nullcontext()
