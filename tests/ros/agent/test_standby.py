@@ -22,6 +22,17 @@ SLOW_LIMITS: dict[str, Any] = {
 LEARNED = 130
 
 
+def assert_silence_is_named(world: World) -> None:
+    """The cloud's node stands still for a while: the robot takes over, and the reason names the silent output."""
+    os.killpg(world.nodes["cloud"].pid, signal.SIGSTOP)
+    stopped_s = now_s()
+    world.goes_to("robot")
+    left = next(change for change in world.placed if change.t_s > stopped_s and change.site == "robot")
+    assert left.reason == "OutputSilent"
+    assert "/command" in left.message, "the silent output is named"
+    os.killpg(world.nodes["cloud"].pid, signal.SIGCONT)
+
+
 def test_a_hot_robot_goes_on_long_before_any_limit_breaks_and_the_heartbeats_confirm_the_loss(
     build: Callable[..., World],
 ) -> None:
@@ -55,13 +66,7 @@ def test_an_output_with_while_is_judged_while_a_goal_is_executed(build: Callable
     goal = Goal(client, 10_000).accepted()
     goal.beats()
     world.passes("cloud", 10)
-    os.killpg(world.nodes["cloud"].pid, signal.SIGSTOP)
-    stopped_s = now_s()
-    world.goes_to("robot")
-    left = next(change for change in world.placed if change.t_s > stopped_s and change.site == "robot")
-    assert left.reason == "OutputSilent"
-    assert "/command" in left.message, "the silent output is named"
-    os.killpg(world.nodes["cloud"].pid, signal.SIGCONT)
+    assert_silence_is_named(world)
     goal.beats()
     assert goal.cancel() == 0
     client.destroy()
@@ -92,11 +97,5 @@ def test_an_output_with_a_topic_as_its_while_is_judged_while_that_arrives(build:
     assert {change.site for change in world.placed[changes:]} <= {"cloud"}, "nobody minds"
     images.reset()
     world.passes("cloud", 10)
-    os.killpg(world.nodes["cloud"].pid, signal.SIGSTOP)
-    stopped_s = now_s()
-    world.goes_to("robot")
-    left = next(change for change in world.placed if change.t_s > stopped_s and change.site == "robot")
-    assert left.reason == "OutputSilent"
-    assert "/command" in left.message, "the silent output is named"
-    os.killpg(world.nodes["cloud"].pid, signal.SIGCONT)
+    assert_silence_is_named(world)
     world.check()
