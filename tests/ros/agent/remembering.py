@@ -2,7 +2,8 @@
 
 While it is Active it publishes `producer.PID#count` on /command, and its count as state; and on /lap, a topic that is
 state too, how far it has come: `PACE PID#lap`. It goes on from what it hears on the private name of /set_lap. PACE is
-the parameter `pace` as it was at the start, or as it was set while the node was Active: it listens only then.
+the parameter `pace` as it was at the start, or as it was set while the node was Active: it listens only then. At the
+pace `silent` it says nothing of its state.
 """
 
 import contextlib
@@ -70,7 +71,8 @@ class Remembering(StatefulNode):
         self.count += 1
         stamp = self.get_clock().now().to_msg()
         self.command.publish(Header(stamp=stamp, frame_id=f"{self.get_name()}.{os.getpid()}#{self.count}"))
-        self.publish_state(1, COUNT.pack(self.count))
+        if self.pace != "silent":
+            self.publish_state(1, COUNT.pack(self.count))
         self.lap += 1
         self.laps.publish(String(data=f"{self.pace} {os.getpid()}#{self.lap}"))
 
