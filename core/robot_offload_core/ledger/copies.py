@@ -40,9 +40,11 @@ def settle(work: Work) -> None:
         elif mirror is not None:
             _settle_mirror(work, goal, *mirror)
     for goal in work.all():
-        _resume(work, goal)
+        if not goal.at_rest:
+            _resume(work, goal)
     for goal in work.all():
-        _end_unwanted(work, goal)
+        if not goal.at_rest:
+            _end_unwanted(work, goal)
 
 
 # -- the holder's copy ------------------------------------------------------------------------------------------------
@@ -163,9 +165,10 @@ def _ended_itself(attempt: Attempt, site: Site) -> bool:
 
 def unfit(ledger: Ledger, view: View, now_s: float) -> bool:
     """Returns whether a mirror ended although its goal has run on at the holder for another second (rule 9)."""
-    found = ((goal, mirrored(view, ledger.actions[goal.action])) for goal in ledger.goals.values())
+    live = (goal for goal in ledger.goals.values() if goal.ended_s is None)
+    found = ((goal, mirrored(view, ledger.actions[goal.action])) for goal in live)
     return any(
-        goal.ended_s is None and at is not None and _ended_itself(a, at[0]) and now_s >= a.ended_s + MIRROR_S
+        at is not None and _ended_itself(a, at[0]) and now_s >= a.ended_s + MIRROR_S
         for goal, at in found
         for a in goal.attempts
     )
@@ -231,9 +234,10 @@ def waiting(ledger: Ledger, view: View, now_s: float) -> tuple[str, ...]:
     """Returns the actions with a goal that the side that acts has not accepted for a while."""
     lacking = set()
     for goal in ledger.goals.values():
+        if goal.ended_s is not None or goal.cancel or now_s < goal.need_s + RETRY_S:
+            continue
         copy = copy_of(goal, *acts(view, ledger.actions[goal.action]))
-        late = goal.ended_s is None and not goal.cancel and now_s >= goal.need_s + RETRY_S
-        if late and (copy is None or copy.phase is not AttemptPhase.ACCEPTED):
+        if copy is None or copy.phase is not AttemptPhase.ACCEPTED:
             lacking.add(goal.action)
     return tuple(sorted(lacking))
 
