@@ -186,6 +186,15 @@ ONE_ROBOT: Final = (
     ),
     Panel("Goals", ((f"robot_offload_goals_total{{{ONE}}}", "{{action}} {{outcome}}"),)),
     Panel(
+        "Goals and calls in flight",
+        (
+            (f"robot_offload_open_goals{{{ONE}}}", "{{action}} {{state}}"),
+            (f"robot_offload_open_calls{{{ONE}}}", "{{service}}"),
+            (f"robot_offload_goal_restarts_total{{{ONE}}}", "{{action}} restarts"),
+        ),
+        text="Of clients on the robot. A restart: the execution began anew, mostly on the other side.",
+    ),
+    Panel(
         "Age of the state at the last change",
         ((f"robot_offload_state_age_at_change_seconds{{{ONE}}}", "{{side}} {{state}}"),),
         "s",

@@ -41,6 +41,9 @@ NAMESPACE, ROBOT = "ward", "talker"
 SILENT = {
     "robot_offload_builds": "nothing is built in this run",
     "robot_offload_goals_total": "no action is declared in this world",
+    "robot_offload_open_goals": "no action is declared in this world",
+    "robot_offload_goal_restarts_total": "no action is declared in this world",
+    "robot_offload_open_calls": "no service is declared in this world",
     "robot_offload_state_age_at_change_seconds": "no state is declared in this world",
     "robot_offload_refused_messages_total": "the collector need not refuse anything",
     "robot_offload_errors_total": "no pass fails",

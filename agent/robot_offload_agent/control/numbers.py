@@ -16,6 +16,8 @@ GAPS = re.compile(r"(.+)\.gap_ms\.(\d+)")
 THINNED = ("sent", "rate_limited", "thinned", "unsent")
 """What became of an input's messages on the robot."""
 ENDS = ("succeeded", "aborted", "canceled")
+IN_FLIGHT = ("running", "waiting", "resent")
+"""Of an action's goals: executed now, waiting for a side that can, and how often an execution began anew."""
 NAMES = ("control", "pulse", "data", "collector", "relay")
 """Of the processes; the kernel keeps 15 characters of `ro-robot-collector`."""
 PASSED = "passed"
@@ -63,6 +65,16 @@ def goals(counters: Mapping[str, int], actions: Iterable[str]) -> dict[str, list
     """Returns how many goals of each action succeeded, were aborted and were canceled."""
     found = {action: [counters.get(f"{action}.{word}", 0) for word in ENDS] for action in actions}
     return {action: counts for action, counts in found.items() if any(counts)}
+
+
+def actions(counters: Mapping[str, int], names: Iterable[str]) -> dict[str, list[int]]:
+    """Returns of each action the goals that a side executes now, those that wait for one, and all restarts."""
+    return {name: [counters.get(f"{name}.{word}", 0) for word in IN_FLIGHT] for name in names}
+
+
+def services(counters: Mapping[str, int], names: Iterable[str]) -> dict[str, int]:
+    """Returns how many calls of each service are not answered yet."""
+    return {name: counters.get(f"{name}.open", 0) for name in names}
 
 
 def processes(deaths: Mapping[str, int]) -> dict[str, list[int]]:

@@ -60,6 +60,7 @@ class RobotControlShell(ControlShell):
         self.tally = LinkTally()
         relay = configuration.relay_plan()
         self.actions = tuple(action.name for action in relay.actions) if relay is not None else ()
+        self.served = tuple(service.name for service in relay.services) if relay is not None else ()
         self.watched = momentary.Watched()
         self.services = SwitchServices(self.report.guardian, self.report.switcher_names(), self.post_switch)
         self.report.declare_override(self.override, lambda: self.post(self.set_override))
@@ -299,11 +300,14 @@ class RobotControlShell(ControlShell):
             "latency_ms": glance.latency_ms, "loss_share": glance.loss_share,
             "limit_ms": process.settings.allowed_loop_s * 1e3, "clock_offset_ms": health.clock_offset_ms,
             "ready": process.is_ready(), **numbers.of_link(self.tally),
+            "used": [counters.get(f"open.used_{word}", 0) for word in ("goals", "calls")],
         }  # fmt: skip
         lists: dict[str, Mapping[str, Any]] = {
             "gaps": numbers.gaps(counters, outputs),
             "processes": numbers.processes({name: deaths for name, deaths, _, _ in self.lives.processes}),
             "goals": numbers.goals(counters, self.actions),
+            "actions": numbers.actions(counters, self.actions),
+            "services": numbers.services(counters, self.served),
             "refused": numbers.refused(counters, outputs),
             "topics": numbers.topics(counters, inputs),
             "nodes": dict(process.node_states()),

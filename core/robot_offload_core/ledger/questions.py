@@ -74,12 +74,16 @@ def executing(ledger: Ledger, site: Site) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
-def open_goals(ledger: Ledger, view: View) -> tuple[int, int]:
-    """Returns how many goals the side that acts executes, and how many wait for it to accept them."""
-    live = [goal for goal in ledger.goals.values() if goal.ended_s is None]
-    copies = (copy_of(goal, *acts(view, ledger.actions[goal.action])) for goal in live)
-    running = sum(1 for copy in copies if copy is not None and copy.phase is AttemptPhase.ACCEPTED)
-    return running, len(live) - running
+def open_goals(ledger: Ledger, view: View) -> dict[str, tuple[int, int]]:
+    """Returns for each action how many goals the side that acts executes, and how many wait for it to accept them."""
+    found = dict.fromkeys(ledger.actions, (0, 0))
+    for goal in ledger.goals.values():
+        if goal.ended_s is None:
+            copy = copy_of(goal, *acts(view, ledger.actions[goal.action]))
+            runs = copy is not None and copy.phase is AttemptPhase.ACCEPTED
+            running, waiting = found[goal.action]
+            found[goal.action] = (running + runs, waiting + (not runs))
+    return found
 
 
 def passes_feedback(ledger: Ledger, attempt: bytes, view: View) -> Goal | None:

@@ -400,12 +400,16 @@ class RobotRelay(RelayProcess):
             self.ports.send(process, status_problems(status, self.post, self.counters, self._levels(view)))
 
     def _levels(self, view: goals.View) -> dict[str, int]:
-        """Returns how many goals and calls are open, for diagnostics."""
-        running, waiting = questions.open_goals(self.ledger, view)
+        """Returns how many goals and calls are open, for diagnostics: of each action and service, and of all."""
+        by_action = questions.open_goals(self.ledger, view)
+        calls = Counter(request.spec.name for request in self.requests.desk.requests)
         return {
-            "open.goals_running": running,
-            "open.goals_waiting": waiting,
-            "open.calls": len(self.requests.desk.requests),
+            **{f"{action}.running": running for action, (running, _) in by_action.items()},
+            **{f"{action}.waiting": waiting for action, (_, waiting) in by_action.items()},
+            **{f"{service.name}.open": calls[service.name] for service in self.plan.services},
+            "open.goals_running": sum(running for running, _ in by_action.values()),
+            "open.goals_waiting": sum(waiting for _, waiting in by_action.values()),
+            "open.calls": calls.total(),
             "open.used_goals": len(self.used.goals.goals),
             "open.used_calls": len(self.used.calls.calls),
         }

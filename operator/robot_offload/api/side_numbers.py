@@ -46,6 +46,9 @@ class SideNumbers:
         gaps: time between two commands, by output. overdue_s: how long its commands were overdue, by output.
         topics: messages by topic and what became of them. refused: messages of the cloud by reason.
         goals: by action and outcome.
+        actions: by action: goals that a side executes now, goals that wait for one, restarts since the relay's start.
+        services: calls that are not answered yet, by service.
+        used_goals, used_calls: of the group's nodes at servers outside, that have not ended yet.
         processes: processor time in seconds, resident bytes and deaths by process.
         states: age of the state in seconds with which this side went on at its last change.
         garbage_reports: reports of the robot that were none (cloud only).
@@ -68,6 +71,10 @@ class SideNumbers:
     topics: tuple[tuple[str, tuple[int, ...]], ...] = ()
     refused: tuple[tuple[str, int], ...] = ()
     goals: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    actions: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    services: tuple[tuple[str, int], ...] = ()
+    used_goals: int | None = None
+    used_calls: int | None = None
     processes: tuple[tuple[str, tuple[int, ...]], ...] = ()
     states: tuple[tuple[str, int], ...] = ()
     garbage_reports: int | None = None
@@ -79,6 +86,8 @@ FATES: Final = ("sent", "rate_limited", "thinned", "unsent")
 """What becomes of a message of an input, in the order of `topics`."""
 OUTCOMES: Final = ("succeeded", "aborted", "canceled")
 """How a goal ends, in the order of `goals`."""
+IN_FLIGHT: Final = ("executing", "waiting", "restarts")
+"""What is said of an action's goals, in the order of `actions`."""
 
 
 class _BadPartError(ValueError):
@@ -92,6 +101,7 @@ def parse_numbers(said: object) -> SideNumbers | None:
     reader = _Reader(said)
     beats = reader.part("beats", lambda value: _counts(value, 2)) or (None, None)
     losses = reader.part("losses", lambda value: _counts(value, 3)) or (None, None, None)
+    used = reader.part("used", lambda value: _counts(value, 2)) or (None, None)
     gaps = reader.table("gaps", lambda value: _counts(value, len(GAP_S) + 3))
     return SideNumbers(
         ready=reader.part("ready", _truth),
@@ -110,6 +120,10 @@ def parse_numbers(said: object) -> SideNumbers | None:
         topics=reader.table("topics", lambda value: _counts(value, len(FATES))),
         refused=tuple((name, count) for name, count in reader.table("refused", _count) if _WORD.fullmatch(name)),
         goals=reader.table("goals", lambda value: _counts(value, len(OUTCOMES))),
+        actions=reader.table("actions", lambda value: _counts(value, len(IN_FLIGHT))),
+        services=reader.table("services", _count),
+        used_goals=used[0],
+        used_calls=used[1],
         processes=reader.table("processes", lambda value: _counts(value, 3)),
         states=reader.table("states", _count),
         garbage_reports=reader.part("garbage_reports", _count),

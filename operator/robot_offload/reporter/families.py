@@ -179,6 +179,30 @@ GOALS: Final = Family(
     ("side", "action", "outcome"),
     3 * 32,
 )
+OPEN_GOALS: Final = Family(
+    f"{_ROBOT}open_goals",
+    "gauge",
+    "Goals of clients now: executing on the side that acts, or waiting for a side that can.",
+    ("side", "action", "state"),
+    2 * 32,
+)
+GOAL_RESTARTS: Final = Family(
+    f"{_ROBOT}goal_restarts",
+    "counter",
+    "How often a goal's execution began anew: on the other side, or after its server forgot it.",
+    ("side", "action"),
+    32,
+)
+OPEN_CALLS: Final = Family(
+    f"{_ROBOT}open_calls", "gauge", "Calls of clients that are not answered yet.", ("side", "service"), 32
+)
+OPEN_USED: Final = Family(
+    f"{_ROBOT}open_used",
+    "gauge",
+    "Goals and calls (`kind`) of duplicated nodes at servers outside, that have not ended yet.",
+    ("side", "kind"),
+    2,
+)
 STATE_AT_CHANGE: Final = Family(
     f"{_ROBOT}state_age_at_change_seconds",
     "gauge",

@@ -13,7 +13,7 @@ from prometheus_client.exposition import generate_latest
 from prometheus_client.registry import Collector
 
 from robot_offload.api.agent_state import AgentState, Sight
-from robot_offload.api.side_numbers import FATES, GAP_S, LATENCY_S, OUTCOMES, SideNumbers
+from robot_offload.api.side_numbers import FATES, GAP_S, IN_FLIGHT, LATENCY_S, OUTCOMES, SideNumbers
 from robot_offload.reporter import families
 from robot_offload.reporter.families import Family, add
 
@@ -128,12 +128,23 @@ _PLAIN: Final[tuple[tuple[Family, Callable[[SideNumbers], float | None]], ...]] 
     (families.LEFT_OUT, lambda numbers: numbers.left_out),
 )
 Entries = Iterable[tuple[tuple[str, ...], float]]
+
+
+def _used(numbers: SideNumbers) -> Entries:
+    counts = (("goal", numbers.used_goals), ("call", numbers.used_calls))
+    return (((kind,), count) for kind, count in counts if count is not None)
+
+
 _TABLES: Final[tuple[tuple[Family, Callable[[SideNumbers], Entries]], ...]] = (
     (families.CHANGEOVERS, lambda numbers: (((to, reason), count) for to, reason, count in numbers.changeovers)),
     (families.OVERDUE, lambda numbers: (((name,), seconds) for name, seconds in numbers.overdue_s)),
     (families.REFUSED, lambda numbers: (((reason,), count) for reason, count in numbers.refused)),
     (families.INPUT_MESSAGES, lambda numbers: _by_word(numbers.topics, FATES)),
     (families.GOALS, lambda numbers: _by_word(numbers.goals, OUTCOMES)),
+    (families.OPEN_GOALS, lambda numbers: _by_word(((n, counts[:2]) for n, counts in numbers.actions), IN_FLIGHT[:2])),
+    (families.GOAL_RESTARTS, lambda numbers: (((name,), restarts) for name, (*_, restarts) in numbers.actions)),
+    (families.OPEN_CALLS, lambda numbers: (((name,), count) for name, count in numbers.services)),
+    (families.OPEN_USED, _used),
     (families.CPU, lambda numbers: (((name,), cpu_ms / 1e3) for name, (cpu_ms, _, _) in numbers.processes)),
     (families.MEMORY, lambda numbers: (((name,), kilo * 1024) for name, (_, kilo, _) in numbers.processes)),
     (families.DEATHS, lambda numbers: (((name,), deaths) for name, (_, _, deaths) in numbers.processes)),

@@ -54,7 +54,7 @@ def zenoh_shared() -> Iterator[Shared]:
 
 @pytest.fixture(scope="session")
 def serving_shared() -> Iterator[Shared]:
-    shared = Shared(Plan(domains=(ROBOT_DOMAIN, CLOUD_DOMAIN), serves=True))
+    shared = Shared(Plan(domains=(ROBOT_DOMAIN, CLOUD_DOMAIN), serves=True, files=True))
     yield shared
     shared.close()
 

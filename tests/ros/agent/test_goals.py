@@ -9,9 +9,12 @@ from collections.abc import Iterator
 import pytest
 from rclpy.action import ActionClient
 
+from robot_offload.api.side_numbers import parse_numbers
 from tests.ros.agent.clients import ABORTED, CANCELED, SUCCEEDED, Goal, action_client, until
 from tests.ros.agent.harness import World
 from tests.ros.agent.lifting import Lift
+
+SHOWN_S = 60.0
 
 
 @pytest.fixture
@@ -26,6 +29,18 @@ def many(serving_world: World) -> Iterator[ActionClient]:
     client = action_client(serving_world.ear.node, "/many")
     yield client
     client.destroy()
+
+
+def in_flight(world: World, action: str) -> tuple[int, ...]:
+    """Goals that execute and that wait, and restarts, as the reporter reads them in the cloud.
+
+    Raises:
+        KeyError: there is no report of the robot.
+    """
+    numbers = parse_numbers(world.state["robot"])
+    if numbers is None:
+        raise KeyError("robot")
+    return dict(numbers.actions)[action]
 
 
 def went_over(goal: Goal, world: World, *sides: str) -> bool:
@@ -43,6 +58,7 @@ def test_a_goal_goes_on_through_commanded_switches(serving_world: World, count: 
     assert goal.result()[0] == SUCCEEDED
     assert went_over(goal, serving_world, "cloud", "robot", "cloud", "robot", "cloud")
     assert len(goal.results) == 1
+    serving_world.until(lambda: in_flight(serving_world, "/count")[2] >= 4, "the restarts are shown", SHOWN_S)
 
 
 def test_a_goal_goes_on_after_a_sudden_loss(serving_world: World, count: ActionClient) -> None:
@@ -64,8 +80,10 @@ def test_a_cancel_ends_the_goal_on_either_side(serving_world: World, count: Acti
     serving_world.place(side, stay=True)
     goal = Goal(count, 10_000).accepted()
     goal.beats()
+    serving_world.until(lambda: in_flight(serving_world, "/count")[:2] == (1, 0), "it is shown in the cloud", SHOWN_S)
     assert goal.cancel() == 0
     assert goal.result()[0] == CANCELED
+    serving_world.until(lambda: in_flight(serving_world, "/count")[:2] == (0, 0), "nothing is in flight", SHOWN_S)
     later = Goal(count, 5).accepted()
     heard = len(goal.feedback)
     assert later.result()[0] == SUCCEEDED

@@ -10,7 +10,7 @@ from robot_offload_core.process.messages import Letters
 from robot_offload_core.process.relay import MAX_PAYLOAD, RelayPlan
 from robot_offload_core.process.robot_relay import DIVERGED
 from robot_offload_core.token import Site
-from tests.unit.core.ledger.pair import ALL, CLEAR, COUNT, LAMP, PLAN, Pair, Side
+from tests.unit.core.ledger.pair import ALL, CLEAR, COUNT, FOLLOW, LAMP, PLAN, Pair, Side
 
 
 def answer(side: Side, index: int = -1, words: bytes = b"done", *, success: bool = True) -> None:
@@ -280,5 +280,8 @@ def test_diagnostics_show_how_many_goals_and_calls_are_open() -> None:
     assert {name.partition(".")[2]: n for name, n in shown.items() if name.startswith("open.")} == {
         "goals_running": 0, "goals_waiting": 1, "calls": 1, "used_goals": 0, "used_calls": 1,
     }  # fmt: skip
+    assert [shown[f"{name}.{word}"] for name, word in ((FOLLOW, "running"), (FOLLOW, "waiting"), (PLAN, "open"))] == [
+        0, 1, 1,
+    ]  # fmt: skip
     pair.run(3.0)
     assert all(n == 0 for name, n in pair.robot.statuses[-1].counters if name.startswith("open."))

@@ -20,6 +20,8 @@ def test_a_whole_report_is_read() -> None:
     assert found is not None
     assert (found.garbage, found.beats_lost, found.false_alarms, found.silence_s) == (0, 7, 1, 0.19)
     assert found.goals == (("/go", (3, 0, 1)),)
+    assert (found.actions, found.services) == ((("/go", (1, 2, 4)),), (("/plan", 3),))
+    assert (found.used_goals, found.used_calls) == (1, 0)
 
 
 def test_an_agent_that_says_no_numbers_has_none() -> None:

@@ -14,7 +14,8 @@ REPORT: dict[str, Any] = {
     "limit_ms": 100.0, "clock_offset_ms": -0.4, "ready": True, "beats": [1000, 7],
     "latency": [168, 0, 0, 14, *[0] * 11], "changeovers": [["cloud", "LinkGood", 2], ["robot", "HeartbeatLost", 2]],
     "losses": [2, 1, 190], "gaps": {"/cmd_vel": [50, 1200, 1, 2, 0, 9, *[0] * 8]},
-    "processes": {"control": [1500, 2, 0]}, "goals": {"/go": [3, 0, 1]}, "refused": {"TooOld": 5},
+    "processes": {"control": [1500, 2, 0]}, "goals": {"/go": [3, 0, 1]},
+    "actions": {"/go": [1, 2, 4]}, "services": {"/plan": 3}, "used": [1, 0], "refused": {"TooOld": 5},
     "topics": {"/scan": [100, 0, 4, 1]}, "nodes": {"controller": "active"}, "states": {"amcl": 80}, "left_out": 2,
 }  # fmt: skip
 """What a robot says of itself."""
