@@ -20,11 +20,11 @@ def lacking(robot: Robot) -> Verdict | None:
     return next((Verdict(Site.ROBOT, veto.reason, veto.message) for veto in found), None)
 
 
-def pending(robot: Robot, preparation: Preparation) -> Verdict | None:
+def pending(robot: Robot, preparation: Preparation, *, without_state: bool = False) -> Verdict | None:
     """Returns what the side that gets ready lacks, as the relay and the replicas say; None when nothing."""
     candidate = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT
     lacks = lacking(robot) if candidate is Site.CLOUD else None
-    lacks = lacks or _stale(robot, preparation, candidate)
+    lacks = lacks or (None if without_state else _stale(robot, preparation, candidate))
     if lacks is not None or not robot.handing.served:
         return lacks
     report, preparing = robot.handing.report, robot.epoch
@@ -40,11 +40,59 @@ def _stale(robot: Robot, preparation: Preparation, candidate: Site) -> Verdict |
     """Returns what the side that gets ready lacks of the state of the one that acts; None when nothing."""
     if not robot.handing.kept:
         return None
-    told = next((s for s in robot.handing.states if s.site is candidate), None)
+    told = _said_of(robot.handing, candidate)
     if told is None or told.epoch != preparation.candidate:
         message = f"The data process of the {candidate.value} does not know of the change"
         return Verdict(candidate.other, Reason.STATE_STALE, message)
     return Verdict(candidate.other, Reason.STATE_STALE, told.lacking[0]) if told.lacking else None
+
+
+def _said_of(known: Handing, site: Site) -> StateReported | None:
+    return next((reported for reported in known.states if reported.site is site), None)
+
+
+def begins(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | None]:
+    """Returns why a change to the side of `wish` does not begin yet; None when it begins.
+
+    A node takes its state when it becomes Active, so its side is not to get ready before the state is there. The policy
+    waits for that before a stay in the cloud, for as long as it takes. A person waits no longer than a preparation may
+    take, and so does any change to the robot: the sooner its nodes are Active, the shorter a loss is. A veto waits for
+    nothing.
+    """
+    lacks = _unknown(robot, wish.site)
+    if lacks is None or wish.reason.kind is Kind.VETO:
+        return _lacked(robot, None), None
+    robot = _lacked(robot, now_s) if robot.handing.lacked_s is None else robot
+    return robot, None if _waited_out(robot, wish, now_s) else lacks
+
+
+def _unknown(robot: Robot, candidate: Site) -> Verdict | None:
+    """Returns what the nodes of a side would lack if they became Active now; None when nothing."""
+    if not robot.handing.kept:
+        return None
+    told = _said_of(robot.handing, candidate)
+    message = f"The data process of the {candidate.value} has not said yet which state it knows"
+    if told is not None:
+        message = told.before_active[0] if told.before_active else ""
+    return Verdict(candidate.other, Reason.STATE_STALE, message) if message else None
+
+
+def _waited_out(robot: Robot, wish: Verdict, now_s: float) -> bool:
+    """Returns whether a change has waited for state so long that it begins without."""
+    since_s = robot.handing.lacked_s
+    bounded = wish.site is Site.ROBOT or wish.reason.urgent
+    return bounded and since_s is not None and now_s - since_s >= robot.settings.preparing_s
+
+
+def content(robot: Robot) -> Robot:
+    """Returns the robot when nobody wishes a change: nothing has waited for state."""
+    return _lacked(robot, None)
+
+
+def _lacked(robot: Robot, lacked_s: float | None) -> Robot:
+    if robot.handing.lacked_s == lacked_s:
+        return robot
+    return replace(robot, handing=replace(robot.handing, lacked_s=lacked_s))
 
 
 def told(known: Handing, report: RelayReported | StateReported) -> Handing:
@@ -57,10 +105,12 @@ def told(known: Handing, report: RelayReported | StateReported) -> Handing:
 def may_arm(robot: Robot, preparation: Preparation, wish: Verdict, now_s: float) -> bool:
     """Returns whether the collector may change over as far as goals, requests and state go.
 
-    A pin, a switch by hand or a veto waits until the deadline, then changes over without them.
+    A pin, a switch by hand or a veto waits until the deadline, then changes over without them; for state it waits once,
+    before the preparation or in it.
     """
     impatient = wish.reason.urgent and now_s >= preparation.patient_until_s
-    return preparation.need or impatient or pending(robot, preparation) is None
+    without_state = wish.reason.urgent and _waited_out(robot, wish, now_s)
+    return preparation.need or impatient or pending(robot, preparation, without_state=without_state) is None
 
 
 def hold(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, bool]:

@@ -115,11 +115,13 @@ class StateReported:
     Attributes:
         site: whose. epoch: of the preparation that it is about; 0: none.
         lacking: why the side does not know the state of the one that acts.
+        before_active: those of `lacking` that a node takes when it becomes Active, so it is to have them before.
     """
 
     site: Site
     epoch: int
     lacking: tuple[str, ...] = ()
+    before_active: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,7 @@ class Handing:
         held_s: since when a change waits for a goal that must not be interrupted; None: none waits.
         kept: state is declared, so the data processes say what a change waits for.
         states: newest report of each side about the state that it lacks.
+        lacked_s: since when a change waits for state before it begins; None: none waits.
     """
 
     served: bool = False
@@ -139,6 +142,7 @@ class Handing:
     held_s: float | None = None
     kept: bool = False
     states: tuple[StateReported, ...] = ()
+    lacked_s: float | None = None
 
 
 @dataclass(frozen=True)

@@ -250,10 +250,11 @@ def _move_from_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: lis
         dwelt = now_s - robot.charged_s >= robot.settings.min_dwell_s or verdict.reason.urgent
         if verdict.site is Site.ROBOT and dwelt and now_s >= robot.retry_s:
             robot, waits = handing.hold(robot, verdict, now_s)
-            if waits:
+            robot, lacks = handing.begins(robot, verdict, now_s)
+            if waits or lacks is not None:
                 return robot
             return changeovers.prepare(robot, Phase.TO_ROBOT, verdict, now_s, commands)
-        return robot
+        return robot if verdict.site is Site.ROBOT else handing.content(robot)
     preparation = robot.preparation
     assert preparation is not None
     armed = robot.nodes_ready and handing.may_arm(robot, preparation, verdict, now_s)
@@ -316,9 +317,14 @@ def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: lis
     free = dwelt and not held and now_s >= robot.retry_s and robot.duplicated
     if verdict.site is Site.CLOUD and fault is None and free:
         robot, waits = handing.hold(robot, verdict, now_s)
+        robot, lacks = handing.begins(robot, verdict, now_s)
         if waits:
             return robot
+        if lacks is not None:
+            return changeovers.decide(robot, lacks, now_s, commands)
         return changeovers.prepare(robot, Phase.TO_CLOUD, verdict, now_s, commands)
+    if verdict.site is Site.ROBOT:
+        robot = handing.content(robot)
     chosen = verdict.site is Site.ROBOT and verdict.reason.chosen
     if robot.both_silent and not chosen:
         message = "Rated outputs are silent on the robot and in the cloud; the cloud is asked again less and less often"

@@ -147,6 +147,7 @@ class DataProcess(ABC):
         shared: names of the latter.
         notes: of our control, for the other side.
         lacks: why this side does not know a state of the one that acts, by name.
+        before_active: names of the states that a node takes when it becomes Active.
         came_s: when a message of each input last came. problems: by key, for diagnostics. counters: by name.
     """
 
@@ -169,6 +170,7 @@ class DataProcess(ABC):
         self.notes_due_s = 0.0
         self.counters: Counter[str] = Counter()
         self.lacks: dict[str, str] = {}
+        self.before_active: frozenset[str] = frozenset()
         self.problems: dict[str, tuple[str, str]] = {}
         self.came_s: dict[str, float] = {}
         self.status_due_s = self.probe_due_s = self.detail_due_s = ports.now_s()

@@ -216,6 +216,11 @@ class RobotDataProcess(DataProcess):
         due_s = heard_s + probe.PERIOD_S + ARRIVED_S
         return due_s if due_s >= usual_s else due_s + probe.PERIOD_S
 
+    def _lacking(self, site: Site, preparing: int, lacks: dict[str, str]) -> StateReported:
+        """Returns what a side lacks of the other one's state, as control takes it."""
+        before_active = tuple(why for name, why in lacks.items() if name in self.before_active)
+        return StateReported(site, preparing, tuple(lacks.values()), before_active)
+
     def report(self, now_s: float, detailed: bool) -> None:
         """Reports to control."""
         connected, endpoint = self.ports.link_status()
@@ -229,11 +234,9 @@ class RobotDataProcess(DataProcess):
         replicas = tuple(sorted(received.nodes.items())) if received and detailed else ()
         word = received.word if received else ""
         problems, counters = self.details(detailed)
-        states: tuple[StateReported, ...] = (
-            StateReported(Site.ROBOT, self.orders.preparing, tuple(self.lacks.values())),
-        )
+        states: tuple[StateReported, ...] = (self._lacking(Site.ROBOT, self.orders.preparing, self.lacks),)
         if received is not None:
-            states += (StateReported(Site.CLOUD, received.preparing, tuple(received.lacks.values())),)
+            states += (self._lacking(Site.CLOUD, received.preparing, received.lacks),)
         status = DataStatus(
             report,
             None,

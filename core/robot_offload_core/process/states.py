@@ -92,6 +92,8 @@ class StateProcess(ABC):
         self.standing = {name: Standing() for name in states}
         self.kept: dict[str, _Kept] = {}
         self.stood_by = False
+        data.before_active = frozenset(name for name, state in states.items() if isinstance(state, SnapshotState))
+        self._say_lacks(data.ports.now_s())
 
     def published(self, name: str, payload: bytes) -> None:
         """Takes what the node here said; what is no whole snapshot goes no further."""
@@ -127,7 +129,7 @@ class StateProcess(ABC):
         if self.stood_by and not stands_by:
             self._note_ages(now_s)
         self.stood_by = stands_by
-        self.data.lack(self._lacks(now_s) if stands_by else {})
+        self._say_lacks(now_s)
 
     def _give(self, name: str, kept: _Kept, active: bool) -> None:
         """Gives a topic's message to a node that is Active, parameters to one in any state."""
@@ -146,6 +148,10 @@ class StateProcess(ABC):
             if aged_s != float("inf"):
                 self.data.counters[f"state {name}.age_at_change_ms"] = round(aged_s * 1e3)
                 self.data.counters[f"state {name}.changes"] += 1
+
+    def _say_lacks(self, now_s: float) -> None:
+        """Says what this side lacks unless it holds: before anybody was heard it lacks each snapshot."""
+        self.data.lack(self._lacks(now_s) if self.stay() is None else {})
 
     def _lacks(self, now_s: float) -> dict[str, str]:
         """Returns why this side does not know a state of the one that acts, by name."""

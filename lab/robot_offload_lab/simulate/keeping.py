@@ -35,6 +35,7 @@ class Kept:
         restored_s: true time at which the newest snapshot was made that this node was given.
         silent: faults at work that keep the node from publishing. torn: share of arrivals whose bytes are damaged.
         took: how many snapshots the node was given.
+        began: each time that the node became Active: when (true time), and whether it had got a snapshot by then.
     """
 
     def __init__(
@@ -48,6 +49,8 @@ class Kept:
         self.silent = 0
         self.torn = 0.0
         self.took = 0
+        self.began: list[tuple[float, bool]] = []
+        self.node.woken = self.woke
         side.data.exchange = self.make
         side.data.damage = self.damage
 
@@ -66,6 +69,10 @@ class Kept:
         if self.node.state is State.ACTIVE and self.node.running and not self.silent and self.process is not None:
             data = SAID.pack(self.site is Site.ROBOT, self.world.now)
             self.side.data.post("state", self.process.published, self.name, serialized(data))
+
+    def woke(self) -> None:
+        """Takes what the node was given; notes whether it begins clean."""
+        self.began.append((self.world.now, self.took > 0))
 
     def damage(self, payload: bytes) -> bytes:
         """Returns what arrives of a snapshot: sometimes torn."""

@@ -22,7 +22,9 @@ HANDOVER: dict[str, Mutant] = {
         "goal_that_the_candidate_rejects",
         (
             Edit(
-                "handing", "return preparation.need or impatient or pending(robot, preparation) is None", "return True"
+                "handing",
+                "return preparation.need or impatient or pending(robot, preparation, without_state=without_state) is None",
+                "return True",
             ),
         ),
     ),
@@ -348,12 +350,44 @@ HANDOVER: dict[str, Mutant] = {
     ),
     "N44": Mutant(
         "a change does not wait for the state",
-        "stale_state_is_waited_for",
-        (Edit("handing", "    lacks = lacks or _stale(robot, preparation, candidate)\n", ""),),
+        "state_grows_old_in_a_preparation",
+        (
+            Edit(
+                "handing",
+                "pending(robot, preparation, without_state=without_state)",
+                "pending(robot, preparation, without_state=True)",
+            ),
+        ),
     ),
     "N45": Mutant(
         "a new relay of the cloud leaves its predecessor's goals alone",
         "clouds_relay_dies_unheard",
         (Edit("process.cloud_relay", "        self._cancel_inherited(now_s)\n", ""),),
+    ),
+    "N46": Mutant(
+        "the other side's nodes wake before there is state to wake with",
+        "first_change_waits_for_state",
+        (Edit("handing", "    if lacks is None or wish.reason.kind is Kind.VETO:", "    if True:"),),
+    ),
+    "N47": Mutant(
+        "a person waits for state before a change for ever",
+        "person_waits_for_state_once",
+        (Edit("handing", "bounded = wish.site is Site.ROBOT or wish.reason.urgent", "bounded = False"),),
+    ),
+    "N48": Mutant(
+        "a person waits for state twice",
+        "person_waits_for_state_once",
+        (
+            Edit(
+                "handing",
+                "without_state = wish.reason.urgent and _waited_out(robot, wish, now_s)",
+                "without_state = False",
+            ),
+        ),
+    ),
+    "N49": Mutant(
+        "a veto waits for state",
+        "veto_waits_for_no_state",
+        (Edit("handing", "    if lacks is None or wish.reason.kind is Kind.VETO:", "    if lacks is None:"),),
     ),
 }

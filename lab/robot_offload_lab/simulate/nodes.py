@@ -55,6 +55,7 @@ class Node(Process):
         refusing, mute, hung: how many faults of that kind are at work.
         activations: grows with every change of state.
         occupied: says whether there is something to publish for; None: always.
+        woken: happens as the node becomes Active, as its `on_activate` does; None: nothing.
     """
 
     def __init__(self, world: World, host: Host, spec: NodeSpec, replica: Replica, sink: Sink) -> None:
@@ -71,6 +72,7 @@ class Node(Process):
         self.state = State.UNCONFIGURED
         self.activations = 0
         self.occupied: Callable[[], bool] | None = None
+        self.woken: Callable[[], None] | None = None
         self._sequence = 0
         self._busy_until_s = 0.0
 
@@ -129,6 +131,8 @@ class Node(Process):
         if legal:
             self.state = GOAL[transition]
             self.activations += 1
+            if self.woken is not None and self.state is State.ACTIVE:
+                self.woken()
             if self.replica.on_activate and self.state is State.ACTIVE:
                 self.once(self.replica.period_s, partial(self._timer_of, self.activations))
             self.world.note(self.name, "is", self.state.value)

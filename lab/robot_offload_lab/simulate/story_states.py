@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from robot_offload_core.declared import SnapshotState
+from robot_offload_core.placement import CloudLeaving, Phase
+from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.keeping import Kept
 from robot_offload_lab.simulate.stage import Stage
 
 ROBOT, CLOUD = Site.ROBOT, Site.CLOUD
 NAME = "controller_1"
+PATIENT = Settings(prepare_deadline_s=2.0)
 
 
 class StateStage(Stage):
@@ -75,6 +78,55 @@ def stale_state_is_waited_for() -> None:
     stage.until(lambda: stage.site is CLOUD, 10.0, "a pin does not wait for ever")
 
 
+def first_change_waits_for_state() -> None:
+    """The cloud's nodes sleep until there is state to wake with, however late the robot's node says its first."""
+    stage = StateStage()
+    stage.kept(ROBOT).silent += 1
+    stage.start()
+    stage.until(lambda: "StateStale" in stage.reasons(), 5.0, "the change waits")
+    stage.always(lambda: stage.phase is Phase.ROBOT, 3.0, "nothing is begun")
+    stage.expect(not stage.kept(CLOUD).began, "the cloud's node sleeps")
+    stage.kept(ROBOT).silent -= 1
+    stage.until(lambda: stage.site is CLOUD, 2.0, "the cloud acts")
+    stage.expect(all(knew for _, knew in stage.kept(CLOUD).began), "its node begins with the robot's state")
+
+
+def state_grows_old_in_a_preparation() -> None:
+    """State that is young when the cloud's nodes are woken, and too old when they are Active, calls the change off."""
+    stage = StateStage(settings=PATIENT)
+    stage.cloud.nodes["controller"].slow_s = 1.0
+    stage.start()
+    stage.until_phase(Phase.TO_CLOUD, 8.0, "the cloud gets ready")
+    stage.kept(ROBOT).silent += 1
+    stage.until(lambda: "StateStale" in stage.reasons(), 4.0, "the change is called off")
+    stage.expect(stage.site is ROBOT, "the robot goes on")
+
+
+def person_waits_for_state_once() -> None:
+    """A pin waits for state before the other side's nodes wake, as long as a preparation may take, and not again."""
+    for site, settings in ((CLOUD, Settings(prefer=ROBOT, prepare_deadline_s=2.0)), (ROBOT, PATIENT)):
+        stage = StateStage(settings=settings)
+        stage.kept(site.other).silent += 1
+        stage.start()
+        if site is ROBOT:
+            stage.until(lambda at=stage: at.site is CLOUD, 8.0, "the cloud acts")  # type: ignore[misc]
+        stage.run(2.0)
+        begun = len(stage.kept(site).began)
+        stage.pin(site)
+        stage.always(lambda at=stage, to=site, n=begun: len(at.kept(to).began) == n, 1.9, "its node sleeps")  # type: ignore[misc]
+        stage.until(lambda at=stage, to=site: at.site is to, 0.9, "a pin does not wait for ever")  # type: ignore[misc]
+
+
+def veto_waits_for_no_state() -> None:
+    """Of a cloud that stops the robot wakes its nodes at once, whatever they know."""
+    stage = StateStage(settings=PATIENT)
+    stage.kept(CLOUD).silent += 1
+    stage.in_cloud()
+    begun = len(stage.kept(ROBOT).began)
+    stage.robot.control.step(CloudLeaving(stage.machine.link.peer, stage.robot.host.now_s() + 30.0))
+    stage.until(lambda: len(stage.kept(ROBOT).began) > begun, 0.5, "the robot's node wakes")
+
+
 def state_on_a_bad_link() -> None:
     """Snapshots are torn, lost, doubled, overtake each other: none of these is restored, ages are never too small."""
     stage = StateStage()
@@ -107,6 +159,7 @@ def data_processes_die_with_state() -> None:
 
 
 STORIES = (
-    state_over_changes, state_after_a_loss, stale_state_is_waited_for, state_on_a_bad_link,
+    state_over_changes, state_after_a_loss, stale_state_is_waited_for, first_change_waits_for_state,
+    state_grows_old_in_a_preparation, person_waits_for_state_once, veto_waits_for_no_state, state_on_a_bad_link,
     data_processes_die_with_state,
 )  # fmt: skip

@@ -119,3 +119,58 @@ def test_the_gate_waits_for_the_state_of_the_side_that_gets_ready_and_of_this_ve
     assert handing.may_arm(keeping(StateReported(Site.CLOUD, 7)), PREPARATION, POLICY, 1.0)
     assert handing.may_arm(stale, PREPARATION, PIN, 5.0), "a pin waits until the deadline only"
     assert handing.may_arm(stale, replace(PREPARATION, need=True), POLICY, 0.0)
+
+
+UNKNOWN = ("no snapshot",)
+HAND, LEAVING = Verdict(Site.CLOUD, Reason.BY_HAND, ""), Verdict(Site.ROBOT, Reason.POD_STOPPING, "")
+BACK = Verdict(Site.ROBOT, Reason.LATENCY_TOO_HIGH, "")
+WAIT_S = Settings().preparing_s
+
+
+def knowing(*unknown: str, lacking: tuple[str, ...] = ()) -> Robot:
+    """Returns a robot whose data processes say what each side does not know before its nodes wake."""
+    state = replace(keeping(*(StateReported(site, 0, unknown + lacking, unknown) for site in Site)), phase=Phase.ROBOT)
+    return replace(state, preparation=None)
+
+
+def begins(state: Robot, wish: Verdict, *times_s: float) -> list[bool]:
+    """Returns at which of the times a change begins."""
+    begun = []
+    for now_s in times_s:
+        state, lacks = handing.begins(state, wish, now_s)
+        begun.append(lacks is None)
+    return begun
+
+
+def test_the_policy_wakes_the_clouds_nodes_only_when_there_is_state_to_wake_with() -> None:
+    assert begins(knowing(*UNKNOWN), POLICY, 1.0, 100.0) == [False, False]
+    assert begins(keeping(), POLICY, 1.0, 100.0) == [False, False], "a data process that has said nothing knows nothing"
+    _, lacks = handing.begins(knowing(*UNKNOWN), POLICY, 1.0)
+    assert lacks is not None
+    assert (lacks.site, lacks.reason, lacks.message) == (Site.ROBOT, Reason.STATE_STALE, "no snapshot")
+    assert begins(knowing(), POLICY, 1.0) == [True]
+    assert begins(knowing(lacking=("parameters",)), POLICY, 1.0) == [True], "what is given to Active nodes only"
+    assert begins(robot(served=False), POLICY, 1.0) == [True], "no state is declared"
+
+
+def test_a_person_and_a_way_back_wait_for_state_no_longer_than_a_preparation_takes_and_a_veto_not_at_all() -> None:
+    for wish in (PIN, HAND, BACK):
+        assert begins(knowing(*UNKNOWN), wish, 1.0, 0.99 + WAIT_S, 1.0 + WAIT_S) == [False, False, True]
+    assert begins(knowing(*UNKNOWN), LEAVING, 1.0) == [True]
+
+
+def test_what_a_person_has_waited_for_before_a_preparation_is_not_waited_for_in_it() -> None:
+    state, _ = handing.begins(knowing(*UNKNOWN), PIN, 1.0)
+    state = replace(state, phase=Phase.TO_CLOUD, preparation=PREPARATION)
+    assert handing.may_arm(state, PREPARATION, PIN, 1.0 + WAIT_S)
+    assert not handing.may_arm(state, PREPARATION, POLICY, 1.0 + WAIT_S)
+    assert not handing.may_arm(handing.content(state), PREPARATION, PIN, 1.0 + WAIT_S)
+
+
+def test_each_wait_for_state_counts_from_its_own_beginning() -> None:
+    state, _ = handing.begins(knowing(*UNKNOWN), PIN, 1.0)
+    again, lacks = handing.begins(handing.content(state), PIN, 1.0 + WAIT_S)
+    assert lacks is not None
+    known, lacks = handing.begins(replace(again, handing=knowing().handing), PIN, 2.0)
+    assert lacks is None
+    assert known.handing.lacked_s is None

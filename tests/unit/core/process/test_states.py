@@ -16,7 +16,7 @@ from robot_offload_core.ledger.ports import Holding
 from robot_offload_core.parameter_values import encode as encode_parameters
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataPlan
-from robot_offload_core.process.messages import Egress, Heard, Orders
+from robot_offload_core.process.messages import DataStatus, Egress, Heard, Orders
 from robot_offload_core.process.probe import Probe, decode, encode
 from robot_offload_core.process.robot_data import RobotDataProcess
 from robot_offload_core.process.states import AGAIN_S, CHANNEL, CloudStates, RobotStates, StateProcess
@@ -45,6 +45,7 @@ class Ports:
     restored_while: list[tuple[bytes, bool]] = field(default_factory=list)
     refused: str = ""
     listens: bool = True
+    statuses: list[DataStatus] = field(default_factory=list)
     lock: Any = field(default_factory=contextlib.nullcontext)
 
     def now_s(self) -> float:
@@ -71,6 +72,16 @@ class Ports:
 
     def types(self) -> dict[str, str]:
         return {}
+
+    def link_status(self) -> tuple[bool, str]:
+        return True, "quic"
+
+    def send(self, to: str, message: Any) -> bool:
+        assert to == "control"
+        self.statuses.append(message)
+        return True
+
+    renew = send
 
     def __getattr__(self, name: str) -> Any:
         raise AssertionError(f"{name} is not for the exchange of state")
@@ -299,6 +310,22 @@ def test_the_robots_control_hears_what_each_side_lacks_for_which_preparation() -
     decoded = decode(encode(probe))
     assert isinstance(decoded, Probe)
     assert (decoded.preparing, decoded.lacks) == (7, probe.lacks)
+
+
+def test_a_side_lacks_a_snapshot_from_its_first_word_on_and_before_anybody_was_heard() -> None:
+    data = CloudDataProcess(DataPlan((), ()), Ports())  # type: ignore[arg-type]
+    CloudStates(STATES, Ports(), data)
+    assert list(data.make_probe().lacks) == [NAME]
+
+
+def test_control_hears_which_state_a_node_is_to_have_before_it_is_active() -> None:
+    both = {NAME: STATES[NAME], "amcl_1": PARAMETERS[NAME]}
+    pair = Pair(both)
+    pair.robot_data.probe = Probe(CLOUD, lacks={NAME: "no snapshot", "amcl_1": "no parameters"})
+    pair.robot_data.report(pair.ports[Site.ROBOT].time_s, detailed=False)
+    robot, cloud = pair.ports[Site.ROBOT].statuses[-1].states
+    assert (robot.site, robot.lacking) == (Site.ROBOT, ())
+    assert (cloud.lacking, cloud.before_active) == (("no snapshot", "no parameters"), ("no snapshot",))
 
 
 PARAMETERS = {NAME: ParameterState("amcl")}
