@@ -30,6 +30,7 @@ class Check(str, Enum):
     CLOUD_UDP = "CloudUdp"
     DDS_DISCOVERY = "DdsDiscovery"
     FILE_DESCRIPTORS = "FileDescriptors"
+    IN_FLIGHT = "InFlight"
     MESSAGE_TYPES = "MessageTypes"
     MIDDLEWARE = "Middleware"
     NODES = "Nodes"
@@ -77,14 +78,15 @@ def as_json(findings: Sequence[Finding]) -> str:
 
 
 def as_text(findings: Sequence[Finding]) -> str:
-    """Returns the findings for people: what needs a hand first, what is fine in one line."""
+    """Returns the findings for people: what needs a hand first, what is fine in one line, what is in flight."""
     order = [Level.ERROR, Level.WARNING, Level.UNKNOWN]
     lines = []
     for finding in sorted((f for f in findings if f.level is not Level.OK), key=lambda f: order.index(f.level)):
         lines.append(f"{finding.level:8} {finding.check}: {finding.message}")
         if finding.step:
             lines.append(f"{'':8} next: {finding.step}")
-    fine = [finding.check for finding in findings if finding.level is Level.OK]
+    fine = [it.check for it in findings if it.level is Level.OK and it.check is not Check.IN_FLIGHT]
     if fine:
         lines.append(f"{Level.OK:8} {', '.join(fine)}")
+    lines += [f"{finding.check}: {finding.message}" for finding in findings if finding.check is Check.IN_FLIGHT]
     return "\n".join(lines)

@@ -18,7 +18,9 @@ DISCOVERY_S = 3.0
 ANSWER_S = 2.0
 OWN_NODES = ("offload_collector", "offload_control_robot", "guardian", "network_monitor", "cloud_switcher")
 PLACEMENT_STATUS = "robot_offload robot: placement"
+DATA_STATUS = "robot_offload robot: data"
 """See `ros/report.py`."""
+MAX_DIGITS = 18
 NAVIGATOR = "bt_navigator"
 SERVER_TIMEOUT = "default_server_timeout"
 """How long Nav2's behaviour tree waits for the answer to a goal or a service call, ms; 20 by default
@@ -37,6 +39,7 @@ class Graph:
         server_timeout_ms: Nav2's; None: there is no bt_navigator, or it does not answer.
         release: of the robot's agent that runs; "": none runs, or it does not say.
         cloud_release: of the cloud's agent, as the robot's says; "": it was not heard yet.
+        counted: what the robot's agent counts, by name; empty: none runs, or it has not said.
         problem: why nothing could be seen; empty: it could.
     """
 
@@ -47,6 +50,7 @@ class Graph:
     server_timeout_ms: float | None = None
     release: str = ""
     cloud_release: str = ""
+    counted: Mapping[str, int] = field(default_factory=dict)
     problem: str = ""
 
 
@@ -91,6 +95,27 @@ def judge(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
     yield from _undeclared(graph)
     yield from _timeouts(graph, configuration)
     yield _releases(graph)
+    if graph.counted:
+        yield from _in_flight(graph.counted, configuration)
+
+
+def _in_flight(counted: Mapping[str, int], configuration: Configuration) -> Iterator[Finding]:
+    """Says which goals and calls are open, how often a goal began anew, and how old handed-over state was."""
+    found = []
+    for action in (spec["name"] for spec in configuration.actions):
+        running, waiting, resent = (counted.get(f"{action}.{word}", 0) for word in ("running", "waiting", "resent"))
+        found.append(f"{action} {running} executing, {waiting} waiting, {resent} restarts")
+    for service in (spec["name"] for spec in configuration.services):
+        found.append(f"{service} {counted.get(f'{service}.open', 0)} open calls")
+    for name, what in (("open.used_goals", "goals"), ("open.used_calls", "calls")):
+        if counted.get(name):
+            found.append(f"{counted[name]} {what} at servers outside")
+    for state in configuration.states:
+        age_ms = counted.get(f"state {state.name}.age_at_change_ms")
+        if age_ms is not None:
+            found.append(f"state {state.name} {age_ms} ms old at the robot's last change")
+    if found:
+        yield Finding(Check.IN_FLIGHT, Level.OK, "; ".join(found))
 
 
 def _releases(graph: Graph) -> Finding:
@@ -186,24 +211,33 @@ def look(configuration: Configuration, discovery_s: float = DISCOVERY_S) -> Grap
         told = _diagnostics(node)
         _spin(executor, node.get_clock(), discovery_s)
         seen = _seen(node, executor, configuration)
-        return replace(seen, release=told.get("release", ""), cloud_release=told.get("cloud_release", ""))
+        said, counted = told[PLACEMENT_STATUS], told[DATA_STATUS]
+        return replace(
+            seen, release=said.get("release", ""), cloud_release=said.get("cloud_release", ""),
+            counted={name: int(value) for name, value in counted.items() if _is_count(value)},
+        )  # fmt: skip
     finally:
         rclpy.shutdown()
 
 
-def _diagnostics(node: Any) -> dict[str, str]:
-    """Returns the values that the robot's agent says of who acts; they come while the node is spun."""
+def _diagnostics(node: Any) -> dict[str, dict[str, str]]:
+    """Returns what the robot's agent says of who acts, and what it counts; both come while the node is spun."""
     from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415 - see look
 
-    told: dict[str, str] = {}
+    told: dict[str, dict[str, str]] = {PLACEMENT_STATUS: {}, DATA_STATUS: {}}
 
     def take(array: Any) -> None:
         for status in array.status:
-            if status.name == PLACEMENT_STATUS:
-                told.update((pair.key, pair.value) for pair in status.values)
+            if status.name in told:
+                told[status.name].update((pair.key, pair.value) for pair in status.values)
 
     node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
     return told
+
+
+def _is_count(word: str) -> bool:
+    """Returns whether a value is a count; a name on /diagnostics belongs to nobody, so anything may stand there."""
+    return word.isascii() and word.isdigit() and len(word) <= MAX_DIGITS
 
 
 def _spin(executor: Any, clock: Any, seconds: float) -> None:

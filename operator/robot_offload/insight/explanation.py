@@ -7,7 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from robot_offload.api.agent_state import AgentState
 from robot_offload.api.v1alpha1.status import PROGRESS_TYPES, ROBOT_TYPES
+from robot_offload.insight import in_flight
 from robot_offload.insight.handover import handover
 from robot_offload.insight.next_steps import Advice, advice
 from robot_offload.insight.observed import READY, Condition, Observed, ago, time_of
@@ -58,7 +60,12 @@ class Explanation:
 
 
 def explain(
-    offload: Observed, *, deleting: bool, events: Sequence[Mapping[str, Any]], now: datetime.datetime
+    offload: Observed,
+    *,
+    deleting: bool,
+    events: Sequence[Mapping[str, Any]],
+    now: datetime.datetime,
+    state: AgentState | None = None,
 ) -> Explanation:
     """Explains one RobotOffload.
 
@@ -67,6 +74,7 @@ def explain(
         deleting: whether it is being deleted.
         events: of its namespace; those of others are left alone.
         now: the present.
+        state: what its agent says now; None: it cannot be asked.
     """
     problems = tuple(_problems(offload, deleting, now))
     cloud = [problem for problem in problems if problem.condition not in ROBOT_TYPES]
@@ -78,7 +86,7 @@ def explain(
         ready=not cloud,
         headline=headline,
         problems=problems,
-        notes=tuple(_notes(offload)),
+        notes=(*_notes(offload), *(in_flight.sentences(state) if state is not None else ())),
         events=tuple(event_lines(offload.name, events, now)),
     )
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -43,6 +46,14 @@ def in_flight(world: World, action: str) -> tuple[int, ...]:
     return dict(numbers.actions)[action]
 
 
+def examined(world: World) -> str:
+    """What the doctor beside the robot's agent says of goals and calls in flight, "" where it heard no agent."""
+    words = [sys.executable, "-m", "robot_offload_agent.main", "doctor", "--json", "--no-network"]
+    file = str(world.folder / "robot.yaml")
+    done = subprocess.run([*words, "--params", file], capture_output=True, text=True, timeout=SHOWN_S, check=False)
+    return next((one["message"] for one in json.loads(done.stdout) if one["check"] == "InFlight"), "")
+
+
 def went_over(goal: Goal, world: World, *sides: str) -> bool:
     """Whether these sides executed a goal in this order; on a busy machine it may have moved more often."""
     executors = iter(goal.executors())
@@ -59,6 +70,7 @@ def test_a_goal_goes_on_through_commanded_switches(serving_world: World, count: 
     assert went_over(goal, serving_world, "cloud", "robot", "cloud", "robot", "cloud")
     assert len(goal.results) == 1
     serving_world.until(lambda: in_flight(serving_world, "/count")[2] >= 4, "the restarts are shown", SHOWN_S)
+    serving_world.until(lambda: "/count 0 executing, 0 waiting, " in examined(serving_world), "by the doctor", SHOWN_S)
 
 
 def test_a_goal_goes_on_after_a_sudden_loss(serving_world: World, count: ActionClient) -> None:

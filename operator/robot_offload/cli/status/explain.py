@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from robot_offload.cli.app import example_text
-from robot_offload.cli.cluster import Context, Kubeconfig, Name, Namespace, Target, find
+from robot_offload.cli.cluster import HURRY, Context, Kubeconfig, Name, Namespace, Target, find, live
 from robot_offload.insight.explanation import Explanation
 from robot_offload.insight.explanation import explain as explanation_of
 from robot_offload.insight.observed import observe
@@ -50,11 +50,14 @@ def explain(
             events = await api.list(EVENT, place)
         except KubeError:
             events = []  # who may not read events still gets the answer
+        async with target.api(HURRY) as hurry:
+            said = await live(hurry, place, name)
         return explanation_of(
             observe(manifest),
             deleting=bool(manifest["metadata"].get("deletionTimestamp")),
             events=events,
             now=datetime.datetime.now(datetime.UTC),
+            state=said.state,
         )
 
     found = target.run(work)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -12,6 +12,7 @@ from rich.text import Text
 
 from robot_offload.api.agent_state import AgentState
 from robot_offload.cli.cluster import Live
+from robot_offload.insight import in_flight
 from robot_offload.insight.observed import Observed, ago
 
 UNKNOWN = "-"
@@ -113,11 +114,25 @@ def _facts(offload: Observed, live: Live, now: datetime.datetime) -> Table:
         grid.add_row("Held by", Text(_held_by(offload)))
     grid.add_row("Robot", _robot(offload, live, now))
     grid.add_row("Round trip", Text(latency(state)))
+    if state is not None:
+        for heading, words in (
+            ("Goals", in_flight.goals(state) if declares(offload, "actions") else ""),
+            ("Calls", in_flight.calls(state) if declares(offload, "services") else ""),
+            ("State", in_flight.state_ages(state)),
+        ):
+            if words:
+                grid.add_row(heading, Text(words))
     grid.add_row("Settings", Text(settings(offload, state)))
     grid.add_row("Ready", _ready(offload))
     if live.problem:
         grid.add_row("Live numbers", Text(f"not available: {live.problem}", style="yellow"))
     return grid
+
+
+def declares(offload: Observed, what: str) -> bool:
+    """Returns whether a node serves or uses such things: `actions`, `services`."""
+    nodes = [node for node in offload.spec.get("nodes") or () if isinstance(node, Mapping)]
+    return any(node.get(what) or (node.get("uses") or {}).get(what) for node in nodes)
 
 
 def _held_by(offload: Observed) -> str:
@@ -207,6 +222,7 @@ def plain(offload: Observed, live: Live) -> dict[str, Any]:
             "generation": offload.robot_generation,
         },
         "roundTripMs": None if state is None else {"p50": state.round_trip_p50_ms, "p99": state.round_trip_p99_ms},
+        **in_flight.plain(state),
         "live": not live.problem,
         "liveProblem": live.problem,
         "ready": offload.ready,

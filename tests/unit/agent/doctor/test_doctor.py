@@ -99,6 +99,23 @@ def test_what_is_wrong_in_the_graph_is_named_with_the_next_step(
     assert all(word in found[check].message + found[check].step for word in words)
 
 
+def test_what_is_in_flight_is_said_of_an_agent_that_runs() -> None:
+    serving = parameters.parse(
+        {
+            **GIVEN, "actions": ["go"], "action.go.name": "/go", "action.go.type": "test_msgs/action/Fibonacci",
+            "action.go.on_switch": "Resend", "action.go.node": "walker", "services": ["plan"],
+            "service.plan.name": "/plan", "service.plan.type": "std_srvs/srv/Trigger", "service.plan.node": "walker",
+            "states": ["pose"], "state.pose.node": "walker", "state.pose.kind": "Snapshot",
+        }
+    )  # fmt: skip
+    counted = {"/go.running": 1, "/go.resent": 3, "/plan.open": 2, "state pose.age_at_change_ms": 80}
+    findings = list(graph.judge(replace(RUNNING, counted=counted), serving))
+    said = "/go 1 executing, 0 waiting, 3 restarts; /plan 2 open calls; state pose 80 ms old at the robot's last change"
+    assert [finding.message for finding in findings if finding.check is Check.IN_FLIGHT] == [said]
+    assert as_text(findings).splitlines()[-1] == f"InFlight: {said}"
+    assert not [it for it in graph.judge(RUNNING, serving) if it.check is Check.IN_FLIGHT]
+
+
 def test_the_agent_itself_is_no_second_publisher_and_no_second_manager() -> None:
     seen = replace(RUNNING, publishers={"/cmd_vel": ("/offload_collector",)}, managers={"/walker": ("/guardian",)})
     assert worst(graph.judge(seen, CONFIGURATION)) == {}

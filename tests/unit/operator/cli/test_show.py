@@ -10,9 +10,9 @@ from rich.console import Console, RenderableType
 from robot_offload.api.agent_state import parse_state
 from robot_offload.cli.cluster import Live
 from robot_offload.cli.status import show
-from robot_offload.insight.observed import observe
+from robot_offload.insight.observed import Observed, observe
 from tests.unit.operator.cli.resources import NOW, manifest, observed
-from tests.unit.operator.reporter.states import text
+from tests.unit.operator.reporter.states import REPORT, text
 
 LIVE = Live(parse_state(text()))
 SILENT = Live(problem="there is no cloud agent")
@@ -94,6 +94,39 @@ def test_settings_that_the_robot_refused_are_explained() -> None:
 def test_a_name_that_looks_like_markup_is_shown_as_it_is() -> None:
     values = manifest(Ready=("False", "Odd", "[red]not red[/red] [/]"))
     assert any("[red]not red[/red] [/]" in " ".join(line) for line in printed(show.details(observe(values), LIVE, NOW)))
+
+
+def serving() -> Observed:
+    values = manifest()
+    values["spec"]["nodes"][0] |= {"actions": [{"name": "/go"}], "services": [{"name": "/plan"}]}
+    return observe(values)
+
+
+def test_goals_and_calls_in_flight_restarts_and_the_age_of_state_are_shown() -> None:
+    lines = words(show.details(serving(), Live(parse_state(text(robot=REPORT))), NOW))
+    assert lines["Goals"] == "/go 1 executing, 2 waiting, 4 restarts; 1 at servers outside"
+    assert lines["Calls"] == "/plan 3 open"
+    assert lines["State"] == "controller_1 85 ms in the cloud, amcl 80 ms on the robot"
+    quiet = REPORT | {"actions": {"/go": [0, 0, 1]}, "services": {"/plan": 0}, "used": [0, 0]}
+    lines = words(show.details(serving(), Live(parse_state(text(robot=quiet))), NOW))
+    assert (lines["Goals"], lines["Calls"]) == ("/go none in flight, 1 restart", "/plan none open")
+
+
+def test_goals_of_a_robot_that_says_nothing_are_not_known_and_who_declares_none_sees_none() -> None:
+    assert words(show.details(serving(), LIVE, NOW))["Goals"].startswith("not known")
+    assert "Goals" not in words(show.details(serving(), SILENT, NOW))
+    assert "Goals" not in words(show.details(observed(), LIVE, NOW))
+
+
+def test_programs_get_what_is_in_flight() -> None:
+    plain = json.loads(json.dumps(show.plain(serving(), Live(parse_state(text(robot=REPORT))))))
+    assert plain["goals"] == [{"action": "/go", "executing": 1, "waiting": 2, "restarts": 4}]
+    assert plain["calls"] == [{"service": "/plan", "open": 3}]
+    assert plain["used"] == {"goals": 1, "calls": 0}
+    assert plain["stateAgesMs"] == {"cloud": {"controller_1": 85}, "robot": {"amcl": 80}}
+    unknown = show.plain(serving(), LIVE)
+    assert [unknown[name] for name in ("goals", "calls", "used")] == [None] * 3
+    assert show.plain(serving(), SILENT)["stateAgesMs"] is None
 
 
 def test_programs_get_the_same() -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from robot_offload.api.agent_state import parse_state
 from robot_offload.cli.status.explain import lines
 from robot_offload.insight.explanation import Explanation, explain
 from robot_offload.insight.handover import handover
 from robot_offload.insight.observed import Observed, observe
 from tests.unit.operator.cli.resources import NOW, manifest, observed
+from tests.unit.operator.reporter.states import REPORT, text
 
 
 def explained(offload: Observed, *events: dict[str, Any], deleting: bool = False) -> Explanation:
@@ -19,6 +21,15 @@ def explained(offload: Observed, *events: dict[str, Any], deleting: bool = False
 def test_what_is_ready_needs_no_step() -> None:
     found = explained(observed())
     assert (found.ready, found.headline, found.problems) == (True, "ward/wheelchair-7 is Ready", ())
+
+
+def test_what_is_in_flight_is_explained_as_the_agents_say_it_now() -> None:
+    notes = explain(observed(), deleting=False, events=(), now=NOW, state=parse_state(text(robot=REPORT))).notes
+    assert "Goals of /go now: 1 executing, 2 waiting, 4 restarts." in notes
+    assert "Calls of /plan that wait for their answer: 3." in notes
+    assert "Goals of the duplicated nodes at servers outside, not ended yet: 1." in notes
+    assert any(line.endswith("controller_1 85 ms in the cloud, amcl 80 ms on the robot.") for line in notes)
+    assert not [line for line in explained(observed()).notes if "now:" in line]
 
 
 def test_the_cause_comes_first_and_has_a_next_step_with_the_real_names() -> None:
