@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import Browser
 
+from robot_offload.api.v1alpha1.pinned import PINNED_UNTIL, read
 from robot_offload.kube.kinds import ROBOT_OFFLOAD
 from robot_offload_lab.cluster.commands import Kubectl
 from robot_offload_lab.cluster.control_plane import ControlPlane
@@ -194,7 +195,7 @@ def test_one_robot_is_live_and_can_be_scrolled_back(tab: Tab, beating: Beating) 
     assert tab.complaints == []
 
 
-def test_a_pin_changes_the_resource_for_two_tabs_and_ends_by_itself(
+def test_a_pin_changes_the_resource_for_two_tabs_and_one_with_an_end_names_it(
     tab: Tab, served: Served, chromium: Browser, fleet: Place
 ) -> None:
     other = Tab(chromium, served.url)
@@ -206,14 +207,18 @@ def test_a_pin_changes_the_resource_for_two_tabs_and_ends_by_itself(
     for each in (tab, other):
         button = each.page.get_by_role("button", name="Pin to the robot")
         each.until(button.is_disabled, "the button to know")
-    past = {"metadata": {"annotations": {"robotoffload.dev/pinned-until": "2026-11-23T00:00:00Z"}}}
-    fleet.patch(ROBOT_OFFLOAD, ONE, past)  # as a console that was closed has left it
-    eventually(lambda: fleet.roff(ONE)["spec"]["switching"].get("pin") == "Auto", "the pin to end")
+    end = "Robot 2026-11-23T00:00:00Z"
+    fleet.patch(ROBOT_OFFLOAD, ONE, {"metadata": {"annotations": {PINNED_UNTIL: end}}})
+    ended = {"status": {"pin": {"side": "Auto", "ended": end}}}
+    fleet.patch(ROBOT_OFFLOAD, ONE, ended, "status")  # as the operator writes it
+    for each in (tab, other):
+        button = each.page.get_by_role("button", name="Pin to the robot")
+        each.until(button.is_enabled, "the button to know that the pin has ended")
     other.page.get_by_role("button", name="Robot takes over now").click()
-    roff = eventually(
-        lambda: (found := fleet.roff(ONE))["spec"]["switching"]["pin"] == "Robot" and found, "the robot to take over"
+    eventually(
+        lambda: fleet.roff(ONE)["metadata"]["annotations"][PINNED_UNTIL] not in ("", end), "the robot to take over"
     )
-    assert "robotoffload.dev/pinned-until" in roff["metadata"]["annotations"]
+    assert read(fleet.roff(ONE)["metadata"]["annotations"][PINNED_UNTIL]).side == "Robot"
     tab.page.get_by_role("button", name="Let the rule decide").click()
     eventually(lambda: fleet.roff(ONE)["spec"]["switching"]["pin"] == "Auto", "the rule to decide")
     assert tab.complaints == other.complaints == []

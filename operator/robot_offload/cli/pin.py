@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import datetime
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
+from robot_offload.api.v1alpha1 import pinned
+from robot_offload.api.v1alpha1.quantities import parse_duration
 from robot_offload.cli.app import example_text
 from robot_offload.cli.cluster import Context, Kubeconfig, Name, Namespace, Target, find
+from robot_offload.errors import InputError
 from robot_offload.insight.observed import Observed, observe
 from robot_offload.kube.kinds import ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi
 
 EXAMPLES = (
     "robot-offload pin wheelchair-7 robot",
+    "kubectl offload pin wheelchair-7 cloud --for 10m",
     "kubectl offload pin wheelchair-7 auto -n ward",
 )
+LONGEST_MS: Final = 30 * 24 * 3_600_000
+"""Of a pin with an end: thirty days. Whoever wants more means until somebody lets go."""
 
 
 class Side(StrEnum):
@@ -36,16 +43,26 @@ def pin(
     name: Name,
     side: Annotated[Side, typer.Argument(metavar="robot|cloud|auto", help="auto: let the policy decide.")],
     *,
+    lasting: Annotated[
+        str | None,
+        typer.Option(
+            "--for",
+            metavar="DURATION",
+            help="How long the pin holds, from 1s to 720h, e.g. 10m. Default: until somebody lets go.",
+        ),
+    ] = None,
     namespace: Namespace = None,
     context: Context = None,
     kubeconfig: Kubeconfig = None,
 ) -> None:
     """Hold the application on one side, or let go.
 
-    It changes spec.switching.pin. A connected robot hears it at once, any other when it connects. Safety stays above
+    It changes spec.switching.pin, and with --for the annotation robotoffload.dev/pinned-until. A connected robot hears
+    it at once, any other when it connects. Safety stays above
     it: a lost robot acts alone, whatever is pinned. A pin in your own YAML file counts again at the next apply.
     """
     wanted = side.value.capitalize()
+    until = end(wanted, lasting, datetime.datetime.now(datetime.UTC))
     target = Target(kubeconfig, context, namespace)
     place = target.namespace
 
@@ -53,7 +70,7 @@ def pin(
         before = await find(api, place, name)
         body = {
             # Another object of this name, or one that was changed meanwhile, is not ours to pin.
-            "metadata": {"uid": before["metadata"]["uid"]},
+            "metadata": {"uid": before["metadata"]["uid"], "annotations": {pinned.PINNED_UNTIL: until}},
             "spec": {"switching": {"pin": wanted}},
         }
         return observe(before), observe(await api.patch(ROBOT_OFFLOAD, place, name, body))
@@ -62,11 +79,35 @@ def pin(
         typer.echo(line)
 
 
+def end(side: str, lasting: str | None, now: datetime.datetime) -> str | None:
+    """Returns the annotation's text for a pin; None: it has no end.
+
+    Args:
+        side: Auto, Robot or Cloud.
+        lasting: how long it holds, as it was given; None: until somebody lets go.
+        now: the present.
+
+    Raises:
+        InputError: `lasting` is none.
+    """
+    if lasting is None:
+        return None
+    if side == pinned.AUTO:
+        raise InputError("--for: only a pin to a side has an end; leave it out with auto")
+    try:
+        lasts_ms = parse_duration(lasting)
+    except ValueError as error:
+        raise InputError(f"--for: {error}") from None
+    if not 1000 <= lasts_ms <= LONGEST_MS:
+        raise InputError(f"--for: {lasting} is not from 1s to 720h")
+    return pinned.written(side, now + datetime.timedelta(milliseconds=lasts_ms))
+
+
 def told(before: Observed, after: Observed) -> list[str]:
     """What to say after the change."""
-    if before.pin == after.pin:
+    if (before.pin, before.pinned_until) == (after.pin, after.pinned_until):
         return [f"{after.name}: the pin is {after.pin} already; nothing was changed"]
-    meaning = "the policy decides again" if after.pin == "Auto" else f"held on the {after.pin.lower()}"
+    meaning = "the policy decides again" if after.pin == "Auto" else f"held on the {after.pin.lower()}{_until(after)}"
     lines = [f"{after.name}: {meaning} (the pin was {before.pin}); generation {after.generation}"]
     if not before.connected:
         lines.append("The robot is not connected; it gets this when it connects.")
@@ -75,3 +116,7 @@ def told(before: Observed, after: Observed) -> list[str]:
     if after.mode == "Observe":
         lines.append("spec.switching.mode is Observe: it decides and says so, but never switches.")
     return lines
+
+
+def _until(offload: Observed) -> str:
+    return f" until {offload.pinned_until}" if offload.pinned_until else ""

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1 import RobotOffload, pinned
 from robot_offload.api.v1alpha1.parsing import parse_text
 from robot_offload.api.v1alpha1.rules import CHECKS, CLUSTER_CHECKS, Check, check
 from robot_offload.cli.app import example_text
@@ -77,7 +77,7 @@ def judge(source: Source, rules: Sequence[Check]) -> Verdict:
         offload = parse_text(source.text, source.name, rules=rules)
     except SpecError as error:
         return Verdict(source.name, None, error.findings)
-    return Verdict(source.name, offload, check(offload.spec, rules))
+    return Verdict(source.name, offload, (*check(offload.spec, rules), *pinned.findings(offload)))
 
 
 def _print(verdict: Verdict) -> None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final
 
-from robot_offload.insight.observed import Observed, time_of
+from robot_offload.api.v1alpha1.pinned import PINNED_UNTIL, written
+from robot_offload.insight.observed import Observed
 
-PINNED_UNTIL: Final = "robotoffload.dev/pinned-until"
-"""On a RobotOffload: when a console lets go of the pin, RFC 3339. Consoles read it, the operator does not."""
 TAKE_OVER_S: Final = 60.0
 """So long the robot keeps what it took over now: longer than a person needs to look, and to pin it for good."""
 
@@ -48,23 +46,21 @@ _PINS: Final = {Want.PIN_ROBOT: "Robot", Want.PIN_CLOUD: "Cloud", Want.AUTO: "Au
 _MODES: Final = {Want.OBSERVE: "Observe", Want.SWITCH: "Auto"}
 
 
-def patch(action: Action, uid: str, now: datetime.datetime, version: str = "") -> dict[str, Any]:
+def patch(action: Action, uid: str, now: datetime.datetime) -> dict[str, Any]:
     """Returns the merge patch of the RobotOffload with this uid.
 
     Args:
         action: what is wanted.
         uid: another object of this name is none of ours.
         now: the present.
-        version: a resourceVersion as a precondition; empty: none.
     """
-    metadata: dict[str, Any] = {"uid": uid, **({"resourceVersion": version} if version else {})}
+    metadata: dict[str, Any] = {"uid": uid}
     if action.want in _MODES:
         return {"metadata": metadata, "spec": {"switching": {"mode": _MODES[action.want]}}}
     for_s = TAKE_OVER_S if action.want is Want.TAKE_OVER else action.for_s
     until = None
     if for_s is not None and action.want is not Want.AUTO:
-        until = (now + datetime.timedelta(seconds=for_s)).astimezone(datetime.UTC).isoformat(timespec="seconds")
-        until = until.replace("+00:00", "Z")
+        until = written(_PINS[action.want], now + datetime.timedelta(seconds=for_s))
     metadata["annotations"] = {PINNED_UNTIL: until}
     return {"metadata": metadata, "spec": {"switching": {"pin": _PINS[action.want]}}}
 
@@ -86,17 +82,11 @@ def useless(action: Action, observed: Observed | None) -> str:
     if observed is None:
         return "there is no resource to change"
     if action.want in _PINS and action.want is not Want.TAKE_OVER and _PINS[action.want] == observed.pin:
-        return f"the pin is {observed.pin} already" if action.for_s is None else ""
+        same = action.for_s is None and not observed.pinned_until
+        return f"the pin is {observed.pin} already" if same else ""
     if action.want in _MODES and _MODES[action.want] == observed.mode:
         return f"the mode is {observed.mode} already"
     return ""
-
-
-def pinned_until(manifest: Mapping[str, Any]) -> datetime.datetime | None:
-    """Returns when a console is to let go of the pin; None: nobody said so, or there is no pin."""
-    pin = ((manifest.get("spec") or {}).get("switching") or {}).get("pin") or "Auto"
-    until = ((manifest.get("metadata") or {}).get("annotations") or {}).get(PINNED_UNTIL)
-    return time_of(str(until)) if until and pin != "Auto" else None
 
 
 def _lasting(for_s: float | None) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from robot_offload.console import actions
-from robot_offload.console.actions import Action, Permission, Want
+from robot_offload.console.actions import Action, Permission
 from robot_offload.console.live import Key
 from robot_offload.console.model import Declared, Fleet, Gone, Happened, Trouble
 from robot_offload.console.reporters import Reporters
@@ -27,7 +27,7 @@ IDLE_S: Final = 150.0
 """The API server sends a bookmark each minute; a watch that is silent for longer is dead."""
 EVENTS_S: Final = 10.0
 LOOK_S: Final = 1.0
-"""How often pins are looked at that are to end."""
+"""How often it is looked whether a page is open."""
 EVENTS: Final = 20
 ALL: Final = Selection()
 
@@ -47,7 +47,6 @@ class ClusterSource:
         self._title = title
         self._there: dict[Key, Manifest] = {}
         self._watched: Counter[Key] = Counter()
-        self._refused: set[str] = set()
         self._reporters = Reporters(api, self._there, self._watched)
 
     def fleet(self) -> Fleet:
@@ -60,7 +59,6 @@ class ClusterSource:
             tasks.create_task(self._resources(publish))
             tasks.create_task(self._reporters.run(publish))
             tasks.create_task(self._events(publish))
-            tasks.create_task(self._pins(publish))
 
     @contextlib.contextmanager
     def watching(self, key: Key) -> Iterator[None]:
@@ -158,22 +156,6 @@ class ClusterSource:
                         lines = tuple(event_lines(key.name, found, now, types=types, most=EVENTS))
                         publish(Happened(key, lines[::-1]))
             await asyncio.sleep(EVENTS_S if self._watched.total() > 0 else LOOK_S)
-
-    async def _pins(self, publish: Publish) -> None:
-        """Lets go of pins whose time is over, whoever set them: any console with the right does it, once."""
-        while True:
-            now = datetime.datetime.now(datetime.UTC)
-            for key, manifest in list(self._there.items()):
-                until = actions.pinned_until(manifest)
-                metadata = manifest["metadata"]
-                version = f"{metadata['uid']}/{metadata['resourceVersion']}"
-                if until is None or until > now or version in self._refused:
-                    continue
-                self._refused.add(version)  # asked once for each version, whatever the answer
-                body = actions.patch(Action(Want.AUTO), metadata["uid"], now, metadata["resourceVersion"])
-                with contextlib.suppress(KubeError):  # another console was first, or this user may not
-                    await self._api.patch(ROBOT_OFFLOAD, key.namespace, key.name, body)
-            await asyncio.sleep(LOOK_S)
 
 
 def _key(manifest: Manifest) -> Key:

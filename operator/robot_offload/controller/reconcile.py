@@ -17,6 +17,7 @@ from typing import Final, TypeAlias
 
 import structlog
 
+from robot_offload.api.v1alpha1 import pinned
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
 from robot_offload.controller.clock import Clock
@@ -98,7 +99,8 @@ class Controller:
         found = Findings(self._tools.clock.steady_s)
         try:
             offload = parse_object(raw, "/".join(name), unknown="ignore", rules=CLUSTER_CHECKS)
-            found.verdicts["SpecValid"] = conditions.spec_valid((), check(offload.spec, CLUSTER_CHECKS))
+            warnings = (*check(offload.spec, CLUSTER_CHECKS), *pinned.findings(offload))
+            found.verdicts["SpecValid"] = conditions.spec_valid((), warnings)
             await Pass(self._tools, subject, offload, memory, found).run()
         except SpecError as error:
             # Every problem is reported, nothing is touched, and the next pass waits for a change.

@@ -11,7 +11,7 @@ import structlog
 
 from robot_offload import transport
 from robot_offload.api.agent_state import AgentState
-from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1 import RobotOffload, pinned
 from robot_offload.controller import observe
 from robot_offload.controller.apply import Applied, carry_out
 from robot_offload.controller.authorities import Authorities
@@ -116,7 +116,13 @@ class Pass:
         self._budget = tools.budget
         self._observer = observe.Observer(tools.api, tools.store, subject.namespace, offload)
         self._subject = subject
-        self._offload = offload
+        self._hold = pinned.hold(
+            offload.spec.switching.pin,
+            subject.annotation(pinned.PINNED_UNTIL),
+            str((subject.status.get("pin") or {}).get("ended") or ""),
+            tools.clock.wall(),
+        )
+        self._offload = pinned.held(offload, self._hold.side)
         self._memory = memory
         self._found = found
         self._snapshot = observe.Snapshot()
@@ -169,7 +175,8 @@ class Pass:
         found.step = Step.JUDGE
         await self._judge(robot, wanted, built, state, problem)
         shown = self._judge_certificates(secrets, state)
-        times = (wanted.recheck_s, secrets.recheck_s, shown, built.recheck_s, found.applied.recheck_s)
+        held_s = self._hold.recheck_s
+        times = (wanted.recheck_s, secrets.recheck_s, shown, built.recheck_s, found.applied.recheck_s, held_s)
         found.however_s = min((after_s for after_s in times if after_s is not None), default=None)
         either = (found.however_s, robot.recheck_s)
         found.again_s = min((after_s for after_s in either if after_s is not None), default=None)
@@ -300,6 +307,7 @@ class Pass:
             live=self._snapshot.children(uid),
             pods=pods,
             commits={node: image.commit for node, image in built.images.items()},
+            hold=self._hold,
         )
         self._found.verdicts |= {
             **workloads.conditions(self._offload, self._found.status.live, pods, wanted.nodes, wanted.verdict),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1.pinned import NO_PIN, Hold
 from robot_offload.decide import builds, conditions
 from robot_offload.decide.agent import Placement
 from robot_offload.decide.ownership import Key
@@ -36,6 +37,7 @@ class Found:
         commits: what the images of nodes were built from, by node.
         certificates: serial numbers and ends, as the status names them.
         pods: their pods, as far as they were looked at.
+        hold: the pin that is in force.
     """
 
     robot: Presence
@@ -48,6 +50,7 @@ class Found:
     commits: Mapping[str, str] = field(default_factory=dict)
     certificates: Mapping[str, Any] = field(default_factory=dict)
     dials: tuple[str, ...] = ()
+    hold: Hold = NO_PIN
 
 
 def build(
@@ -97,6 +100,7 @@ def _found(offload: RobotOffload, found: Found) -> dict[str, Any]:
         "placement": found.placement.site,
         "placementReason": found.placement.reason,
         "placementMessage": found.placement.message,
+        "pin": _pin(found.hold),
         "robot": _robot(found),
         "endpoints": [
             {"purpose": point.purpose, "protocol": point.protocol, "host": point.host, "port": point.port}
@@ -119,6 +123,15 @@ def _robot(found: Found) -> dict[str, Any]:
     if found.robot.last_seen is not None:
         robot["lastSeen"] = conditions.timestamp(found.robot.last_seen)
     return robot
+
+
+def _pin(hold: Hold) -> dict[str, Any]:
+    pin = {"side": hold.side}
+    if hold.until is not None:
+        pin["until"] = conditions.timestamp(hold.until)
+    if hold.ended:
+        pin["ended"] = hold.ended
+    return pin
 
 
 def _nodes(offload: RobotOffload, found: Found) -> Iterable[dict[str, Any]]:

@@ -37,6 +37,12 @@ def transitions(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[Tr
     if sites[0] != sites[1]:
         reason, message = after.get("placementReason") or "Unknown", after.get("placementMessage") or ""
         told.append(Transition("Normal", f"Placement{sites[1]}", _cut(f"{reason}: {message}")))
+    ended = (after.get("pin") or {}).get("ended")
+    if ended and ended != (before.get("pin") or {}).get("ended"):
+        side, _, at = ended.partition(" ")
+        told.append(
+            Transition("Normal", "PinEnded", f"The pin to the {side.lower()} ended at {at}; the policy decides")
+        )
     return tuple(told)
 
 

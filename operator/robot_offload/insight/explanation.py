@@ -133,8 +133,12 @@ def _filled(found: Advice, offload: Observed) -> str:
 
 def _notes(offload: Observed) -> Iterator[str]:
     """What is as declared and yet answers the question why it acts where it acts."""
+    if offload.pin_ended:
+        side, _, at = offload.pin_ended.partition(" ")
+        yield f"The pin to {side} ended at {at}; it stands in the specification and counts no more."
     if offload.pin != "Auto":
-        yield f"It is pinned to {offload.pin}; kubectl offload pin {offload.name} auto lets it decide again."
+        until = f" until {offload.pinned_until}" if offload.pinned_until else ""
+        yield f"It is pinned to {offload.pin}{until}; kubectl offload pin {offload.name} auto lets it decide again."
     if offload.mode == "Observe":
         yield "spec.switching.mode is Observe: it decides and says so, but never switches."
     if offload.replicas == 0:

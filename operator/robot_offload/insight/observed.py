@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from robot_offload.api.v1alpha1 import pinned
 from robot_offload.api.v1alpha1.status import CONDITION_TYPES
 from robot_offload.objects.facts import Endpoint
 
@@ -65,7 +66,9 @@ class Observed:
         generation: of its specification.
         observed_generation: the one that the operator has dealt with; None: none yet.
         transport: the type of transport; the rest of the specification is in `spec`.
-        pin: Auto, Robot or Cloud.
+        pin: the one in force, Auto, Robot or Cloud.
+        pinned_until: RFC 3339 time of its end; empty: when somebody lets go.
+        pin_ended: side and end of a pin that counts no more; empty: there is none.
         mode: Auto or Observe.
         replicas: 1, or 0 when the cloud side is switched off.
         placement: Robot, Cloud or Unknown.
@@ -102,6 +105,8 @@ class Observed:
     endpoints: tuple[Endpoint, ...]
     conditions: tuple[Condition, ...]
     spec: Mapping[str, Any]
+    pinned_until: str = ""
+    pin_ended: str = ""
 
     def condition(self, wanted: str) -> Condition | None:
         """The condition of this type, if there is one."""
@@ -125,6 +130,7 @@ def observe(manifest: Mapping[str, Any]) -> Observed:
     spec = manifest.get("spec") or {}
     status = manifest.get("status") or {}
     switching = spec.get("switching") or {}
+    hold = pinned.observed(manifest)
     robot = status.get("robot") or {}
     return Observed(
         namespace=str(metadata.get("namespace", "")),
@@ -134,7 +140,7 @@ def observe(manifest: Mapping[str, Any]) -> Observed:
         generation=int(metadata.get("generation") or 0),
         observed_generation=status.get("observedGeneration"),
         transport=str((spec.get("transport") or {}).get("type") or "Zenoh"),
-        pin=str(switching.get("pin") or "Auto"),
+        pin=hold.side,
         mode=str(switching.get("mode") or "Auto"),
         replicas=int(spec.get("replicas", 1)),
         placement=str(status.get("placement") or "Unknown"),
@@ -148,6 +154,8 @@ def observe(manifest: Mapping[str, Any]) -> Observed:
         endpoints=tuple(_endpoints(status.get("endpoints") or ())),
         conditions=_conditions(status.get("conditions") or ()),
         spec=spec,
+        pinned_until="" if hold.until is None else hold.until.isoformat(timespec="seconds"),
+        pin_ended=hold.ended,
     )
 
 

@@ -51,7 +51,8 @@ def _wanted(offload: Observed) -> Iterator[str]:
     if offload.replicas == 0:
         yield "spec.replicas is 0: the cloud side is switched off."
     if offload.pin == "Robot":
-        yield "It is pinned to the robot; let the rule decide to end that."
+        until = f" until {offload.pinned_until}" if offload.pinned_until else ""
+        yield f"It is pinned to the robot{until}; let the rule decide to end that."
     if offload.mode == "Observe":
         yield "spec.switching.mode is Observe: it decides and says so, but never switches."
     if ((offload.spec.get("switching") or {}).get("prefer") or "Cloud") == "Robot":

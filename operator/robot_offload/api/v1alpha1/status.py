@@ -85,6 +85,19 @@ class CertificatesStatus(Model):
     )
 
 
+class PinStatus(Model):
+    """The pin that is in force."""
+
+    side: Literal["Auto", "Robot", "Cloud"] = Field(
+        default="Auto", description="The side that is held: Robot or Cloud; Auto: the policy decides."
+    )
+    until: Timestamp | None = Field(default=None, description="When that ends; none: when somebody lets go.")
+    ended: Word = Field(
+        default="",
+        description="The side and the end of a pin that counts no more, though it stands in the specification.",
+    )
+
+
 class EndpointStatus(Model):
     """An address on which the cloud listens for the robot."""
 
@@ -131,6 +144,7 @@ class RobotOffloadStatus(Model):
     )
     placement_reason: Word = Field(default="", description="Why that side acts, as one CamelCase word.")
     placement_message: Sentence = Field(default="", description="Why that side acts, in words.")
+    pin: PinStatus = Field(default_factory=PinStatus, description="The pin that is in force.")
     robot: RobotStatus = Field(default_factory=RobotStatus, description="The robot as the cloud sees it.")
     certificates: CertificatesStatus = Field(
         default_factory=CertificatesStatus, description="The certificates of robot and cloud, as far as they are known."

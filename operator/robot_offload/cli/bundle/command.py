@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.status import Status
 
 from robot_offload import transport
-from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1 import RobotOffload, pinned
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.quantities import parse_duration
 from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS
@@ -173,7 +173,8 @@ async def _wait(api: KubeApi, where: str, name: str, limit_s: float, say: Callab
 
 async def _gather(api: KubeApi, where: str, name: str) -> Material:
     manifest = await find(api, where, name)
-    offload = parse_object(manifest, f"{where}/{name}", unknown="ignore", rules=CLUSTER_CHECKS)
+    parsed = parse_object(manifest, f"{where}/{name}", unknown="ignore", rules=CLUSTER_CHECKS)
+    offload = pinned.held(parsed, pinned.observed(manifest).side)
     secrets, revoking = None, False
     if transport.needs_certificates(offload.spec):
         try:

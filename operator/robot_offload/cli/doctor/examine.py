@@ -11,7 +11,7 @@ from cryptography import x509
 
 from robot_offload import transport
 from robot_offload.api.crd import crd
-from robot_offload.api.v1alpha1 import RobotOffload
+from robot_offload.api.v1alpha1 import RobotOffload, pinned
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
 from robot_offload.cli.bundle.command import secrets_of
@@ -72,9 +72,8 @@ async def examine_one(
         offload = parse_object(manifest, f"{namespace}/{name}", unknown="ignore", rules=CLUSTER_CHECKS)
     except SpecError as error:
         return findings + [Finding("Specification", "error", each.line(), CORRECT) for each in error.findings], None
-    findings += [
-        Finding("Specification", "warning", each.line(), CORRECT) for each in check(offload.spec, CLUSTER_CHECKS)
-    ]
+    warnings = (*check(offload.spec, CLUSTER_CHECKS), *pinned.findings(offload))
+    findings += [Finding("Specification", "warning", each.line(), CORRECT) for each in warnings]
     findings.append(checkup.addresses(offload, observed))
     findings += checkup.images(offload)
 

@@ -138,7 +138,8 @@ def declares(offload: Observed, what: str) -> bool:
 def _held_by(offload: Observed) -> str:
     held = []
     if offload.pin != "Auto":
-        held.append(f"pin {offload.pin} (kubectl offload pin {offload.name} auto lets go)")
+        until = f" until {offload.pinned_until}" if offload.pinned_until else ""
+        held.append(f"pin {offload.pin}{until} (kubectl offload pin {offload.name} auto lets go)")
     if offload.mode != "Auto":
         held.append(f"mode {offload.mode}: it decides and never switches")
     if offload.replicas == 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import importlib.metadata
 import os
 import subprocess
@@ -14,9 +15,10 @@ import yaml
 from typer.testing import CliRunner, Result
 
 from robot_offload.api.crd import crd
+from robot_offload.api.v1alpha1.pinned import PINNED_UNTIL
 from robot_offload.cli.lazy import LazyCommand
 from robot_offload.cli.main import Program, app
-from robot_offload.cli.pin import told
+from robot_offload.cli.pin import end, told
 from robot_offload.insight.observed import observe
 from tests.unit.operator.cli.resources import manifest
 
@@ -208,6 +210,27 @@ def test_pinning_tells_what_it_means_now() -> None:
     lines = told(observe(before), observe(after))
     assert "not connected" in lines[1]
     assert "Observe" in lines[2]
+
+
+def test_a_pin_for_some_time_writes_its_end_and_says_it() -> None:
+    now = datetime.datetime(2026, 11, 23, 12, 0, tzinfo=datetime.UTC)
+    text = end("Robot", "10m", now)
+    assert text == "Robot 2026-11-23T12:10:00Z"
+    assert end("Robot", None, now) is None
+    before, after = manifest(), manifest()
+    after["metadata"]["annotations"] = {PINNED_UNTIL: text}
+    after["spec"]["switching"]["pin"] = "Robot"
+    (line,) = told(observe(before), observe(after))
+    assert line.startswith("wheelchair-7: held on the robot until 2026-11-23T12:10:00+00:00 (the pin was Auto)")
+    after["status"]["pin"] = {"side": "Auto", "ended": text}
+    assert observe(after).pin == "Auto"
+
+
+@pytest.mark.parametrize(("side", "lasting"), [("auto", "10m"), ("robot", "soon"), ("cloud", "0s"), ("robot", "721h")])
+def test_a_time_that_no_pin_can_last_is_refused_before_anything_is_asked(side: str, lasting: str) -> None:
+    refused = run("pin", "w", side, "--for", lasting)
+    assert refused.exit_code == 2
+    assert "--for: " in refused.stderr
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -54,6 +54,16 @@ def test_warnings_are_told_and_do_not_refuse(tmp_path: Path) -> None:
     assert [line.split(": ")[1] for line in done.stderr.splitlines()] == ["warning", "warning"]
 
 
+def test_an_end_of_a_pin_that_is_none_is_a_warning(tmp_path: Path) -> None:
+    file = tmp_path / "talker.yaml"
+    ends = "metadata: {annotations: {robotoffload.dev/pinned-until: soon}, "
+    file.write_text(MINIMAL.replace("metadata: {", ends))
+    done = run("validate", file)
+    assert done.returncode == 0
+    assert "warning: metadata.annotations" in done.stderr
+    assert "'soon' is no end of a pin" in done.stderr
+
+
 def test_json_tells_the_same_to_scripts(good: Path, bad: Path) -> None:
     accepted, refused = run("validate", "--json", good), run("validate", "--json", bad)
     assert (accepted.returncode, refused.returncode) == (0, 2)

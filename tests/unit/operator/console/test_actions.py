@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import datetime
-from typing import Any
 
-from robot_offload.console.actions import PINNED_UNTIL, Action, Want, done, patch, pinned_until, useless
+from robot_offload.api.v1alpha1.pinned import PINNED_UNTIL
+from robot_offload.console.actions import Action, Want, done, patch, useless
 from robot_offload.insight.observed import Observed, observe
 
 NOW = datetime.datetime(2026, 11, 23, 12, 0, tzinfo=datetime.UTC)
 
 
-def observed(pin: str = "Auto", mode: str = "Auto", connected: bool = True) -> Observed:
+def observed(pin: str = "Auto", mode: str = "Auto", connected: bool = True, until: str = "") -> Observed:
     return observe(
         {
-            "metadata": {"name": "w", "generation": 4},
+            "metadata": {"name": "w", "generation": 4, "annotations": {PINNED_UNTIL: until}},
             "spec": {"switching": {"pin": pin, "mode": mode}},
             "status": {"robot": {"connected": connected}},
         }
@@ -24,19 +24,19 @@ def observed(pin: str = "Auto", mode: str = "Auto", connected: bool = True) -> O
 def test_a_pin_with_an_end_says_when_it_ends() -> None:
     body = patch(Action(Want.PIN_CLOUD, 600.0), "uid", NOW)
     assert body["spec"] == {"switching": {"pin": "Cloud"}}
-    assert body["metadata"] == {"uid": "uid", "annotations": {PINNED_UNTIL: "2026-11-23T12:10:00Z"}}
+    assert body["metadata"] == {"uid": "uid", "annotations": {PINNED_UNTIL: "Cloud 2026-11-23T12:10:00Z"}}
 
 
-def test_letting_go_takes_the_end_away_and_can_be_refused_for_a_newer_version() -> None:
-    body = patch(Action(Want.AUTO, 600.0), "uid", NOW, "77")
-    assert body["metadata"] == {"uid": "uid", "resourceVersion": "77", "annotations": {PINNED_UNTIL: None}}
+def test_letting_go_takes_the_end_away() -> None:
+    body = patch(Action(Want.AUTO, 600.0), "uid", NOW)
+    assert body["metadata"] == {"uid": "uid", "annotations": {PINNED_UNTIL: None}}
     assert body["spec"] == {"switching": {"pin": "Auto"}}
 
 
 def test_taking_over_now_holds_the_robot_for_a_minute() -> None:
     body = patch(Action(Want.TAKE_OVER), "uid", NOW)
     assert body["spec"] == {"switching": {"pin": "Robot"}}
-    assert body["metadata"]["annotations"] == {PINNED_UNTIL: "2026-11-23T12:01:00Z"}
+    assert body["metadata"]["annotations"] == {PINNED_UNTIL: "Robot 2026-11-23T12:01:00Z"}
 
 
 def test_observing_changes_the_mode_and_no_pin() -> None:
@@ -51,17 +51,8 @@ def test_a_button_that_would_change_nothing_says_so() -> None:
     assert useless(Action(Want.SWITCH), observed()) == "the mode is Auto already"
     assert useless(Action(Want.PIN_ROBOT), observed()) == ""
     assert useless(Action(Want.PIN_ROBOT, 60.0), observed("Robot")) == ""  # an end is new
+    assert useless(Action(Want.PIN_ROBOT), observed("Robot", until="Robot 2030-01-01T00:00:00Z")) == ""  # no end is new
     assert useless(Action(Want.TAKE_OVER), None) == "there is no resource to change"
-
-
-def test_only_a_pin_has_an_end() -> None:
-    def having(pin: str, until: Any) -> dict[str, Any]:
-        return {"metadata": {"annotations": {PINNED_UNTIL: until}}, "spec": {"switching": {"pin": pin}}}
-
-    assert pinned_until(having("Robot", "2026-11-23T12:00:00Z")) == NOW
-    assert pinned_until(having("Auto", "2026-11-23T12:00:00Z")) is None
-    assert pinned_until(having("Robot", "when I am back")) is None
-    assert pinned_until({"metadata": {}}) is None
 
 
 def test_what_was_done_is_told_with_what_it_means_now() -> None:

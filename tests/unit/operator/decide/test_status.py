@@ -113,6 +113,14 @@ def test_events_tell_transitions_and_nothing_else() -> None:
     ]
 
 
+def test_the_end_of_a_pin_is_an_event_once() -> None:
+    ended = {"pin": {"side": "Auto", "ended": "Robot 2026-11-23T12:10:00Z"}}
+    (event,) = transitions({"pin": {"side": "Robot"}}, ended)
+    assert (event.type, event.reason) == ("Normal", "PinEnded")
+    assert event.message == "The pin to the robot ended at 2026-11-23T12:10:00Z; the policy decides"
+    assert transitions(ended, ended) == ()
+
+
 def test_the_first_status_tells_that_it_was_applied_and_not_what_is_still_missing() -> None:
     first = built({**GOOD, "Connected": no("NeverConnected", "no robot")})
     assert [event.reason for event in transitions({}, first)] == ["ResourcesApplied"]
