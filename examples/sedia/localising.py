@@ -94,7 +94,7 @@ class Amcl(StatefulNode):
             return
         known = self._correction
         self.publish_state(VERSION, STATE.pack(known.x_m, known.y_m, known.yaw_rad, self._now_s()))
-        account = {"node": self.get_name(), "restored_age_s": self._restored_age_s}
+        account = {"node": self.get_name(), "restored_age_s": self._restored_age_s, "at_s": self._now_s()}
         self._account.publish(String(data=json.dumps(account)))
         where = transform("map", "odom", known)
         where.header.stamp = self._wall.now().to_msg()

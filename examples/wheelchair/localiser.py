@@ -84,7 +84,7 @@ class Localiser(StatefulNode):
             return
         place = self._correction
         self.publish_state(VERSION, STATE.pack(place.x_m, place.y_m, place.yaw_rad, self._now_s()))
-        account = {"node": self.get_name(), "restored_age_s": self._restored_age_s}
+        account = {"node": self.get_name(), "restored_age_s": self._restored_age_s, "at_s": self._now_s()}
         self._account.publish(String(data=json.dumps(account)))
 
     def _now_s(self) -> float:

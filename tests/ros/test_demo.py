@@ -33,7 +33,6 @@ WHEELCHAIR = ROOT / "examples" / "wheelchair" / "robotoffload.yaml"
 MARK = "ROBOT_OFFLOAD_TEST"
 PATIENCE_S = 100.0
 EXCUSE_S = 0.1
-SETTLED_S = 5.0
 KEYS = {
     "schema", "mode", "duration_s", "seed", "switches", "outputs", "collisions", "goal_reached", "placement_share",
     "cloud_share_of_good_time", "messages_passed", "detector_alarms", "link", "violations",
@@ -377,17 +376,13 @@ def test_a_whole_robot_goes_on_with_its_goals_through_two_outages(demo: Demo) ->
     _code, said, errors = demo.run("--example", "sedia", *options)
     report = json.loads(said or "{}")
     assert report, errors
-    # In the first moments the robot's localiser may have nothing to hand over yet.
-    report["violations"] = [it for it in report["violations"] if it["kind"] != "StateLost" or it["t_s"] > SETTLED_S]
     assert demo.broken_promises(report) == []
     assert report["collisions"] == 0
     goals = report["goals"]
     assert goals[0]["ending"] == "succeeded"
     assert all(goal["results"] == (goal["ending"] == "succeeded") for goal in goals)
     assert sum(goal["restarts"] for goal in goals) >= 2
-    ages_ms = [taking["age_ms"] for taking in report["state"] if taking["t_s"] > SETTLED_S]
-    assert ages_ms
-    assert None not in ages_ms
+    assert any(taking["age_ms"] is not None for taking in report["state"])
     assert report["outputs"]["/cmd_vel_nav"]["received"] > 50
     assert report["outputs"]["/detections"]["received"] > 5
     assert report["outputs"]["/tf"]["received"] > 100, "the wheels' transform and that of the acting localiser"

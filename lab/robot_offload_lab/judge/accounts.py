@@ -2,13 +2,14 @@
 
 The account of a client (std_msgs/String with JSON) is `{"goals": [...], "calls": {...}}`: what one client of an action
 and of a service on the robot has heard so far. The account of a node with state is `{"node": NAME, "restored_age_s":
-AGE}`: how old the state was with which it began, null when it began clean.
+AGE, "at_s": TIME}`: how old the state was with which it began, null when it began clean, and when it says so (system
+clock).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,12 +79,19 @@ def _number(value: Any) -> float | None:
     return None if value is None else float(value)
 
 
-def restored(t_s: float, text: str) -> Restored | None:
-    """Returns the account of a node with state as it was heard at `t_s`; None when it is none."""
+def restored(t_s: float, text: str, steady: Callable[[float], float]) -> Restored | None:
+    """Returns the account of a node with state as it was heard at `t_s`; None when it is none.
+
+    Args:
+        t_s: on the steady clock.
+        text: the message's.
+        steady: returns a moment of the system clock, in which the account gives its time, on the steady clock.
+    """
     try:
         said = json.loads(text)
-        node = str(said["node"])
+        node, made_s = str(said["node"]), _number(said.get("at_s"))
         site: Site = site_of(node)
-        return Restored(t_s, node, site, _number(said["restored_age_s"]))
+        age_s = _number(said["restored_age_s"])
+        return Restored(t_s, node, site, age_s, None if made_s is None else steady(made_s))
     except (ValueError, KeyError, TypeError, AttributeError):
         return None

@@ -6,18 +6,20 @@
 * `GoalBackwards`: feedback only goes forward.
 * `GoalGap`: feedback is silent no longer than an output may be; the time in which the driver was inhibited is left out.
 * `CallLost`: each call of a service is answered.
-* `StateLost`: after a switch the side that takes over begins with the state of the other.
+* `StateLost`: after a switch the side that takes over begins with the state of the other, which has said before that it
+  acted: a side that never did has none.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from robot_offload_lab.judge.recording import Calls, Errand, PathPoint, PlacementChange, Recording, Restored
+from robot_offload_lab.judge.recording import Arrival, Calls, Errand, PathPoint, PlacementChange, Recording, Restored
 
 SUCCEEDED: Final = "succeeded"
 ON_THE_WAY: Final = "on the way"
@@ -96,20 +98,48 @@ def calls(recording: Recording) -> Calls | None:
 
 
 def takings(recording: Recording) -> tuple[Taking, ...]:
-    """Returns the state with which each side began that took over, where a node says so before the next switch."""
+    """Returns the state with which each side began that took over, where a node says so before the next switch.
+
+    What a node said while its side was still getting ready may pass after the switch. It is no witness of the stay: the
+    node may have been given the state since.
+    """
     found = []
     changes = [change for change in recording.placements if change.t_s <= recording.end_s]
     switches = [after for before, after in itertools.pairwise(changes) if before.site != after.site]
     for index, change in enumerate(switches):
         end_s = switches[index + 1].t_s if index + 1 < len(switches) else math.inf
-        said = [it for it in recording.restored if it.site == change.site and _within(it, change, end_s)]
-        found += [Taking(change, said[0])] if said else []
+        passed_s = _passed_s(recording, change, switches[index - 1].t_s if index else -math.inf)
+        said = (it for it in recording.restored if it.site == change.site and it.t_s < end_s)
+        witness = next((it for it in said if _begun_s(it, change) >= passed_s), None)
+        found += [Taking(change, witness)] if witness is not None else []
     return tuple(found)
 
 
-def _within(restored: Restored, change: PlacementChange, end_s: float) -> bool:
-    """Returns whether a word belongs to a stay; an announcement comes a little before or after the messages."""
-    return change.t_s - _ANNOUNCED_S <= restored.t_s < end_s
+def _begun_s(restored: Restored, change: PlacementChange) -> float:
+    """Returns when a word was said; one without a time counts as said in the stay in which it was heard."""
+    if restored.made_s is not None:
+        return restored.made_s
+    return restored.t_s + _ANNOUNCED_S if restored.t_s < change.t_s else restored.t_s
+
+
+def _passed_s(recording: Recording, change: PlacementChange, last_s: float) -> float:
+    """Returns when a side first passed in a stay: the announcement comes a little before or after the messages.
+
+    Args:
+        recording: of the run.
+        change: the announcement.
+        last_s: the switch before, steady clock.
+    """
+    early_s = max(change.t_s - _ANNOUNCED_S, last_s)
+    first = [change.t_s]
+    for arrivals in recording.outputs.values():
+        window = slice(*(bisect_left(arrivals, t_s, key=_arrived_s) for t_s in (early_s, change.t_s)))
+        first += [min(it.t_s, it.passed_t_s or it.t_s) for it in arrivals[window] if it.site == change.site]
+    return min(first)
+
+
+def _arrived_s(arrival: Arrival) -> float:
+    return arrival.t_s
 
 
 _ANNOUNCED_S: Final = 0.3
@@ -132,12 +162,17 @@ def broken(
     if counted is not None and counted.unanswered:
         yield counted.t_s, "CallLost", f"{counted.unanswered} of {counted.asked} calls of a service had no answer."
     for taking in takings(recording):
-        if taking.restored.age_s is None:
+        if taking.restored.age_s is None and _had_state(recording, taking.change):
             at_s = taking.change.t_s - recording.run.start_s
             said = (
                 f"{taking.restored.node} began clean after the switch at {at_s:.3f} s: the other side's state was lost."
             )
             yield taking.change.t_s, "StateLost", said
+
+
+def _had_state(recording: Recording, change: PlacementChange) -> bool:
+    """Returns whether a node of the other side had said before a switch that it acted, so that it had state."""
+    return any(it.site != change.site and it.t_s < change.t_s for it in recording.restored)
 
 
 def _of_goal(

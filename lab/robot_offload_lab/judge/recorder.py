@@ -82,7 +82,6 @@ class ConsumerRecorder:
         self._start_s = 0.0
         self._sampled_s = 0.0
         self._drive: translate.Drive | None = None
-        self._restored: Restored | None = None
         self._recent: deque[tuple[float, Record]] = deque()
         self._state: dict[type, Record] = {}
         self._arrivals = {topic: translate.Arrivals(topic) for topic in topics}
@@ -178,12 +177,9 @@ class ConsumerRecorder:
             self._take(record.t_s, record)
 
     def _on_restored(self, message: String, info: Any) -> None:
-        restored = accounts.restored(_received_s(info), message.data)
-        before = self._restored
-        if restored is None or (before and (before.node, before.age_s) == (restored.node, restored.age_s)):
-            return
-        self._restored = restored
-        self._take(restored.t_s, restored)
+        restored = accounts.restored(_received_s(info), message.data, _steady)
+        if restored is not None:
+            self._take(restored.t_s, restored)
 
     # -- what becomes of it -------------------------------------------------------------------------------------------
 

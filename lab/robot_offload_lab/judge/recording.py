@@ -239,12 +239,14 @@ class Restored(Record):
         node: the replica, e.g. `remote_localiser`.
         site: its side.
         age_s: of that state, when the replica took it; None: the replica began clean.
+        made_s: when the replica said so, before the message passed to us at `t_s`; None: not known.
     """
 
     t_s: float
     node: str
     site: Site
     age_s: float | None
+    made_s: float | None = None
 
 
 @dataclass(frozen=True)

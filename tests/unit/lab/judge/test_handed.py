@@ -12,7 +12,17 @@ import pytest
 from robot_offload_lab.judge import accounts, handed
 from robot_offload_lab.judge.invariants import violations
 from robot_offload_lab.judge.measures import measure
-from robot_offload_lab.judge.recording import LINES, Calls, Errand, PathPoint, Record, Restored, RunInfo, assemble
+from robot_offload_lab.judge.recording import (
+    LINES,
+    Calls,
+    Errand,
+    PathPoint,
+    PlacementChange,
+    Record,
+    Restored,
+    RunInfo,
+    assemble,
+)
 from robot_offload_lab.judge.report import build, html
 from robot_offload_lab.show.summary import summary
 from tests.unit.lab.judge.recordings import RUN, START_S, calm_run, inhibited
@@ -33,6 +43,7 @@ def handed_on() -> list[Record]:
         *(errand(n / 10, x_m=1.0 + n * 0.08, servers=1 + (n >= 100) + (n >= 150)) for n in range(10, 190)),
         errand(19.0, servers=3, ending="succeeded", results=1),
         Calls(START_S + 19.0, 36, 36, 0, 0, 210.0),
+        Restored(START_S + 0.1, "localiser", "robot", None),
         *(Restored(START_S + t_s, nodes[site], site, age_s) for t_s, site, age_s in takings),  # type: ignore[arg-type]
     ]
 
@@ -108,8 +119,50 @@ def test_a_call_without_an_answer_and_a_side_that_began_clean_are_named() -> Non
     assert kinds(clean) == ["StateLost"] * 3
 
 
+def first_taken(*said: tuple[float, float, float | None], robot_spoke: bool = True) -> tuple[list[str], Any]:
+    """Judges what the cloud's node said at the first switch, at 2.0 s; heard, said, age.
+
+    Returns:
+        The kinds of the violations, and the age that the report has of that switch.
+    """
+    records = [it for it in handed_on() if not isinstance(it, Restored)]
+    records += [Restored(START_S + 0.1, "localiser", "robot", None)] if robot_spoke else []
+    records += [
+        Restored(START_S + t_s, "remote_localiser", "cloud", age_s, START_S + at_s) for t_s, at_s, age_s in said
+    ]
+    judged = measure(assemble(records))
+    return [violation.kind for violation in violations(judged)], build(judged)["state"][0]["age_ms"]
+
+
+def test_what_a_node_said_before_the_switch_is_no_witness_of_what_it_began_with() -> None:
+    assert first_taken((2.03, 1.93, None), (2.13, 2.13, 0.2), (2.23, 2.23, 0.2)) == ([], 200.0)
+
+
+def test_a_node_that_began_clean_is_found_also_when_it_takes_the_state_a_little_later() -> None:
+    for said_s in (2.0, 2.03, 2.13):
+        said = (2.03, 1.93, None), (said_s + 0.01, said_s, None), (said_s + 0.11, said_s + 0.1, 0.2)
+        assert first_taken(*said) == (["StateLost"], None)
+    assert first_taken((2.03, 1.93, 0.2), (2.13, 2.13, None)) == (["StateLost"], None)
+
+
+def test_a_stay_begins_with_its_first_message_where_the_announcement_is_late() -> None:
+    moved = [dataclasses.replace(it, t_s=it.t_s + 0.2) if _first_switch(it) else it for it in handed_on()]
+    clean = Restored(START_S + 2.04, "remote_localiser", "cloud", None, START_S + 2.03)
+    taken = Restored(START_S + 2.14, "remote_localiser", "cloud", 0.2, START_S + 2.13)
+    others = [it for it in moved if not isinstance(it, Restored) or it.t_s < START_S + 2 or it.t_s > START_S + 9]
+    assert kinds([*others, clean, taken]) == ["StateLost"]
+
+
+def _first_switch(record: Record) -> bool:
+    return isinstance(record, PlacementChange) and START_S + 1 < record.t_s < START_S + 3
+
+
+def test_a_side_that_never_said_that_it_acted_has_no_state_to_lose() -> None:
+    assert first_taken((2.05, 2.05, None), robot_spoke=False) == ([], None)
+
+
 def test_the_state_of_a_run_before_its_first_switch_may_be_clean() -> None:
-    assert kinds([*handed_on(), Restored(START_S + 0.1, "localiser", "robot", None)]) == []
+    assert kinds([*handed_on(), Restored(START_S + 0.2, "localiser", "robot", None)]) == []
 
 
 def test_a_run_without_goals_has_none() -> None:
@@ -136,8 +189,15 @@ def test_accounts_are_read_and_garbage_is_none() -> None:
     assert read.goals[0].x_m == 1.5
     for text in ("", "[]", '{"goals": [3], "calls": {}}', '{"goals": [], "calls": null}'):
         assert accounts.account(10.0, text) is None
-    began = accounts.restored(10.0, '{"node": "remote_localiser", "restored_age_s": 0.25}')
-    assert began == Restored(10.0, "remote_localiser", "cloud", 0.25)
-    clean = accounts.restored(10.0, '{"node": "localiser", "restored_age_s": null}')
+
+
+def test_a_nodes_word_of_its_state_is_read_with_the_time_at_which_it_was_said() -> None:
+    def read(text: str) -> Restored | None:
+        return accounts.restored(10.0, text, lambda system_s: system_s - 1000.0)
+
+    began = read('{"node": "remote_localiser", "restored_age_s": 0.25, "at_s": 1009.5}')
+    assert began == Restored(10.0, "remote_localiser", "cloud", 0.25, 9.5)
+    clean = read('{"node": "localiser", "restored_age_s": null}')
     assert clean == Restored(10.0, "localiser", "robot", None)
-    assert accounts.restored(10.0, '{"node": "localiser"}') is None
+    assert read('{"node": "localiser"}') is None
+    assert read('{"node": "localiser", "restored_age_s": null, "at_s": "now"}') is None
