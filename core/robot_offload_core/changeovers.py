@@ -40,10 +40,12 @@ def prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, commands
     candidate = robot.last_epoch + 1
     settings = robot.settings
     need = verdict.reason.kind is Kind.NEED
-    slowest_s = robot.slowest_output_s(prompt=need)
+    prompt = need or verdict.reason.kind is Kind.VETO
+    slowest_s = robot.slowest_output_s(prompt=prompt)
     flow_s = max(PREPARE_EXTRA_S, slowest_s) + REPORT_BEATS * settings.beat_period_s
     patient_until_s = now_s + settings.preparing_s
-    preparation = Preparation(candidate, patient_until_s + flow_s, need=need, patient_until_s=patient_until_s)
+    deadline_s = patient_until_s + flow_s
+    preparation = Preparation(candidate, deadline_s, need=need, prompt=prompt, patient_until_s=patient_until_s)
     robot = replace(robot, phase=phase, since_s=now_s, last_epoch=candidate, preparation=preparation)
     if phase is Phase.TO_CLOUD:
         robot = replace(robot, partner=robot.link.peer, situation=replace(robot.situation, good_s=None))

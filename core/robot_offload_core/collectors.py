@@ -77,7 +77,7 @@ class Collector:
         fell_back: control went silent; only the robot passes until a new epoch is named.
         flipped_s: when the last changeover took place.
         acts_s: since when the side that passes now has passed, under whatever epochs.
-        presence, need: see Gate.
+        presence, prompt: see Gate.
         turned_s: the last turn of this process. judged_from_s: silence is not reported before, see `turn`.
         stay: grows by one with each change of the side that passes, over restarts of this process.
         loss_timeout_s: longest margin with which a message of the cloud is waited for; 0: none is.
@@ -97,7 +97,7 @@ class Collector:
     flipped_s: float | None = None
     acts_s: float | None = None
     presence: Token | None = None
-    need: bool = False
+    prompt: bool = False
     turned_s: float | None = None
     judged_from_s: float = 0.0
     paused_s: float | None = None
@@ -156,7 +156,7 @@ def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
     same_control = gate.started_us == collector.started_us
     said_s = now_s if gate.said_s is None else min(gate.said_s, now_s)
     collector = replace(
-        collector, started_us=gate.started_us, gate_s=said_s, presence=gate.presence, need=gate.need,
+        collector, started_us=gate.started_us, gate_s=said_s, presence=gate.presence, prompt=gate.prompt,
         outputs=occasions.note(collector.outputs, gate, now_s),
     )  # fmt: skip
     ours, theirs = collector.charge, gate.current
@@ -367,8 +367,8 @@ def _flows(collector: Collector, output: OutputState, side: Site, now_s: float) 
 
 
 def _awaited(collector: Collector, output: OutputState, side: Site) -> bool:
-    """Whether a changeover to a side waits for an output: for no slow one while nobody acts."""
-    held = not (collector.need and slow_outputs.is_slow(output.spec, collector.activation_s))
+    """Whether a changeover to a side waits for an output: for no slow one while nobody acts, or nobody may."""
+    held = not (collector.prompt and slow_outputs.is_slow(output.spec, collector.activation_s))
     return held and occasions.awaited(output, side)
 
 

@@ -28,7 +28,8 @@ class Gate:
         said_s: when control said so, on this host's steady clock; None: now. A gate may have waited in the inbox of a
             collector that was stopped.
         presence: token of the outputs of nodes with placement Cloud (results.py); None: none of them passes.
-        need: the side that acts cannot, so that nobody waits for the slow outputs of `next` (slow_outputs.py).
+        prompt: the side that acts cannot, or must not, so that nobody waits for the slow outputs of `next`
+            (slow_outputs.py).
         robot_while, cloud_while: the outputs, by index, whose `while` is true on that side.
     """
 
@@ -37,7 +38,7 @@ class Gate:
     next: Charge | None = None
     said_s: float | None = None
     presence: Token | None = None
-    need: bool = False
+    prompt: bool = False
     robot_while: tuple[int, ...] = ()
     cloud_while: tuple[int, ...] = ()
 

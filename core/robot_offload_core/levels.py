@@ -80,12 +80,12 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     stop = next((v.message for v in wishes.reported(robot) if v.stops), "") if robot.vetoes else ""
     silent = () if gate_told is None else gate_told.names(_silent(robot, gate_told, now_s), robot.outputs)
     cloud_while = _cloud_while(robot)
-    need = robot.preparation is not None and robot.preparation.need
+    prompt = robot.preparation is not None and robot.preparation.prompt
     # All that the three levels are made of: they are put together only when they are given out.
     levels = (
         epoch, granted, cloud, settings.lease_s, in_charge, robot.epoch, robot.candidate if armed else 0,
         robot.phase is Phase.CLOUD, outputs_flow, outputs_heard, stop, silent,
-        robot.robot_while, cloud_while, need,
+        robot.robot_while, cloud_while, prompt,
     )  # fmt: skip
     if levels == robot.levels and now_s - robot.levels_s < settings.beat_period_s - 1e-6:
         return robot
@@ -95,7 +95,7 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     present = presence(robot.incarnation, cloud) if cloud else None
     current = charge(robot, IN_CHARGE[robot.phase], robot.epoch)
     gate = Gate(
-        robot.started_us, current, following, said_s=now_s, presence=present, need=need,
+        robot.started_us, current, following, said_s=now_s, presence=present, prompt=prompt,
         robot_while=robot.robot_while, cloud_while=cloud_while,
     )  # fmt: skip
     acting = Acting(

@@ -79,6 +79,7 @@ class Preparation:
         offered: the collector was once given this preparation of the cloud, and may have changed over even if it was
             asked for something else since.
         need: the robot cannot act; nobody asked for the changeover.
+        prompt: the side that acts cannot, or must not (a veto), so that nobody waits for slow outputs.
         patient_until_s: so long a change that a person or a pin asked for waits for goals, requests and state.
     """
 
@@ -87,6 +88,7 @@ class Preparation:
     armed: bool = False
     offered: bool = False
     need: bool = False
+    prompt: bool = False
     patient_until_s: float = 0.0
 
 

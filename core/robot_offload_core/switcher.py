@@ -258,7 +258,8 @@ def _move_from_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: lis
     preparation = robot.preparation
     assert preparation is not None
     armed = robot.nodes_ready and handing.may_arm(robot, preparation, verdict, now_s)
-    robot = replace(robot, preparation=replace(preparation, armed=armed))
+    prompt = preparation.prompt or verdict.reason.kind is Kind.VETO  # whatever it was begun for
+    robot = replace(robot, preparation=replace(preparation, armed=armed, prompt=prompt))
     robot, why = handing.interrupts(robot, verdict, now_s)
     if why is None and now_s >= preparation.deadline_s:
         message = "The robot's nodes did not get ready in time, the cloud goes on"
@@ -293,7 +294,7 @@ def _move_to_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: list[
     if fault is not None:
         return changeovers.call_off(robot, Phase.ROBOT, fault, now_s, commands)
     if _unable(robot, now_s):
-        preparation = replace(preparation, need=True)  # whatever it was begun for
+        preparation = replace(preparation, need=True, prompt=True)  # whatever it was begun for
     armed = ready and handing.may_arm(robot, preparation, verdict, now_s)
     preparation = replace(preparation, armed=armed, offered=preparation.offered or armed)
     return replace(robot, preparation=preparation)

@@ -785,7 +785,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collectors",
-                "held = not (collector.need and slow_outputs.is_slow(output.spec, collector.activation_s))",
+                "held = not (collector.prompt and slow_outputs.is_slow(output.spec, collector.activation_s))",
                 "held = True",
             ),
         ),
@@ -820,6 +820,17 @@ MUTANTS: dict[str, Mutant] = {
         "a slow output holds a driver that was stopped for the collector",
         "collector_that_returns_waits_for_no_slow_output",
         (Edit("slow_outputs", "max(since_s, self.seen_s, self.woken_s)", "max(since_s, self.woken_s)"),),
+    ),
+    "S33": Mutant(
+        "a veto waits for a slow output of the robot",
+        "veto_waits_for_no_slow_output",
+        (
+            Edit(
+                "switcher",
+                "prompt = preparation.prompt or verdict.reason.kind is Kind.VETO",
+                "prompt = preparation.prompt",
+            ),
+        ),
     ),
     "S26": Mutant(
         "silence is judged before all that waits was read",

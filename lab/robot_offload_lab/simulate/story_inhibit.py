@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from robot_offload_core.placement import Phase, Veto, Vetoed
+from robot_offload_core.placement import CloudLeaving, Phase, Veto, Vetoed
 from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site
@@ -144,6 +144,22 @@ def need_waits_for_no_slow_output() -> None:
     stage.always(lambda: stage.phase is Phase.CLOUD, 13.0, "the slow output speaks in time there")
 
 
+def veto_waits_for_no_slow_output() -> None:
+    """A cloud that stops is left as soon as the robot's fast outputs flow, whatever the change was begun for."""
+    for pinned in (False, True):
+        stage = _slow_arm()
+        stage.start()
+        stage.until(lambda on=stage: on.phase is Phase.CLOUD, 30.0, "the cloud is in charge")  # type: ignore[misc]
+        stage.run(7.0)
+        if pinned:
+            stage.pin(Site.ROBOT)
+            stage.run(1.5)
+            stage.expect(stage.phase is Phase.TO_ROBOT, "a pin waits for the slow output")
+        stage.robot.control.step(CloudLeaving(stage.machine.link.peer, stage.robot.host.now_s() + 30.0))
+        stage.until(lambda on=stage: on.phase is Phase.ROBOT, 1.5, "the robot takes over at once")  # type: ignore[misc]
+        stage.always(lambda on=stage: not on.driver.inhibited, 13.0, "the slow output speaks in time")  # type: ignore[misc]
+
+
 def returned_nodes_are_released_before_their_slow_output_speaks() -> None:
     """A node whose slow output fell silent while it was dead has its deadline again from its return."""
     stage = _slow_arm()
@@ -193,6 +209,7 @@ STORIES = (
     restarted_control_releases_by_messages,
     slow_outputs_hold_nobody,
     need_waits_for_no_slow_output,
+    veto_waits_for_no_slow_output,
     returned_nodes_are_released_before_their_slow_output_speaks,
     returning_again_earns_no_second_deadline,
     collector_that_returns_waits_for_no_slow_output,
