@@ -9,6 +9,7 @@ Format 1: each line is a CRC-32 (eight hexadecimal digits), a blank, and a JSON 
     ["set", machine, now_s, state]                        a state that no step has led to: the first, other settings
     ["step", machine, now_s, event's name, event]         what was taken in
     ["did", machine, now_s, name, decision]               what came of the step before
+    ["broke", machine, now_s, event's name, event, rule]  a step that broke a rule of the machine; the process ended
     ["gap", steps]                                        so many steps were not written
 Records are lists of their fields, in order (`codec.plain`). A line with another sum is passed over: a file may end in
 the middle of one. After a gap, and where another process begins, a machine goes on with its next key frame.
@@ -25,6 +26,7 @@ from typing import Any, Final, get_args
 
 from robot_offload_core import codec, guardians, lease, managed_nodes, placement, switcher
 from robot_offload_core.change import replace
+from robot_offload_core.checks import InvariantError, rule_of
 from robot_offload_core.events import Machine
 
 FORMAT: Final = 1
@@ -95,6 +97,11 @@ def step(machine: Machine, now_s: float, event: Any, commands: Iterable[Any]) ->
     return "".join(lines)
 
 
+def broken_step(machine: Machine, now_s: float, event: Any, rule: str) -> str:
+    """Returns the line of a step that broke a rule of its machine."""
+    return line(["broke", machine.value, now_s, type(event).__name__, codec.plain(event), rule])
+
+
 def gap(steps: int) -> str:
     """Returns the line that says how many steps are missing."""
     return line(["gap", steps])
@@ -151,13 +158,23 @@ class Did:
 
 
 @dataclass(frozen=True)
+class Broke:
+    """An event whose step broke a rule of the machine; no state came of it."""
+
+    machine: Machine
+    now_s: float
+    event: Any
+    rule: str
+
+
+@dataclass(frozen=True)
 class Gap:
     """So many steps are missing; 0: a line that cannot be read, or none knows how many."""
 
     steps: int
 
 
-Record = Header | KeyFrame | Step | Did | Gap
+Record = Header | KeyFrame | Step | Did | Broke | Gap
 
 
 def parse(text: str) -> Record:
@@ -183,6 +200,9 @@ def _record(parts: list[Any]) -> Record:
         return KeyFrame(machine, now_s, codec.typed(kind.state, parts[3]), word == "set")
     if word == "step":
         return Step(machine, now_s, codec.typed(kind.events[parts[3]], parts[4]))
+    if word == "broke":
+        event = codec.typed(kind.events[parts[3]], parts[4])
+        return Broke(machine, now_s, event, codec.typed(str, parts[5]))
     if word == "did":
         return Did(machine, now_s, codec.typed(kind.decisions[parts[3]], parts[4]))
     raise ValueError(word)
@@ -206,11 +226,26 @@ class Replayed:
 
 
 @dataclass(frozen=True)
+class RuleBroken:
+    """A step that breaks a rule of its machine when it is run again.
+
+    Attributes:
+        machine, now_s, event: as written. before: the state. rule: in words.
+    """
+
+    machine: Machine
+    now_s: float
+    event: Any
+    before: Any
+    rule: str
+
+
+@dataclass(frozen=True)
 class Differs:
     """The core of now does not do what was written.
 
     Attributes:
-        machine, now_s: of the step. written, replayed: decisions, or states at a key frame.
+        machine, now_s: of the step. written, replayed: decisions, states at a key frame, or the rule that was broken.
     """
 
     machine: Machine
@@ -219,11 +254,14 @@ class Differs:
     replayed: tuple[Any, ...]
 
 
-def replay(lines: Iterable[str]) -> Iterator[Header | Gap | Replayed | Differs]:
+Found = Header | Gap | Replayed | RuleBroken | Differs
+
+
+def replay(lines: Iterable[str]) -> Iterator[Found]:
     """Runs the core over the lines of a box.
 
     A machine is replayed from its first key frame on; later ones are compared with what the replay has come to. Headers
-    and gaps are handed through.
+    and gaps are handed through. A machine that breaks a rule goes on with its next key frame.
     """
     players: dict[Machine, _Player] = {machine: _Player(machine) for machine in KINDS}
     process: object = None
@@ -255,7 +293,7 @@ class _Player:
         self.step: Replayed | None = None
         self.written: list[Any] = []
 
-    def take(self, record: KeyFrame | Step | Did) -> Iterator[Replayed | Differs]:
+    def take(self, record: KeyFrame | Step | Did | Broke) -> Iterator[Found]:
         if isinstance(record, Did):
             self.written.append(record.decision)
             return
@@ -265,12 +303,24 @@ class _Player:
                 yield Differs(self.machine, record.now_s, (record.state,), (comparable(self.state),))
             self.state = record.state
         elif self.state is not None:
-            before = self.state
+            yield from self._run(record)
+
+    def _run(self, record: Step | Broke) -> Iterator[Found]:
+        before, written = self.state, record.rule if isinstance(record, Broke) else ""
+        try:
             self.state, commands = KINDS[self.machine].step(before, record.event, record.now_s)
+        except (InvariantError, AssertionError) as error:
+            rule, self.state = rule_of(error), None
+            yield RuleBroken(self.machine, record.now_s, record.event, before, rule)
+        else:
+            rule = ""
             decided = tuple(decisions(self.machine, commands))
             self.step = Replayed(self.machine, record.now_s, record.event, before, self.state, decided)
+            self.written = list(decided) if written else []  # nothing was decided then that could be compared
+        if rule != written:
+            yield Differs(self.machine, record.now_s, _rules(written), _rules(rule))
 
-    def settle(self) -> Iterator[Replayed | Differs]:
+    def settle(self) -> Iterator[Found]:
         """Gives out the newest step, now that all of its decisions have been read."""
         step, written = self.step, tuple(self.written)
         self.step, self.written = None, []
@@ -278,3 +328,7 @@ class _Player:
             yield step
             if step.decided != written:
                 yield Differs(self.machine, step.now_s, written, step.decided)
+
+
+def _rules(rule: str) -> tuple[str, ...]:
+    return (rule,) if rule else ()

@@ -20,6 +20,11 @@ class InvariantError(Exception):
         self.machine, self.rule, self.event = machine, rule, event
 
 
+def rule_of(error: InvariantError | AssertionError) -> str:
+    """Returns which rule was broken, in words."""
+    return error.rule if isinstance(error, InvariantError) else str(error) or "an assertion of the core"
+
+
 def require(machine: str, event: object, *rules: tuple[bool, str]) -> None:
     """Raises InvariantError with the first of `rules` (holds, what does not hold) that is broken."""
     for holds, rule in rules:

@@ -59,3 +59,6 @@ class Witness(Protocol):
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
         """Takes a state that no step has led to: the first one, or one with settings changed."""
+
+    def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
+        """Takes an event whose step broke a rule of the machine: the process ends as soon as this returns."""

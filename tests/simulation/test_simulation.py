@@ -62,6 +62,10 @@ def test_no_invariant_breaks_in_hours_of_faults(total: Total) -> None:
     assert told == []
 
 
+def test_every_stretch_is_replayed_from_its_black_boxes(total: Total) -> None:
+    assert total.unreplayed == []
+
+
 def test_a_simulated_hour_holds_at_least_a_thousand_faults(total: Total) -> None:
     assert total.faults / (total.simulated_s / 3600) >= 1000
 

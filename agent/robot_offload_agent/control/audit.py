@@ -85,6 +85,9 @@ class AuditTrail:
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
         """Takes a state that no step has led to: nobody's doing."""
 
+    def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
+        """Takes a step that broke a rule: nobody's doing."""
+
     # -- writing thread -----------------------------------------------------------------------------------------------
 
     def start(self) -> None:

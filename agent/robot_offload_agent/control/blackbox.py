@@ -1,8 +1,9 @@
 """Writes the black box of a control process to the disk: bounded files, a bounded rate, and never in a step's way.
 
 The deciding thread hands over what it has decided and goes on; another thread turns that into text and writes it ten
-times a second. What comes faster than the disk or the rate allows is left out and counted, and states are written
-anew. A disk that is full or gone ends the box, never the agent.
+times a second, and what waits when the process ends by itself, the step that broke a rule among it. What comes faster
+than the disk or the rate allows is left out and counted, and states are written anew. A disk that is full or gone ends
+the box, never the agent.
 
 The files `box-NUMBER.log` are parts of one ring: the oldest goes when all of them are too large. A restarted process
 goes on with the next number. Format: `robot_offload_core.blackbox`.
@@ -11,7 +12,7 @@ goes on with the next number. Format: `robot_offload_core.blackbox`.
 from __future__ import annotations
 
 import logging
-import time
+import threading
 from collections import deque
 from importlib.metadata import version
 from pathlib import Path
@@ -39,6 +40,9 @@ WAITING = 4000
 RATE_BYTES = 262_144
 """Written a second at most, on the average of a turn; an ordinary robot writes 20 to 30 kB."""
 
+LAST_S = 0.2
+"""A process that ends waits so long at most for its last steps to be written."""
+
 Taken = tuple[Machine, float, Any, Any, Any]
 
 
@@ -60,7 +64,8 @@ class BlackBox:
         self.facts = facts
         self.left_out = 0
         self.ended = False
-        self._waiting: deque[Taken | int] = deque()
+        self._waiting: deque[Taken | int | str] = deque()
+        self._last, self._done = threading.Event(), threading.Event()
         self._missed = 0
         self._framed_s: dict[Machine, float] = {}
         self._number = 0
@@ -82,6 +87,16 @@ class BlackBox:
         """Takes a state that no step has led to (deciding thread)."""
         self.stepped(machine, now_s, None, state, ())
 
+    def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
+        """Takes a step that broke a rule (deciding thread)."""
+        if not self.ended:
+            self._waiting.append(blackbox.broken_step(machine, now_s, event, rule))
+
+    def finish(self) -> None:
+        """Has what waits written, because the process ends; returns after `LAST_S` at the latest (any thread)."""
+        self._last.set()
+        self._done.wait(LAST_S)
+
     def start(self) -> None:
         """Begins to write, in a thread of its own."""
         threads.start("blackbox", self._run)
@@ -89,8 +104,11 @@ class BlackBox:
     def _run(self) -> None:
         self.facts["core"] = digest_of_core()
         while not self.ended:
-            time.sleep(TURN_S)
+            self._last.wait(TURN_S)
             self.turn()
+            if self._last.is_set() and not self._waiting:
+                break
+        self._done.set()
 
     def turn(self) -> None:
         """Writes what has been taken since the last turn."""
@@ -109,7 +127,9 @@ class BlackBox:
             self._waiting.clear()
             log.warning("BlackBoxEnded: %s cannot be written: %s; the agent goes on", self.folder, error.strerror)
 
-    def _text(self, taken: Taken | int) -> str:
+    def _text(self, taken: Taken | int | str) -> str:
+        if isinstance(taken, str):
+            return taken
         if isinstance(taken, int):
             self.left_out += taken
             self._framed_s.clear()

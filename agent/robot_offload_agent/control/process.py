@@ -66,6 +66,11 @@ class Witnesses:
         for witness in self.witnesses:
             witness.restated(machine, now_s, state)
 
+    def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
+        """Hands a step that broke a rule to each."""
+        for witness in self.witnesses:
+            witness.broke(machine, now_s, event, rule)
+
 
 class ControlShell(ABC):
     """Base of both sides.
@@ -105,9 +110,22 @@ class ControlShell(ABC):
             self.box.start()
         if self.witnesses:
             self.process.watched_by(Witnesses(self.witnesses))
-        threading.Thread(target=self.decide, name="decide", daemon=True).start()
+        threading.Thread(target=self._decide_to_the_end, name="decide", daemon=True).start()
         self.report.guardian.create_timer(beacon.PERIOD_S, lambda: self.beacon.sign("ros"))
-        context.spin(*self.report.nodes)
+        try:
+            context.spin(*self.report.nodes)
+        finally:
+            self._finish()
+
+    def _decide_to_the_end(self) -> None:
+        try:
+            self.decide()
+        finally:
+            self._finish()
+
+    def _finish(self) -> None:
+        if self.box is not None:
+            self.box.finish()
 
     # -- events -------------------------------------------------------------------------------------------------------
 

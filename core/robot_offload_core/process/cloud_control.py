@@ -145,9 +145,7 @@ class CloudControlProcess(ControlProcess):
     def step(self, event: lease.Event) -> None:
         """Steps the lease and carries out its commands."""
         now_s, before = self.ports.now_s(), self.cloud
-        self.cloud, commands = lease.step(before, event, now_s)
-        if self.witness is not None:
-            self.witness.stepped(Machine.LEASE, now_s, event, self.cloud, commands)
+        self.cloud, commands = self.watched(Machine.LEASE, lease.step, before, event, now_s)
         if self.hands_over and lease.called_off(before, self.cloud):
             self.rest.settle(now_s + self.settings.settle_for_s)
         egress, _, said = commands[:3]

@@ -6,16 +6,22 @@ All calls come from one thread, the deciding one.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from collections.abc import Callable
+from typing import Protocol, TypeVar
 
-from robot_offload_core import guardians, managed_nodes, occasions
+from robot_offload_core import checks, guardians, managed_nodes, occasions
 from robot_offload_core.beats import Beat
+from robot_offload_core.checks import InvariantError
 from robot_offload_core.events import Machine, Tick, Witness
 from robot_offload_core.guardians import Flowing, Guardian
 from robot_offload_core.managed_nodes import NodeEvent
 from robot_offload_core.placement import PulseSent
 from robot_offload_core.problems import Problem
 from robot_offload_core.settings import OutputSpec
+
+Before = TypeVar("Before")
+Taken = TypeVar("Taken")
+Done = TypeVar("Done")
 
 
 class ControlPorts(Protocol):
@@ -76,12 +82,29 @@ class ControlProcess(ABC):
         self.witness = witness
         witness.restated(Machine.GUARDIAN, self.ports.now_s(), self.guardian)
 
+    def watched(
+        self, machine: Machine, step: Callable[[Before, Taken, float], tuple[Before, Done]],
+        before: Before, event: Taken, now_s: float,
+    ) -> tuple[Before, Done]:  # fmt: skip
+        """Returns what a step of a machine comes to; the witness sees the step, also one that breaks a rule.
+
+        Raises:
+            InvariantError, AssertionError: the step breaks a rule.
+        """
+        try:
+            after, commands = step(before, event, now_s)
+        except (InvariantError, AssertionError) as error:
+            if self.witness is not None:
+                self.witness.broke(machine, now_s, event, checks.rule_of(error))
+            raise
+        if self.witness is not None:
+            self.witness.stepped(machine, now_s, event, after, commands)
+        return after, commands
+
     def guard(self, event: guardians.Event) -> None:
         """Steps the guardian and has its commands carried out."""
         now_s = self.ports.now_s()
-        self.guardian, commands = guardians.step(self.guardian, event, now_s)
-        if self.witness is not None:
-            self.witness.stepped(Machine.GUARDIAN, now_s, event, self.guardian, commands)
+        self.guardian, commands = self.watched(Machine.GUARDIAN, guardians.step, self.guardian, event, now_s)
         for command in commands:
             self.ports.carry_out(command)
         self.check_ready()

@@ -289,9 +289,7 @@ class RobotControlProcess(ControlProcess):
     def step(self, event: placement.Event) -> None:
         """Steps the placement machine and carries out its commands."""
         now_s = self.ports.now_s()
-        self.robot, commands = switcher.step(self.robot, event, now_s)
-        if self.witness is not None:
-            self.witness.stepped(Machine.PLACEMENT, now_s, event, self.robot, commands)
+        self.robot, commands = self.watched(Machine.PLACEMENT, switcher.step, self.robot, event, now_s)
         for command in commands:
             self._carry_out(command)
 

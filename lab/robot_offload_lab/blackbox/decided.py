@@ -8,17 +8,20 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from robot_offload_core import blackbox, codec
-from robot_offload_core.blackbox import Differs, Gap, Header, Replayed
+from robot_offload_core.blackbox import Differs, Gap, Header, Replayed, RuleBroken
 from robot_offload_lab.blackbox import ring
+
+RULE_BROKEN = "RuleBroken"
 
 
 @dataclass(frozen=True)
 class DecidedMoment:
-    """A decision of a replay, or a difference from what was written.
+    """A decision of a replay, a rule that a step broke, or a difference from what was written.
 
     Attributes:
         wall_s: system time of the robot, seconds. machine: which one decided.
-        event: the name of what it had taken in. name, decision: what it decided, as plain values.
+        event: the name of what it had taken in. name, decision: what it decided, as plain values; `RULE_BROKEN` and
+            the rule.
         changed: field of the state -> (before, after). differs: what was written instead, None when it is the same.
     """
 
@@ -33,10 +36,11 @@ class DecidedMoment:
 
 @dataclass
 class Totals:
-    """Figures of a replay: steps run, decisions, differences, lines or steps that are missing, files, other cores."""
+    """Figures of a replay: steps, decisions, broken rules, differences, missing lines and steps, files, other cores."""
 
     steps: int = 0
     decisions: int = 0
+    rules_broken: int = 0
     differences: int = 0
     gaps: int = 0
     left_out: int = 0
@@ -64,13 +68,18 @@ def moments(lines: Iterable[str], totals: Totals) -> Iterator[DecidedMoment]:
                     found.now_s + to_wall_s, found.machine.value, type(found.event).__name__,
                     type(decision).__name__, said(decision), changed(found.before, found.after),
                 )  # fmt: skip
+        elif isinstance(found, RuleBroken):
+            totals.rules_broken += 1
+            yield DecidedMoment(
+                found.now_s + to_wall_s, found.machine.value, type(found.event).__name__, RULE_BROKEN, found.rule
+            )
         else:
             totals.differences += 1
             yield _difference(found, to_wall_s)
 
 
 def _difference(found: Differs, to_wall_s: float) -> DecidedMoment:
-    names = {type(one).__name__ for one in (*found.written, *found.replayed)}
+    names = {_kind(one) for one in (*found.written, *found.replayed)}
     states = changed(found.written[0], found.replayed[0]) if _is_state(found) else {}
     now = "; ".join(map(said, found.replayed)) or "nothing"
     then = "; ".join(map(said, found.written)) or "nothing"
@@ -85,8 +94,14 @@ def _is_state(found: Differs) -> bool:
     return bool(found.written) and isinstance(found.written[0], kind)
 
 
+def _kind(decision: Any) -> str:
+    return RULE_BROKEN if isinstance(decision, str) else type(decision).__name__
+
+
 def said(decision: Any) -> str:
-    """Returns a decision in words: its own reason and message, else its fields."""
+    """Returns a decision in words: its own reason and message, else its fields; a broken rule is said as it is."""
+    if isinstance(decision, str):
+        return decision
     verdict = getattr(decision, "verdict", decision)
     reason, message = getattr(verdict, "reason", None), getattr(verdict, "message", None)
     if reason is None or message is None:

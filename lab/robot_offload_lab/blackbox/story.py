@@ -1,31 +1,163 @@
-"""Makes a test of a part of a black box: the decisions that were written are what it expects."""
+"""Makes a test of a part of a black box, and what such a test asks: a pytest module, and the box beside the module.
+
+A test of this kind replays what one process took in. Behind the first decision that a mended core makes otherwise the
+events are those of another world, so the test asks for one thing: that no rule is broken, that one wrong decision is
+not made again, or that all decisions are the expected ones.
+"""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+import enum
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robot_offload_core import blackbox
+from robot_offload_core.blackbox import Did, Header, Replayed, RuleBroken
+from robot_offload_core.placement import Decided
+from robot_offload_lab.blackbox import ring
+from robot_offload_lab.blackbox.decided import said
 
 TEMPLATE = '''"""{title}
 
-A part of a black box: {steps} steps of {machines}. The test fails when the core decides otherwise than it did
-on the robot. Where it did wrong, change the expected decisions in BOX ("did" lines) to what it should have done, or
-replace the last assertion by one about the states that `Replayed` gives.
+{meaning}
 """
 
-from robot_offload_core import blackbox
-from robot_offload_core.blackbox import Differs, Replayed
+from pathlib import Path
 
-BOX = {box}
+from robot_offload_lab.blackbox import story
 
+BOX = Path(__file__).with_suffix(".box")
+{data}
 
 def test_{name}() -> None:
-    found = list(blackbox.replay(BOX))
-    assert sum(isinstance(one, Replayed) for one in found) == {steps}
-    assert [one for one in found if isinstance(one, Differs)] == []
+    {assertion}
 '''
 
 
-def test_text(name: str, title: str, lines: Sequence[str], steps: int, machines: Sequence[str]) -> str:
-    """Returns a test module that replays `lines`; `name` is an identifier."""
-    box = "[\n" + "".join(f"    {json.dumps(line)},  # noqa: E501\n" for line in lines) + "]"
-    return TEMPLATE.format(title=title, steps=steps, machines=" and ".join(machines), box=box, name=name)
+class Asks(enum.Enum):
+    """What a test asks of the core: (what its docstring says, its assertion)."""
+
+    NO_BROKEN_RULE = (
+        """{steps} steps of {machines}. A step broke a rule of its machine: {what}.
+The test fails while a step of the box breaks a rule.""",
+        "assert story.broken_rules(BOX) == []",
+    )
+    NOT_AGAIN = (
+        """{steps} steps of {machines}, up to a decision that was wrong: {what}.
+The test fails while the core decides the same in that step.""",
+        "assert WRONG not in story.decided_in_steps(BOX)",
+    )
+    AS_EXPECTED = (
+        """{steps} steps of {machines}. Expected is what was decided on the robot: where that was wrong, write into
+EXPECTED what would have been right, and drop what follows from there.""",
+        "assert story.decided(BOX)[: len(EXPECTED)] == EXPECTED",
+    )
+
+
+@dataclass(frozen=True)
+class Story:
+    """A test: its module's text, and the lines of the box."""
+
+    text: str
+    lines: tuple[str, ...]
+    asks: Asks
+
+
+def made(name: str, title: str, lines: Sequence[str], wrong_at: str = "") -> Story:
+    """Returns a test of lines of a box.
+
+    Args:
+        name: of the test, an identifier.
+        title: what the part is.
+        lines: of the box.
+        wrong_at: time of day of a decision that was wrong (HH:MM:SS.mmm, as the replay shows it), "" for none.
+
+    Raises:
+        LookupError: nothing was decided at `wrong_at`.
+    """
+    if wrong_at:
+        return _not_again(name, title, lines, wrong_at)
+    rules = _broken(lines)
+    if rules:
+        return _story(name, title, lines, Asks.NO_BROKEN_RULE, rules[0])
+    expected = "".join(f"    {line!r},  # noqa: E501\n" for line in _decided(lines))
+    return _story(name, title, lines, Asks.AS_EXPECTED, data=f"EXPECTED = [\n{expected}]\n")
+
+
+def broken_rules(box: Path) -> list[str]:
+    """Returns the rules that steps of a box break when they are run again, each with its machine and event."""
+    return _broken(ring.lines(box))
+
+
+def decided_in_steps(box: Path) -> list[tuple[str, float, str]]:
+    """Returns all decisions of a replay: machine, time of the step (as in the box), decision without its message."""
+    return [
+        (step.machine.value, step.now_s, _short(decision))
+        for step in blackbox.replay(ring.lines(box))
+        if isinstance(step, Replayed)
+        for decision in step.decided
+    ]
+
+
+def decided(box: Path) -> list[str]:
+    """Returns all decisions of a replay: seconds since the first step, machine, what was decided."""
+    return _decided(ring.lines(box))
+
+
+def _not_again(name: str, title: str, lines: Sequence[str], wrong_at: str) -> Story:
+    for end, to_wall_s, did in _written(lines):
+        chosen = next((one for one in did if isinstance(one.decision, Decided)), did[0])
+        if wrong_at == ring.clock(chosen.now_s + to_wall_s):
+            data = f"WRONG = {(chosen.machine.value, chosen.now_s, _short(chosen.decision))!r}  # noqa: E501\n"
+            return _story(name, title, lines[:end], Asks.NOT_AGAIN, said(chosen.decision), data=data)
+    raise LookupError(wrong_at)
+
+
+def _written(lines: Sequence[str]) -> Iterator[tuple[int, float, list[Did]]]:
+    """Gives out what was decided in each step, with the number of lines up to there and the clock's offset."""
+    group: list[Did] = []
+    to_wall_s = 0.0
+    for at, line in enumerate([*lines, ""]):
+        record = blackbox.parse(line)
+        if isinstance(record, Did):
+            group.append(record)
+        elif group:
+            yield at, to_wall_s, group
+            group = []
+        if isinstance(record, Header):
+            to_wall_s = ring.offset_s(record, to_wall_s)
+
+
+def _story(name: str, title: str, lines: Sequence[str], asks: Asks, what: str = "", data: str = "") -> Story:
+    meaning, assertion = asks.value
+    taken = [one for line in lines if isinstance(one := blackbox.parse(line), blackbox.Step | blackbox.Broke)]
+    machines = " and ".join(sorted({one.machine.value for one in taken}))
+    meaning = meaning.format(steps=len(taken), machines=machines, what=what)
+    text = TEMPLATE.format(title=title, meaning=meaning, data=data, name=name, assertion=assertion)
+    return Story(text, tuple(lines), asks)
+
+
+def _broken(lines: Iterable[str]) -> list[str]:
+    return [
+        f"{found.machine.value}: {type(found.event).__name__}: {found.rule}"
+        for found in blackbox.replay(lines)
+        if isinstance(found, RuleBroken)
+    ]
+
+
+def _decided(lines: Iterable[str]) -> list[str]:
+    found: list[str] = []
+    begin_s: float | None = None
+    for step in blackbox.replay(lines):
+        if isinstance(step, Replayed):
+            begin_s = step.now_s if begin_s is None else begin_s
+            found += [f"+{step.now_s - begin_s:.3f} {step.machine.value}: {said(one)}" for one in step.decided]
+    return found
+
+
+def _short(decision: Any) -> str:
+    if isinstance(decision, Decided):
+        return f"{decision.site.value} {decision.phase.value} {decision.verdict.reason.value}"
+    return said(decision)

@@ -16,12 +16,13 @@ from robot_offload.errors import InputError
 from robot_offload_lab.blackbox import ring, story
 from robot_offload_lab.blackbox.cut import cut
 from robot_offload_lab.blackbox.decided import DecidedMoment, Totals, moments
+from robot_offload_lab.blackbox.story import Asks
 
 EXAMPLES = (
     "robot-offload blackbox replay ~/.local/state/robot-offload/UID/blackbox",
     "robot-offload blackbox replay switch.box --states --around 14:03:20",
     "robot-offload blackbox cut /var/lib/robot-offload/blackbox --around 14:03:20 -o switch.box",
-    "robot-offload blackbox to-test switch.box --name leaves_too_late -o tests/test_leaves_too_late.py",
+    "robot-offload blackbox to-test switch.box --name leaves_too_late --wrong 14:03:20.512 -o test_leaves_too_late.py",
 )
 BEFORE_S, AFTER_S = 20.0, 10.0
 
@@ -90,16 +91,34 @@ def to_test(
     around: Around = "",
     before: Before = BEFORE_S,
     after: After = AFTER_S,
+    wrong: Annotated[
+        str,
+        typer.Option("--wrong", metavar="HH:MM:SS.mmm", help="When a decision was wrong; replay shows the times."),
+    ] = "",
 ) -> None:
-    """Write a test that replays a black box and expects the decisions that were written."""
+    """Write a test that fails as the robot did, and the box beside it.
+
+    Where a rule was broken the test fails while one is; with --wrong while the core decides the same then; else it
+    expects the decisions that were written.
+    """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise InputError(f"--name {name}: write an identifier of small letters, for example leaves_too_late")
-    part = _part(place, around, before, after)
-    totals = Totals()
-    machines = {one.machine for one in moments(part, totals)}
     title = f"{name.replace('_', ' ').capitalize()}: {place.name}{f' around {around}' if around else ''}."
-    out.write_text(story.test_text(name, title, part, totals.steps, sorted(machines)), encoding="utf-8")
-    typer.echo(f"{out}: {totals.steps} steps, {totals.decisions} decisions. Run it with pytest.")
+    try:
+        made = story.made(name, title, _part(place, around, before, after), wrong)
+    except LookupError as error:
+        raise InputError(f"--wrong {wrong}: nothing was decided then; `blackbox replay` shows the times") from error
+    out.write_text(made.text, encoding="utf-8")
+    box = out.with_suffix(".box")
+    box.write_text("".join(f"{line}\n" for line in made.lines), encoding="ascii")
+    typer.echo(f"{out}, {box}: {WILL[made.asks]}")
+
+
+WILL = {
+    Asks.NO_BROKEN_RULE: "the test fails while a step breaks a rule of its machine.",
+    Asks.NOT_AGAIN: "the test fails while the core decides this again.",
+    Asks.AS_EXPECTED: "the test expects what was decided; change EXPECTED where that was wrong.",
+}
 
 
 def _part(place: Path, around: str, before_s: float, after_s: float) -> list[str]:
@@ -122,6 +141,8 @@ def _line(one: DecidedMoment) -> str:
 def _summary(totals: Totals) -> str:
     words = [f"{totals.steps} steps of {len(totals.processes)} processes, {totals.decisions} decisions"]
     words.append(f"{totals.differences} differ from what was written" if totals.differences else "all as written")
+    if totals.rules_broken:
+        words.append(f"{totals.rules_broken} broke a rule of their machine")
     if totals.gaps:
         words.append(f"{totals.gaps} gaps ({totals.left_out} steps left out by the agent)")
     if totals.other_cores:

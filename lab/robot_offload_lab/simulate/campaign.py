@@ -27,7 +27,7 @@ class Broken:
 
 @dataclass
 class Total:
-    """What a campaign has come to."""
+    """What a campaign has come to; `unreplayed`: stretches that went well and whose black boxes held no step."""
 
     simulated_s: float = 0.0
     faults: int = 0
@@ -38,6 +38,8 @@ class Total:
     state_s: float = 0.0
     worlds: dict[str, int] = field(default_factory=dict)
     pairs: dict[Pair, int] = field(default_factory=dict)
+    replayed: int = 0
+    unreplayed: list[int] = field(default_factory=list)
     broken: list[Broken] = field(default_factory=list)
 
     def add(self, index: int, outcome: Outcome) -> None:
@@ -53,8 +55,11 @@ class Total:
             self.worlds[name] = self.worlds.get(name, 0) + 1
         for pair, count in outcome.pairs.items():
             self.pairs[pair] = self.pairs.get(pair, 0) + count
+        self.replayed += outcome.replayed
         if outcome.violation:
             self.broken.append(Broken(index, outcome.violation, outcome.story))
+        elif not outcome.replayed:
+            self.unreplayed.append(index)
 
     @property
     def missing(self) -> list[Pair]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from robot_offload_core.checks import InvariantError
 from robot_offload_core.token import Site
+from robot_offload_lab.simulate import boxes, worlds
 from robot_offload_lab.simulate import scenario as scenarios
-from robot_offload_lab.simulate import worlds
 from robot_offload_lab.simulate.boxes import Boxes
 from robot_offload_lab.simulate.coverage import Pair
 from robot_offload_lab.simulate.faults import Faults, Hands, only_link, plan, plan_ambushes
@@ -21,8 +21,18 @@ from robot_offload_lab.simulate.violations import ViolationError
 CHUNK_S = 60.0
 STORY_LENGTH = 40
 BOXED = 17
-"""Every 17th stretch has black boxes: to write and to replay them takes longer than to live it. It has no divisor in
-common with the stretches in which only the link fails (5) or goals run (6), so all kinds get some."""
+"""Every 17th stretch is in its black boxes as a whole, the others with a part: writing and replaying a whole one takes
+half as long again as to live it. 17 has no divisor in common with the stretches in which only the link fails (5) or
+goals run (6), so all kinds get some."""
+BOXED_SHARE = 0.2
+
+
+def boxed_s(seed: int, index: int) -> tuple[float, float]:
+    """Returns from when to when a stretch is kept in black boxes, seconds of true time."""
+    if index % BOXED == BOXED - 1:
+        return boxes.WHOLE
+    begins_s = random.Random(f"{seed}/{index}/boxes").uniform(0.0, (1.0 - BOXED_SHARE) * CHUNK_S)
+    return begins_s, begins_s + BOXED_SHARE * CHUNK_S
 
 
 @dataclass
@@ -33,6 +43,7 @@ class Outcome:
         simulated_s, faults, events: how much was lived through.
         commanded, sudden: changeovers. passed_robot, passed_cloud: messages passed.
         worlds: of the stretch. goals_s: how much of it had goals and calls. state_s: and state.
+        replayed: steps that the replay of the black boxes came to, each with the decisions that were written.
         pairs: coverage. violation: the text of the first violation, with the story that led to it.
     """
 
@@ -43,6 +54,7 @@ class Outcome:
     sudden: int = 0
     passed_robot: int = 0
     passed_cloud: int = 0
+    replayed: int = 0
     pairs: dict[Pair, int] = field(default_factory=dict)
     alarms: dict[str, int] = field(default_factory=dict)
     worlds: tuple[str, ...] = ()
@@ -66,19 +78,19 @@ class Chunk:
         self.observer = Observer(self.system, self.faults.quiet_s, only_link=only_link(index))
         self.system.around.witness = self.observer
         self.system.around.entered = self.faults.entered
-        self.boxes = Boxes()
-        if index % BOXED == BOXED - 1:
-            self.system.around.controlled = self.boxes.watch
+        world = self.system.world
+        self.boxes = Boxes(lambda: world.now, boxed_s(seed, index))
+        self.system.around.controlled = self.boxes.watch
 
     def live(self) -> Outcome:
         """Runs to the end or to the first violation."""
-        violation = ""
+        violation, replayed = "", 0
         story: tuple[str, ...] = ()
         system, observer = self.system, self.observer
         try:
             system.start()
             system.world.run(CHUNK_S)
-            self.boxes.judge(system.world.now)
+            replayed = self.boxes.judge(system.world.now)
         except ViolationError as broken:
             violation = f"{broken.invariant}: {broken.text} (at {broken.at_s:.4f} s)"
             story = system.world.story(STORY_LENGTH)
@@ -93,6 +105,7 @@ class Chunk:
             sudden=observer.changeovers["sudden"],
             passed_robot=observer.passed_messages[Site.ROBOT],
             passed_cloud=observer.passed_messages[Site.CLOUD],
+            replayed=replayed,
             pairs=system.coverage.pairs,
             alarms=observer.alarms,
             worlds=system.scenario.worlds,

@@ -96,6 +96,7 @@ def figures(total: Total) -> dict[str, Any]:
         "pairs_missing": [list(pair) for pair in total.missing],
         "hours_with_goals": round(total.goals_s / 3600, 3),
         "hours_with_goals_and_state": round(total.state_s / 3600, 3),
+        "steps_replayed": total.replayed,
         "stretches_by_world": dict(sorted(total.worlds.items())),
         "violations": [{"chunk": b.index, "text": b.text} for b in total.broken],
     }

@@ -117,6 +117,28 @@ def test_a_disk_that_cannot_be_written_ends_the_box_and_nothing_else(
     steps.take(10)
 
 
+def test_a_process_that_ends_has_its_last_steps_written_and_the_one_that_broke_a_rule(folder: Path) -> None:
+    box = box_in(folder)
+    steps = Steps(box)
+    box.start()
+    steps.take(7)
+    box.broke(Machine.GUARDIAN, steps.now_s + 0.02, Tick(), "what must never be")
+    box.finish()
+    found = found_in(folder)
+    assert sum(isinstance(one, Replayed) for one in found) == 8
+    assert [one.written for one in found if isinstance(one, Differs)] == [("what must never be",)]
+
+
+def test_a_process_ends_whether_or_not_its_last_steps_can_be_written(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(boxes, "LAST_S", 0.01)
+    box = box_in(folder)
+    Steps(box).take(1)
+    box.finish()  # nobody writes
+    assert not folder.exists()
+
+
 def test_the_code_of_the_core_has_a_name() -> None:
     assert digest_of_core() == digest_of_core()
     assert len(digest_of_core()) == 16

@@ -2,9 +2,11 @@
 
 import json
 import re
+import runpy
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,10 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from robot_offload.cli.main import app
-from robot_offload_core import blackbox
+from robot_offload_core import blackbox, switcher
+from robot_offload_core.checks import require
+from robot_offload_core.events import Machine
+from robot_offload_core.placement import Robot
 from robot_offload_lab.blackbox import ring
 from robot_offload_lab.simulate.boxes import MemoryBox
 from robot_offload_lab.simulate.chunk import BOXED, Chunk
@@ -94,16 +99,56 @@ def test_a_cut_is_small_and_replays_as_it_is(folder: Path, tmp_path: Path) -> No
     assert "all as written" in again.stdout
 
 
-def test_a_cut_becomes_a_test_that_passes_and_fails_when_a_decision_is_changed(folder: Path, tmp_path: Path) -> None:
+def test_a_cut_becomes_a_test_that_expects_what_was_decided(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "test_story.py"
     done = run("to-test", folder, "--name", "a_storm", "-o", out)
     assert done.exit_code == 0, done.output
     assert passes(out)
     text = out.read_text()
-    without = re.sub(r'    ".{8} \[\\"did\\",\\"placement.*\n', "", text, count=1)
-    assert without != text
-    out.write_text(without)
+    changed = re.sub(r"placement: (\w+) epoch", r"placement: neither epoch", text, count=1)
+    assert changed != text
+    out.write_text(changed)
     assert not passes(out)
+
+
+def test_a_decision_that_was_wrong_becomes_a_test_that_fails_until_the_core_decides_otherwise(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moments = json.loads(run("replay", folder, "--json").stdout)["moments"]
+    wrong = next(one for one in moments if one["name"] == "Decided")
+    out = tmp_path / "test_leaves_too_early.py"
+    done = run("to-test", folder, "--name", "leaves_too_early", "--wrong", ring.clock(wrong["wall_s"]), "-o", out)
+    assert done.exit_code == 0, done.output
+    assert not passes(out)
+    kind = blackbox.KINDS[Machine.PLACEMENT]
+    decides_nothing = replace(kind, step=lambda *taken: (kind.step(*taken)[0], []))
+    monkeypatch.setitem(blackbox.KINDS, Machine.PLACEMENT, decides_nothing)
+    run_here(out, "test_leaves_too_early")
+
+
+def test_a_broken_rule_becomes_a_test_that_fails_until_the_core_is_mended(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    check = switcher.check
+
+    def checked(before: Robot, after: Robot, event: object) -> None:
+        check(before, after, event)  # type: ignore[arg-type]
+        require("switcher", event, (after.epoch < 3, "no third epoch"))
+
+    out = tmp_path / "test_third_epoch.py"
+    with monkeypatch.context() as patch:
+        patch.setattr(switcher, "check", checked)
+        done = run("to-test", folder, "--name", "third_epoch", "-o", out)
+        assert "fails while a step breaks a rule" in done.stdout
+        with pytest.raises(AssertionError):
+            run_here(out, "test_third_epoch")
+    run_here(out, "test_third_epoch")
+    assert passes(out)
+
+
+def run_here(module: Path, name: str) -> None:
+    """Runs a made test in this process, whose core a test may have changed."""
+    runpy.run_path(str(module))[name]()
 
 
 def passes(module: Path) -> bool:
@@ -119,6 +164,7 @@ def passes(module: Path) -> bool:
         (("replay", "FOLDER", "--around", "noon"), "write a time of day"),
         (("replay", "FOLDER", "--around", "03:00:00"), "the box has nothing of that time; its newest step is of 14:0"),
         (("to-test", "FOLDER", "--name", "A-b", "-o", "x"), "write an identifier"),
+        (("to-test", "FOLDER", "--name", "a", "--wrong", "03:00:00.000", "-o", "x"), "nothing was decided then"),
     ],
 )
 def test_bad_words_are_answered_with_the_next_step(folder: Path, words: tuple[str, ...], message: str) -> None:
