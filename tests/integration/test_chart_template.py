@@ -66,7 +66,8 @@ CASES: dict[str, Values] = {
     },
     "no network policy": {"networkPolicy.enabled": False},
     "networks": {"robotNetworkPolicies": {
-        "enabled": True, "dns": ["10.96.0.10/32"], "apiServers": ["fd00::1/128"], "metricsNamespaces": ["monitoring"]}},
+        "enabled": True, "dns": ["10.96.0.10/32"], "apiServers": ["fd00::1/128"],
+        "apiServersFrom": ["192.0.2.0/28", "fd00::/64"], "metricsNamespaces": ["monitoring"]}},
 }  # fmt: skip
 
 WRONG: dict[str, tuple[Values, str]] = {
@@ -82,6 +83,7 @@ WRONG: dict[str, tuple[Values, str]] = {
     "a pull secret without a name": ({"images.pullSecrets": ["registry"]}, "pullSecrets"),
     "an interval without a unit": ({"metrics.podMonitor.interval": "30"}, "interval"),
     "a network that is none": ({"robotNetworkPolicies.dns": ["10.96.0.10"]}, "dns"),
+    "an API server that is no network": ({"robotNetworkPolicies.apiServersFrom": ["192.0.2.1"]}, "apiServersFrom"),
     "an unknown log level": ({"logLevel": "chatty"}, "logLevel"),
     "a missing account name": ({"serviceAccount.create": False}, "serviceAccount.name"),
 }
@@ -204,6 +206,15 @@ def test_the_charts_definition_is_the_one_of_the_manifests(helm: Helm) -> None:
 def test_selectors_do_not_match_what_the_operator_makes_for_a_robot(helm: Helm) -> None:
     (deployment,) = of_kind(rendered(helm), "Deployment")
     assert deployment["spec"]["selector"]["matchLabels"]["app.kubernetes.io/name"] == OPERATOR
+
+
+def test_alerts_link_to_a_page_only_when_somebody_says_where_the_page_is(helm: Helm) -> None:
+    for base, linked in (("", False), ("https://wiki.example/alerts", True)):
+        values = {"metrics.alerts.enabled": True, "metrics.alerts.runbooks": base}
+        [found] = of_kind(rendered(helm, values), "PrometheusRule")
+        alerts = found["spec"]["groups"][0]["rules"]
+        assert {"runbook_url" in rule["annotations"] for rule in alerts} == {linked}
+        assert all(rule["annotations"]["summary"] for rule in alerts)
 
 
 def test_monitors_are_accepted_where_the_prometheus_operator_is(bare_control_plane: ControlPlane, helm: Helm) -> None:

@@ -39,3 +39,8 @@ helm.sh/chart: {{ printf "%s-%s" .Chart.Name .Chart.Version | replace "+" "_" }}
 {{- $images := $root.Values.images }}
 {{- default (printf "%s/%s:%s" (trimSuffix "/" $images.registry) $name (default $root.Chart.AppVersion $images.tag)) (get $images $name) }}
 {{- end }}
+
+{{/* The link of an alert to its section: (list BASE "robotoffloadnoleader"); nothing without a base. */}}
+{{- define "robot-offload.runbook" -}}
+{{- if index . 0 }}{{ printf "\n            runbook_url: %s#%s" (index . 0) (index . 1) }}{{ end }}
+{{- end }}

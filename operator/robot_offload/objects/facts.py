@@ -72,12 +72,15 @@ class Network:
         dns: networks of the name servers; empty: any.
         api_server: networks of the API servers; empty: any.
         metrics_from: namespaces whose pods may read the metrics beside the agents.
+        api_server_from: networks from which API servers reach the reporters, for who reads them through the API
+            server's proxy; empty: none are let in.
     """
 
     policies: bool = True
     dns: tuple[str, ...] = ()
     api_server: tuple[str, ...] = ()
     metrics_from: tuple[str, ...] = ()
+    api_server_from: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,9 +91,12 @@ def kubernetes_api(network: Network) -> Manifest:
     return _within(network.api_server, *(port("TCP", number) for number in _KUBERNETES_API))
 
 
-def metrics(network: Network, *ports: Manifest) -> list[Manifest]:
-    """Rules for who reads metrics; none when nobody may."""
-    peers = [{"namespaceSelector": {"matchLabels": {_NAMESPACE: name}}} for name in network.metrics_from]
+def reporting(network: Network, *ports: Manifest) -> list[Manifest]:
+    """Rules for who reads a reporter: Prometheus, and people through the API server's proxy; none when nobody may."""
+    peers: list[Manifest] = [
+        {"namespaceSelector": {"matchLabels": {_NAMESPACE: name}}} for name in network.metrics_from
+    ]
+    peers += [{"ipBlock": {"cidr": source}} for source in network.api_server_from]
     return [{"from": peers, "ports": list(ports)}] if peers else []
 
 

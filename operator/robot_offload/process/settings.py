@@ -117,6 +117,7 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
             dns=_networks("DNS_NETWORKS", environment, problems),
             api_server=_networks("API_SERVER_NETWORKS", environment, problems),
             metrics_from=_words(environment.get("METRICS_NAMESPACES", "")),
+            api_server_from=_networks("API_SERVER_SOURCES", environment, problems),
         ),
         traces=_address("TRACES_ENDPOINT", environment, problems),
     )

@@ -32,7 +32,7 @@ def _agent(parent: Parent) -> Manifest:
     incoming, outgoing = rules.dds_both_ways(parent.offload, robot=chosen.traits.robot_speaks_dds)
     handing_over = rules.coming_from(selector(parent.offload, "node"), rules.port("TCP", handover.PORT))
     ports = [rules.port(one.protocol, one.number) for one in transport.agent_ports(parent.offload)]
-    reading = rules.metrics(parent.facts.network, rules.port("TCP", handover.PORT))
+    reading = rules.reporting(parent.facts.network, rules.port("TCP", handover.PORT))
     # The robot comes through NAT from anywhere; that it is the robot is proven by its certificate.
     robot = [rules.anybody(*ports)] if ports else []
     return rules.policy(

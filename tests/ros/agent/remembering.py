@@ -3,7 +3,7 @@
 While it is Active it publishes `producer.PID#count` on /command, and its count as state; and on /lap, a topic that is
 state too, how far it has come: `PACE PID#lap`. It goes on from what it hears on the private name of /set_lap. PACE is
 the parameter `pace` as it was at the start, or as it was set while the node was Active: it listens only then. At the
-pace `silent` it says nothing of its state.
+pace `silent` it says nothing of its state. With `serves` it serves the actions and services of `counting.py`.
 """
 
 import contextlib
@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import rclpy
+from counting import Counting  # beside this file, which is run by its path
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
@@ -31,6 +32,7 @@ class Remembering(StatefulNode):
     def __init__(self) -> None:
         super().__init__("walker", enable_rosout=False)
         rate_hz = self.declare_parameter("rate_hz", 20.0).value
+        self.counting = Counting(self) if self.declare_parameter("serves", False).value else None
         self.count = 0
         self.pace = self.declare_parameter("pace", "slow").value
         self.add_on_set_parameters_callback(self.judge)
@@ -43,10 +45,14 @@ class Remembering(StatefulNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.add_on_set_parameters_callback(self.set_pace)
+        if self.counting is not None:
+            self.counting.activate()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.remove_on_set_parameters_callback(self.set_pace)
+        if self.counting is not None:
+            self.counting.deactivate()
         return super().on_deactivate(state)
 
     def set_pace(self, changed: list[Parameter]) -> SetParametersResult:

@@ -47,6 +47,8 @@ def test_networks_are_read_and_what_is_none_is_named() -> None:
     assert not network.policies
     with pytest.raises(InputError, match="API_SERVER_NETWORKS must be networks"):
         from_environment({**NEEDED, "API_SERVER_NETWORKS": "10.0.0.1/8"})
+    with pytest.raises(InputError, match="API_SERVER_SOURCES must be networks"):
+        from_environment({**NEEDED, "API_SERVER_SOURCES": "192.0.2.1/24"})
 
 
 def test_every_problem_is_told() -> None:

@@ -121,6 +121,20 @@ def test_an_administrator_says_where_name_servers_api_servers_and_prometheus_are
     ]
 
 
+def test_api_servers_on_other_hosts_are_let_in_to_the_reporter_alone_and_only_when_asked_for() -> None:
+    network = Network(api_server_from=("192.0.2.0/28", "fd00::/64"))
+    before, after = (rendered(offload(), facts(network=one)) for one in (Network(), network))
+    policies = [name for name in before if name.startswith("NetworkPolicy/")]
+    assert [name for name in policies if before[name] != after[name]] == ["NetworkPolicy/wheelchair-7-agent"]
+    plain, opened = (made["NetworkPolicy/wheelchair-7-agent"]["spec"]["ingress"] for made in (before, after))
+    assert [rule for rule in opened if rule not in plain] == [
+        {
+            "from": [{"ipBlock": {"cidr": "192.0.2.0/28"}}, {"ipBlock": {"cidr": "fd00::/64"}}],
+            "ports": [{"protocol": "TCP", "port": 8080}],
+        }
+    ]
+
+
 def test_an_administrator_may_want_no_policies_of_ours() -> None:
     children = rendered(offload(), facts(network=Network(policies=False)))
     assert not [name for name in children if name.startswith("NetworkPolicy/")]
