@@ -33,6 +33,8 @@ WHEELCHAIR = ROOT / "examples" / "wheelchair" / "robotoffload.yaml"
 MARK = "ROBOT_OFFLOAD_TEST"
 PATIENCE_S = 100.0
 EXCUSE_S = 0.1
+SUCCEEDED = 4
+"""action_msgs/msg/GoalStatus.STATUS_SUCCEEDED."""
 KEYS = {
     "schema", "mode", "duration_s", "seed", "switches", "outputs", "collisions", "goal_reached", "placement_share",
     "cloud_share_of_good_time", "messages_passed", "detector_alarms", "link", "violations",
@@ -176,6 +178,21 @@ def assert_changeovers_recorded(files: list[Path]) -> None:
             said = [bag.deserialize(raw, c.msgtype) for c, _, raw in bag.messages() if c.topic == "/offload/acting"]
             assert ["robot", "cloud"].index(facts["to"]) in {message.data for message in said}
     assert "HeartbeatLost" in reasons
+
+
+def assert_goals_recorded(file: Path) -> None:
+    """A navigation's feedback is there, and the result of each goal that came to its end, with the goal's id."""
+    read: dict[str, list[Any]] = {}
+    with AnyReader([file]) as bag:
+        for connection, _, raw in bag.messages():
+            if "/_action/" in connection.topic:
+                read.setdefault(connection.topic, []).append(bag.deserialize(raw, connection.msgtype))
+    assert len(read["/follow_path/_action/feedback"]) > 10
+    followed = {bytes(message.goal_id.uuid) for message in read["/follow_path/_action/feedback"]}
+    events = read["/follow_path/_action/get_result/_service_event"]
+    results = {bytes(event.request[0].goal_id.uuid): event.response[0].status for event in events}
+    assert len(results) == len(events), "each goal is asked once"
+    assert SUCCEEDED in {results.get(goal_id) for goal_id in followed}
 
 
 def packaged(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -387,4 +404,5 @@ def test_a_whole_robot_goes_on_with_its_goals_through_two_outages(demo: Demo) ->
     assert report["outputs"]["/detections"]["received"] > 5
     assert report["outputs"]["/tf"]["received"] > 100, "the wheels' transform and that of the acting localiser"
     assert report["processor"]["robot-navigation"] > 0
+    assert_goals_recorded(demo.out / "run.mcap")
     assert demo.nothing_left()

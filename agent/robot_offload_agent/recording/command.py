@@ -20,7 +20,7 @@ from robot_offload_agent.process.clock import now_s, wall_ns
 from robot_offload_agent.process.release import release
 from robot_offload_agent.recording.mcap_file import McapFile, library
 from robot_offload_agent.recording.ring import Entry
-from robot_offload_agent.recording.topics import Heard, topics
+from robot_offload_agent.recording.topics import Heard
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration, load
@@ -128,7 +128,7 @@ def record(configuration: Configuration, stream: IO[bytes]) -> int:
     context.init(configuration)
     written = Stream(stream)
     node = context.make_node(configuration, NODE_NAME)
-    heard = Heard(node, topics(configuration), written.take)
+    heard = Heard(node, configuration, written.take)
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())

@@ -7,6 +7,7 @@ comments are in the files alone, and no reader needs them to understand the byte
 from __future__ import annotations
 
 import re
+import sys
 from typing import Any
 
 from robot_offload_agent.ros.interfaces import message_type
@@ -31,16 +32,23 @@ def definition(kind: Any, name: str) -> str:
     Raises:
         StartError: a type in it is not installed.
     """
-    text, waiting, known = _fields(kind), _parts(kind), {name}
+    text, waiting, known = _fields(kind), _parts(kind), {name.replace("/msg/", "/")}
     while waiting:
-        part = waiting.pop(0)
+        part, within = waiting.pop(0)
         if part in known:
             continue
         known.add(part)
-        inner = message_type(part)
-        text += f"{SEPARATOR}\nMSG: {part.replace('/msg/', '/')}\n{_fields(inner)}"
+        inner = _part(part, within)
+        text += f"{SEPARATOR}\nMSG: {part}\n{_fields(inner)}"
         waiting += _parts(inner)
     return text
+
+
+def _part(name: str, within: Any) -> Any:
+    """Returns the class of a type `PACKAGE/TYPE` in another one; the parts of an action stand in its module."""
+    short = name.partition("/")[2]
+    beside = getattr(sys.modules[within.__module__], short, None)
+    return beside if beside is not None else message_type(name.replace("/", "/msg/", 1))
 
 
 def _fields(kind: Any) -> str:
@@ -48,9 +56,10 @@ def _fields(kind: Any) -> str:
     return "".join(f"{_written(idl)} {field}\n" for field, idl in fields.items())
 
 
-def _parts(kind: Any) -> list[str]:
+def _parts(kind: Any) -> list[tuple[str, Any]]:
+    """Returns the types of the fields that are messages, `PACKAGE/TYPE`, each with the type it stands in."""
     elements = [_element(idl) for idl in kind.get_fields_and_field_types().values()]
-    return [element.replace("/", "/msg/", 1) for element in elements if "/" in element]
+    return [(element, kind) for element in elements if "/" in element]
 
 
 def _element(idl: str) -> str:

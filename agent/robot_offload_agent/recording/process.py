@@ -28,7 +28,7 @@ from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.process.release import release
 from robot_offload_agent.recording.kept import Kept
 from robot_offload_agent.recording.ring import Changeover, Entry, Ring, Window
-from robot_offload_agent.recording.topics import PLACEMENT, Heard, topics
+from robot_offload_agent.recording.topics import PLACEMENT, Heard
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.override import state_dir
@@ -66,7 +66,7 @@ class RecordShell:
         self.report_due_s = 0.0
         context.init(configuration)
         self.node = context.make_node(configuration, NODE_NAME)
-        self.heard = Heard(self.node, topics(configuration), self.take)
+        self.heard = Heard(self.node, configuration, self.take)
         self.diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def run(self) -> None:

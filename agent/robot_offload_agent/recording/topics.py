@@ -1,4 +1,4 @@
-"""Which topics a recording has: what the agent says of itself, what passes on the outputs, and the states of goals."""
+"""What a recording has: topics of the agent itself, what passes on the outputs, and what becomes of goals."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from typing import Any
 
 from rclpy.node import Node
 
+from robot_offload_agent.process.guard import Guard
+from robot_offload_agent.recording import results
+from robot_offload_agent.ros import context
 from robot_offload_agent.ros.live import ACTING, NOTES, PASSING, REASON, ROUND_TRIP
 from robot_offload_agent.ros.raw import RawSubscription
 from robot_offload_agent.settings.parameters import Configuration, Named
@@ -51,32 +54,41 @@ def topics(configuration: Configuration) -> Iterator[Topic]:
         yield Topic(output["topic"])
     for action in (*configuration.actions, *configuration.used_actions):
         yield Topic(f"{action['name']}/_action/status", "action_msgs/msg/GoalStatusArray", *latched)
+        yield Topic(f"{action['name']}/_action/feedback", f"{action['type']}_FeedbackMessage", "reliable", "volatile")
 
 
 class Heard:
-    """Subscriptions to these topics, of `node`.
+    """Subscriptions of `node` to what a recording has, and the results of goals.
 
     Args:
         node: spun by `topic_loop.spin_topics`.
-        wanted: topics; each name once.
+        configuration: of the robot's agent.
         take: called with the topic's name, its type, whether it is latched, and each message.
     """
 
-    def __init__(self, node: Node, wanted: Iterator[Topic], take: Callable[[str, str, bool, bytes], None]) -> None:
+    def __init__(self, node: Node, configuration: Configuration, take: Callable[[str, str, bool, bytes], None]) -> None:
         self._take = take
+        self._guard = Guard(context.is_up)
+        self._results = results.of(node, configuration.actions, take)
         self._subscriptions: dict[str, RawSubscription] = {}
-        for topic in wanted:
+        for topic in topics(configuration):
             if topic.name not in self._subscriptions:
                 self._subscriptions[topic.name] = RawSubscription(
                     node, topic.name, topic.spec, False, partial(self._heard, topic.name)
                 )
 
     def resolve(self) -> None:
-        """Subscribes to what has become known; call now and then."""
+        """Subscribes to what has become known, and takes results that have come; call now and then."""
         for subscription in self._subscriptions.values():
             subscription.resolve()
+        for asking in self._results.values():
+            with self._guard:
+                asking.look()
 
     def _heard(self, name: str, payload: Any) -> None:
         subscription = self._subscriptions[name]
         latched = subscription.qos is not None and subscription.qos.durability.name == "TRANSIENT_LOCAL"
         self._take(name, subscription.type_name, latched, bytes(payload))
+        if name in self._results:
+            with self._guard:
+                self._results[name].heard(bytes(payload))

@@ -10,6 +10,7 @@ from typing import Any
 from robot_offload_agent.errors import StartError
 
 SETUP_VARIABLE = "ROBOT_OFFLOAD_SETUP"
+_OF_ACTION = re.compile(r"(.+/action/[A-Za-z0-9]+)_(FeedbackMessage|GetResult_Event)")
 _NAME = re.compile(r"([A-Za-z][A-Za-z0-9_]*)/(msg|srv|action)/([A-Za-z][A-Za-z0-9_]*)")
 
 
@@ -31,7 +32,14 @@ def any_type(name: str) -> Any:
 
 
 def message_type(name: str) -> Any:
-    """Returns the class of a message type such as `sensor_msgs/msg/LaserScan`; see `interface`."""
+    """Returns the class of a message type such as `sensor_msgs/msg/LaserScan`; see `interface`.
+
+    Also of a message that an action is made of: its feedback with the goal's id, and the event of a `get_result`.
+    """
+    part = _OF_ACTION.fullmatch(name)
+    if part is not None:
+        types = action_types(part[1])
+        return types.feedback if part[2] == "FeedbackMessage" else types.get_result.Event
     return interface(name, "msg")
 
 

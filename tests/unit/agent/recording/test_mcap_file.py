@@ -17,13 +17,20 @@ from test_msgs.msg import Arrays, Constants, Nested
 from robot_offload_agent.recording.definitions import definition
 from robot_offload_agent.recording.mcap_file import McapFile
 from robot_offload_agent.recording.ring import Entry
+from robot_offload_agent.ros.interfaces import message_type
 
+ACTIONS = {
+    name: message_type(name)
+    for name in ("test_msgs/action/Fibonacci_FeedbackMessage", "test_msgs/action/Fibonacci_GetResult_Event")
+}
 KINDS: tuple[type[Any], ...] = (
-    String, DiagnosticArray, Odometry, PointCloud2, Arrays, Constants, Empty, Nested,
+    String, DiagnosticArray, Odometry, PointCloud2, Arrays, Constants, Empty, Nested, *ACTIONS.values(),
 )  # fmt: skip
 
 
 def name_of(kind: type[Any]) -> str:
+    if kind in ACTIONS.values():
+        return next(name for name, one in ACTIONS.items() if one is kind)
     return f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
 
 
