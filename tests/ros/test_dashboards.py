@@ -253,7 +253,7 @@ def test_every_panel_has_data_in_a_live_run(prometheus: Prometheus, chart: list[
     [
         ('robot_offload_builds{reason="BuildFailed"} == 1', "a build failed"),
         ('robot_offload_goals_total{action="/count", outcome="succeeded"} >= 1', "a goal came to its end"),
-        ('robot_offload_state_age_at_change_seconds < 60', "a state was handed on"),
+        ("robot_offload_state_age_at_change_seconds < 60", "a state was handed on"),
         ("sum(robot_offload_refused_messages_total) > 0", "messages came too late"),
         ("sum(robot_offload_errors_total) > 0", "a pass fails"),
     ],

@@ -31,6 +31,19 @@ ln -s /opt/robot-offload/bin/robot-offload-{agent,tunnel} /usr/local/bin/
 Or build `core` and `agent` of the repository with colcon in your workspace, or take the container below.
 `docs/how-to/robot.md` has all ways, and what the robot must have: a synchronised clock first of all."""
 
+RECORDING: Final = """\
+## Install what recordings need
+
+This robot is to write a recording of each changeover (`spec.record`). The agent needs the library `mcap` for that, its
+extra `robot-offload-agent[record]`:
+
+```sh
+/opt/robot-offload/bin/pip install mcap
+```
+
+In the container it comes with `--build-arg EXTRAS="mcap lz4 zstandard"`. Without it the robot drives and records
+nothing; the log and `robot-offload-agent doctor` say so."""
+
 WATCHDOG_S: Final = 15
 """A supervisor without a sign of life for so long is started anew with all its processes; it gives one every 5 s."""
 
@@ -218,6 +231,7 @@ def readme(offload: RobotOffload, folder: str, files: Sequence[str]) -> str:
             ["| file | what it is |", "|---|---|", *(f"| `{one}` | {_MEANINGS[one]} |" for one in sorted(files))]
         ),
         INSTALL,
+        *([RECORDING] if offload.spec.record.switches else ()),
         _install(offload, folder),
         _nodes(offload, folder),
         _driver(offload),

@@ -125,6 +125,13 @@ def test_the_readme_says_the_remappings_and_the_way_back() -> None:
     assert "/wheels_control/inhibit" in readme
 
 
+def test_the_readme_says_what_recordings_need_where_there_are_any() -> None:
+    recording = bundle(Parent(offload({"record.switches": True}), KNOWN), SECRETS)["README.md"].decode()
+    assert "`robot-offload-agent[record]`" in recording
+    assert "pip install mcap" in recording
+    assert "mcap" not in made()["README.md"]
+
+
 def test_a_command_cannot_leave_its_block_in_the_readme() -> None:
     hostile = "x\n```\n## Install this instead"
     changed = offload({"nodes.1.run.command": ["controller", hostile]})
