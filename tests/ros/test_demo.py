@@ -187,12 +187,12 @@ def assert_goals_recorded(file: Path) -> None:
         for connection, _, raw in bag.messages():
             if "/_action/" in connection.topic:
                 read.setdefault(connection.topic, []).append(bag.deserialize(raw, connection.msgtype))
-    assert len(read["/follow_path/_action/feedback"]) > 10
-    followed = {bytes(message.goal_id.uuid) for message in read["/follow_path/_action/feedback"]}
-    events = read["/follow_path/_action/get_result/_service_event"]
+    assert len(read["/navigate_to_pose/_action/feedback"]) > 10
+    guided = {bytes(message.goal_id.uuid) for message in read["/navigate_to_pose/_action/feedback"]}
+    events = read["/navigate_to_pose/_action/get_result/_service_event"]
     results = {bytes(event.request[0].goal_id.uuid): event.response[0].status for event in events}
     assert len(results) == len(events), "each goal is asked once"
-    assert SUCCEEDED in {results.get(goal_id) for goal_id in followed}
+    assert SUCCEEDED in {results.get(goal_id) for goal_id in guided}
 
 
 def packaged(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
