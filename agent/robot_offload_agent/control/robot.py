@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,9 @@ from robot_offload_core.tallies import LinkTally
 from robot_offload_core.token import Site
 
 log = logging.getLogger(__name__)
+
+REPORT_COST = "report.cpu_us"
+"""Counter in diagnostics: processor time that the report to the cloud has taken, µs."""
 
 
 class RobotControlShell(ControlShell):
@@ -285,7 +289,10 @@ class RobotControlShell(ControlShell):
             counters=self.counters | self.life_counters(),
             problems=[p for status in statuses if status for p in status.problems],
         )  # fmt: skip
+        begun_ns = time.thread_time_ns()
         self.send_numbers(now)
+        spent_us = (time.thread_time_ns() - begun_ns) // 1000
+        self.counters[REPORT_COST] = self.counters.get(REPORT_COST, 0) + spent_us
 
     def send_numbers(self, now: float) -> None:
         """Sends the robot's own numbers to the cloud, which shows them beside its own."""

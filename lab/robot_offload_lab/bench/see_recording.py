@@ -1,7 +1,8 @@
-"""What the robot's agent spends on being seen afterwards: the recorder of changeovers, the black box, the audit trail.
+"""What the robot's agent spends on being seen: recorder of changeovers, black box, audit trail, the report of numbers.
 
-A run of the wheelchair with real processes and a link that is cut now and then. Read from the kernel's accounts of the
-record process and of the writing threads of the control process.
+A run of the wheelchair with real processes and a link that is cut now and then. Read from the accounts of the kernel,
+to the nanosecond, of the record process and of the writing threads of the control process. The report has no thread of
+its own: what the deciding thread spends on it is a counter in the recording of the run.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from pathlib import Path
 from typing import Final
 
 import psutil
+from diagnostic_msgs.msg import DiagnosticArray
+from mcap.reader import make_reader
+from rclpy.serialization import deserialize_message
 from rich.console import Console
 
 from robot_offload.api.v1alpha1 import Record, RobotOffload
@@ -29,6 +33,8 @@ SETTLED_S: Final = 5.0
 """What the start of the processes costs is no part of it."""
 LOOK_S: Final = 1.0
 AIM: Final = "under 0.5 % of a core"
+COUNTER: Final = "report.cpu_us"
+"""In the robot's /diagnostics: what the deciding thread has spent on the report."""
 PROCESS: Final = "ro-robot-"
 FILE: Final = Path("examples/wheelchair/robotoffload.yaml")
 
@@ -69,7 +75,8 @@ class Watch(threading.Thread):
         for thread in process.threads():
             comm = Path(f"/proc/{process.pid}/task/{thread.id}/comm").read_text().strip()
             said = self.used.setdefault(f"{name}/{comm if comm != name else thread.id}", [])
-            said.append((now_s, thread.user_time + thread.system_time))
+            spent_ns = Path(f"/proc/{process.pid}/task/{thread.id}/schedstat").read_text().split()[0]
+            said.append((now_s, int(spent_ns) / 1e9))
         self.memory[name] = process.memory_full_info().pss
 
     def percent(self, *beginnings: str) -> float | None:
@@ -107,7 +114,23 @@ def measure(out: Path) -> list[SeeFigure]:
         SeeFigure("black box, robot: writing thread", watch.percent(f"{control}/blackbox"), "% of a core", AIM),
         SeeFigure("black box, robot: written", written / SECONDS / 1000, "kB/s"),
         SeeFigure("audit trail: writing thread", watch.percent(f"{control}/audit"), "% of a core"),
+        SeeFigure("report of the robot's numbers", _report_percent(folder / "run.mcap"), "% of a core"),
+        SeeFigure("whole agent of the robot", watch.percent(PROCESS), "% of a core"),
     ]
+
+
+def _report_percent(file: Path) -> float | None:
+    """Returns the share of a core that the robot's report takes, from the counter in a run's recording."""
+    counts: list[tuple[float, int]] = []
+    with file.open("rb") as stream:
+        for _, _, message in make_reader(stream).iter_messages(topics=["/diagnostics"]):
+            for status in deserialize_message(message.data, DiagnosticArray).status:
+                counts += [(message.log_time / 1e9, int(it.value)) for it in status.values if it.key == COUNTER]
+    settled = [one for one in counts if one[0] >= counts[0][0] + SETTLED_S]
+    if len(settled) < 2:
+        return None
+    (first_s, before_us), (last_s, after_us) = settled[0], settled[-1]
+    return 100.0 * (after_us - before_us) / 1e6 / (last_s - first_s)
 
 
 def _recorded(offload: RobotOffload) -> RobotOffload:
