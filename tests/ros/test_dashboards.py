@@ -21,7 +21,6 @@ from urllib.request import urlopen
 import pytest
 import yaml
 
-from robot_offload.kube.kinds import ROBOT_OFFLOAD
 from robot_offload_lab.cluster import directories, programs
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from robot_offload_lab.cluster.definitions import definitions
@@ -119,9 +118,8 @@ def prometheus(
     plane.kubectl(FULL).apply(QUOTA)
     for name in (NAMESPACE, FULL):
         plane.kubectl(name).apply({**talker(), "metadata": {"name": ROBOT, "namespace": name}})
+    plane.kubectl(BUILT).apply({**built(), "metadata": {"name": "walker", "namespace": BUILT}})
     operator = Operator.start(plane.kubeconfig, folder / "operator.log")
-    failing = Place(plane, BUILT)
-    failing.create(ROBOT_OFFLOAD, built())
     bundled = {"generation": 1}
     plan = Plan(domains=(221, 222), files=True, serves=True, program=STATEFUL, robot=bundled, cloud=bundled, both=STATE)
     with World(plan) as world:
@@ -134,7 +132,8 @@ def prometheus(
             server = started(tools, folder, port, reporter.port, int(scraped))
             found = Prometheus(f"http://127.0.0.1:{port}")
             world.start()
-            report_ended(plane, BUILT, the_job(failing), {"fetch": "fatal: no such branch\n"}, failing="fetch")
+            job = the_job(Place(plane, BUILT))
+            report_ended(plane, BUILT, job, {"fetch": "fatal: no such branch\n"}, failing="fetch")
             live(world)
             eventually(lambda: answers(found, "count(robot_offload_changeovers_total) > 1"))
             eventually(lambda: answers(found, "robot_offload_info"))
