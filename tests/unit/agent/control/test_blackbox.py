@@ -117,7 +117,10 @@ def test_a_disk_that_cannot_be_written_ends_the_box_and_nothing_else(
     steps.take(10)
 
 
-def test_a_process_that_ends_has_its_last_steps_written_and_the_one_that_broke_a_rule(folder: Path) -> None:
+def test_a_process_that_ends_has_its_last_steps_written_and_the_one_that_broke_a_rule(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(boxes, "LAST_S", 60.0)
     box = box_in(folder)
     steps = Steps(box)
     box.start()
