@@ -10,6 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rclpy.duration import Duration
+from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_native
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import UInt8MultiArray
 
@@ -29,6 +31,7 @@ from robot_offload_core.process.states import CloudStates, RobotStates, StatePro
 HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 KEPT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 GIVEN = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+AT_ONCE = Duration(seconds=0)
 AS_PUBLISHED = {"type": "auto", "reliability": "auto", "durability": "auto", "depth": 10}
 
 
@@ -101,6 +104,14 @@ class StateTopics:
             return False
         publisher.publish(payload)
         return True
+
+    def has(self, name: str) -> bool:
+        """Returns whether a reader has acknowledged the newest snapshot; True where the middleware cannot say so."""
+        publisher = self.publishers[name]
+        try:
+            return bool(publisher.get_subscription_count()) and publisher.wait_for_all_acked(AT_ONCE)
+        except rclpy_native.RCLError:
+            return True
 
     def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
         """Sets parameters at this side's nodes; see StatePorts."""

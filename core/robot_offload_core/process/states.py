@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from robot_offload_core import envelope, parameter_values, snapshots
@@ -26,6 +26,8 @@ from robot_offload_core.token import Site, Token
 
 CHANNEL = "state/"
 AGAIN_S = 1.0
+READ_S = 2.0
+"""A snapshot waits no longer for a reader that does not take it: a node may listen only when it is Active."""
 
 
 class StatePorts(Protocol):
@@ -36,6 +38,9 @@ class StatePorts(Protocol):
 
         A snapshot is kept until the node takes it; a topic's message is given when the node listens.
         """
+
+    def has(self, name: str) -> bool:
+        """Returns whether the newest snapshot that was given has reached this side's node, without waiting for that."""
 
     def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
         """Sets parameters at the nodes here, once for each `payload` and `active` (is the declaring node Active?).
@@ -63,6 +68,20 @@ class _Kept:
 
 
 @dataclass
+class _Reading:
+    """How far the node here is with the snapshots that it is given.
+
+    Attributes:
+        given: newest one that was published for the node. had: newest one that is known to have reached it.
+        waits_s: since when nothing young has reached it, although something was published; None: it has.
+    """
+
+    given: Standing = field(default_factory=Standing)
+    had: Standing = field(default_factory=Standing)
+    waits_s: float | None = None
+
+
+@dataclass
 class _Said:
     """The newest snapshot that the node here published, with the stay and the echo reference of that moment."""
 
@@ -78,7 +97,7 @@ class StateProcess(ABC):
     Attributes:
         sequence: of what was sent last, growing over restarts of this process.
         said: newest of the node here, by name of the entry.
-        standing: what the node here has been given, by name of the entry.
+        standing: what has come for the node here, by name of the entry. readings: what of it has reached the node.
         kept: messages of topics, and parameters, that the node here has not outlived by its own. stood_by: at the last
             look.
     """
@@ -90,6 +109,7 @@ class StateProcess(ABC):
         self.sequence = round(data.ports.now_s() * 1e6)
         self.said: dict[str, _Said] = {}
         self.standing = {name: Standing() for name in states}
+        self.readings = {name: _Reading() for name, state in states.items() if isinstance(state, SnapshotState)}
         self.kept: dict[str, _Kept] = {}
         self.stood_by = False
         data.before_active = frozenset(name for name, state in states.items() if isinstance(state, SnapshotState))
@@ -125,6 +145,8 @@ class StateProcess(ABC):
             self._give(name, kept, self.states[name].node in active)
         for name in self.states:
             self._judge_age(name, now_s)
+        for name in self.readings:
+            self._read(name, now_s)
         stands_by = self.stands_by()
         if self.stood_by and not stands_by:
             self._note_ages(now_s)
@@ -140,6 +162,16 @@ class StateProcess(ABC):
         kept.given, kept.refused = active and refused is not None, refused or ""
         said = f"Parameters of the acting side: {kept.refused}"
         self.data.note(f"set {name}", ("ParameterRefused", said) if kept.refused else None)
+
+    def _read(self, name: str, now_s: float) -> None:
+        """Notes what has reached the node here, and since when nothing young has."""
+        reading, state = self.readings[name], self.states[name]
+        assert isinstance(state, SnapshotState)
+        given = reading.given
+        if given.taken_s is not None and given is not reading.had and self.ports.has(name):
+            reading.had = given
+        waits = given.taken_s is not None and reading.had.aged_s(now_s) > state.max_age_s and self.stands_by()
+        reading.waits_s = None if not waits else now_s if reading.waits_s is None else reading.waits_s
 
     def _note_ages(self, now_s: float) -> None:
         """Counts how old the state was that this side went on with at a change."""
@@ -160,12 +192,19 @@ class StateProcess(ABC):
             kept = self.kept.get(name)
             if isinstance(state, SnapshotState) and self.standing[name].aged_s(now_s) > state.max_age_s:
                 lacks[name] = f"The replica of {state.node} has no snapshot younger than {state.max_age_s * 1e3:.0f} ms"
+            elif isinstance(state, SnapshotState) and self._waits(name, now_s):
+                lacks[name] = f"The snapshot for the replica of {state.node} has not reached it yet"
             elif isinstance(state, ParameterState) and kept is not None and (kept.refused or not kept.given):
                 unset = f"The replica of {state.node} has not got the parameters of the acting side yet"
                 lacks[name] = kept.refused or unset
             elif isinstance(state, TopicState) and kept is not None and not kept.given:
                 lacks[name] = f"The replica of {state.node} has not taken its state on {state.restore} yet"
         return lacks
+
+    def _waits(self, name: str, now_s: float) -> bool:
+        """Returns whether what was published is still to reach the node here."""
+        since_s = self.readings[name].waits_s
+        return since_s is not None and now_s - since_s < READ_S
 
     def arrived(self, name: str, header: bytes, payload: bytes) -> None:
         """Takes a snapshot of the other side's node."""
@@ -190,7 +229,9 @@ class StateProcess(ABC):
         self.data.counters[f"state {name}.restored"] += 1
         state, known = self.states[name], self.kept.get(name)
         if isinstance(state, SnapshotState):
+            self._read(name, self.data.ports.now_s())
             self.ports.restore(name, payload)
+            self.readings[name].given = taken
         elif isinstance(state, TopicState) or known is None or known.payload != payload:
             self.kept[name] = _Kept(payload, isinstance(state, TopicState) and known is not None and known.given)
 

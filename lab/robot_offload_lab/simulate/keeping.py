@@ -34,6 +34,7 @@ class Kept:
     Attributes:
         restored_s: true time at which the newest snapshot was made that this node was given.
         silent: faults at work that keep the node from publishing. torn: share of arrivals whose bytes are damaged.
+        deaf: faults at work that keep the node from reading what it is given.
         took: how many snapshots the node was given.
         began: each time that the node became Active: when (true time), and whether it had got a snapshot by then.
     """
@@ -48,6 +49,7 @@ class Kept:
         self.restored_s = float("-inf")
         self.silent = 0
         self.torn = 0.0
+        self.deaf = 0
         self.took = 0
         self.began: list[tuple[float, bool]] = []
         self.node.woken = self.woke
@@ -72,7 +74,7 @@ class Kept:
 
     def woke(self) -> None:
         """Takes what the node was given; notes whether it begins clean."""
-        self.began.append((self.world.now, self.took > 0))
+        self.began.append((self.world.now, self.took > 0 and not self.deaf))
 
     def damage(self, payload: bytes) -> bytes:
         """Returns what arrives of a snapshot: sometimes torn."""
@@ -96,6 +98,10 @@ class Kept:
         self.restored_s = made_s
         self.took += 1
         return True
+
+    def has(self, _name: str) -> bool:
+        """Returns whether the node reads what it is given."""
+        return not self.deaf
 
     def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
         """Refuses what is no snapshot: the nodes here have no other state."""

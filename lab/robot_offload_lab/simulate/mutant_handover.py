@@ -390,4 +390,14 @@ HANDOVER: dict[str, Mutant] = {
         "veto_waits_for_no_state",
         (Edit("handing", "    if lacks is None or wish.reason.kind is Kind.VETO:", "    if lacks is None:"),),
     ),
+    "N50": Mutant(
+        "state that was published counts as state that the node has",
+        "first_change_waits_for_the_reader",
+        (Edit("process.states", "given is not reading.had and self.ports.has(name)", "given is not reading.had"),),
+    ),
+    "N51": Mutant(
+        "a change waits for ever for a node that takes no state",
+        "node_that_listens_to_nothing",
+        (Edit("process.states", "since_s is not None and now_s - since_s < READ_S", "since_s is not None"),),
+    ),
 }

@@ -91,6 +91,27 @@ def first_change_waits_for_state() -> None:
     stage.expect(all(knew for _, knew in stage.kept(CLOUD).began), "its node begins with the robot's state")
 
 
+def first_change_waits_for_the_reader() -> None:
+    """State that came and has not reached the node in the cloud yet does not wake it."""
+    stage = StateStage()
+    stage.kept(CLOUD).deaf += 1
+    stage.start()
+    stage.until(lambda: "StateStale" in stage.reasons(), 5.0, "the change waits")
+    stage.expect(stage.kept(CLOUD).took > 0, "there is state")
+    stage.always(lambda: stage.phase is Phase.ROBOT, 0.3, "nothing is begun")
+    stage.kept(CLOUD).deaf -= 1
+    stage.until(lambda: stage.site is CLOUD, 2.0, "the cloud acts")
+    stage.expect(all(knew for _, knew in stage.kept(CLOUD).began), "its node begins with the robot's state")
+
+
+def node_that_listens_to_nothing() -> None:
+    """A node that takes no state while it sleeps holds nothing up for long."""
+    stage = StateStage()
+    stage.kept(CLOUD).deaf += 1
+    stage.start()
+    stage.until(lambda: stage.site is CLOUD, 6.0, "the cloud acts")
+
+
 def state_grows_old_in_a_preparation() -> None:
     """State that is young when the cloud's nodes are woken, and too old when they are Active, calls the change off."""
     stage = StateStage(settings=PATIENT)
@@ -160,6 +181,6 @@ def data_processes_die_with_state() -> None:
 
 STORIES = (
     state_over_changes, state_after_a_loss, stale_state_is_waited_for, first_change_waits_for_state,
-    state_grows_old_in_a_preparation, person_waits_for_state_once, veto_waits_for_no_state, state_on_a_bad_link,
-    data_processes_die_with_state,
+    first_change_waits_for_the_reader, node_that_listens_to_nothing, state_grows_old_in_a_preparation,
+    person_waits_for_state_once, veto_waits_for_no_state, state_on_a_bad_link, data_processes_die_with_state,
 )  # fmt: skip

@@ -19,7 +19,7 @@ from robot_offload_core.process.data import DataPlan
 from robot_offload_core.process.messages import DataStatus, Egress, Heard, Orders
 from robot_offload_core.process.probe import Probe, decode, encode
 from robot_offload_core.process.robot_data import RobotDataProcess
-from robot_offload_core.process.states import AGAIN_S, CHANNEL, CloudStates, RobotStates, StateProcess
+from robot_offload_core.process.states import AGAIN_S, CHANNEL, READ_S, CloudStates, RobotStates, StateProcess
 from robot_offload_core.token import Site, Token
 from robot_offload_state.packing import pack
 from tests.unit.core.builders import CLOUD, ROBOT, STRANGER
@@ -45,6 +45,7 @@ class Ports:
     restored_while: list[tuple[bytes, bool]] = field(default_factory=list)
     refused: str = ""
     listens: bool = True
+    reached: bool = True
     statuses: list[DataStatus] = field(default_factory=list)
     lock: Any = field(default_factory=contextlib.nullcontext)
 
@@ -60,6 +61,10 @@ class Ports:
         if self.listens:
             self.restored.append(payload)
         return self.listens
+
+    def has(self, name: str) -> bool:
+        assert name == NAME
+        return self.reached
 
     def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
         assert name == NAME
@@ -298,6 +303,30 @@ def test_a_side_that_gets_ready_lacks_a_snapshot_that_is_too_old_and_its_age_is_
     pair.robot.turn()
     assert pair.robot_data.lacks == {}
     assert 600 <= pair.robot_data.counters[f"state {NAME}.age_at_change_ms"] <= 650
+
+
+def test_a_side_lacks_a_snapshot_until_it_has_reached_the_node_but_does_not_wait_long_for_that() -> None:
+    pair = Pair()
+    pair.cloud_holds(4)
+
+    def lacks_after(by_s: float) -> bool:
+        pair.later(by_s)
+        pair.cloud_holds(4)
+        pair.cloud.published(NAME, message(b"new"))
+        pair.deliver()
+        pair.robot.turn()
+        return bool(pair.robot_data.lacks)
+
+    pair.ports[Site.ROBOT].reached = False
+    assert lacks_after(0.1)
+    assert "not reached" in pair.robot_data.lacks[NAME]
+    assert lacks_after(READ_S - 0.01)
+    assert not lacks_after(0.1), "it may listen only when it is Active"
+    pair.ports[Site.ROBOT].reached = True
+    assert not lacks_after(0.1)
+    pair.ports[Site.ROBOT].reached = False
+    assert not lacks_after(0.1), "what reached it is young"
+    assert lacks_after(0.5)
 
 
 def test_the_robots_control_hears_what_each_side_lacks_for_which_preparation() -> None:
