@@ -178,7 +178,13 @@ class CloudControlShell(ControlShell):
             ("to_robot", self.configuration.outputs, "sent"),
         )
         return [
-            liaison.Carried(spec["topic"], way, counters[f"{spec.name}.bytes"], counters.get(f"{spec.name}.{word}", 0))
+            liaison.Carried(
+                spec["topic"],
+                way,
+                counters[f"{spec.name}.bytes"],
+                counters.get(f"{spec.name}.{word}", 0),
+                counters.get(f"{spec.name}.age_ms"),
+            )
             for way, specs, word in ways
             for spec in specs
             if counters.get(f"{spec.name}.bytes")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_offload_core.tallies import GAP_MS, LinkTally
+from robot_offload_core.token import Site
 
 TICKS = os.sysconf("SC_CLK_TCK")
 PAGE_KB = os.sysconf("SC_PAGE_SIZE") // 1024
@@ -22,6 +23,8 @@ NAMES = ("control", "pulse", "data", "collector", "relay")
 """Of the processes; the kernel keeps 15 characters of `ro-robot-collector`."""
 PASSED = "passed"
 MAX_GAPS = 4
+SAME_S = 5.0
+"""The collector changes over within this time of the decision: before it when control is silent, else after it."""
 
 
 def of_link(tally: LinkTally) -> dict[str, Any]:
@@ -65,6 +68,24 @@ def goals(counters: Mapping[str, int], actions: Iterable[str]) -> dict[str, list
     """Returns how many goals of each action succeeded, were aborted and were canceled."""
     found = {action: [counters.get(f"{action}.{word}", 0) for word in ENDS] for action in actions}
     return {action: counts for action, counts in found.items() if any(counts)}
+
+
+def changeover(
+    last: tuple[float, str, str] | None, silence: tuple[Site, float, float] | None, now_s: float
+) -> dict[str, Any] | None:
+    """Returns the last change of side: to which one, why, how long ago, and the silence around it once that is over.
+
+    Args:
+        last: when, to which side, why; None: there was none since the start.
+        silence: around the last change that the collector has seen: side, moment, ms; None: it is not known yet.
+        now_s: the present.
+    """
+    if last is None:
+        return None
+    at_s, to, reason = last
+    same = silence is not None and silence[0].value == to and abs(silence[1] - at_s) <= SAME_S
+    gap_ms = silence[2] if silence is not None and same else None
+    return {"to": to, "reason": reason, "ago_s": round(now_s - at_s, 1), "gap_ms": gap_ms}
 
 
 def actions(counters: Mapping[str, int], names: Iterable[str]) -> dict[str, list[int]]:

@@ -48,6 +48,7 @@ class RobotControlShell(ControlShell):
         started_us = now_us()
         self.since_s = started_us / 1e6
         self.published = ""
+        self.switched: tuple[float, str, str] | None = None
         self.override = Override(configuration)
         self.tuned = RobotSettings(configuration, self.post, self.adopt)
         self.certificate = CertificateKeeper(configuration, self.post, self.send_notes)
@@ -192,6 +193,7 @@ class RobotControlShell(ControlShell):
         self.tally.decided(decided, self.process.robot.link.peer, now_s())
         if decided.switched:
             self.since_s = now_s()
+            self.switched = (self.since_s, decided.site.value, verdict.reason.value)
         silent = "" if decided.silent_s is None else f" silent_ms={decided.silent_s * 1e3:.0f}"
         message = self.explained(verdict.reason, verdict.message)
         log.info(
@@ -297,6 +299,7 @@ class RobotControlShell(ControlShell):
     def send_numbers(self, now: float) -> None:
         """Sends the robot's own numbers to the cloud, which shows them beside its own."""
         process, robot, counters = self.process, self.process.robot, self.counters
+        collector = process.collector_status
         self.watched = momentary.watch(self.watched, robot.link, now)
         glance = momentary.glance(self.watched, now, process.settings.beat_period_s)
         health = links.health(robot.link, now)
@@ -307,6 +310,7 @@ class RobotControlShell(ControlShell):
             "latency_ms": glance.latency_ms, "loss_share": glance.loss_share,
             "limit_ms": process.settings.allowed_loop_s * 1e3, "clock_offset_ms": health.clock_offset_ms,
             "ready": process.is_ready(), **numbers.of_link(self.tally),
+            "changeover": numbers.changeover(self.switched, collector.silence if collector else None, now),
             "used": [counters.get(f"open.used_{word}", 0) for word in ("goals", "calls")],
         }  # fmt: skip
         lists: dict[str, Mapping[str, Any]] = {
@@ -317,6 +321,7 @@ class RobotControlShell(ControlShell):
             "services": numbers.services(counters, self.served),
             "refused": numbers.refused(counters, outputs),
             "topics": numbers.topics(counters, inputs),
+            "ages": dict(collector.ages_ms) if collector else {},
             "nodes": dict(process.node_states()),
             "states": {
                 state.name: counters[key]

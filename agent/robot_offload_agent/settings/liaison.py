@@ -27,12 +27,16 @@ MAX_TOPICS = 64
 
 
 class Carried(NamedTuple):
-    """What crossed the link of one topic since the agent's start; `direction` is to_cloud or to_robot."""
+    """What crossed the link of one topic since the agent's start; `direction` is to_cloud or to_robot.
+
+    `age_ms` is that of the newest message when it came here; None: not known.
+    """
 
     topic: str
     direction: str
     bytes: int
     messages: int
+    age_ms: int | None = None
 
 
 @dataclass(frozen=True)

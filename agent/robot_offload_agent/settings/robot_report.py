@@ -6,6 +6,7 @@ late or missing, and one that is none of ours is counted and left out.
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping
 from typing import Any
@@ -16,7 +17,7 @@ VERSION = 1
 FRESH_S = 5.0
 """An older report is said no more: a number that stands still is no number."""
 MOST = (32, 16, 8, 4, 0)
-"""How many entries each list may have, tried in turn until the whole is small enough."""
+"""How many entries a list may have; while the whole is too large, the longest list goes one further."""
 DEPTH = 4
 
 
@@ -40,14 +41,25 @@ def encode(incarnation: str, plain: Mapping[str, Any], lists: Mapping[str, Mappi
         plain: what is always said.
         lists: entries by name, the most important first; those that have no room are left out, and their number said.
     """
-    for most in MOST:
-        cut = {name: dict(list(entries.items())[:most]) for name, entries in lists.items()}
+    steps = dict.fromkeys(lists, 0)
+    cut = {name: _first(entries, MOST[0]) for name, entries in lists.items()}
+    while True:
         left_out = sum(len(entries) for entries in lists.values()) - sum(len(entries) for entries in cut.values())
         body = {"version": VERSION, "incarnation": incarnation, **plain, **cut, "left_out": left_out}
-        text = json.dumps(body, separators=(",", ":"))
-        if len(text.encode()) <= MAX_REPORT:
-            break
-    return text
+        text = _text(body)
+        longest = max(cut, key=lambda name: len(_text(cut[name])), default="")
+        if len(text) <= MAX_REPORT or not cut.get(longest):
+            return text
+        steps[longest] += 1
+        cut[longest] = _first(lists[longest], MOST[steps[longest]])
+
+
+def _first(entries: Mapping[str, Any], most: int) -> dict[str, Any]:
+    return dict(itertools.islice(entries.items(), most))
+
+
+def _text(body: Mapping[str, Any]) -> str:
+    return json.dumps(body, separators=(",", ":"))  # ASCII: as many bytes as characters
 
 
 def decode(text: str, incarnation: str, topics: Mapping[str, str]) -> dict[str, Any]:
@@ -79,7 +91,7 @@ def decode(text: str, incarnation: str, topics: Mapping[str, str]) -> dict[str, 
         )
     if body.pop("incarnation", None) != incarnation:
         raise StrangerError("BadForm", "of a robot that is not served, or not yet")
-    for name in ("topics", "gaps"):
+    for name in ("topics", "gaps", "ages"):
         entries = body.get(name)
         if isinstance(entries, dict):
             body[name] = {topics[key]: value for key, value in entries.items() if key in topics}

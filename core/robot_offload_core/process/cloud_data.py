@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from robot_offload_core import envelope, mirror
+from robot_offload_core import envelope, mirror, tallies
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.lease import CloudData, SetEgress
 from robot_offload_core.mirror import Mirror
@@ -81,6 +81,7 @@ class CloudDataProcess(DataProcess):
         self.spoke_s: dict[int, float] = {}
         self.report_due_s = 0.0
         self.accepted: dict[str, tuple[float, float]] = {}
+        self.ages = tallies.Ages()
         self.newest: dict[str, tuple[str, int]] = {}
         self.wanted: dict[str, str] = {}
         self.known_types: dict[str, str] = {}
@@ -239,6 +240,8 @@ class CloudDataProcess(DataProcess):
             self.accepted[name], self.came_s[name] = (now_s, age_s), now_s
             if name in self.latched:
                 self._keep_latched(name, payload)
+            else:
+                self.ages.came(name, age_s, now_s)
         published = self.ports.publish_input(name, payload)
         self.counters[f"{name}.{'published' if published else 'no_type'}"] += 1
 
@@ -357,6 +360,8 @@ class CloudDataProcess(DataProcess):
         )
         data = CloudData(self.probe_age_s(now_s), ages)
         problems, counters = self.details(detailed)
+        if detailed:
+            counters += tuple((f"{name}.age_ms", age_ms) for name, age_ms in self.ages.known(now_s))
         word = self.probe.word if self.probe else ""
         flowing = tuple(
             i for i, o in enumerate(self.plan.outputs)

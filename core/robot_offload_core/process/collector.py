@@ -35,7 +35,7 @@ REPORTS_PER_LEASE = 5
 REPEAT_PERIOD_S = 5.0
 """The data process gets the latched messages of others again this often; it knows them unless it was started anew."""
 DETAIL_PERIOD_S = 1.0
-"""Problems and counters go to control this often; a report in between carries none."""
+"""Problems, counters and ages go to control this often; a report in between carries none."""
 
 
 class CollectorPorts(Protocol):
@@ -103,6 +103,7 @@ class CollectorProcess:
         cloud_types: of the outputs, as the cloud says.
         strangers: nodes outside the group that publish a shared output, by its index.
         latched_others: what they said last on a shared output that is latched.
+        ages: of the newest message of the cloud, by output. silence: around the last change of side.
     """
 
     def __init__(
@@ -128,6 +129,8 @@ class CollectorProcess:
         self.loops = {index: Loop(spec) for index, spec in enumerate(plan.outputs) if spec.shared}
         self.strangers: dict[int, tuple[str, ...]] = {}
         self.latched_others: dict[int, deque[Any]] = {}
+        self.ages = tallies.Ages()
+        self.silence = tallies.SwitchSilence(collectors.site(self.state))
         self.detail_due_s = self.report_due_s = self.repeat_due_s = 0.0
         self.report_period_s = report_period_s(plan.lease_s)
         self.reported: gates.GateReport | None = None
@@ -254,7 +257,9 @@ class CollectorProcess:
             self.counters[f"{self.plan.outputs[index].name}.cloud.{refusal}"] += 1
             return
         offer = results.offer if self.plan.outputs[index].of_cloud else collectors.offer_cloud
-        state, passage = offer(self.state, index, header, self.ports.now_s())
+        now_s = self.ports.now_s()
+        state, passage = offer(self.state, index, header, now_s)
+        self.ages.came(self.plan.outputs[index].name, header.age_s(now_s), now_s)
         changed = self._keep(state)
         for other, passed in self._publish(index, message.payload, passage):
             if other in self.loops:
@@ -320,6 +325,7 @@ class CollectorProcess:
         before_s, self.passed_s[index] = self.passed_s.get(index), now_s
         if before_s is not None:
             gap_ms = (now_s - before_s) * 1e3
+            self.silence.ended(before_s, now_s)
             self.counters[f"{spec.name}.gap_ms.{tallies.bucket(tallies.GAP_MS, gap_ms)}"] += 1
             self.counters[f"{spec.name}.gap_sum_ms"] += round(gap_ms)
             self.counters[f"{spec.name}.overdue_ms"] += max(0, round(gap_ms - spec.deadline_s * 1e3))
@@ -331,6 +337,7 @@ class CollectorProcess:
         changed = (before.charge, before.fell_back) != (state.charge, state.fell_back)
         if changed:
             self.ports.save(state)
+            self.silence.passes(collectors.site(state), self.ports.now_s())
         return changed
 
     # -- words of control ---------------------------------------------------------------------------------------------
@@ -368,16 +375,15 @@ class CollectorProcess:
         if not news and now_s < self.report_due_s:
             return
         self.reported, self.report_due_s = report, now_s + self.report_period_s
-        problems: tuple[tuple[str, str], ...] = ()
-        counters: tuple[tuple[str, int], ...] = ()
+        status = CollectorStatus(report)
         if now_s >= self.detail_due_s:
             self.detail_due_s = now_s + DETAIL_PERIOD_S
             self.compare_types()
             self._look_at_frames()
             self._repeat_others(now_s)
             problems, counters = tuple(self.problems.values()), tuple(sorted(self.counters.items()))
-        tell = self.ports.send if news else self.ports.renew
-        tell("control", CollectorStatus(report, problems, counters))
+            status = CollectorStatus(report, problems, counters, self.ages.known(now_s), self.silence.known(now_s))
+        (self.ports.send if news else self.ports.renew)("control", status)
 
 
 def same_type(one: str, other: str) -> bool:

@@ -137,11 +137,16 @@ class DataStatus:
 
 @dataclass(frozen=True)
 class CollectorStatus:
-    """collector -> control, at changes and five times a lease; once a second with problems and counters."""
+    """collector -> control, at changes and five times a lease; once a second with all behind `report`.
+
+    `ages_ms` are those of the newest message of the cloud, by output; `silence` is that of the last change of side.
+    """
 
     report: gates.GateReport
     problems: tuple[tuple[str, str], ...] = ()
     counters: tuple[tuple[str, int], ...] = ()
+    ages_ms: tuple[tuple[str, int], ...] = ()
+    silence: tuple[Site, float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,6 @@ def live(watch: LiveRun, cloud: Live | None = None) -> Live:
         latency_ms=watch.round_trip_ms if link is None else scheduled_ms,
         cut=cut,
         p50_ms=watch.round_trip_ms,
-        gap_ms=watch.switches[-1].gap_ms if watch.switches else None,
         nodes=tuple(NodeState(name, ROBOT, state) for name, state in watch.nodes.items()),
         topics=tuple(
             TopicFlow(topic, count, age_ms=watch.ages_ms.get(topic)) for topic, count in watch.received.items()

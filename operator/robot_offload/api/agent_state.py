@@ -85,12 +85,16 @@ class RobotCertificate:
 
 @dataclass(frozen=True, slots=True)
 class Carried:
-    """What crossed the link of one topic; `direction` is one of DIRECTIONS, empty from an older agent."""
+    """What crossed the link of one topic; `direction` is one of DIRECTIONS, empty from an older agent.
+
+    `age_ms` is that of the newest message when it came to the cloud; None: not known.
+    """
 
     topic: str
     direction: str
     bytes: int
     messages: int
+    age_ms: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,7 +294,13 @@ def _carried(values: Mapping[str, Any]) -> tuple[Carried, ...]:
     amounts = _counts(values, "carried", "topic", "bytes")
     ways = (_word(entry, "direction") for entry in listed)
     return tuple(
-        Carried(topic, way if way in DIRECTIONS else "", amount, _of(entry, "messages", int, 0))
+        Carried(
+            topic,
+            way if way in DIRECTIONS else "",
+            amount,
+            _of(entry, "messages", int, 0),
+            _of(entry, "age_ms", int, None),
+        )
         for (topic, amount), way, entry in zip(amounts, ways, listed, strict=False)
     )
 

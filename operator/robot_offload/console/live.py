@@ -62,6 +62,24 @@ class Errand:
 
 
 @dataclass(frozen=True, slots=True)
+class Changeover:
+    """A change of the side in charge.
+
+    Attributes:
+        t_s: when.
+        to: the side that acts from then on.
+        reason, message: why.
+        gap_ms: silence of the consumers around it; None: not known.
+    """
+
+    t_s: float
+    to: str
+    reason: str
+    message: str = ""
+    gap_ms: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Live:
     """The agents' word about one robot at one moment.
 
@@ -74,7 +92,7 @@ class Live:
         cut: the link is known to carry nothing.
         loss_share: of the heartbeats of the last seconds, 0 to 1; None: not known.
         p50_ms, p99_ms: the round trip's quantiles; None: not known.
-        gap_ms: silence of the consumers around the last changeover; None: not known.
+        last: the last changeover, its moment in seconds before this one (negative); None: not known.
         nodes, topics, goals, services: as far as the source knows them.
         state_ages_ms: how old the state was with which the side in charge went on, by name.
         numbers: further figures of the robot, name and value, for people.
@@ -91,7 +109,7 @@ class Live:
     loss_share: float | None = None
     p50_ms: float | None = None
     p99_ms: float | None = None
-    gap_ms: float | None = None
+    last: Changeover | None = None
     nodes: tuple[NodeState, ...] = ()
     topics: tuple[TopicFlow, ...] = ()
     goals: tuple[Errand, ...] = ()
@@ -111,24 +129,6 @@ class Point:
     loss_share: float | None
     site: str
     cut: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Changeover:
-    """A change of the side in charge.
-
-    Attributes:
-        t_s: when.
-        to: the side that acts from then on.
-        reason, message: why.
-        gap_ms: silence of the consumers around it; None: not known.
-    """
-
-    t_s: float
-    to: str
-    reason: str
-    message: str = ""
-    gap_ms: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

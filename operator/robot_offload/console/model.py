@@ -20,6 +20,8 @@ MOMENT_S: Final = 1.0
 RATE_S: Final = 2.0
 """Rates of topics are those of the last seconds of this number, at least."""
 CHANGEOVERS: Final = 200
+SAME_S: Final = 8.0
+"""A changeover in a report and one that was seen are the same within this time: a report counts for five seconds."""
 SILENT_S: Final = 12.0
 """Live numbers older than this are old, and shown as such."""
 
@@ -207,9 +209,18 @@ def _hear(track: Track, said: Said) -> None:
     if changed or not kept or said.t_s - kept[-1].t_s >= MOMENT_S:
         kept.append(Moment(said.t_s, live))
     if changed and not _known(track.changeovers, live.site, said.t_s):
-        _switch(track, Changeover(said.t_s, live.site, live.reason, live.message, live.gap_ms))
-    elif live.gap_ms is not None and track.changeovers and track.changeovers[-1].gap_ms is None:
-        track.changeovers[-1] = replace(track.changeovers[-1], gap_ms=live.gap_ms)
+        _switch(track, Changeover(said.t_s, live.site, live.reason, live.message))
+    if live.last is not None:
+        _learn(track, replace(live.last, t_s=said.t_s + live.last.t_s))
+
+
+def _learn(track: Track, last: Changeover) -> None:
+    """Takes the last changeover of a report: one that was seen gets its silence, one that was not seen is added."""
+    seen = track.changeovers[-1] if track.changeovers else None
+    if seen is None or last.t_s > seen.t_s + SAME_S:
+        track.changeovers.append(last)
+    elif seen.to == last.to and abs(seen.t_s - last.t_s) <= SAME_S:
+        track.changeovers[-1] = replace(seen, gap_ms=last.gap_ms)
 
 
 def _known(changeovers: Iterable[Changeover], to: str, t_s: float) -> bool:

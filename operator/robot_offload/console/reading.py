@@ -7,14 +7,26 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from robot_offload.api.agent_state import AgentState, StateError, parse_state
+from robot_offload.api.side_numbers import OUTCOMES, SideNumbers, parse_numbers
 from robot_offload.api.v1alpha1.switching import Switching
-from robot_offload.console.live import CLOUD, ROBOT, SITES, UNKNOWN, Bounds, Errand, Live, NodeState, TopicFlow
+from robot_offload.console.live import (
+    CLOUD,
+    ROBOT,
+    SITES,
+    UNKNOWN,
+    Bounds,
+    Changeover,
+    Errand,
+    Live,
+    NodeState,
+    TopicFlow,
+)
+from robot_offload.insight import in_flight
 
 MAX_NUMBERS: Final = 64
 LEFT_OUT: Final = ("over the rate", "thinned", "unsent")
-ENDINGS: Final = ("succeeded", "aborted", "canceled")
 PROCESSES: Final = "processes"
-TABLES: Final = frozenset({"nodes", "topics", "goals", "states"})
+TABLES: Final = frozenset({"nodes", "topics", "ages", "goals", "actions", "services", "used", "states", "changeover"})
 """Parts of the robot's report that are shown in tables of their own."""
 MAX_WORD: Final = 120
 _RULE: Final = ("latency", "profile", "heartbeatPeriod", "lossTimeout", "holdDown")
@@ -54,6 +66,7 @@ def of_state(state: Mapping[str, Any], robot: object = None) -> Live:
     link = state.get("link")
     link = link if isinstance(link, Mapping) else {}
     report = robot if isinstance(robot, Mapping) else {}
+    said = parse_numbers(report) or SideNumbers()
     latency_ms = number(link.get("latency_ms"))
     return Live(
         site=parsed.site if parsed.site in SITES else UNKNOWN,
@@ -68,7 +81,9 @@ def of_state(state: Mapping[str, Any], robot: object = None) -> Live:
         p99_ms=parsed.round_trip_p99_ms,
         nodes=_nodes(parsed, report),
         topics=tuple(_topics(parsed, report)),
-        goals=tuple(_goals(report)),
+        last=_last(report),
+        goals=tuple(_goals(said)),
+        services=tuple(_calls(said)),
         state_ages_ms=(
             *((name, float(age_ms)) for name, age_ms in parsed.state_ages_ms),
             *(
@@ -90,18 +105,43 @@ def _nodes(state: AgentState, report: Mapping[str, Any]) -> tuple[NodeState, ...
 def _topics(state: AgentState, report: Mapping[str, Any]) -> Iterator[TopicFlow]:
     """Yields what crossed the link: bytes as the cloud counts, messages and what was left out as the robot does."""
     counted = dict(part(report, "topics"))
-    carried = {one.topic: (one.bytes, one.messages) for one in state.carried}
-    for topic in dict.fromkeys([*carried, *counted]):
+    carried = {one.topic: one for one in state.carried}
+    ages = {topic: number(age) for topic, age in part(report, "ages")}
+    for topic in dict.fromkeys([*carried, *counted, *ages]):
         counts = _counts(counted.get(topic))
         left_out = [f"{count} {name}" for name, count in zip(LEFT_OUT, counts[1:], strict=False) if count]
-        size_bytes, messages = carried.get(topic, (None, None))
-        yield TopicFlow(topic, counts[0] if counts else messages, size_bytes, left_out=", ".join(left_out))
+        crossed = carried.get(topic)
+        age_ms = ages.get(topic, crossed.age_ms if crossed else None)
+        messages = counts[0] if counts else crossed.messages if crossed else None
+        yield TopicFlow(topic, messages, crossed.bytes if crossed else None, age_ms, ", ".join(left_out))
 
 
-def _goals(report: Mapping[str, Any]) -> Iterator[Errand]:
-    for action, counts in part(report, "goals"):
-        ended = [f"{count} {name}" for name, count in zip(ENDINGS, _counts(counts), strict=False)]
-        yield Errand(f"goals of {action}", "ended", ", ".join(ended))
+def _goals(robot: SideNumbers) -> Iterator[Errand]:
+    """Yields the goals of each action: those in flight, and how the others have ended."""
+    ended, now = dict(robot.goals), dict(robot.actions)
+    for action in dict.fromkeys([*now, *ended]):
+        words = [f"{count} {name}" for name, count in zip(OUTCOMES, ended.get(action, ()), strict=False)]
+        state = in_flight.goals_of(now[action]) if action in now else "ended"
+        yield Errand(f"goals of {action}", state, ", ".join(words))
+
+
+def _calls(robot: SideNumbers) -> Iterator[Errand]:
+    """Yields the calls that wait for an answer, and what the group's nodes ask of servers outside."""
+    for service, count in robot.services:
+        yield Errand(f"calls of {service}", f"{count or 'none'} open")
+    if robot.used_goals or robot.used_calls:
+        state = f"{robot.used_goals or 0} goals, {robot.used_calls or 0} calls open"
+        yield Errand("at servers outside", state)
+
+
+def _last(report: Mapping[str, Any]) -> Changeover | None:
+    """Returns the last changeover as the robot tells; its moment counts back from the report's."""
+    said = report.get("changeover")
+    said = said if isinstance(said, Mapping) else {}
+    ago_s, to = number(said.get("ago_s")), said.get("to")
+    if ago_s is None or to not in (ROBOT, CLOUD):
+        return None
+    return Changeover(-ago_s, str(to), word(said.get("reason") or ""), gap_ms=number(said.get("gap_ms")))
 
 
 def _counts(value: object) -> list[int]:

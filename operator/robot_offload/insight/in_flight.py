@@ -17,7 +17,7 @@ def goals(state: AgentState) -> str:
     robot = state.robot
     if robot is None:
         return NOTHING_KNOWN
-    found = [f"{name} {_goals_of(counts)}" for name, counts in robot.actions]
+    found = [f"{name} {goals_of(counts)}" for name, counts in robot.actions]
     return "; ".join([*found, *_used(robot.used_goals)])
 
 
@@ -46,7 +46,7 @@ def sentences(state: AgentState) -> Iterable[str]:
     if robot is not None:
         for name, (executing, waiting, restarts) in robot.actions:
             if executing or waiting or restarts:
-                yield f"Goals of {name} now: {_goals_of((executing, waiting, restarts))}."
+                yield f"Goals of {name} now: {goals_of((executing, waiting, restarts))}."
         for name, count in robot.services:
             if count:
                 yield f"Calls of {name} that wait for their answer: {count}."
@@ -73,7 +73,8 @@ def plain(state: AgentState | None) -> dict[str, Any]:
     }
 
 
-def _goals_of(counts: tuple[int, ...]) -> str:
+def goals_of(counts: tuple[int, ...]) -> str:
+    """Returns the goals of one action: executing, waiting, begun anew."""
     executing, waiting, restarts = counts
     words = [f"{executing} executing", f"{waiting} waiting"] if executing or waiting else ["none in flight"]
     if restarts:

@@ -6,7 +6,7 @@ from robot_offload_core.change import replace
 from robot_offload_core.links import Link
 from robot_offload_core.placement import Decided, Phase
 from robot_offload_core.reasons import Reason, Verdict
-from robot_offload_core.tallies import GAP_MS, LATENCY_MS, LinkTally, bucket
+from robot_offload_core.tallies import GAP_MS, LATENCY_MS, SWITCH_S, LinkTally, SwitchSilence, bucket
 from robot_offload_core.token import Site
 
 TIMEOUT_S = 0.09
@@ -53,3 +53,22 @@ def test_a_decision_that_changes_nobody_in_charge_is_no_changeover() -> None:
     tally = LinkTally()
     tally.decided(replace(LOST, switched=False), "cloud", 10.1)
     assert not tally.changeovers
+
+
+def test_the_silence_of_a_change_is_the_longest_that_touches_it_and_is_said_when_it_is_over() -> None:
+    silence = SwitchSilence(Site.CLOUD)
+    silence.ended(9.0, 9.9)
+    assert silence.known(20.0) is None  # nobody has changed over
+    silence.passes(Site.ROBOT, 10.0)
+    assert silence.known(20.0) is None  # nobody has spoken since
+    silence.ended(9.9, 10.04)
+    silence.ended(10.04, 10.09)
+    assert silence.known(10.0 + SWITCH_S) is None
+    assert silence.known(11.1) == (Site.ROBOT, 10.0, 140.0)
+    silence.ended(10.9, 12.9)  # an output that came back late
+    silence.ended(12.9, 19.0)  # later silences have other causes
+    assert silence.known(20.0) == (Site.ROBOT, 10.0, 2000.0)
+    silence.passes(Site.ROBOT, 21.0)
+    assert silence.known(21.0) == (Site.ROBOT, 10.0, 2000.0)
+    silence.passes(Site.CLOUD, 30.0)
+    assert silence.known(31.5) is None

@@ -6,6 +6,8 @@ import json
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robot_offload_agent.settings.robot_report import ReportError, decode, encode
 from robot_offload_core.process.data import MAX_REPORT
@@ -28,6 +30,26 @@ def test_a_robot_of_two_hundred_topics_stays_within_two_kilobytes() -> None:
     found = decode(text, ROBOT, {name: name for name in many})
     assert found["left_out"] == 200 - len(found["topics"])
     assert found["topics"]
+
+
+def test_the_longest_list_makes_room_and_the_others_stay() -> None:
+    many = {f"camera_{number}_depth_image_points": 10**6 for number in range(200)}
+    lists = {"goals": {"go": [1, 2, 3]}, "ages": many, "topics": {"scan": [1, 2, 3, 4]}}
+    found = decode(encode(ROBOT, {"latency": [10**9] * 15}, lists), ROBOT, {"scan": "/scan", **{n: n for n in many}})
+    assert found["goals"] == {"go": [1, 2, 3]}
+    assert found["topics"] == {"/scan": [1, 2, 3, 4]}
+    assert 8 <= len(found["ages"]) < 200
+    assert found["left_out"] == 200 - len(found["ages"])
+
+
+LISTS = st.dictionaries(st.text(), st.integers() | st.text(), max_size=40)
+
+
+@given(st.dictionaries(st.text(max_size=8), LISTS, max_size=8))
+def test_a_report_of_any_names_is_bounded(lists: dict[str, dict[str, Any]]) -> None:
+    text = encode(ROBOT, {}, lists)
+    assert len(text.encode()) <= MAX_REPORT
+    json.loads(text)
 
 
 def reports(**changes: Any) -> str:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
 
 from robot_offload_core import envelope
+from robot_offload_core.change import replace
+from robot_offload_core.codec import plain, typed
 from robot_offload_core.collectors import Collector
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.gates import Charge, Gate
@@ -26,11 +29,12 @@ class Ports:
 
     def __init__(self) -> None:
         self.type = TWIST
+        self.at_s = 100.0
         self.published: list[Any] = []
         self.statuses: list[CollectorStatus] = []
 
     def now_s(self) -> float:
-        return 100.0
+        return self.at_s
 
     def send(self, to: str, message: object) -> bool:
         assert to == "control"
@@ -92,6 +96,28 @@ def test_a_message_of_the_cloud_passes_only_where_both_types_are_known_and_the_s
     process.handle(CloudTypes((("command", TWIST),)))
     process.handle(of_the_cloud(2))
     assert ports.published == [b"go"]
+
+
+def test_control_hears_the_silence_of_the_last_change_and_how_old_the_clouds_messages_are() -> None:
+    ports, process = acting_cloud()
+    process.handle(CloudTypes((("command", TWIST),)))
+    process.handle(of_the_cloud())
+    process.detail_due_s = 0.0
+    process.report()
+    assert ports.statuses[-1].ages_ms == (("command", 10),)
+    assert ports.statuses[-1].silence is None
+    ports.at_s = 100.05
+    process.handle(SetGate(Gate(2, Charge(Site.ROBOT, replace(TOKEN, epoch=5)))))
+    ports.at_s = 100.1
+    process.offer_robot(0, b"stop")
+    ports.at_s = 107.0
+    process.detail_due_s = 0.0
+    process.report()
+    silence = ports.statuses[-1].silence
+    assert silence is not None
+    assert (silence[0], round(silence[1], 2), silence[2]) == (Site.ROBOT, 100.05, 100.0)
+    assert ports.statuses[-1].ages_ms == ()  # what is not new any more is said no more
+    assert typed(CollectorStatus, json.loads(json.dumps(plain(ports.statuses[-1])))) == ports.statuses[-1]
 
 
 def test_types_that_differ_are_a_problem_until_they_agree() -> None:

@@ -34,7 +34,7 @@ def test_a_state_is_read_whole() -> None:
         message="the link sustains the cloud",
         round_trip_p50_ms=11.5,
         round_trip_p99_ms=19.0,
-        carried=(Carried("/scan", "to_cloud", 123456, 400),),
+        carried=(Carried("/scan", "to_cloud", 123456, 400, 9),),
         state_ages_ms=(("controller_1", 85),),
         nodes=(("controller", "active"),),
         settings=Settings(3, True, "Accepted", "in use"),

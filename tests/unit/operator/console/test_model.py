@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import datetime
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robot_offload.console import tables
 from robot_offload.console.figures import strips
-from robot_offload.console.live import Changeover, Key, Live, NodeState, TopicFlow
+from robot_offload.console.live import Changeover, Errand, Key, Live, NodeState, TopicFlow
 from robot_offload.console.model import Declared, Fleet, Gone, Said, Switched, Track, Trouble
 from robot_offload.console.reading import EventError, bounds, of_event, of_state
 from robot_offload.console.rows import row
@@ -141,6 +144,7 @@ def test_the_robots_own_report_fills_the_tables() -> None:
     _, live = of_event(json.dumps({"at": NOW_S, "state": state, "robot": report}))
     assert [(node.name, node.side, node.state) for node in live.nodes] == [("controller", "robot", "active")]
     assert live.topics == (TopicFlow("/scan", 100, 5000, left_out="5 over the rate, 2 unsent"),)
+    assert live.goals[0].state == "ended"  # of an agent that is older
     assert live.goals[0].detail == "3 succeeded, 1 aborted, 0 canceled"
     assert live.state_ages_ms == (("localiser on the robot", 120.0),)
     assert dict(live.numbers) == {
@@ -177,5 +181,49 @@ def test_the_robots_report_names_its_nodes_and_what_it_left_out() -> None:
     state = json.loads(state_text())
     live = of_state(state, REPORT)
     assert NodeState("controller", "robot", "active") in live.nodes
-    [scan] = live.topics
-    assert (scan.topic, scan.messages, scan.left_out) == ("/scan", 100, "4 thinned, 1 unsent")
+    scan, command = live.topics
+    assert (scan.topic, scan.messages, scan.age_ms, scan.left_out) == ("/scan", 100, 9, "4 thinned, 1 unsent")
+    assert (command.topic, command.age_ms) == ("/cmd_vel", 14)
+    assert live.goals == (
+        Errand("goals of /go", "1 executing, 2 waiting, 4 restarts", "3 succeeded, 0 aborted, 1 canceled"),
+    )
+    assert live.services == (
+        Errand("calls of /plan", "3 open"), Errand("at servers outside", "1 goals, 0 calls open")
+    )  # fmt: skip
+
+
+def test_the_silence_of_the_last_switch_comes_from_the_robots_report_also_when_nobody_looked_then() -> None:
+    said = of_state(json.loads(state_text()), REPORT)
+    found = fleet(Declared(KEY, manifest()), Said(KEY, NOW_S, said))
+    assert list(found.tracks[KEY].changeovers) == [Changeover(NOW_S - 40.0, "cloud", "LinkGood", gap_ms=61.5)]
+    assert (shown(found)["gap"], shown(found)["since"]) == ("62 ms", "40s")
+    found.take(Said(KEY, NOW_S + 1, replace(said, site="robot")))  # seen before it is told of
+    assert [change.gap_ms for change in found.tracks[KEY].changeovers] == [61.5, None]
+    told = Changeover(-2.0, "robot", "HeartbeatLost", gap_ms=140.0)
+    found.take(Said(KEY, NOW_S + 2, replace(said, site="robot", last=told)))
+    assert [change.gap_ms for change in found.tracks[KEY].changeovers] == [61.5, 140.0]
+    missed = replace(told, gap_ms=90.0)
+    found.take(Said(KEY, NOW_S + 60, replace(said, site="robot", last=missed)))
+    assert [change.gap_ms for change in found.tracks[KEY].changeovers] == [61.5, 140.0, 90.0]
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(["changeover", "ages", "actions", "services", "used", "goals"]),
+        st.recursive(
+            st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+            lambda inner: (
+                st.lists(inner, max_size=4)
+                | st.dictionaries(st.sampled_from(["to", "ago_s", "gap_ms", "reason", "robot", "/go"]), inner)
+            ),
+            max_leaves=8,
+        ),
+    )
+)
+def test_a_report_of_any_form_is_shown_as_far_as_it_goes(report: dict[str, Any]) -> None:
+    found = fleet(Declared(KEY, manifest()), Said(KEY, NOW_S, of_state(json.loads(state_text()), report)))
+    track = found.tracks[KEY]
+    assert shown(found)["name"] == KEY.name
+    tables.topics(track, track.live, NOW_S)
+    tables.handed(track.live)
+    tables.changeovers(track, run=False)

@@ -16,6 +16,7 @@ REPORT: dict[str, Any] = {
     "losses": [2, 1, 190], "gaps": {"/cmd_vel": [50, 1200, 1, 2, 0, 9, *[0] * 8]},
     "processes": {"control": [1500, 2, 0]}, "goals": {"/go": [3, 0, 1]},
     "actions": {"/go": [1, 2, 4]}, "services": {"/plan": 3}, "used": [1, 0], "refused": {"TooOld": 5},
+    "changeover": {"to": "cloud", "reason": "LinkGood", "ago_s": 40.0, "gap_ms": 61.5}, "ages": {"/cmd_vel": 14},
     "topics": {"/scan": [100, 0, 4, 1]}, "nodes": {"controller": "active"}, "states": {"amcl": 80}, "left_out": 2,
 }  # fmt: skip
 """What a robot says of itself."""
@@ -34,7 +35,7 @@ def text(**changes: Any) -> str:
         "reason": "LinkGood",
         "message": "the link sustains the cloud",
         "round_trip_ms": {"p50": 11.5, "p99": 19.0},
-        "carried": [{"topic": "/scan", "direction": "to_cloud", "bytes": 123456, "messages": 400}],
+        "carried": [{"topic": "/scan", "direction": "to_cloud", "bytes": 123456, "messages": 400, "age_ms": 9}],
         "state_ages": [{"name": "controller_1", "age_ms": 85}],
         "nodes": [{"name": "controller", "state": "active"}],
         "settings": {"robot_generation": 3, "accepted": True, "reason": "Accepted", "message": "in use"},
