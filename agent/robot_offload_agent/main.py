@@ -10,16 +10,19 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 from robot_offload_agent.certificates.wallet import with_own_certificate
 from robot_offload_agent.errors import AgentError, ConfigurationError
+from robot_offload_agent.process.release import release
 from robot_offload_agent.settings.parameters import Configuration, load
 from robot_offload_core.token import Site
 
 COLLECTOR_HUNG_S = 3.0
 """Without the collector no output passes and the robot stands, so less patience than with the others."""
+
+Programs = dict[str, Callable[[Configuration], None]]
+"""What each process does, by its name."""
 
 EPILOG = """\
 examples:
@@ -40,7 +43,7 @@ def parser() -> argparse.ArgumentParser:
         prog="robot-offload-agent", description=__doc__, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    result.add_argument("--version", action="version", version=f"%(prog)s {version('robot-offload-agent')}")
+    result.add_argument("--version", action="version", version=f"%(prog)s {release()}")
     result.add_argument("side", choices=[s.value for s in Site], help="which side this is")
     result.add_argument("--params", type=Path, required=True, metavar="FILE", help="ROS 2 parameter file")
     result.add_argument("--record", type=Path, metavar="FILE", help="record the link (robot only), CSV t_s,rtt_ms")
@@ -99,17 +102,9 @@ def recording(configuration: Configuration, file: Path) -> Configuration:
 def supervise(configuration: Configuration) -> int:
     """Imports everything once, then forks the processes and looks after them."""
     # Late, because a wrong parameter file is to be told before half a second of imports.
-    from robot_offload_agent.collector import process as collector  # noqa: PLC0415
-    from robot_offload_agent.control import cloud as control_cloud  # noqa: PLC0415
-    from robot_offload_agent.control import robot as control_robot  # noqa: PLC0415
-    from robot_offload_agent.data import cloud as data_cloud  # noqa: PLC0415
-    from robot_offload_agent.data import robot as data_robot  # noqa: PLC0415
     from robot_offload_agent.process import thrift  # noqa: PLC0415
     from robot_offload_agent.process.child import HUNG_S, Child  # noqa: PLC0415
     from robot_offload_agent.process.supervisor import Supervisor  # noqa: PLC0415
-    from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
-    from robot_offload_agent.relay import cloud as relay_cloud  # noqa: PLC0415
-    from robot_offload_agent.relay import robot as relay_robot  # noqa: PLC0415
     from robot_offload_agent.ros.context import run_until_ended  # noqa: PLC0415
     from robot_offload_agent.ros.preload import preload  # noqa: PLC0415
 
@@ -118,17 +113,7 @@ def supervise(configuration: Configuration) -> int:
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     thrift.save()
     robot = configuration.side is Site.ROBOT
-    runs = {
-        "pulse": pulse.run,
-        "control": control_robot.run if robot else control_cloud.run,
-        "data": data_robot.run if robot else data_cloud.run,
-    }
-    if robot:
-        runs = {"collector": collector.run, **runs}
-    if robot and configuration["record.switches"]:
-        runs |= recorder()
-    if configuration.relay_plan() is not None:
-        runs["relay"] = relay_robot.run if robot else relay_cloud.run
+    runs = programs_of_robot(configuration) if robot else programs_of_cloud(configuration)
     preload(configuration)
     gc.collect()
     children = [
@@ -140,7 +125,38 @@ def supervise(configuration: Configuration) -> int:
     return Supervisor(configuration.runtime_dir, prefix, children, identity).run()
 
 
-def recorder() -> dict[str, Callable[[Configuration], None]]:
+def programs_of_robot(configuration: Configuration) -> Programs:
+    """Imports what the robot's processes do, and nothing else: what is imported here all of them carry."""
+    from robot_offload_agent.collector import process as collector  # noqa: PLC0415 - see supervise
+    from robot_offload_agent.control import robot as control  # noqa: PLC0415
+    from robot_offload_agent.data import robot as data  # noqa: PLC0415
+    from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
+
+    found = {"collector": collector.run, "pulse": pulse.run, "control": control.run, "data": data.run}
+    if configuration["record.switches"]:
+        found |= recorder()
+    if configuration.relay_plan() is not None:
+        from robot_offload_agent.relay import robot as relay  # noqa: PLC0415
+
+        found["relay"] = relay.run
+    return found
+
+
+def programs_of_cloud(configuration: Configuration) -> Programs:
+    """Imports what the cloud's processes do, and nothing else."""
+    from robot_offload_agent.control import cloud as control  # noqa: PLC0415 - see supervise
+    from robot_offload_agent.data import cloud as data  # noqa: PLC0415
+    from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
+
+    found = {"pulse": pulse.run, "control": control.run, "data": data.run}
+    if configuration.relay_plan() is not None:
+        from robot_offload_agent.relay import cloud as relay  # noqa: PLC0415
+
+        found["relay"] = relay.run
+    return found
+
+
+def recorder() -> Programs:
     """Returns the process that records changeovers; none where its library is missing, which ends nothing."""
     from robot_offload_agent.recording import mcap_file, process  # noqa: PLC0415 - see supervise
 

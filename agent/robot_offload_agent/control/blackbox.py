@@ -1,6 +1,6 @@
 """Writes the black box of a control process to the disk: bounded files, a bounded rate, and never in a step's way.
 
-The deciding thread hands over what it has decided and goes on; another thread turns that into text and writes it ten
+The deciding thread hands over what it has decided and goes on; another thread turns that into text and writes it four
 times a second, and what waits when the process ends by itself, the step that broke a rule among it. What comes faster
 than the disk or the rate allows is left out and counted, and states are written anew. A disk that is full or gone ends
 the box, never the agent.
@@ -14,13 +14,13 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import robot_offload_core
 from robot_offload_agent.process import threads
 from robot_offload_agent.process.clock import wall_us
+from robot_offload_agent.process.release import release
 from robot_offload_agent.settings.override import state_dir
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core import blackbox
@@ -32,7 +32,7 @@ PARTS = 8
 """Files of the ring: with the oldest one an eighth of the past goes."""
 CLOUD_MIB = 8
 """At most so much in the cloud, where a pod's disk is the cluster's."""
-TURN_S = 0.1
+TURN_S = 0.25
 FRAME_S = 10.0
 """A state of each machine is written so often: a replay begins with one."""
 WAITING = 4000
@@ -192,6 +192,6 @@ def of(configuration: Configuration, incarnation: str) -> BlackBox | None:
         "side": side,
         "uid": configuration["uid"],
         "process": incarnation,
-        "release": version("robot-offload-agent"),
+        "release": release(),
     }
     return BlackBox(state_dir(configuration) / "blackbox" / side, total, facts)

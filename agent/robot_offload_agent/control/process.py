@@ -46,6 +46,8 @@ SEEN_PERIOD_S = 0.5
 """How often nodes without a lifecycle are looked for in the graph."""
 GRAPH_PERIOD_S = 3.0
 """How often the graph is searched for what should not be there; two looks in a row must find it."""
+SPINS_S = 1.0
+"""How often the spinning thread shows that it lives. Each time costs rclpy's executor a look at every entity."""
 SWITCH_INTERVAL_S = 0.001
 """The interpreter changes threads this often at most: the deciding thread must not wait 5 ms for the spinning one."""
 
@@ -111,7 +113,7 @@ class ControlShell(ABC):
         if self.witnesses:
             self.process.watched_by(Witnesses(self.witnesses))
         threading.Thread(target=self._decide_to_the_end, name="decide", daemon=True).start()
-        self.report.guardian.create_timer(beacon.PERIOD_S, lambda: self.beacon.sign("ros"))
+        self.report.guardian.create_timer(SPINS_S, lambda: self.beacon.sign("ros"))
         try:
             context.spin(*self.report.nodes)
         finally:

@@ -2,13 +2,33 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+_METADATA = re.compile(r"robot_offload_agent-([^-]+)(-py[\d.]+)?\.(dist|egg)-info")
 
 
 @cache
 def release() -> str:
-    """Returns the agent's version, e.g. 0.1.0; "" where the agent is not installed as a package."""
+    """Returns the agent's version, e.g. 0.1.0; "" where the agent is not installed as a package.
+
+    The name of the installation's folder says it. The standard library reads the same from the file in that folder, with
+    parsers of mails and archives, which take 3 MB in each process.
+    """
+    for folder in sys.path:
+        for found in sorted(Path(folder or ".").glob("robot_offload_agent-*-info")):
+            match = _METADATA.fullmatch(found.name)
+            if match is not None:
+                return match[1]
+    return _described()
+
+
+def _described() -> str:
+    """Returns what the metadata says, for an installation whose folder bears no version (`colcon --symlink-install`)."""
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - see release
+
     try:
         return version("robot-offload-agent")
     except PackageNotFoundError:

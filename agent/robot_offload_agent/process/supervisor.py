@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 STOP_GRACE_S = 3.0
 POLL_S = 0.02
 IDLE_S = 0.5
-"""Longest sleep; the death of a child and messages end it."""
+"""Longest sleep; the death of a child and news end it. Signs of life are read then: they bring their age along."""
 START_S = 15.0
 """In this time a process in its first life may end the agent with a message; later that would end a working robot."""
 LIVES_PERIOD_S = 1.0
@@ -129,7 +129,7 @@ class Supervisor:
         """Waits for a message, the death of a child, a signal, a question who we are, or the next start."""
         assert self.name is not None
         due_s = min((child.start_due_s for child in self.children if not child.pid), default=float("inf"))
-        sources: list[Any] = [bus, wake, self.name]
+        sources: list[Any] = [bus.news, wake, self.name]
         select.select(sources, [], [], max(0.0, min(IDLE_S, due_s - self.awake_s)))
         with contextlib.suppress(BlockingIOError):
             os.read(wake, 4096)

@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import gc
 import os
+import sys
 
 ZENOH_RUNTIME = (
     "(app: (worker_threads: 1), net: (handover: app), acc: (handover: app), rx: (handover: app), tx: (handover: app))"
@@ -19,8 +20,13 @@ COLLECT_AFTER = (20_000, 20, 50)
 """New objects after which the youngest are searched for cycles, and so on. Python's own 700 is soon reached."""
 
 
+GENERATOR = "rosidl_generator_py.generate_py_impl"
+"""Makes code of message definitions. Each message's package loads it with its grammar (2.7 MB) and goes without."""
+
+
 def save() -> None:
     """Sets all of it, where the system has it and the user has not set it otherwise."""
+    sys.modules[GENERATOR] = None  # type: ignore[assignment]  # an import of it fails
     os.environ.setdefault("ZENOH_RUNTIME", ZENOH_RUNTIME)
     gc.set_threshold(*COLLECT_AFTER)
     if "MALLOC_ARENA_MAX" not in os.environ:

@@ -11,11 +11,16 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_native
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.checks import BROKEN_EXIT, InvariantError
 
 log = logging.getLogger(__name__)
+
+
+UNDESCRIBED = (Parameter("start_type_description_service", value=False),)
+"""For each node of the agent: the service that describes its types costs 1.5 MB in each process, and nobody asks."""
 
 
 def init(configuration: Configuration) -> None:
@@ -59,6 +64,7 @@ def make_node(configuration: Configuration, name: str) -> Node:
         use_global_arguments=False,
         start_parameter_services=False,
         enable_rosout=False,
+        parameter_overrides=[*UNDESCRIBED],
     )
 
 

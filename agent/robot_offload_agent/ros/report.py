@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, Int32, String
 
 from robot_offload_agent.process.clock import now_s
-from robot_offload_agent.ros import services
+from robot_offload_agent.ros import context, services
 from robot_offload_agent.ros.live import Live
 from robot_offload_agent.settings.offer import RUN_TIME
 from robot_offload_agent.settings.override import WORDS, Override
@@ -85,10 +85,16 @@ class Report:
             node.trigger_activate()
 
     def _make(self, name: str) -> LifecycleNode:
+        has_parameters = name.endswith("cloud_switcher")
         node = LifecycleNode(
-            name, namespace=self.configuration["namespace"], use_global_arguments=False, enable_rosout=False
+            name,
+            namespace=self.configuration["namespace"],
+            use_global_arguments=False,
+            start_parameter_services=has_parameters,
+            enable_rosout=False,
+            parameter_overrides=[*context.UNDESCRIBED],
         )
-        if name.endswith("cloud_switcher"):
+        if has_parameters:
             for key, parameter in GENERAL.items():
                 # What the cloud may change is shown as it is; that nobody else sets it is seen to in `_guarded`.
                 fixed = key not in RUN_TIME or self.side is Site.CLOUD

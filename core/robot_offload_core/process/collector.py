@@ -23,7 +23,7 @@ from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
 
-TURN_S = 0.040
+TURN_S = 0.060
 """The process looks at least this often whether anything has changed that control must know.
 
 It looks with every message too, and when the next deadline passes.
@@ -32,6 +32,8 @@ DEADLINE_MARGIN_S = 0.0005
 """Behind a deadline, so that one look finds it passed."""
 REPORTS_PER_LEASE = 5
 """Control gets a report this often in any case, ten times a second at least; one without news does not wake it."""
+EARLY_S = 0.020
+"""A report that is due so soon goes with a message that has just come: waking up costs more than what is done then."""
 REPEAT_PERIOD_S = 5.0
 """The data process gets the latched messages of others again this often; it knows them unless it was started anew."""
 DETAIL_PERIOD_S = 1.0
@@ -372,7 +374,7 @@ class CollectorProcess:
         self.state = standby.look(self.state, now_s)
         report = collectors.report(self.state, now_s)
         news = report != self.reported or not only_news
-        if not news and now_s < self.report_due_s:
+        if not news and now_s < self.report_due_s - EARLY_S:
             return
         self.reported, self.report_due_s = report, now_s + self.report_period_s
         status = CollectorStatus(report)

@@ -48,6 +48,7 @@ class RobotDataProcess(DataProcess):
         packers: of inputs whose messages cross in another form than they came, what makes that form.
         hurries: control must know at once which outputs are to speak (`while`).
         told: what the last report to control said, without what changes all the time.
+        told_types: the cloud's types as the collector last heard them.
     """
 
     def __init__(self, plan: DataPlan, ports: DataPorts) -> None:
@@ -67,6 +68,7 @@ class RobotDataProcess(DataProcess):
         self.waiting: dict[str, tuple[float, bytes, Any]] = {}
         self.packers: dict[str, Callable[[Any], Any]] = {}
         self.told: tuple[object, ...] = ()
+        self.told_types: tuple[tuple[str, str], ...] | None = None
         self.hurries = any(o.spec is not None and o.spec.while_ is not None for o in plan.outputs)
         self._limit_rates((i.name, i.max_age_ms, i.rate_hz) for i in plan.inputs)
 
@@ -185,7 +187,9 @@ class RobotDataProcess(DataProcess):
         """Sends latched values again that the cloud does not hold, and hands its types to the collector."""
         now_s = self.ports.now_s()
         types = tuple(sorted((name, of) for name, of in received.types.items() if name in self.index))
-        self.ports.send("collector", CloudTypes(types))
+        tell = self.ports.renew if types == self.told_types else self.ports.send
+        self.told_types = types
+        tell("collector", CloudTypes(types))
         for name, values in self.latched.items():
             if not values or received.latched.get(name) == self.digest(name):
                 continue

@@ -137,7 +137,7 @@ def draw(dice: random.Random) -> Scenario:
         late_s=(dice.choice((0.0, 0.7)) * dice.random(), dice.choice((0.0, 0.7)) * dice.random()),
         transition_s=dice.choice((0.015, 0.015, 0.12)),
         tick_s=dice.choice((0.010, 0.030)),
-        report_s=dice.choice((0.020, 0.050)),
+        report_s=dice.choice((0.020, 0.060)),
         delay_s=dice.uniform(0.002, 0.018),
         jitter_s=dice.uniform(0.0002, 0.0015),
         drops=dice.random() < 0.5,
