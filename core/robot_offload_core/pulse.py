@@ -16,6 +16,10 @@ MAX_SENDERS = 4
 """Senders remembered at once; more than one is a fault (two identities, a restart), not the normal case."""
 PERMISSION_BEATS = 2
 """Beats for which a permission of control stands (protocol section 1)."""
+JOIN_PERIODS = 0.5
+"""A beat of the robot that is due so soon goes out with one of the cloud that has just come: it saves a wake-up."""
+WAIT_PERIODS = 0.25
+"""One of the robot that is due waits so long for a beat of the cloud; the next one is due no later because of that."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class Pulse:
         incarnation: of our control process; "" until it has spoken.
         body: what control wants said.
         spoken_s: when control last spoke.
-        sequence: of the next beat.
+        sequence: of the next beat. due_s: when it is due.
         heard: newest beat per sender, most recent last.
     """
 
@@ -51,6 +55,7 @@ class Pulse:
     spoken_s: float | None = None
     sequence: int = 0
     heard: tuple[Heard, ...] = ()
+    due_s: float = 0.0
 
 
 def speak(pulse: Pulse, incarnation: str, body: Permission | CloudReport, said_s: float) -> Pulse:
@@ -100,7 +105,30 @@ def compose(pulse: Pulse, now_s: float, wall_us: int) -> tuple[Pulse, Beat]:
         echo=_echo(pulse, now_s),
         body=body,
     )
-    return replace(pulse, sequence=pulse.sequence + 1), beat
+    return replace(pulse, sequence=pulse.sequence + 1, due_s=_next_due_s(pulse, now_s)), beat
+
+
+def _next_due_s(pulse: Pulse, now_s: float) -> float:
+    """Returns when a beat is due after one at `now_s`; after a stall beats are not caught up in a burst."""
+    period_s = pulse.beat_period_s
+    return min(now_s, max(pulse.due_s, now_s - WAIT_PERIODS * period_s)) + period_s
+
+
+def joins(pulse: Pulse, arrived_s: float) -> bool:
+    """Returns whether the next beat goes out with the one that has just been heard, at `arrived_s`.
+
+    On the robot alone: two sides that answer each other would beat as fast as the link is.
+    """
+    heard = partner(pulse)
+    if pulse.side is not Site.ROBOT or heard is None or heard.arrived_s != arrived_s:
+        return False
+    return arrived_s >= pulse.due_s - JOIN_PERIODS * pulse.beat_period_s
+
+
+def wake_s(pulse: Pulse) -> float:
+    """Returns when the next beat goes out by itself: when it is due, on the robot a little later."""
+    waited_s = WAIT_PERIODS * pulse.beat_period_s if pulse.side is Site.ROBOT else 0.0
+    return pulse.due_s + waited_s
 
 
 def partner(pulse: Pulse) -> Heard | None:

@@ -1,6 +1,9 @@
 """The pulse process: beats out every period, beats in at once, nothing else.
 
 It has its own session and its own process so that beats wait for nobody's data, garbage collection or ROS discovery.
+
+Beats go out by an alarm on the main thread; on the robot also on the link's thread, with a beat of the cloud that has
+just come: then the alarm is put off, and the main thread sleeps on.
 """
 
 from __future__ import annotations
@@ -8,12 +11,12 @@ from __future__ import annotations
 import gc
 import logging
 import threading
-import time
 from collections import Counter
 
 from robot_offload_agent.link.choice import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel, LinkStatus
 from robot_offload_agent.process import realtime
+from robot_offload_agent.process.alarm import Alarm
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.process.clock import now_s, wall_us
@@ -28,6 +31,8 @@ log = logging.getLogger(__name__)
 
 BEAT = Channel("beat", reliable=False, urgent=True)
 STATUS_PERIOD_S = 1.0
+LONGEST_S = 0.5
+"""The main thread wakes up this often although beats go out without it: it shows that it lives."""
 LOOK_S = 0.1
 """How often the session's state is looked at; people read what comes of it."""
 
@@ -38,7 +43,9 @@ class PulseProcess:
     def __init__(self, configuration: Configuration, bus: Bus) -> None:
         self.configuration = configuration
         self.bus = bus
-        self.lock = threading.Lock()
+        self.lock = threading.Lock()  # of the pulse's state
+        self.speaking = threading.Lock()  # one beat after the other goes out
+        self.alarm = Alarm()
         period_s = configuration["heartbeat_period_ms"] / 1e3
         self.pulse = pulse.Pulse(configuration["uid"], configuration.side, period_s)
         self.garbage: Counter[str] = Counter()
@@ -62,22 +69,25 @@ class PulseProcess:
         self.link = open_link(self.configuration, "pulse", [BEAT], self.on_message)
         self.link.start()
         self.realtime = realtime.request(self.configuration["realtime"], realtime.PULSE_PRIORITY)
-        period_s = self.pulse.beat_period_s
-        due_s = now_s()
         while not self.link.ended():
             self.beacon.sign("main")
-            self.read()  # only now: what control says is said with the next beat, and each waking up costs
-            now = now_s()
-            self.send(now)
-            due_s = max(due_s + period_s, now + period_s / 2)  # after a stall beats are not caught up in a burst
-            time.sleep(max(0.0, due_s - now_s()))
+            with self.speaking:
+                now, wake_s = now_s(), pulse.wake_s(self.pulse)
+                if now >= wake_s:
+                    self.send(now)
+                else:
+                    self.alarm.set(wake_s)
+            self.alarm.wait(LONGEST_S)
 
     def send(self, now: float) -> None:
-        """One beat."""
+        """Sends one beat, with what control says by now; call with `speaking` held."""
         assert self.link is not None
+        self.read()  # only now: each waking up costs
         with self.lock:
             self.pulse, beat = pulse.compose(self.pulse, now, wall_us())
+            wake_s = pulse.wake_s(self.pulse)
         self.link.send("beat", b"", beats.encode_fitting(beat).encode())
+        self.alarm.set(wake_s)
         self.sent = PulseSent(now, isinstance(beat.body, beats.Permission) and beat.body.granted)
         # Beats that arrive bring it along; only while none arrive it is told on its own.
         if now - self.told_sent_s > self.pulse.beat_period_s:
@@ -130,9 +140,16 @@ class PulseProcess:
             self.garbage["ForeignUid"] += 1
         if newer:
             self.told_sent_s = arrived_s
+            self.answer(arrived_s)
             self.bus.send("control", Arrived(text, arrived_s, wall_us(), self.sent))
             if partner is not None:
                 self.pass_on(Heard(partner.incarnation, partner.sent_us, partner.arrived_s))
+
+    def answer(self, arrived_s: float) -> None:
+        """Sends the next beat with the one that has just come, where that spares the main thread to wake up."""
+        with self.speaking:
+            if self.link is not None and pulse.joins(self.pulse, arrived_s):
+                self.send(arrived_s)
 
     def pass_on(self, heard: Heard) -> None:
         """Gives data the newest beat: in memory, or as a datagram where there is none."""

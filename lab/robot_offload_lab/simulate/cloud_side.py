@@ -22,6 +22,7 @@ from robot_offload_lab.simulate.shells import (
     EFFECT_S,
     LOOK_S,
     DataShell,
+    PulseShell,
     Shell,
     call_node,
     plain_nodes_seen,
@@ -164,7 +165,7 @@ class CloudControl(Shell):
         self.around.entered("cloud " + reason.value)
 
 
-class CloudPulse(Shell):
+class CloudPulse(PulseShell):
     """Beats only. `bare` counts the faults that strip them of all content."""
 
     def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
@@ -179,14 +180,15 @@ class CloudPulse(Shell):
         self.state = pulse.Pulse(UID, Site.CLOUD, self.period_s)
         if self.life > 1:
             self.around.link.pulse.reopen()
-        self.every(self.period_s, self._beat, first_s=0.0)
+        self.once(0.0, self.turn)
 
     def take(self, message: object) -> None:
         """Takes what control wants said."""
         if isinstance(message, Speak) and isinstance(message.body, CloudReport):
             self.state = pulse.speak(self.state, message.incarnation, message.body, message.said_s)
 
-    def _beat(self) -> None:
+    def beat(self) -> None:
+        """Sends the next beat."""
         self.state, beat = pulse.compose(self.state, self.host.now_s(), self.host.wall_us)
         self.last = beat
         if self.bare:
@@ -201,6 +203,7 @@ class CloudPulse(Shell):
         now_s = self.host.now_s()
         self.state, newer = pulse.hear(self.state, beat, now_s)
         if newer:
+            self.answer(now_s)
             control = self.peers["control"]
             assert isinstance(control, CloudControl)
             control.post(self.name, control.beat, beat, now_s, self.host.wall_us, sent_true_s)

@@ -136,6 +136,32 @@ MUTANTS: dict[str, Mutant] = {
         "hold_time",
         (Edit("pulse", "hold_us = max(0, round((now_s - heard.arrived_s) * 1e6))", "hold_us = 0"),),
     ),
+    "P8": Mutant(
+        "both sides answer beats with beats",
+        "beats_in_step",
+        (Edit("pulse", "pulse.side is not Site.ROBOT or heard is None", "heard is None"),),
+    ),
+    "P9": Mutant(
+        "no beat goes with one of the cloud",
+        "beats_in_step",
+        (Edit("pulse", "return arrived_s >= pulse.due_s - JOIN_PERIODS * pulse.beat_period_s", "return False"),),
+    ),
+    "P10": Mutant(
+        "each beat of the cloud is answered, due or not",
+        "beats_after_a_pause",
+        (Edit("pulse", "return arrived_s >= pulse.due_s - JOIN_PERIODS * pulse.beat_period_s", "return True"),),
+    ),
+    "P11": Mutant(
+        "beats are caught up in a burst",
+        "beats_after_a_pause",
+        (
+            Edit(
+                "pulse",
+                "min(now_s, max(pulse.due_s, now_s - WAIT_PERIODS * period_s)) + period_s",
+                "pulse.due_s + period_s",
+            ),
+        ),
+    ),
     "C1": Mutant(
         "no BeforeRestart",
         "restarted_collector",

@@ -23,6 +23,7 @@ from robot_offload_lab.simulate.shells import (
     EFFECT_S,
     LOOK_S,
     DataShell,
+    PulseShell,
     Shell,
     call_node,
     plain_nodes_seen,
@@ -233,7 +234,7 @@ class RobotControl(Shell):
         self.around.witness.available(statements)
 
 
-class RobotPulse(Shell):
+class RobotPulse(PulseShell):
     """Beats only."""
 
     def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
@@ -249,7 +250,7 @@ class RobotPulse(Shell):
         self.sent, self.told_sent_s = None, 0.0
         if self.life > 1:
             self.around.link.pulse.reopen()
-        self.every(self.period_s, self._beat, first_s=0.0)
+        self.once(0.0, self.turn)
 
     def take(self, message: object) -> None:
         """Takes what control wants said."""
@@ -258,7 +259,8 @@ class RobotPulse(Shell):
         elif isinstance(message, placement.Reopen):
             self.around.link.pulse.reopen()
 
-    def _beat(self) -> None:
+    def beat(self) -> None:
+        """Sends the next beat."""
         now_s = self.host.now_s()
         self.state, beat = pulse.compose(self.state, now_s, self.host.wall_us)
         self.around.witness.beat_sent(beat)
@@ -278,6 +280,7 @@ class RobotPulse(Shell):
         if newer:
             self.around.witness.cloud_beat(beat, now_s)
             self.told_sent_s = now_s
+            self.answer(now_s)
             control = self.peers["control"]
             assert isinstance(control, RobotControl)
             control.post(self.name, control.beat, beat, now_s, self.host.wall_us, self.sent)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
-from robot_offload_core import beats, guardians, managed_nodes
+from robot_offload_core import beats, guardians, managed_nodes, pulse
 from robot_offload_core.beats import Beat
 from robot_offload_core.process.data import DataProcess
 from robot_offload_core.process.messages import Carried
@@ -26,6 +26,8 @@ RENEWED_S = 0.030
 """A level that has not changed lies in its receiver's inbox for at most about so long: then the receiver turns."""
 SLACK_S = 0.010
 """As in the agent: what is due waits so long for a datagram to come with."""
+LATE_S = 1e-4
+"""How much later than planned a timer may come."""
 
 
 class Shell(Process):
@@ -78,6 +80,33 @@ class Shell(Process):
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
         """Sends an output's message to another process of this side."""
         return self.send(to, Carried(kind, index, header, payload))
+
+
+class PulseShell(Shell):
+    """A pulse process: beats go out when they are due, or with one that has just come.
+
+    Attributes:
+        state: of the core's pulse.
+    """
+
+    state: pulse.Pulse
+
+    @abstractmethod
+    def beat(self) -> None:
+        """Sends the next beat."""
+
+    def turn(self) -> None:
+        """Sends the beat that has not gone out with one of the other side."""
+        left_s = pulse.wake_s(self.state) - self.host.now_s()
+        if left_s <= 0:
+            self.beat()
+            left_s = pulse.wake_s(self.state) - self.host.now_s()
+        self.once(max(0.0, left_s) / self.host.rate + LATE_S * self.world.dice.random(), self.turn)
+
+    def answer(self, arrived_s: float) -> None:
+        """Sends the next beat with the one that has just been heard, where it goes with that."""
+        if pulse.joins(self.state, arrived_s):
+            self.beat()
 
 
 class DataShell(Shell):

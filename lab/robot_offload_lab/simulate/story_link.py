@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from robot_offload_core.beats import Echo
+from itertools import pairwise
+
+from robot_offload_core.beats import Beat, Echo
 from robot_offload_core.change import replace
 from robot_offload_core.placement import Phase
 from robot_offload_core.process import probe
@@ -35,6 +37,49 @@ def first_command_after_a_cut() -> None:
         stage.expect(stage.link.data.life > lives[1], "and the data session")
         stage.run(0.3)
         join()
+
+
+def beats_in_step() -> None:
+    """The robot's beats go out with the cloud's, at their own rate: with each of them, in a burst of them, and without."""
+    stage = Stage()
+    stage.in_cloud()
+    sent_s: list[float] = []
+    together = 0
+    seen, period_s = stage.seen.beat_sent, stage.scenario.settings.beat_period_s
+
+    def count(beat: Beat) -> None:
+        nonlocal together
+        sent_s.append(stage.now)
+        together += beat.echo is not None and beat.echo.hold_us == 0
+        seen(beat)
+
+    stage.seen.beat_sent = count  # type: ignore[method-assign]
+    stage.run(1.0)
+    usual = round(1.0 / period_s)
+    stage.expect(abs(len(sent_s) - usual) <= 3, f"{len(sent_s)} beats in a second")
+    stage.expect(together > 0.8 * usual, f"{together} of {len(sent_s)} beats went out with one of the cloud")
+    stage.robot.pulse.stop_for(0.07)
+    stage.run(0.2)
+    stage.cut("down")
+    stage.run(0.3)
+    sent_s.clear()
+    stage.run(1.0)
+    stage.expect(abs(len(sent_s) - usual) <= 3, f"{len(sent_s)} beats in a second without any of the cloud")
+
+
+def beats_after_a_pause() -> None:
+    """A pulse process that stood still neither catches up with its beats nor answers each of those that waited."""
+    stage = Stage()
+    stage.in_cloud()
+    sent_s: list[float] = []
+    seen = stage.seen.beat_sent
+    stage.seen.beat_sent = lambda beat: (sent_s.append(stage.now), seen(beat))[1]  # type: ignore[method-assign,func-returns-value]
+    for _ in range(3):
+        stage.run(0.2)
+        stage.robot.pulse.stop_for(0.07)
+    stage.run(0.2)
+    least_s = min(later - earlier for earlier, later in pairwise(sent_s))
+    stage.expect(least_s > 0.2 * stage.scenario.settings.beat_period_s, f"two beats {least_s * 1e3:.1f} ms apart")
 
 
 def hold_down_after_a_loss() -> None:
@@ -191,6 +236,8 @@ def paused_virtual_machine() -> None:
 
 STORIES = (
     first_command_after_a_cut,
+    beats_in_step,
+    beats_after_a_pause,
     hold_down_after_a_loss,
     deaf_cloud,
     bare_beats,

@@ -77,7 +77,7 @@ def silent_from_the_beginning() -> None:
     stage.run(1.0)
     stage.expect(stage.phase is Phase.CLOUD, "nobody minds as long as nothing runs")
     stage.goal()
-    stage.lost(stage.scenario.settings.activation_deadline_s + 0.1, "it never begins to publish")
+    stage.lost(stage.scenario.settings.activation_deadline_s + 0.15, "it never begins to publish")
 
 
 def robot_silent_while_it_executes() -> None:

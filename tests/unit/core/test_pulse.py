@@ -28,6 +28,7 @@ from tests.unit.core.builders import (
 )
 
 SILENT = Pulse(UID, Site.ROBOT, BEAT_S)
+DUE = replace(SILENT, due_s=NOW_S)
 
 
 def speaking(said_s: float = NOW_S, body: Permission | CloudReport | None = None) -> Pulse:
@@ -37,6 +38,40 @@ def speaking(said_s: float = NOW_S, body: Permission | CloudReport | None = None
 
 def composed(state: Pulse, now_s: float = NOW_S) -> Beat:
     return pulse.compose(state, now_s, wall_us=0)[1]
+
+
+# -- when a beat goes out
+
+
+def test_a_beat_goes_out_each_period_on_the_robot_a_little_later_than_due() -> None:
+    state, _ = pulse.compose(DUE, NOW_S, 0)
+    assert state.due_s == pytest.approx(NOW_S + BEAT_S)
+    assert pulse.wake_s(state) == pytest.approx(NOW_S + 1.25 * BEAT_S)
+    late, _ = pulse.compose(state, pulse.wake_s(state), 0)
+    assert late.due_s == pytest.approx(NOW_S + 2 * BEAT_S), "and the next one no later for that"
+    assert pulse.wake_s(replace(state, side=Site.CLOUD)) == pytest.approx(NOW_S + BEAT_S)
+
+
+def test_after_a_stall_beats_are_not_caught_up() -> None:
+    state, _ = pulse.compose(DUE, NOW_S, 0)
+    state, _ = pulse.compose(state, NOW_S + 1.0, 0)
+    assert state.due_s > NOW_S + 1.0 + BEAT_S / 2
+
+
+@pytest.mark.parametrize(("after_s", "goes"), [(0.002, False), (0.009, False), (0.011, True), (0.024, True)])
+def test_a_beat_that_is_due_soon_goes_with_one_of_the_cloud(after_s: float, goes: bool) -> None:
+    state, _ = pulse.compose(DUE, NOW_S, 0)
+    state, newer = pulse.hear(state, cloud_beat(), NOW_S + after_s)
+    assert newer
+    assert pulse.joins(state, NOW_S + after_s) is goes
+    assert not pulse.joins(state, NOW_S + after_s + 0.001), "none of the cloud came just then"
+
+
+def test_the_cloud_does_not_answer_beats_with_beats() -> None:
+    state, _ = pulse.compose(replace(DUE, side=Site.CLOUD), NOW_S, 0)
+    state, newer = pulse.hear(state, robot_beat(), NOW_S + BEAT_S)
+    assert newer
+    assert not pulse.joins(state, NOW_S + BEAT_S)
 
 
 # -- composing

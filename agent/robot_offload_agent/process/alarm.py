@@ -1,0 +1,54 @@
+"""An alarm that another thread can put off without waking the one that waits for it; Python has it from 3.13."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import select
+import time
+
+_ABSOLUTE = 1
+"""TFD_TIMER_ABSTIME."""
+_NANOSECONDS = 1_000_000_000
+
+
+class _Times(ctypes.Structure):
+    """`struct itimerspec`."""
+
+    _fields_ = [(name, ctypes.c_long) for name in ("again_s", "again_ns", "at_s", "at_ns")]
+
+
+class Alarm:
+    """See the module; a timerfd of the steady clock (`clock.now_s`)."""
+
+    def __init__(self) -> None:
+        """Makes one that rings never.
+
+        Raises:
+            OSError: the system gives none.
+        """
+        self._library = ctypes.CDLL(None, use_errno=True)
+        self._file = self._library.timerfd_create(time.CLOCK_BOOTTIME, os.O_NONBLOCK | os.O_CLOEXEC)
+        if self._file < 0:
+            raise OSError(ctypes.get_errno(), "timerfd_create")
+
+    def set(self, at_s: float) -> None:
+        """Lets it ring once at a time, at once if that has passed, and not at the time that was set before."""
+        at_s, at_ns = divmod(max(1, round(at_s * _NANOSECONDS)), _NANOSECONDS)
+        times = _Times(0, 0, at_s, at_ns)
+        if self._library.timerfd_settime(self._file, _ABSOLUTE, ctypes.byref(times), None) < 0:
+            raise OSError(ctypes.get_errno(), "timerfd_settime")
+
+    def wait(self, longest_s: float) -> bool:
+        """Returns True as soon as it rings, False after `longest_s` without."""
+        rings, _, _ = select.select([self._file], [], [], longest_s)
+        with contextlib.suppress(BlockingIOError):  # put off meanwhile
+            if rings:
+                os.read(self._file, 8)
+                return True
+        return False
+
+    def close(self) -> None:
+        """Gives it back."""
+        os.close(self._file)
