@@ -132,7 +132,7 @@ def programs_of_robot(configuration: Configuration) -> Programs:
     from robot_offload_agent.data import robot as data  # noqa: PLC0415
     from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
 
-    found = {"collector": collector.run, "pulse": pulse.run, "control": control.run, "data": data.run}
+    found: Programs = {"collector": collector.run, "pulse": pulse.run, "control": control.run, "data": data.run}
     if configuration["record.switches"]:
         found |= recorder()
     if configuration.relay_plan() is not None:
@@ -148,7 +148,7 @@ def programs_of_cloud(configuration: Configuration) -> Programs:
     from robot_offload_agent.data import cloud as data  # noqa: PLC0415
     from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
 
-    found = {"pulse": pulse.run, "control": control.run, "data": data.run}
+    found: Programs = {"pulse": pulse.run, "control": control.run, "data": data.run}
     if configuration.relay_plan() is not None:
         from robot_offload_agent.relay import cloud as relay  # noqa: PLC0415
 

@@ -40,7 +40,7 @@ def first_command_after_a_cut() -> None:
 
 
 def beats_in_step() -> None:
-    """The robot's beats go out with the cloud's, at their own rate: with each of them, in a burst of them, and without."""
+    """The robot's beats go out with the cloud's, and at their own rate while none of those come."""
     stage = Stage()
     stage.in_cloud()
     sent_s: list[float] = []
