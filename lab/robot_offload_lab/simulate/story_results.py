@@ -137,11 +137,12 @@ def results_after_old_grants() -> None:
     """Grants that waited in a buffer let no result leave."""
     stage = _stage()
     stage.in_cloud()
-    stage.link.pulse.up.cut_held += 1
-    stage.run(1.5)
-    stage.link.pulse.up.cut_held -= 1
-    stage.link.pulse.up.release()
-    stage.run(2.0)
+    for number in range(6):
+        stage.link.pulse.up.cut_held += 1
+        stage.run(1.5 + 0.017 * number)
+        stage.link.pulse.up.cut_held -= 1
+        stage.link.pulse.up.release()
+        stage.run(1.0)
 
 
 def results_of_a_dead_node() -> None:
