@@ -7,7 +7,8 @@
 * `GoalGap`: feedback is silent no longer than an output may be; the time in which the driver was inhibited is left out.
 * `CallLost`: each call of a service is answered.
 * `StateLost`: after a switch the side that takes over begins with the state of the other, which has said before that it
-  acted: a side that never did has none.
+  acted: a side that never did has none. A loss and a robot that cannot act wait for no state, so what was new then may
+  still be on its way.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from robot_offload_core.process.states import AGAIN_S
+from robot_offload_core.reasons import Kind, Reason
 from robot_offload_lab.judge.recording import Arrival, Calls, Errand, PathPoint, PlacementChange, Recording, Restored
 
 SUCCEEDED: Final = "succeeded"
@@ -172,7 +175,12 @@ def broken(
 
 def _had_state(recording: Recording, change: PlacementChange) -> bool:
     """Returns whether a node of the other side had said before a switch that it acted, so that it had state."""
-    return any(it.site != change.site and it.t_s < change.t_s for it in recording.restored)
+    waits = _REASONS.get(change.reason) not in (Kind.LIMIT, Kind.NEED)
+    by_s = change.t_s if waits else change.t_s - AGAIN_S  # what was lost on its way is said again then
+    return any(it.site != change.site and it.t_s < by_s for it in recording.restored)
+
+
+_REASONS: Final = {reason.value: reason.kind for reason in Reason}
 
 
 def _of_goal(

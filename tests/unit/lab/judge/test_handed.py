@@ -161,6 +161,17 @@ def test_a_side_that_never_said_that_it_acted_has_no_state_to_lose() -> None:
     assert first_taken((2.05, 2.05, None), robot_spoke=False) == ([], None)
 
 
+@pytest.mark.parametrize(("spoke_s", "kinds_found"), [(1.5, []), (0.5, ["StateLost"])])
+def test_a_change_that_waits_for_nothing_may_lose_what_was_said_just_before(
+    spoke_s: float, kinds_found: list[str]
+) -> None:
+    records = [it for it in handed_on() if not isinstance(it, Restored)]
+    records = [dataclasses.replace(it, reason="RobotUnable") if _first_switch(it) else it for it in records]  # type: ignore[arg-type]
+    records += [Restored(START_S + spoke_s, "localiser", "robot", None)]
+    records += [Restored(START_S + 2.1, "remote_localiser", "cloud", None, START_S + 2.1)]
+    assert kinds(records) == kinds_found
+
+
 def test_the_state_of_a_run_before_its_first_switch_may_be_clean() -> None:
     assert kinds([*handed_on(), Restored(START_S + 0.2, "localiser", "robot", None)]) == []
 
