@@ -58,9 +58,9 @@ QUOTA = {
     "apiVersion": "v1",
     "kind": "ResourceQuota",
     "metadata": {"name": "full", "namespace": FULL},
-    "spec": {"hard": {"count/deployments.apps": "0"}},
+    "spec": {"hard": {"secrets": "0"}},
 }
-"""A namespace that admits no deployment: passes over what is there fail."""
+"""A namespace that admits no Secret: passes over what is there fail where certificates are kept."""
 PATIENCE_S = 60.0
 VARIABLES = {"$__rate_interval": "10s", "$__range": "60s", "$namespace": NAMESPACE, "$robot": ROBOT}
 

@@ -410,6 +410,11 @@ class World:
             raise KeyError("state") from error
         return found
 
+    def audit_trail(self) -> list[str]:
+        """The lines of the robot's audit trail."""
+        files = sorted((self.folder / "state" / "audit").glob("audit-*.log"))
+        return [line for file in files for line in file.read_text().splitlines(keepends=True)]
+
     # -- what is to be seen -------------------------------------------------------------------------------------------
 
     @property

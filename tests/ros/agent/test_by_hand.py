@@ -54,16 +54,12 @@ def test_each_of_the_four_services_switches_without_a_hole_and_twice_is_the_same
     assert longest_gap_s(world.arrivals, at_s) < 0.5
     assert world.site == "cloud"
 
-    def trail() -> list[str]:
-        files = sorted((world.folder / "state" / "audit").glob("audit-*.log"))
-        return [line for file in files for line in file.read_text().splitlines(keepends=True)]
-
     def by_hand() -> list[str]:
-        entries = audit.exported(trail())
+        entries = audit.exported(world.audit_trail())
         return [entry["what"]["to"] for entry in entries if entry["who"] == "service on the robot"]
 
     world.until(lambda: set(FOUR.values()) <= set(by_hand()), "the switches by hand are in the audit trail")
-    assert audit.verify(trail()).problems == ()
+    assert audit.verify(world.audit_trail()).problems == ()
 
 
 def test_the_cloud_serves_the_cloud_services_and_the_robot_answers_them(world: World) -> None:

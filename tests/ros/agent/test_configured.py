@@ -13,6 +13,7 @@ from robot_offload.api.agent_state import parse_state
 from robot_offload.decide import renewal
 from robot_offload.render.pki import build_certificates
 from robot_offload_agent.process.clock import now_s
+from robot_offload_core import audit
 from tests.ros.agent.conftest import ROS_LINK_DOMAIN
 from tests.ros.agent.harness import Plan, World
 from tests.ros.agent.passage import holes
@@ -113,6 +114,12 @@ def test_the_robots_own_numbers_reach_the_state_file_and_go_with_the_robot(world
     assert said(world, "cloud").processes
 
 
+def audited(world: World, kind: str, **what: str) -> bool:
+    """Whether the robot's audit trail has an entry of this kind with these words, by the cloud's agent."""
+    entries = [one for one in audit.exported(world.audit_trail()) if one["kind"] == kind]
+    return any(what.items() <= one["what"].items() and "offered by the cloud's agent" in one["who"] for one in entries)
+
+
 def said(world: World, side: str) -> Any:
     """The numbers of a side as the reporter reads them; raises KeyError while there are none, as `until` likes it."""
     text = json.dumps(world.state)
@@ -126,6 +133,9 @@ def test_a_new_pin_reaches_the_robot_and_survives_its_restart_with_the_cloud_awa
     pinned = accept(world, pin="Robot")
     world.until(lambda: world.reason == "PinnedToRobot" and world.site == "robot", "the pin is obeyed")
     world.until(lambda: world.ear.get_parameter("/cloud_switcher", "pin") == "Robot", "the parameter shows it")
+    world.until(lambda: audited(world, "Settings", generation=str(pinned), answer="Accepted"), "the push is audited")
+    world.until(lambda: audited(world, "Pin", generation=str(pinned), to="Robot"), "and what it pins")
+    assert audit.verify(world.audit_trail()).problems == ()
     by_hand = world.ear.set_parameter("/cloud_switcher", "pin", "Cloud")
     assert "comes from the resource" in by_hand.reason
     world.kill_agent("cloud")
