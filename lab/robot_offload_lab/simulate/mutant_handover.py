@@ -400,4 +400,26 @@ HANDOVER: dict[str, Mutant] = {
         "node_that_listens_to_nothing",
         (Edit("process.states", "since_s is not None and now_s - since_s < READ_S", "since_s is not None"),),
     ),
+    "N52": Mutant(
+        "a relay that was replaced counts as one that executed nothing",
+        "relay_dies_between_execution_and_answer",
+        (
+            Edit(
+                "ledger.requests",
+                "ask.fate is Fate.OPEN and ask.stay != stay:\n                    ask.fate = Fate.UNKNOWN",
+                "ask.fate is Fate.OPEN and ask.stay != stay:\n                    ask.fate = Fate.NOT_HOLDER",
+            ),
+        ),
+    ),
+    "N53": Mutant(
+        "a copy is offered under the token of the side that still acts",
+        "copy_before_the_change",
+        (
+            Edit(
+                "ledger.copies",
+                "    if not preempted(work.seen(), goal, site, token):\n        _offer(work, goal, site, token)",
+                "    if not preempted(work.seen(), goal, site, token):\n        _offer(work, goal, site, work.holding.token)",
+            ),
+        ),
+    ),
 }
