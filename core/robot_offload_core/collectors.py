@@ -41,8 +41,8 @@ class OutputState:
     its arrival, and from when its age counts. `present` is the newest message that passed of a node with placement
     Cloud: its token and sequence; `stale` that its newest message was too old to pass. `standby_s` is when the newest
     message of a Hot replica on the robot came, `standby_new` that consumers have not heard it, or have heard the cloud
-    since. `late`: how late the cloud's messages come. `robot_while_s`, `cloud_while_s`: since when `while` is true on
-    that side; None while it is not.
+    since. `late`: how late the cloud's messages come; `floor_s`: least margin with which they are waited for (Gate).
+    `robot_while_s`, `cloud_while_s`: since when `while` is true on that side; None while it is not.
     """
 
     spec: OutputSpec
@@ -57,6 +57,7 @@ class OutputState:
     standby_s: float | None = None
     standby_new: bool = False
     late: Lateness = UNHEARD
+    floor_s: float = 0.0
     robot_while_s: float | None = None
     cloud_while_s: float | None = None
 
@@ -157,7 +158,7 @@ def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
     said_s = now_s if gate.said_s is None else min(gate.said_s, now_s)
     collector = replace(
         collector, started_us=gate.started_us, gate_s=said_s, presence=gate.presence, prompt=gate.prompt,
-        outputs=occasions.note(collector.outputs, gate, now_s),
+        outputs=standby.note(occasions.note(collector.outputs, gate, now_s), gate),
     )  # fmt: skip
     ours, theirs = collector.charge, gate.current
     if ours is None or not same_control:

@@ -31,6 +31,8 @@ class Gate:
         prompt: the side that acts cannot, or must not, so that nobody waits for the slow outputs of `next`
             (slow_outputs.py).
         robot_while, cloud_while: the outputs, by index, whose `while` is true on that side.
+        floors: outputs, by index, and how much longer than a period their next message is waited for at least,
+            seconds, because a shorter silence of them was taken for a loss by mistake (early.py).
     """
 
     started_us: int
@@ -41,6 +43,7 @@ class Gate:
     prompt: bool = False
     robot_while: tuple[int, ...] = ()
     cloud_while: tuple[int, ...] = ()
+    floors: tuple[tuple[int, float], ...] = ()
 
 
 class Ruling(Explained):

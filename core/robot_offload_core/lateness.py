@@ -53,14 +53,15 @@ UNHEARD = Lateness()
 def hear(known: Lateness, token: Token, sequence: int, now_s: float, period_s: float, deadline_s: float) -> Lateness:
     """Takes a message of the cloud, also one that does not pass any more.
 
-    Only consecutive messages of one token say something, and only those that came within the output's deadline: what
-    comes later shows an outage, which ends a stay by the hard limit and is nothing to wait for.
+    Only messages of one token say something, and only those that came within the output's deadline: what comes later
+    shows an outage, which ends a stay by the hard limit and is nothing to wait for. Messages that were lost in between
+    are lateness of the next one: where nothing is sent again (best effort) that is usual, and no outage.
     """
     newer = replace(known, token=token, sequence=sequence, arrived_s=now_s, missed=False)
     if token == known.token and sequence <= known.sequence:
         return known
     late_s = now_s - known.arrived_s - period_s
-    if token != known.token or sequence != known.sequence + 1 or late_s + period_s > deadline_s:
+    if token != known.token or late_s + period_s > deadline_s:
         return newer
     kept = [(at_s, value_s) for at_s, value_s in known.late if now_s - at_s <= WINDOW_S and value_s > late_s]
     if not kept or now_s - kept[-1][0] > BUCKET_S:
@@ -71,19 +72,20 @@ def hear(known: Lateness, token: Token, sequence: int, now_s: float, period_s: f
     return newer
 
 
-def margin_s(known: Lateness, now_s: float, untaught_s: float, most_s: float) -> float:
+def margin_s(known: Lateness, now_s: float, untaught_s: float, least_s: float, most_s: float) -> float:
     """Returns how much longer than a period the next message is waited for, seconds.
 
     Args:
         known: what the messages so far have taught.
         now_s: on the robot's steady clock.
         untaught_s: the margin while that is too little.
+        least_s: what control has learned from its mistakes (early.py).
         most_s: of any margin: from a period to the output's deadline, at which its silence is a fault anyway.
     """
     if known.seen < TAUGHT:
-        return min(untaught_s, most_s)
+        return min(max(untaught_s, least_s), most_s)
     largest_s = next((value_s for at_s, value_s in known.late if now_s - at_s <= WINDOW_S), 0.0)
-    wanted_s = max(FACTOR * largest_s + EXTRA_S, LEAST_S, _floor_s(known, now_s))
+    wanted_s = max(FACTOR * largest_s + EXTRA_S, LEAST_S, _floor_s(known, now_s), least_s)
     return min(wanted_s, most_s)
 
 

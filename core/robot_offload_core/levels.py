@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from robot_offload_core import wishes
+from robot_offload_core import early, wishes
 from robot_offload_core.beats import Permission
 from robot_offload_core.change import replace
 from robot_offload_core.changeovers import charge
@@ -81,11 +81,12 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     silent = () if gate_told is None else gate_told.names(_silent(robot, gate_told, now_s), robot.outputs)
     cloud_while = _cloud_while(robot)
     prompt = robot.preparation is not None and robot.preparation.prompt
+    floors = early.floors(robot, now_s) if robot.early.floors else ()
     # All that the three levels are made of: they are put together only when they are given out.
     levels = (
         epoch, granted, cloud, settings.lease_s, in_charge, robot.epoch, robot.candidate if armed else 0,
         robot.phase is Phase.CLOUD, outputs_flow, outputs_heard, stop, silent,
-        robot.robot_while, cloud_while, prompt,
+        robot.robot_while, cloud_while, prompt, floors,
     )  # fmt: skip
     if levels == robot.levels and now_s - robot.levels_s < settings.beat_period_s - 1e-6:
         return robot
@@ -96,7 +97,7 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     current = charge(robot, IN_CHARGE[robot.phase], robot.epoch)
     gate = Gate(
         robot.started_us, current, following, said_s=now_s, presence=present, prompt=prompt,
-        robot_while=robot.robot_while, cloud_while=cloud_while,
+        robot_while=robot.robot_while, cloud_while=cloud_while, floors=floors,
     )  # fmt: skip
     acting = Acting(
         acting=robot.phase is not Phase.CLOUD,

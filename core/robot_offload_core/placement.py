@@ -148,18 +148,31 @@ class Handing:
 
 
 @dataclass(frozen=True)
+class Floor:
+    """Least margin with which an output, by index, is waited for, until a time; seconds."""
+
+    index: int
+    margin_s: float
+    until_s: float
+
+
+@dataclass(frozen=True)
 class Early:
     """Takeovers by silence (early.py). Times on the robot's steady clock, seconds.
 
     Attributes:
         taken_s: the last one, while it is not judged; None then.
+        missing: the outputs of which it missed a message, by index, and when that message was due.
         mistakes_s: of those that no limit confirmed, the latest.
         off: there were too many: none happens.
+        floors: what the mistakes have taught.
     """
 
     taken_s: float | None = None
+    missing: tuple[tuple[int, float], ...] = ()
     mistakes_s: tuple[float, ...] = ()
     off: bool = False
+    floors: tuple[Floor, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from robot_offload_core import lateness
 from robot_offload_core.change import replace
 from robot_offload_core.envelope import Envelope
+from robot_offload_core.gates import Gate
 from robot_offload_core.token import Site
 
 LOOK_S = 0.005
@@ -32,6 +33,14 @@ def hear(collector: Collector, index: int, envelope: Envelope, now_s: float) -> 
     return replace(collector, outputs=outputs)
 
 
+def note(outputs: tuple[OutputState, ...], gate: Gate) -> tuple[OutputState, ...]:
+    """Notes the least margins that control names."""
+    named = dict(gate.floors)
+    return tuple(
+        o if o.floor_s == named.get(i, 0.0) else replace(o, floor_s=named.get(i, 0.0)) for i, o in enumerate(outputs)
+    )
+
+
 def _hot(collector: Collector, output: OutputState) -> bool:
     spec = output.spec
     return collector.loss_timeout_s > 0 and spec.rated and spec.period_s > 0 and Site.ROBOT in spec.hot
@@ -47,7 +56,8 @@ def due_s(collector: Collector, output: OutputState, now_s: float) -> float:
     if charge is None or not _cloud_passes(collector) or late.token != charge.token or not _hot(collector, output):
         return math.inf
     spec = output.spec
-    margin_s = lateness.margin_s(late, now_s, collector.loss_timeout_s, spec.deadline_s - spec.period_s)
+    most_s = spec.deadline_s - spec.period_s
+    margin_s = lateness.margin_s(late, now_s, collector.loss_timeout_s, output.floor_s, most_s)
     return max(late.arrived_s + spec.period_s + margin_s, collector.judged_from_s)
 
 

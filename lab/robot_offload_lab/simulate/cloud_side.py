@@ -217,6 +217,7 @@ class CloudData(DataShell):
 
     Attributes:
         sent: some of what has left, for the fault that lets old messages arrive again.
+        datagrams: channels of which nothing lost is sent again.
     """
 
     process: CloudDataProcess
@@ -227,6 +228,8 @@ class CloudData(DataShell):
         self.sent: deque[tuple[str, bytes, Payload]] = deque(maxlen=SENT_KEPT)
         self.count = 0
         self.input_sent_s = 0.0
+        scenario = around.scenario
+        self.datagrams = {"probe", *(f"out/{scenario.outputs[i].name}" for i in scenario.best_effort)}
 
     def boot(self) -> None:
         """Starts anew: nothing may leave; a new process opens a new session."""
@@ -255,7 +258,7 @@ class CloudData(DataShell):
             self.count += 1
             if self.count % SENT_EVERY == 1:
                 self.sent.append((channel, header, payload))
-        session.down.carry(channel, header, payload, datagram=channel == "probe")
+        session.down.carry(channel, header, payload, datagram=channel in self.datagrams)
         return session.connected
 
     def _effect(self) -> None:

@@ -8,7 +8,7 @@ from robot_offload_lab.simulate.mutants import Edit, Equivalent, Mutant
 HOT: dict[str, Mutant] = {
     "A1": Mutant(
         "margin by those that survived: a message that was taken for lost teaches nothing", "late_message_after_a_takeover",
-        (Edit("lateness", "if token != known.token or sequence", "if known.missed or token != known.token or sequence"),),
+        (Edit("lateness", "if token != known.token or late_s", "if known.missed or token != known.token or late_s"),),
     ),
     "A2": Mutant(
         "no floor after a mistake", "late_message_after_a_takeover",
@@ -84,6 +84,26 @@ HOT: dict[str, Mutant] = {
     "A20": Mutant(
         "a robot whose mirror ended takes over by silence", "mirror_that_ended_early_keeps_from_a_takeover_by_silence",
         (Edit("early", " or _unfit(robot)", ""),),
+    ),
+    "A21": Mutant(
+        "only consecutive messages teach: a message lost teaches nothing", "lost_message_that_is_not_sent_again",
+        (Edit("lateness", "if token != known.token or late_s", "if token != known.token or sequence != known.sequence + 1 or late_s"),),
+    ),
+    "A22": Mutant(
+        "control's mistakes do not reach the collector", "mistake_teaches_whoever_hears_nothing_more",
+        (Edit("standby", "    named = dict(gate.floors)", "    named: dict[int, float] = {}"),),
+    ),
+    "A23": Mutant(
+        "after a mistake no more is waited than before", "mistake_teaches_whoever_hears_nothing_more",
+        (Edit("early", "taken_s - due_s + robot.outputs[index].period_s for", "taken_s - due_s for"),),
+    ),
+    "A24": Mutant(
+        "a mistake is learned from for ever", "mistake_teaches_whoever_hears_nothing_more",
+        (Edit("early", "for floor in robot.early.floors if now_s < floor.until_s)", "for floor in robot.early.floors)"),),
+    ),
+    "A25": Mutant(
+        "what the mistakes have taught is forgotten when the rule is used again", "third_mistake_within_ten_minutes",
+        (Edit("early", "early=Early(floors=robot.early.floors))", "early=Early())"),),
     ),
 }  # fmt: skip
 HOT_EQUIVALENT: dict[str, Equivalent] = {

@@ -51,6 +51,7 @@ class Scenario:
         drops: reopening a session discards what is under way in it.
         strict: a second publisher stops the wheels. asked: settings that people ask for at run time.
         worlds: what this stretch has besides, see worlds.py.
+        best_effort: outputs, by index, of which nothing lost is sent again.
         states: state of nodes that the standby is to know, by name; state_period_s: how often it is published.
     """
 
@@ -77,6 +78,7 @@ class Scenario:
     strict: bool = False
     asked: tuple[Settings, ...] = ()
     worlds: tuple[str, ...] = ()
+    best_effort: tuple[int, ...] = ()
     states: dict[str, StateSpec] = field(default_factory=dict)
     state_period_s: float = 0.1
 
