@@ -172,6 +172,16 @@ def test_both_directions_carry_header_and_payload_intact(domain: Domain) -> None
     assert robot.status().sessions == 1
 
 
+@pytest.mark.parametrize("size", [2_000_000, 16_000_000])
+def test_large_messages_cross_whole(domain: Domain, size: int) -> None:
+    heard: list[tuple[str, bytes, bytes]] = []
+    robot, cloud = domain.link("robot", heard), domain.link("cloud", [])
+    eventually(lambda: robot.status().connected and cloud.status().connected)
+    sent = ("out/cmd_vel", b"h", os.urandom(size))
+    assert cloud.send(*sent)
+    eventually(lambda: heard == [sent])
+
+
 def test_alone_it_is_not_connected_and_sends_nothing(domain: Domain) -> None:
     robot = domain.link("robot", [])
     assert not robot.status().connected

@@ -19,7 +19,7 @@ from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.bench import link_table
 from robot_offload_lab.bench.analysis import links
 from robot_offload_lab.bench.groups import detect as detection
-from robot_offload_lab.bench.groups import experiment, keeping
+from robot_offload_lab.bench.groups import experiment, keeping, silence
 from robot_offload_lab.bench.groups import lifecycle as transitions
 from robot_offload_lab.bench.options import OUT, Common, FolderOfDocs, Out, measurement
 from robot_offload_lab.bench.plan import Amounts
@@ -40,6 +40,7 @@ EXAMPLES: Final = (
     "robot-offload bench all --quick --docs docs --resume",
 )
 STATE_CASES: Final = tuple(case.name for case in keeping.CASES)
+SILENCE_CASES: Final = tuple(case.name for case in silence.CASES)
 LIFECYCLE_CASES: Final = tuple(case.name for case in transitions.CASES)
 app = typer.Typer(
     help=HELP,
@@ -173,7 +174,8 @@ def hot(
     only: Only = None,
     switches: Annotated[int | None, typer.Option(min=2, help="Commanded switches.")] = None,
     cuts: Annotated[int | None, typer.Option(min=1, help="Sudden cuts, half a second each.")] = None,
-    minutes: Annotated[float | None, typer.Option(min=0.1, help="Minutes of the watch for false takeovers.")] = None,
+    minutes: Annotated[float | None, typer.Option(min=0.1, help="Minutes of each watch for false takeovers.")] = None,
+    case: Annotated[list[str] | None, _case(SILENCE_CASES)] = None,
 ) -> None:
     """Hot standby: gaps of commanded switches and sudden cuts; false takeovers by silence on a bad link."""
     chosen = common.amounts
@@ -183,7 +185,7 @@ def hot(
         hot_cuts=cuts or chosen.hot_cuts,
         hot_minutes=minutes or chosen.hot_minutes,
     )
-    _run(common, only or HOT, amounts)
+    _run(common, only or HOT, amounts, case, SILENCE_CASES)
 
 
 @app.command()

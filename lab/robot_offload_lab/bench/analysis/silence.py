@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Final
 
 from robot_offload_core.reasons import Reason
@@ -20,8 +21,22 @@ REPORTED_MINUTES: Final = 60.0
 """The limit is for so long."""
 
 
-def outcome(case: BenchCase, priority: Priority, watch: QuietStretch) -> GroupResult:
-    """Returns the figures of a watch."""
+def outcome(priority: Priority, watched: Sequence[tuple[BenchCase, QuietStretch]]) -> GroupResult:
+    """Returns the figures of a watch of each case."""
+    return GroupResult(
+        group=GROUP,
+        priority=priority,
+        figures=tuple(figure for case, watch in watched for figure in _figures(case, watch)),
+        parts=(),
+        samples=tuple(
+            {"command": case.name, "t_s": round(leave.t_s, 3), "reason": leave.reason}
+            for case, watch in watched
+            for leave in leaves(watch)
+        ),
+    )
+
+
+def _figures(case: BenchCase, watch: QuietStretch) -> tuple[Figure, ...]:
     found = leaves(watch)
     by_silence = [leave for leave in found if leave.reason == Reason.OUTPUT_SILENT.value]
     others = Counter(leave.reason for leave in found if leave not in by_silence)
@@ -30,19 +45,15 @@ def outcome(case: BenchCase, priority: Priority, watch: QuietStretch) -> GroupRe
     if minutes < REPORTED_MINUTES:
         words.append(f"the limit is for {REPORTED_MINUTES:g} minutes")
     share = cloud_share(only(PlacementChange, watch.robot), [Interval(watch.start_s, watch.end_s)])
-    return GroupResult(
-        group=GROUP,
-        priority=priority,
-        figures=(
-            Figure(
-                "takeovers", f"False takeovers by silence in {minutes:.1f} minutes, Hot standby", case.describe(),
-                case.tolerance_ms, 1, len(by_silence), "alarms", MUST_TAKEOVERS, note="; ".join(words),
-            ),
-            Figure(
-                "cloud_share", "Share of that time with the cloud in charge", case.describe(), case.tolerance_ms, 1,
-                None if share is None else share * 100, "%",
-            ),
+    command = case.name.replace("-", " ")
+    return (
+        Figure(
+            f"takeovers_{case.name}",
+            f"False takeovers by silence in {minutes:.1f} minutes, Hot standby, command {command}", case.describe(),
+            case.tolerance_ms, 1, len(by_silence), "alarms", MUST_TAKEOVERS, note="; ".join(words),
         ),
-        parts=(),
-        samples=tuple({"t_s": round(leave.t_s, 3), "reason": leave.reason} for leave in found),
+        Figure(
+            f"cloud_share_{case.name}", f"Share of that time with the cloud in charge, command {command}",
+            case.describe(), case.tolerance_ms, 1, None if share is None else share * 100, "%",
+        ),
     )  # fmt: skip

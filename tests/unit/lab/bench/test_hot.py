@@ -46,6 +46,6 @@ def test_only_takeovers_by_silence_count_and_the_others_are_told():
         placed(101.0, "cloud"), placed(102.0, "robot", reason="OutputSilent"), placed(103.0, "cloud"),
         placed(104.0, "robot", 91.0, reason="HeartbeatLost"),
     )  # fmt: skip
-    figure = silence.outcome(CASE, "normal", QuietStretch(100.0, 160.0, seen)).figures[0]
+    figure = silence.outcome("normal", [(CASE, QuietStretch(100.0, 160.0, seen))]).figures[0]
     assert (figure.value, figure.must) == (1, 2)
     assert figure.note == "besides, the robot took over 1 times by HeartbeatLost; the limit is for 60 minutes"
