@@ -18,6 +18,7 @@ from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link import zenoh_lane
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import session_config
+from robot_offload_core.reasons import Reason
 from robot_offload_core.settings import LARGEST_MESSAGE
 from robot_offload_lab.run.certificates import CertificatePaths
 from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig
@@ -347,6 +348,30 @@ def test_sigterm_works_while_a_session_is_being_opened(paths: CertificatePaths, 
         time.sleep(0.7)
         robot.terminate()
         assert robot.wait(5.0) == 0
+
+
+def test_after_a_stale_input_the_next_large_message_opens_their_own_session(
+    paths: CertificatePaths, port: int, ends: Ends, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    control = tmp_path / "tcp_congestion_control"
+    control.write_text("bbr\n", encoding="ascii")
+    monkeypatch.setattr(zenoh_lane, "CONGESTION_CONTROL", control)
+    fallback = (f"tls/{HOST}:{port}",)
+    cloud = ends.open(make_settings(paths, "cloud", port, fallback=fallback))
+    robot = ends.open(make_settings(paths, "robot", port, fallback=fallback))
+    connected(robot, cloud)
+    listener = cloud.link._session
+    assert listener is not None
+    image = os.urandom(200_000)
+
+    def arrived() -> bool:
+        return robot.link.send("in/scan", b"h", image) and ("in/scan", b"h", image) in cloud.received
+
+    eventually(arrived, "an image")
+    assert listener.protocols() == {"quic"}
+    robot.link.reopen(Reason.INPUT_STALE)
+    connected(robot, cloud)
+    eventually(lambda: arrived() and listener.protocols() == {"quic", "tls"}, "an image through a session of its own")
 
 
 def test_large_messages_take_a_session_of_their_own_where_the_robots_tcp_bears_loss(

@@ -26,6 +26,7 @@ from robot_offload_agent.link.zenoh_log import WheelLog
 from robot_offload_agent.link.zenoh_rules import Attendance, EndpointChoice, Patience, Repetition
 from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
 from robot_offload_agent.process.clock import now_s
+from robot_offload_core.reasons import Reason
 
 log = logging.getLogger(__name__)
 
@@ -174,6 +175,8 @@ class ZenohLink:
         with self._change:
             if self.settings.dials and self._session is not None and not self._reopening:
                 log.info("Reopened the %s session reason=%s", self.settings.session, reason)
+                if reason == Reason.INPUT_STALE:
+                    self._large.came_late()
                 self._reopening = reason or "asked to"
                 self._message = f"reopening: {self._reopening}"
                 self._change.notify_all()

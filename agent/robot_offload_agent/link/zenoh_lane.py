@@ -112,6 +112,15 @@ class LargeLane:
             struggle.refused = False  # what a cut refused is no sign of anything
         self._want(False)
 
+    def came_late(self) -> None:
+        """Notes that an input was too old in the cloud while the link was there: QUIC did not carry the large ones.
+
+        So the next large message opens the session: to learn that anew from refusals takes seconds.
+        """
+        if self._usable and self._struggles:
+            with self._change:
+                self._kept_until_s = now_s() + _KEPT_S
+
     def close(self) -> None:
         """Ends it for good; returns at once."""
         with self._change:
