@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from robot_offload_core.ledger.ports import CancelCode, Face, GoalStatus
 from robot_offload_core.process.robot_relay import GOALS_PENDING
 from robot_offload_core.token import Site
@@ -272,6 +274,21 @@ def test_results_are_kept_for_clients_that_ask_late_and_forgotten_in_the_end() -
     pair.relay.result_requested(Face.PUBLIC, FOLLOW, b"too late", goal_id(1))
     assert pair.robot.results[-1] == (b"too late", GoalStatus.UNKNOWN, b"")
     assert pair.robot.shown[FOLLOW] == ()
+
+
+@pytest.mark.parametrize(("count", "size", "kept"), [(258, 4, 256), (20, (1 << 20) - 64, 16)])
+def test_of_results_that_nobody_fetches_the_newest_are_kept_up_to_256_and_16_mebibytes(
+    count: int, size: int, kept: int
+) -> None:
+    """Rule 8."""
+    pair = Pair()
+    for number in range(1, count + 1):
+        pair.goal(number)
+        pair.robot.end(-1, SUCCEEDED, bytes(size))
+    pair.run(0.2)
+    for number in (count - kept, count - kept + 1, count):
+        pair.relay.result_requested(Face.PUBLIC, FOLLOW, bytes([number % 256]), goal_id(number))
+    assert [status for _, status, _ in pair.robot.results[-3:]] == [GoalStatus.UNKNOWN, SUCCEEDED, SUCCEEDED]
 
 
 def test_a_server_that_was_started_again_gets_the_goal_again() -> None:
