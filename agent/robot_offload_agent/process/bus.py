@@ -9,8 +9,8 @@ until its receiver wakes for another reason, and what is new rings a bell, a sec
 and collector wait for. There is one inbox, so what is new never overtakes what was sent before.
 
 A datagram is one kind byte and a body: for `MESSAGE` JSON `[name, fields]` of a registered dataclass, for `ENVELOPE`
-and `PASSED` an output index, a header and the payload, for `LETTERS` the bytes of `Letters`. A payload above
-`MAX_INLINE` travels beside its datagram, see `parcels.py`.
+and `PASSED` an output index, a header and the payload, for `LETTERS` the bytes of `Letters`. What is said with every
+beat is a record, see `records.py`. A payload above `MAX_INLINE` travels beside its datagram, see `parcels.py`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from robot_offload_agent.process import parcels
+from robot_offload_agent.process import parcels, records
 from robot_offload_core import placement
 from robot_offload_core.codec import plain, typed
 from robot_offload_core.envelope import LAYOUT
@@ -260,6 +260,9 @@ def _bound(path: Path) -> socket.socket:
 
 def _written(message: Any) -> bytes:
     """Returns the datagram of a registered dataclass."""
+    record = records.packed(message)
+    if record is not None:
+        return record
     return MESSAGE + json.dumps([type(message).__name__, plain(message)], separators=(",", ":")).encode()
 
 
@@ -275,6 +278,8 @@ def _files(rights: list[tuple[int, int, bytes]]) -> list[int]:
 def _read(datagram: bytes, files: list[int]) -> Any | None:
     """Reads a datagram; None for one whose payload its sender has given up meanwhile."""
     kind = datagram[:1]
+    if kind in (records.ARRIVED, records.SPEAK):
+        return records.unpacked(datagram)
     if kind == MESSAGE:
         name, body = json.loads(datagram[1:])
         return typed(KINDS[name], body)

@@ -34,6 +34,8 @@ REPORTS_PER_LEASE = 5
 """Control gets a report this often in any case, ten times a second at least; one without news does not wake it."""
 EARLY_S = 0.020
 """A report that is due so soon goes with a message that has just come: waking up costs more than what is done then."""
+SLACK_S = 0.010
+"""One that is due waits so long for a message to come."""
 REPEAT_PERIOD_S = 5.0
 """The data process gets the latched messages of others again this often; it knows them unless it was started anew."""
 DETAIL_PERIOD_S = 1.0
@@ -295,7 +297,7 @@ class CollectorProcess:
         """Returns when to look again if no message comes: when something falls silent, after TURN_S at the latest."""
         now_s = self.ports.now_s()
         deadline_s = min(collectors.next_deadline_s(self.state, now_s) + DEADLINE_MARGIN_S, self.look_due_s())
-        return min(deadline_s, max(now_s, self.report_due_s), now_s + TURN_S)
+        return min(deadline_s, max(now_s, self.report_due_s + SLACK_S), now_s + TURN_S)
 
     def _release(self, before: Collector) -> None:
         """Publishes what is kept of the robot's Hot replicas when it has taken over."""

@@ -4,7 +4,7 @@ import array
 import random
 import select
 import socket
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_agent.process import bus
+from robot_offload_agent.process import bus, records
 from robot_offload_agent.process.bus import MAX_INLINE, Bus
 from robot_offload_agent.process.parcels import LARGEST_BYTES, TOTAL_BYTES, TOTAL_COUNT
 from robot_offload_core import beats, envelope
+from robot_offload_core.beats import CloudReport, Permission
 from robot_offload_core.codec import CodecError, plain, typed
+from robot_offload_core.placement import PulseSent
 from robot_offload_core.process import messages
-from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, Fatal, Letters, Speak
+from robot_offload_core.process.messages import ENVELOPE, PASSED, Arrived, Carried, Fatal, Letters, Speak
 from robot_offload_core.token import Token
 
 HEADER = envelope.encode(envelope.Envelope(Token("ab" * 16, 3, "cd" * 16), 7, 8))
@@ -37,6 +39,24 @@ st.register_type_strategy(float, st.floats(allow_nan=False))
 def test_every_kind_of_message_is_read_back_as_it_was(name: str, data: st.DataObject) -> None:
     message = data.draw(of(bus.KINDS[name]))
     assert typed(bus.KINDS[name], plain(message)) == message
+
+
+@pytest.mark.parametrize("kind", [Arrived, Speak])
+@given(data=st.data())
+def test_what_is_said_with_every_beat_is_read_back_from_its_record(kind: type, data: st.DataObject) -> None:
+    message = data.draw(of(kind))
+    record = records.packed(message)
+    assert record is None or records.unpacked(record) == message
+
+
+def test_beats_and_permissions_have_records_and_what_does_not_fit_one_has_none() -> None:
+    permission = Permission(7, True, "c" * 32, 250_000, in_charge=True, presence=True)
+    assert records.packed(Speak("r" * 32, permission, 5.0)) is not None
+    assert records.packed(Arrived("beat", 5.0, -3, PulseSent(4.9, True))) is not None
+    assert records.packed(Speak("r" * 32, replace(permission, epoch=1 << 64), 5.0)) is None
+    assert records.packed(Speak("r" * 256, permission, 5.0)) is None
+    assert records.packed(Arrived("beat \N{HEAVY CHECK MARK}", 5.0, 0, None)) is None
+    assert records.packed(Speak("r" * 32, CloudReport(), 5.0)) is None
 
 
 @pytest.fixture
@@ -71,7 +91,12 @@ def test_outputs_are_carried_with_header_and_payload(
         two.close()
 
 
-GARBAGE = [b"x", b"m", b"m[]", b'm["Fatal"]', b'm["Nothing",[]]', b'm["Fatal",[1]]', b"m\xff", b'm["Egress",7]', b""]
+GARBAGE = [
+    b"x", b"m", b"m[]", b'm["Fatal"]', b'm["Nothing",[]]', b'm["Fatal",[1]]', b"m\xff", b'm["Egress",7]', b"",
+    b"a", b"s", b"a" + bytes(8), b"a" + bytes(24) + b"\2", b"a" + bytes(25) + b"\xff", b"a" + b"\xff" * 8 + bytes(17),
+    b"s" + bytes(24) + b"\x08\0", b"s" + bytes(25) + b"\1", b"s" + bytes(25) + b"\1\xff",
+    b"s" + b"\xff" * 8 + bytes(18),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("garbage", GARBAGE)
@@ -88,7 +113,7 @@ def test_every_datagram_is_a_message_or_garbage(tmp_path_factory: pytest.TempPat
     end = Bus(tmp_path_factory.getbasetemp(), "anyone")
     try:
         end.socket.sendto(data, str(end.folder / "anyone.sock"))
-        assert isinstance(end.receive(), Carried | Letters | None)
+        assert isinstance(end.receive(), Carried | Letters | Arrived | Speak | None)
     finally:
         end.close()
 
