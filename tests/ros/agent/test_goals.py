@@ -115,6 +115,18 @@ def test_a_renewed_goal_takes_the_place_of_the_one_before_through_switches(
     assert [goal.result()[0] for goal in goals] == [ABORTED] * 3 + [SUCCEEDED]
 
 
+def test_the_robots_relay_serves_without_a_cloud_and_without_the_data_process(
+    serving_world: World, count: ActionClient
+) -> None:
+    serving_world.place("robot", stay=True)
+    serving_world.kill_agent("cloud")
+    serving_world.signal("robot", "data", signal.SIGSTOP)
+    try:
+        assert Goal(count, 5).accepted().result() == (SUCCEEDED, serving_world.nodes["robot"].pid)
+    finally:
+        serving_world.signal("robot", "data", signal.SIGCONT)
+
+
 @pytest.mark.parametrize("side", ["robot", "cloud"])
 def test_a_killed_relay_of_the_robot_loses_no_goal(serving_world: World, many: ActionClient, side: str) -> None:
     serving_world.place(side, stay=True)

@@ -27,7 +27,7 @@ from unique_identifier_msgs.msg import UUID
 from robot_offload_agent.errors import StartError
 from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.relay import cdr
-from robot_offload_agent.relay.inherited import Inherited, find_writer
+from robot_offload_agent.relay.inherited import Inherited, SelfTest, find_writer
 from robot_offload_agent.ros import interfaces
 from robot_offload_agent.ros.native import Form, NativeError
 from robot_offload_agent.ros.raw_services import Loop, RawClient, RawService
@@ -168,6 +168,22 @@ def test_a_call_that_a_dead_process_took_is_answered_by_its_successor(context: A
             process.wait(PATIENCE_S)
             assert process.stdout is not None
             process.stdout.close()
+
+
+@pytest.mark.parametrize(("patience_s", "passes"), [(3 * PATIENCE_S, True), (0.0, False)])
+def test_a_relay_finds_out_whether_it_can_answer_for_a_predecessor(
+    context: Any, monkeypatch: pytest.MonkeyPatch, patience_s: float, passes: bool
+) -> None:
+    monkeypatch.setattr(SelfTest, "PATIENCE_S", patience_s)
+    with node(context, "self_test") as raw:
+        loop = Loop(raw)
+        test = SelfTest(raw, loop, "/self_test")
+        while not test.closed:
+            test.turn()
+            loop.wait(0.01, straight)
+        assert test.passed is passes
+        assert not loop.services
+        assert not loop.clients
 
 
 def read(data: bytes, kind: Any) -> Any:
