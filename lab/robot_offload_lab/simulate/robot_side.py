@@ -129,6 +129,7 @@ class RobotControl(Shell):
         """Starts a new incarnation that knows nothing."""
         incarnation = f"{self.world.dice.getrandbits(128):032x}"
         self.process = self._made(incarnation)
+        self.blink_s = self.in_force.stall_s
         self.around.witness.robot_started(incarnation)
         self.around.controlled(self.process)
         self.every(self.around.scenario.tick_s, self.turn, first_s=0.0)

@@ -153,6 +153,7 @@ class Process:
         row: stops so far with less than ROW_S between their ends. row_s: true time at which the first of
             them ended, or the last long one.
         stood_s: how long the last stop took.
+        blink_s: a shorter stop may escape the process itself: it belongs to a row and does not prolong it.
     """
 
     def __init__(self, world: World, host: Host, name: str) -> None:
@@ -166,6 +167,8 @@ class Process:
         self.row = 0
         self.row_s = 0.0
         self.stood_s = 0.0
+        self.blink_s = 0.0
+        self._row_end_s = 0.0
         self._stopped_s = 0.0
         self._inbox: deque[tuple[Act, tuple[Any, ...]]] = deque()
         self._waiting: dict[str, int] = {}
@@ -192,7 +195,7 @@ class Process:
         self.alive = True
         self.life += 1
         self.stops = self.host.frozen
-        self.running_since_s = self.row_s = self.world.now
+        self.running_since_s = self.row_s = self._row_end_s = self.world.now
         self.row = 0
         self._inbox.clear()
         self._waiting.clear()
@@ -232,9 +235,11 @@ class Process:
         life = self.life
         self._waiting.clear()
         self._replies.clear()
-        self.row = self.row + 1 if self.world.now - self.running_since_s < ROW_S else 1
+        self.row = self.row + 1 if self.world.now - self._row_end_s < ROW_S else 1
         self.running_since_s = self.world.now
         self.stood_s = self.running_since_s - self._stopped_s
+        if self.row == 1 or self.stood_s >= self.blink_s:
+            self._row_end_s = self.running_since_s
         if self.row == 1 or self.stood_s > LONG_S:
             self.row_s = self.running_since_s
         while self._inbox and self.life == life:
