@@ -34,11 +34,13 @@ class Lane:
     Attributes:
         passed_s: true time of the latest message; rank: of its stay in charge.
         last: (producer, sequence) of the latest message of each side.
+        life: of the collector at which the latest message passed.
     """
 
     passed_s: float
     rank: Rank
     last: dict[Site, Message]
+    life: int = 0
 
 
 class Deadlines(Promises):

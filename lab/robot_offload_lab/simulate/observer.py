@@ -122,7 +122,8 @@ class Observer(Deadlines):
 
         1a: the rank of its stay in charge (start of control, epoch, fallback) never decreases, over all outputs.
         1b: per output and side (start of the producer, sequence) strictly increases, for ever; the newest message of a
-        latched output may pass once more in a new stay, because consumers have heard the other side's since.
+        latched output may pass once more in a new stay, because consumers have heard the other side's since, and at a
+        collector that was started again, because its publisher has nothing for late consumers.
         1c: a message of the cloud carries a token that control named to the collector at most a lease ago.
         1d: a message of the cloud left it at most `max_command_age_s` ago, unless it is latched.
         """
@@ -139,7 +140,9 @@ class Observer(Deadlines):
             self.violated("1a", f"a {site.value} message of stay {rank} passed after stay {self.rank}")
         lane = self.lanes[index]
         last = lane.last.get(site)
-        again = message == last and rank != lane.rank and self.run.scenario.outputs[index].latched
+        life = self.run.robot.collector.life
+        new = rank != lane.rank or life != lane.life
+        again = message == last and new and self.run.scenario.outputs[index].latched
         if last is not None and not again and (message.life, message.sequence) <= (last.life, last.sequence):
             self.violated("1b", f"{message.producer} {message.sequence} passed after {last.sequence}")
         if envelope is not None:
@@ -152,7 +155,7 @@ class Observer(Deadlines):
             self.since_loss.add(index)
             if index in self.mirrored:
                 self.passed_under[message] = rank[:2]
-        lane.last[site] = message
+        lane.last[site], lane.life = message, life
         lane.passed_s, lane.rank, self.rank = now, rank, rank
         self.passed_messages[site] += 1
 
