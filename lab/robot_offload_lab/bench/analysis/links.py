@@ -85,7 +85,7 @@ NARROW: Final = (
     Cell(20, 10, 0.0), Cell(20, 10, 1.0), Cell(20, 40, 0.1), Cell(20, 40, 3.0), Cell(5, 40, 0.0), Cell(5, 40, 1.0),
 )  # fmt: skip
 """A share of the 24 narrower kinds, for what they can carry."""
-FAR: Final = (Cell(100, 100, 0.0), Cell(100, 100, 1.0))
+FAR: Final = tuple(Cell(100, 100, loss) for loss in LOSSES)
 LOADS: Final = (
     TopicLoad("raw", "raw VGA image, 0.92 MB", 640 * 480 * 3, 10.0),
     TopicLoad("compressed", "compressed image, 50 kB", 50_000, 10.0),
@@ -93,7 +93,8 @@ LOADS: Final = (
     TopicLoad("compressed-cloud", "compressed point cloud, 150 kB", 150_000, 10.0),
 )
 SOME: Final = {
-    "raw": NEAR, "compressed": (*NEAR, *NARROW, *FAR), "cloud": NEAR, "compressed-cloud": (*NEAR, *NARROW[:4]),
+    "raw": (*NEAR, *FAR), "compressed": (*NEAR, *NARROW, *FAR), "cloud": (*NEAR, *FAR),
+    "compressed-cloud": (*NEAR, *NARROW[:4], *FAR),
 }  # fmt: skip
 """What a day's table has: raw loads (74 to 80 Mbit/s) only over links that could carry them."""
 
@@ -172,13 +173,22 @@ def page(rows: Sequence[Row]) -> str:
             f"**{load.title}, {load.rate_hz:g} Hz ({load.size * 8 * load.rate_hz / 1e6:.0f} Mbit/s)**", "",
             "| link | round trip | loss | delivered | age p50 / p99 | in the cloud | robot took over | false alarms |",
             "|--:|--:|--:|--:|--:|--:|---|--:|",
-            *map(line, mine), "",
+            *map(line, mine), *_too_narrow(load, mine), "",
         ]  # fmt: skip
     dates = sorted({f"{one.date}, {one.machine}" for one in rows})
     loads = [one.load_average for one in rows]
     if rows:
         lines.append(f"Measured {'; '.join(dates)}; load {min(loads):.1f} to {max(loads):.1f}.")
     return "\n".join(lines) + "\n"
+
+
+def _too_narrow(load: TopicLoad, measured: Sequence[Row]) -> list[str]:
+    """Returns a row for each rate that cannot carry a load, by reckoning, where none was measured."""
+    needed_mbit = load.size * 8 * load.rate_hz / 1e6
+    rates = [rate for rate in RATES if rate < needed_mbit and not any(one.cell.rate_mbit == rate for one in measured)]
+    return [
+        f"| {rate} Mbit/s | any | any | reckoned: {_percent(rate / needed_mbit)} at most | | | | |" for rate in rates
+    ]
 
 
 def line(one: Row) -> str:

@@ -79,6 +79,13 @@ def test_the_page_has_a_table_for_each_load_between_its_two_lines(tmp_path):
         link_table.write_page(tmp_path, [])
 
 
+def test_what_does_not_fit_is_reckoned_where_it_was_not_measured():
+    raw = links.page([row([arrival(11.0, 0.1)], load=LOADS[0], cell=CELL)])
+    assert "| 5 Mbit/s | any | any | reckoned: 7 % at most | | | | |" in raw
+    assert "| 20 Mbit/s | any |" not in raw
+    assert "| 100 Mbit/s | any |" not in raw
+
+
 def test_the_whole_table_has_36_links_and_every_load_can_be_rendered():
     assert len(ALL) == len(set(ALL)) == 36
     for load in LOADS:
