@@ -9,8 +9,8 @@ from tests.ros.agent.clients import ABORTED, CANCELED, SUCCEEDED
 from tests.ros.agent.harness import World
 from tests.ros.agent.nav2_clients import SERVER_TIMEOUT_S, BasicNavigator, TreeNode
 
-PATIENCE_S = 2.0
-"""A busy machine may be late; a client on the way through the link and back would be later each time."""
+PATIENCE_S = 60.0
+"""A busy machine may be late, and one that stands still later."""
 RENEWED_S = 1.0
 
 
@@ -71,7 +71,8 @@ def test_a_tree_renews_its_path_each_second_through_switches_and_a_loss_and_is_h
             tree.executor.spin_once(0.1)
         goes_forward(tree.feedback)
     assert tree.results == [ABORTED] * len(turns) + [CANCELED]
-    # Each that comes from the relay itself is quick: none has to wait for a server on the other side.
+    # Each that comes from the relay itself is quick: none has to wait for a server on the other side. Beside two
+    # processes that never rest the quickest of five took 0.5 to 2 ms, so one that takes 20 ms says something.
     assert min(tree.acknowledged_s) < SERVER_TIMEOUT_S
 
 
