@@ -146,6 +146,17 @@ def test_a_broken_rule_becomes_a_test_that_fails_until_the_core_is_mended(
     assert passes(out)
 
 
+def test_a_made_test_fails_where_the_core_cannot_read_its_box_any_more(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "test_story.py"
+    assert run("to-test", folder, "--name", "a_storm", "-o", out).exit_code == 0
+    kind = blackbox.KINDS[Machine.PLACEMENT]
+    monkeypatch.setitem(blackbox.KINDS, Machine.PLACEMENT, replace(kind, events={}))
+    with pytest.raises(AssertionError, match="cannot read the box"):
+        run_here(out, "test_a_storm")
+
+
 def run_here(module: Path, name: str) -> None:
     """Runs a made test in this process, whose core a test may have changed."""
     runpy.run_path(str(module))[name]()
