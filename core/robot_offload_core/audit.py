@@ -93,6 +93,16 @@ def parse(text: str) -> Entry | None:
     return Entry(Head(number, digest), previous, at, kind, who, what)
 
 
+def other_format(text: str) -> int | None:
+    """Returns the format of a line that another version of the agent wrote; None: the line is of this one, or none."""
+    try:
+        body = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    form = body[0] if isinstance(body, list) and body else None
+    return form if type(form) is int and form > 0 and form != FORMAT else None
+
+
 def parse_head(text: str) -> Head | None:
     """Returns the head that a text names, `NUMBER:DIGEST`; None for anything else."""
     number, _, digest = text.partition(":")
@@ -108,6 +118,7 @@ class Verdict:
         entries: how many lines are good, in one chain. first, last: its ends; `first` is 0 without a line.
         problems: sentences; empty: nothing was altered, as far as the lines themselves show.
         torn: the last line is not whole, as a loss of power leaves it.
+        others: how many lines another version of the agent wrote; they are not checked. other: format of the first.
     """
 
     entries: int
@@ -115,6 +126,8 @@ class Verdict:
     last: Head
     problems: tuple[str, ...] = ()
     torn: bool = False
+    others: int = 0
+    other: int = 0
 
 
 def verify(lines: Iterable[str], known: Head | None = None) -> Verdict:
@@ -126,11 +139,16 @@ def verify(lines: Iterable[str], known: Head | None = None) -> Verdict:
     """
     problems: list[str] = []
     entries, first, torn = 0, 0, False
+    others: list[int] = []
     before: Head | None = None
     found = known is None
     rest = list(lines)
     for position, text in enumerate(rest, start=1):
         entry = parse(text)
+        form = other_format(text) if entry is None else None
+        if form is not None:
+            others.append(form)
+            continue
         if entry is None:
             torn = position == len(rest) and not text.endswith("\n")
             if not torn and not _covers_torn(rest[position:]):
@@ -144,22 +162,32 @@ def verify(lines: Iterable[str], known: Head | None = None) -> Verdict:
             problems.append(f"line {position}: entry {entry.head.number} does not follow entry {before.number}")
         found = found or entry.head == known
         before, entries = entry.head, entries + 1
-    if not found and known is not None:
+    if not found and known is not None and not others:  # else it may be among those
         problems.append(_absent(known, first, before))
-    return Verdict(entries, first, before or Head(), tuple(problems), torn)
+    return Verdict(entries, first, before or Head(), tuple(problems), torn, len(others), others[0] if others else 0)
 
 
 def sentences(verdict: Verdict) -> list[str]:
     """Returns what a check has found, for people; the last sentence names the head to keep."""
+    unchecked = _unchecked(verdict)
     if not verdict.entries:
-        return [*verdict.problems, "The trail has no entry"]
+        return [*verdict.problems, *unchecked, "The trail has no entry" if not unchecked else "No line was checked"]
     found = [f"{verdict.entries} entries, {verdict.first} to {verdict.last.number}"]
     found += [f"NOT AS WRITTEN: {problem}" for problem in verdict.problems]
+    found += unchecked
     if verdict.torn:
         found.append("the last line is not whole, as a loss of power leaves it")
-    if not verdict.problems:
+    if not verdict.problems and not unchecked:
         found.append("in one chain; nothing was altered since the head was seen, if you compared one (--head)")
     return [*found, f"head {verdict.last}"]
+
+
+def _unchecked(verdict: Verdict) -> list[str]:
+    if not verdict.others:
+        return []
+    lines = "1 line was" if verdict.others == 1 else f"{verdict.others} lines were"
+    formats = f"format {verdict.other}, this one reads {FORMAT}"
+    return [f"NOT CHECKED: {lines} written by another version of the agent ({formats}); verify with that release"]
 
 
 def exported(lines: Iterable[str]) -> list[dict[str, object]]:

@@ -138,14 +138,21 @@ class Place:
     def replicas(self, deployment: str) -> int:
         return int(self.there(DEPLOYMENT, deployment)["spec"]["replicas"])
 
-    def renew(self, site: str, reason: str, name: str = "walker", certificate: Mapping[str, str] | None = None) -> None:
+    def renew(
+        self,
+        site: str,
+        reason: str,
+        name: str = "walker",
+        certificate: Mapping[str, str] | None = None,
+        audit: str = "",
+    ) -> None:
         """Write the robot's Lease as the reporter does."""
         generation = self.roff(name)["metadata"]["generation"]
         settings = {"robot_generation": generation, "accepted": True, "reason": "", "message": ""}
         state = {
             "version": 1, "agent_generation": generation, "connected": True, "site": site, "epoch": 3,
             "reason": reason, "message": "as a test says", "ready": True, "settings": settings,
-            "certificate": dict(certificate or {}),
+            "certificate": dict(certificate or {}), "audit": audit,
         }  # fmt: skip
         spec = {"holderIdentity": name, "leaseDurationSeconds": 30, "renewTime": f"{_now():%Y-%m-%dT%H:%M:%S.%fZ}"}
         annotations = {"robotoffload.dev/state": json.dumps(state)}

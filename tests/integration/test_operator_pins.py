@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 from typing import Any
 
 import pytest
@@ -25,6 +26,12 @@ def pushed(place: Place) -> str:
     texts = [(each.get("data") or {}).get(SETTINGS_KEY) for each in place.list(CONFIG_MAP)]
     (text,) = [each for each in texts if each]
     return str(yaml.safe_load(text)["/**"]["ros__parameters"]["pin"])
+
+
+def changed_by(place: Place) -> str:
+    """Who changed the settings, as the robot's audit trail is going to say."""
+    (text,) = [text for each in place.list(CONFIG_MAP) if (text := (each.get("data") or {}).get(SETTINGS_KEY))]
+    return str(yaml.safe_load(text).get("changed_by"))
 
 
 def pin_status(place: Place) -> dict[str, Any]:
@@ -50,6 +57,10 @@ def test_a_pin_ends_with_nobody_looking_and_nobody_writes_the_specification(plac
     eventually(lambda: pin_status(place) == {"side": "Auto", "ended": end}, "the status", lambda: pin_status(place))
     eventually(lambda: "PinEnded" in {event["reason"] for event in place.events()}, "the event")
     roff = place.roff()
+    eventually(
+        lambda: re.fullmatch(rf"somebody at [0-9TZ:-]+; the end of the pin: {end}", changed_by(place)),
+        "who it was", lambda: changed_by(place),
+    )  # fmt: skip
     assert roff["spec"]["switching"]["pin"] == "Robot"
     assert roff["metadata"]["generation"] == 1
     writers = {each["manager"] for each in roff["metadata"]["managedFields"] if not each.get("subresource")}
@@ -66,3 +77,21 @@ def test_a_pin_ends_with_nobody_looking_and_nobody_writes_the_specification(plac
     )
     assert place.condition("SpecValid")["status"] == "True"
     assert pushed(place) == "Robot"
+
+
+def test_the_head_of_the_robots_audit_trail_is_kept_in_the_status(place: Place) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    head = f"41:{'5b1f' * 16}"
+    place.renew(site="robot", reason="LinkBad", audit=head)
+    found = eventually(lambda: place.roff()["status"].get("audit"), "the head")
+    assert (found["entries"], found["head"]) == (41, head)
+    place.renew(site="cloud", reason="LinkGood", audit="nonsense")
+    eventually(lambda: place.roff()["status"]["placement"] == "Cloud", "the next state")
+    assert place.roff()["status"]["audit"] == found
+    # Within the minute a newer head waits; the minute counts from the status.
+    place.patch(ROBOT_OFFLOAD, "walker", {"status": {"audit": {"seen": "2026-01-01T00:00:00Z"}}}, "status")
+    cut = f"7:{'00' * 32}"
+    place.renew(site="cloud", reason="LinkGood", audit=cut)
+    eventually(lambda: place.roff()["status"]["audit"]["head"] == cut, "the newer head")
+    eventually(lambda: "AuditTrailRestarted" in {event["reason"] for event in place.events()}, "the warning")

@@ -19,7 +19,7 @@ examples:
   robot-offload-agent audit verify --params agent.yaml --head 41:5b1f...    a head that was kept elsewhere
   robot-offload-agent audit export --params agent.yaml > audit.json
 
-exit codes: 0 the trail is one chain, 1 it was altered or cannot be read, 2 bad words
+exit codes: 0 the trail is one chain, 1 it was altered, cannot be read or is in part of another version, 2 bad words
 """
 
 
@@ -46,4 +46,4 @@ def main(words: list[str]) -> int:
         return 0
     verdict = audit.verify(found, known)
     sys.stdout.write("\n".join(audit.sentences(verdict)) + "\n")
-    return 1 if verdict.problems else 0
+    return 1 if verdict.problems or verdict.others else 0

@@ -123,12 +123,13 @@ class RobotControlShell(ControlShell):
         who = f"resource, offered by the cloud's agent {self.process.robot.link.peer}"
         offer = self.tuned.heard.offer
         generation = str(self.tuned.generation if offer is None else offer.generation)
+        author = offer.author if offer is not None and offer.digest == self.tuned.judged else ""
         self.audit.say(
             Kind.SETTINGS, who, generation=generation, digest=self.tuned.judged, answer=judgement.reason.value,
-            message=judgement.message,
+            message=judgement.message, changed_by=author,
         )  # fmt: skip
         if pin != self.audited_pin:
-            self.audit.say(Kind.PIN, who, before=self.audited_pin, to=pin, generation=generation)
+            self.audit.say(Kind.PIN, who, before=self.audited_pin, to=pin, generation=generation, changed_by=author)
             self.audited_pin = pin
 
     def note_certificate(self) -> None:

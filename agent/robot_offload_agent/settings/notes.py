@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from robot_offload_agent.settings.offer import Offer
+from robot_offload_agent.settings.offer import Offer, author_of
 from robot_offload_core.audit import parse_head
 from robot_offload_core.replica_parameters import MAX_NAME as MAX_PARAMETER_NAME
 from robot_offload_core.replica_parameters import MAX_NODES, MAX_STATED, Statement
@@ -116,6 +116,7 @@ def encode(notes: CloudNotes | RobotNotes) -> str:
     body = {
         "leaving": notes.leaving,
         "offer": [offer.generation, dict(offer.parameters)] if offer else None,
+        "author": offer.author if offer else "",
         "signs": notes.signs,
         "answer": notes.answer,
         "vetoes": notes.vetoes,
@@ -142,7 +143,7 @@ def decode_cloud(text: str) -> CloudNotes:
     generation, parameters = offered
     if type(generation) is not int or not 0 <= generation <= MAX_GENERATION or not isinstance(parameters, dict):
         raise NotesError("an offer is a generation and parameters")
-    return CloudNotes(Offer(generation, parameters), leaving, signs, answer, *rest)
+    return CloudNotes(Offer(generation, parameters, author_of(body.get("author"))), leaving, signs, answer, *rest)
 
 
 def decode_robot(text: str) -> RobotNotes:

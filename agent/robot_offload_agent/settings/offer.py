@@ -13,6 +13,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import yaml
+
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameters import (
     GENERAL,
@@ -39,15 +41,21 @@ HARD_LIMITS = (
     "loss_timeout_ms", "lease_ms", "max_command_age_ms", "activation_deadline_ms", "max_clock_offset_ms",
 )  # fmt: skip
 """Never above the value in the robot's file."""
+MAX_AUTHOR = 256
+"""Characters: a field manager has 128 at most."""
 MEMBER = re.compile(rf"({'|'.join(prefix for prefix, _ in GROUPS.values())})\.(.+)\.([a-z_]+)")
 
 
 @dataclass(frozen=True)
 class Offer:
-    """Settings that the cloud offers: the parameters of one generation of the resource, by dotted name."""
+    """Settings that the cloud offers: the parameters of one generation of the resource, by dotted name.
+
+    `author` is who changed the resource last, as the operator says, for the audit trail: no part of what is offered.
+    """
 
     generation: int
     parameters: Mapping[str, Any]
+    author: str = ""
 
     @property
     def digest(self) -> str:
@@ -99,7 +107,12 @@ def read_offer(text: str) -> Offer:
     except (ValueError, TypeError) as error:
         raise ConfigurationError(f"settings_file: {error}") from error
     assert isinstance(checked, int)
-    return Offer(checked, parameters)
+    return Offer(checked, parameters, author_of(yaml.safe_load(text).get("changed_by")))
+
+
+def author_of(value: object) -> str:
+    """Returns who changed the settings, as somebody else wrote it: one line, or nothing."""
+    return value[:MAX_AUTHOR] if isinstance(value, str) and value.isascii() and value.isprintable() else ""
 
 
 def judge(local: Configuration, running: int, offer: Offer) -> Judgement:

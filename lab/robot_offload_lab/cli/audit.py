@@ -36,7 +36,7 @@ def add_to(parent: typer.Typer) -> None:
 def verify(place: Place, head: Seen = "") -> None:
     """Check that a trail is one chain, and holds an entry that was seen before.
 
-    Exit code 1: the trail was altered.
+    Exit code 1: the trail was altered, or another version of the agent wrote a part of it.
     """
     known = audit.parse_head(head) if head else None
     if head and known is None:
@@ -44,7 +44,7 @@ def verify(place: Place, head: Seen = "") -> None:
     verdict = audit.verify(_lines(place), known)
     for sentence in audit.sentences(verdict):
         typer.echo(sentence)
-    if verdict.problems:
+    if verdict.problems or verdict.others:
         raise typer.Exit(1)
 
 

@@ -38,6 +38,7 @@ _TIME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ")
 _DIALLED: Final = re.compile(r"[0-9A-Za-z.:\[\]-]{3,262}")
 MAX_DIALLED: Final = 16
 """Addresses of one bundle that are kept: those of a few nodes of the cluster, two ports each."""
+_HEAD: Final = re.compile(r"[1-9][0-9]{0,14}:[0-9a-f]{64}")
 _INT64: Final = range(-(2**63), 2**63)
 _LIVE_FIELDS: Final = ("written", "round_trip_ms", "link", "carried", "state_ages", "cloud", "robot")
 """What changes all the time; it is in the metrics and never in the Lease."""
@@ -118,6 +119,7 @@ class AgentState:
         certificate: with which the robot dials.
         dials: addresses (host:port) of the cloud that the robot's bundle names; none: it has not said, or another
             program dials.
+        audit: the newest entry of the robot's audit trail, NUMBER:DIGEST; empty: it has not said.
         ready: whether the agent listens for its robot; no robot need be there.
         handover: the id of the last handover that the agent has finished.
         written: RFC 3339 time at which the agent wrote this.
@@ -139,6 +141,7 @@ class AgentState:
     settings: Settings = Settings()
     certificate: RobotCertificate = RobotCertificate()
     dials: tuple[str, ...] = ()
+    audit: str = ""
     ready: bool = False
     handover: str = ""
     written: str = ""
@@ -182,6 +185,7 @@ def parse_state(text: str) -> AgentState:
         ),
         certificate=_certificate(_part(values, "certificate")),
         dials=_addresses(values),
+        audit=_head(values),
         ready=_of(values, "ready", bool, False),
         handover=_of(values, "handover", str, ""),
         written=_of(values, "written", str, ""),
@@ -252,6 +256,12 @@ def _addresses(values: Mapping[str, Any]) -> tuple[str, ...]:
     """Returns the addresses that a robot dials; what has another form is no address."""
     words = _of(values, "dials", str, "").split()
     return tuple(dict.fromkeys(word for word in words if _DIALLED.fullmatch(word)))[:MAX_DIALLED]
+
+
+def _head(values: Mapping[str, Any]) -> str:
+    """Returns the newest entry of the audit trail; what has another form is none."""
+    head: str = _of(values, "audit", str, "")
+    return head if _HEAD.fullmatch(head) else ""
 
 
 def _shown(value: object) -> str:

@@ -20,7 +20,7 @@ from robot_offload.controller.failures import Step
 from robot_offload.controller.memory import Memory
 from robot_offload.controller.subject import Subject
 from robot_offload.controller.tools import Tools
-from robot_offload.decide import agent, builds, presence, presented, rollouts, status, workloads
+from robot_offload.decide import agent, authors, builds, presence, presented, rollouts, status, trail, workloads
 from robot_offload.decide.ownership import Key, key_of
 from robot_offload.decide.plan import Plan, plan
 from robot_offload.decide.verdicts import Verdict
@@ -126,6 +126,7 @@ class Pass:
         self._memory = memory
         self._found = found
         self._snapshot = observe.Snapshot()
+        self._audit_s: float | None = None
 
     async def run(self) -> None:
         """Observes, decides and applies; what is found out goes to the findings as soon as it is known."""
@@ -175,8 +176,8 @@ class Pass:
         found.step = Step.JUDGE
         await self._judge(robot, wanted, built, state, problem)
         shown = self._judge_certificates(secrets, state)
-        held_s = self._hold.recheck_s
-        times = (wanted.recheck_s, secrets.recheck_s, shown, built.recheck_s, found.applied.recheck_s, held_s)
+        ours = (self._hold.recheck_s, self._audit_s)
+        times = (wanted.recheck_s, secrets.recheck_s, shown, built.recheck_s, found.applied.recheck_s, *ours)
         found.however_s = min((after_s for after_s in times if after_s is not None), default=None)
         either = (found.however_s, robot.recheck_s)
         found.again_s = min((after_s for after_s in either if after_s is not None), default=None)
@@ -203,6 +204,7 @@ class Pass:
             load_balancer_node_ports=self._policy.load_balancer_node_ports,
             network=self._policy.network,
             home=self._policy.home,
+            author=authors.author(self._subject.raw["metadata"], self._hold),
         )
 
     def _endpoints(self) -> tuple[Endpoint, ...]:
@@ -297,6 +299,8 @@ class Pass:
             pods = await self._observer.pods()
         dials = agent.dialled(state, self._subject.status.get("robot") or {})
         endpoints = self._endpoints()
+        before = self._subject.status.get("audit") or {}
+        audit, self._audit_s = trail.shown(state.audit if state is not None else "", before, self._clock.wall())
         self._found.status = status.Found(
             robot=robot,
             dials=dials,
@@ -308,6 +312,7 @@ class Pass:
             pods=pods,
             commits={node: image.commit for node, image in built.images.items()},
             hold=self._hold,
+            audit=audit,
         )
         self._found.verdicts |= {
             **workloads.conditions(self._offload, self._found.status.live, pods, wanted.nodes, wanted.verdict),

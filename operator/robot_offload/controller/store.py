@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
+from robot_offload.decide import authors
 from robot_offload.decide.ownership import Key
 from robot_offload.kube.kinds import CHILD_KINDS, POD, ROBOT_OFFLOAD, SECRET, Kind
 from robot_offload.kube.port import Manifest
@@ -171,6 +172,8 @@ def older(seen: str, version: str) -> bool:
 
 def _pack(kind: Kind, manifest: Manifest) -> bytes:
     metadata = {name: value for name, value in manifest["metadata"].items() if name != "managedFields"}
+    if kind == ROBOT_OFFLOAD:
+        metadata["managedFields"] = authors.kept(manifest["metadata"])
     content: dict[str, Any] = {**manifest, "apiVersion": kind.api_version, "kind": kind.kind, "metadata": metadata}
     if kind == POD:
         status = manifest.get("status") or {}

@@ -38,6 +38,7 @@ class Found:
         certificates: serial numbers and ends, as the status names them.
         pods: their pods, as far as they were looked at.
         hold: the pin that is in force.
+        audit: the robot's audit trail, as the status names it.
     """
 
     robot: Presence
@@ -51,6 +52,7 @@ class Found:
     certificates: Mapping[str, Any] = field(default_factory=dict)
     dials: tuple[str, ...] = ()
     hold: Hold = NO_PIN
+    audit: Mapping[str, Any] = field(default_factory=dict)
 
 
 def build(
@@ -101,6 +103,7 @@ def _found(offload: RobotOffload, found: Found) -> dict[str, Any]:
         "placementReason": found.placement.reason,
         "placementMessage": found.placement.message,
         "pin": _pin(found.hold),
+        **({"audit": dict(found.audit)} if found.audit else {}),
         "robot": _robot(found),
         "endpoints": [
             {"purpose": point.purpose, "protocol": point.protocol, "host": point.host, "port": point.port}

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+from robot_offload.decide.trail import restarted
+
 _TOLD: Final = (
     *("SpecValid", "ResourcesApplied", "ImageBuilt", "Connected", "ConfigCurrent", "CertificatesReady"),
     *("CertificateCurrent", "Ready"),
@@ -37,6 +39,9 @@ def transitions(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[Tr
     if sites[0] != sites[1]:
         reason, message = after.get("placementReason") or "Unknown", after.get("placementMessage") or ""
         told.append(Transition("Normal", f"Placement{sites[1]}", _cut(f"{reason}: {message}")))
+    broken = restarted(before.get("audit") or {}, after.get("audit") or {})
+    if broken:
+        told.append(Transition("Warning", "AuditTrailRestarted", broken))
     ended = (after.get("pin") or {}).get("ended")
     if ended and ended != (before.get("pin") or {}).get("ended"):
         side, _, at = ended.partition(" ")

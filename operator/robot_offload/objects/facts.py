@@ -104,6 +104,7 @@ class Facts:
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
         home: the operator's own namespace; the keys of the robots' authorities are there.
+        author: who changed the specification last, and when, for the robots' audit trails; empty: nobody knows.
         built: the images of nodes that are built in the cluster, by node; one that is not there yet is missing.
     """
 
@@ -123,6 +124,7 @@ class Facts:
     network: Network = field(default_factory=Network)
     home: str = HOME
     built: Mapping[str, str] = field(default_factory=dict)
+    author: str = ""
 
     def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:
         """The known addresses of these purposes, in the order of `purposes`."""

@@ -70,9 +70,11 @@ def agent_config(offload: RobotOffload, site: AgentSite) -> str:
     return parameter_file(agent_parameters(offload, site))
 
 
-def parameter_file(parameters: Mapping[str, Any]) -> str:
-    """Nested parameters as the text of a ROS 2 parameter file for every node."""
-    document = {"/**": {"ros__parameters": dict(parameters)}}
+def parameter_file(parameters: Mapping[str, Any], author: str = "") -> str:
+    """Nested parameters as the text of a ROS 2 parameter file for every node; `author`: who changed them last."""
+    document: dict[str, Any] = {"/**": {"ros__parameters": dict(parameters)}}
+    if author:
+        document["changed_by"] = author  # beside the parameters: agents of earlier releases read past it
     return yaml.dump(document, Dumper=_DUMPER, sort_keys=False, default_flow_style=None, width=1000, allow_unicode=True)
 
 

@@ -41,7 +41,8 @@ _TOKEN_LIFE_S: Final = 3607
 
 def agent_objects(parent: Parent) -> tuple[Manifest, ...]:
     """Everything of the cloud agent but its Deployment, in the order in which it is applied."""
-    settings = {SETTINGS_KEY: parameter_file(runtime_parameters(parent.offload, parent.facts.generation))}
+    offered = runtime_parameters(parent.offload, parent.facts.generation)
+    settings = {SETTINGS_KEY: parameter_file(offered, parent.facts.author)}
     if parent.facts.certificate_answer:
         settings[ANSWER_KEY] = parent.facts.certificate_answer
     return (

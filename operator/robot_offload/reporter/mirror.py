@@ -78,9 +78,18 @@ def due(mirror: Mirror, wanted: Report | None, now_s: float) -> bool:
     """Returns whether the Lease should be written now."""
     if wanted is None or now_s < mirror.retry_s or now_s - mirror.written_s < GAP_S:
         return False
-    if mirror.written is None or mirror.failures or wanted != mirror.written:
+    if mirror.written is None or mirror.failures:
+        return True
+    if wanted != mirror.written and _news(wanted) != _news(mirror.written):
         return True
     return wanted.connected and now_s - mirror.written_s >= RENEW_S
+
+
+def _news(report: Report) -> object:
+    """Returns what is worth a write of its own: the head of the audit trail waits for the next renewal."""
+    values = json.loads(report.text)
+    values.pop("audit", None)
+    return values, report.connected, report.since
 
 
 def patch(wanted: Report, robot: str, now: datetime.datetime) -> dict[str, Any]:

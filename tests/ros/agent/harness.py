@@ -42,6 +42,8 @@ MEASURING_S = 0.15
 HEARD_S = 2.0
 """What was said is heard by then."""
 COMMAND = "/command"
+AUTHOR = "kubectl-edit at 2026-11-23T12:00:00Z"
+"""Who changed the settings, as the operator writes it beside them."""
 PROCESSES = {"robot": ("collector", "pulse", "control", "data"), "cloud": ("pulse", "control", "data")}
 
 COMMON: dict[str, Any] = {
@@ -368,7 +370,8 @@ class World:
     def offer(self, generation: int, **different: Any) -> None:
         """Changes the settings that the cloud's agent is to offer to the robot."""
         values = {key.replace("__", "."): value for key, value in different.items()}
-        self._replace("settings", yaml.safe_dump({"/**": {"ros__parameters": {"generation": generation, **values}}}))
+        settings = {"/**": {"ros__parameters": {"generation": generation, **values}}, "changed_by": AUTHOR}
+        self._replace("settings", yaml.safe_dump(settings))
 
     def hand_over(self) -> str:
         """The pods are to go; returns the name of this end."""

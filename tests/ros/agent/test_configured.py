@@ -15,7 +15,7 @@ from robot_offload.render.pki import build_certificates
 from robot_offload_agent.process.clock import now_s
 from robot_offload_core import audit
 from tests.ros.agent.conftest import ROS_LINK_DOMAIN
-from tests.ros.agent.harness import Plan, World
+from tests.ros.agent.harness import AUTHOR, Plan, World
 from tests.ros.agent.passage import holes
 from tests.ros.agent.shared import Shared, judged
 
@@ -133,8 +133,10 @@ def test_a_new_pin_reaches_the_robot_and_survives_its_restart_with_the_cloud_awa
     pinned = accept(world, pin="Robot")
     world.until(lambda: world.reason == "PinnedToRobot" and world.site == "robot", "the pin is obeyed")
     world.until(lambda: world.ear.get_parameter("/cloud_switcher", "pin") == "Robot", "the parameter shows it")
-    world.until(lambda: audited(world, "Settings", generation=str(pinned), answer="Accepted"), "the push is audited")
-    world.until(lambda: audited(world, "Pin", generation=str(pinned), to="Robot"), "and what it pins")
+    world.until(
+        lambda: audited(world, "Settings", generation=str(pinned), answer="Accepted", changed_by=AUTHOR), "the push"
+    )
+    world.until(lambda: audited(world, "Pin", generation=str(pinned), to="Robot", changed_by=AUTHOR), "and its pin")
     assert audit.verify(world.audit_trail()).problems == ()
     by_hand = world.ear.set_parameter("/cloud_switcher", "pin", "Cloud")
     assert "comes from the resource" in by_hand.reason

@@ -6,7 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_core.audit import BEGINNING, MAX_TEXT, Head, Kind, exported, line, parse, parse_head, verify
+from robot_offload_core.audit import (
+    BEGINNING,
+    MAX_TEXT,
+    Head,
+    Kind,
+    exported,
+    line,
+    parse,
+    parse_head,
+    sentences,
+    verify,
+)
 
 
 def trail(count: int) -> list[str]:
@@ -99,7 +110,7 @@ def test_a_torn_line_that_the_next_entry_names_is_no_alteration() -> None:
     assert verify([*lines[:2], lines[2][:40] + "\n", text]).problems == ()
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[]", "[1,2]", "null", "x" * 100, "[" * 5000, '[2,1,"","","",{},"",""]'])
+@pytest.mark.parametrize("text", ["", "{}", "[]", "[1,2]", "null", "x" * 100, "[" * 5000, '[0,1,"","","",{},"",""]'])
 def test_garbage_is_no_entry_and_is_named(text: str) -> None:
     assert parse(text) is None
     lines = trail(2)
@@ -122,3 +133,25 @@ def test_a_head_is_read_as_it_is_printed() -> None:
 def test_the_export_is_plain_json() -> None:
     entries = json.loads(json.dumps(exported([*trail(2), "garbage\n"])))
     assert [entry["what"] for entry in entries] == [{"to": "0"}, {"to": "1"}]
+
+
+def test_lines_of_another_version_are_named_as_such_and_not_as_altered() -> None:
+    lines = trail(6)
+    newer = [json.dumps([2, number, {"any": "thing"}]) + "\n" for number in (4, 5)]
+    mixed = [*lines[:3], *newer, *lines[3:]]
+    verdict = verify(mixed, heads(lines)[4])
+    assert (verdict.problems, verdict.entries, verdict.others, verdict.other) == ((), 6, 2, 2)
+    said = " ".join(sentences(verdict))
+    assert "NOT CHECKED: 2 lines were written by another version of the agent (format 2, this one reads 1)" in said
+    assert "NOT AS WRITTEN" not in said
+    assert "nothing was altered" not in said
+    assert verify(newer).entries == 0
+    assert "No line was checked" in " ".join(sentences(verify(newer)))
+
+
+def test_a_line_that_is_made_to_look_like_another_versions_does_not_hide_what_it_replaced() -> None:
+    lines = trail(6)
+    forged = [*lines[:2], lines[2].replace("[1,", "[2,", 1), *lines[3:]]
+    verdict = verify(forged)
+    assert verdict.others == 1
+    assert verdict.problems == ("line 4: entry 4 does not follow entry 2",)

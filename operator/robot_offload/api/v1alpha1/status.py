@@ -98,6 +98,16 @@ class PinStatus(Model):
     )
 
 
+class AuditStatus(Model):
+    """The robot's audit trail, as it was seen last; written once a minute at most."""
+
+    entries: int = Field(default=0, ge=0, description="The number of its newest entry; 0: none was seen.")
+    head: Word = Field(
+        default="", description="That entry's number and digest, for `robot-offload audit verify --head`."
+    )
+    seen: Timestamp | None = Field(default=None, description="When this was written.")
+
+
 class EndpointStatus(Model):
     """An address on which the cloud listens for the robot."""
 
@@ -149,6 +159,7 @@ class RobotOffloadStatus(Model):
     certificates: CertificatesStatus = Field(
         default_factory=CertificatesStatus, description="The certificates of robot and cloud, as far as they are known."
     )
+    audit: AuditStatus = Field(default_factory=AuditStatus, description="The robot's audit trail, as it was seen last.")
     endpoints: tuple[EndpointStatus, ...] = Field(
         default=(),
         max_length=16,

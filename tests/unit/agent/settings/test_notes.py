@@ -19,11 +19,12 @@ from robot_offload_agent.settings.notes import (
     decode_robot,
     encode,
 )
-from robot_offload_agent.settings.offer import Offer
+from robot_offload_agent.settings.offer import MAX_AUTHOR, Offer
 from robot_offload_core.replica_parameters import MAX_NODES, Statement
 
 values = st.text() | st.booleans() | st.integers(-(2**53), 2**53) | st.lists(st.text())
-offers = st.builds(Offer, st.integers(0, 2**53), st.dictionaries(st.text(), values))
+authors = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=MAX_AUTHOR)
+offers = st.builds(Offer, st.integers(0, 2**53), st.dictionaries(st.text(), values), authors)
 reasons = st.text("CamelCase", max_size=40)
 names = st.text(max_size=MAX_NAME)
 digests = st.text("0123456789abcdef", max_size=16)
@@ -139,3 +140,11 @@ def test_no_text_whatever_does_any_harm(text: str) -> None:
 def test_a_release_of_another_form_is_not_shown_and_costs_nothing_else(release: object) -> None:
     body = {**json.loads(encode(CloudNotes(leaving="end"))), "release": release}
     assert decode_cloud(json.dumps(body)) == CloudNotes(leaving="end")
+
+
+@pytest.mark.parametrize("author", [None, 7, ["x"], "two\nlines", "\x1b[31m", "é"])
+def test_an_author_of_another_form_is_nobody_and_costs_nothing_else(author: object) -> None:
+    body = json.loads(encode(CloudNotes(Offer(7, {"pin": "Robot"}, "kubectl-edit at noon"))))
+    assert decode_cloud(json.dumps({**body, "author": author})).offer == Offer(7, {"pin": "Robot"})
+    del body["author"]  # of a cloud that is older
+    assert decode_cloud(json.dumps(body)).offer == Offer(7, {"pin": "Robot"})

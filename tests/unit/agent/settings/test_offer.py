@@ -151,6 +151,14 @@ def test_the_settings_file_is_a_parameter_file() -> None:
     assert offer == Offer(7, {"pin": "Robot", "input.odom.max_age_ms": 100.0})
 
 
+def test_who_changed_the_resource_is_beside_the_parameters_and_no_part_of_what_is_offered() -> None:
+    plain = read_offer(text(generation=7))
+    offer = read_offer(text(generation=7) + "changed_by: kubectl-edit at 2026-11-23T12:00:00Z\n")
+    assert offer == Offer(7, {}, "kubectl-edit at 2026-11-23T12:00:00Z")
+    assert offer.digest == plain.digest
+    assert read_offer(text(generation=7) + "changed_by: [1]\n") == plain
+
+
 @pytest.mark.parametrize("damaged", ["", "{", "a: b", text(generation="new"), text(generation=-1)])
 def test_what_is_no_settings_file_is_told(damaged: str) -> None:
     with pytest.raises(ConfigurationError, match="settings_file"):

@@ -85,6 +85,16 @@ def test_a_transition_is_written_at_once() -> None:
         assert due(mirror, told(102.0, **change), 102.0)
 
 
+def test_a_new_entry_of_the_audit_trail_waits_for_the_next_renewal() -> None:
+    before, after = f"40:{'a' * 64}", f"41:{'b' * 64}"
+    mirror = succeeded(told(audit=before), 100.0)
+    assert not due(mirror, told(102.0, audit=after), 102.0)
+    assert due(mirror, told(102.0, audit=after, site="robot"), 102.0)
+    renewed = told(100.0 + RENEW_S, audit=after)
+    assert due(mirror, renewed, 100.0 + RENEW_S)
+    assert after in patch(renewed, "w", NOW)["metadata"]["annotations"][ANNOTATION]
+
+
 def test_while_the_robot_is_gone_nothing_is_written() -> None:
     gone = told(connected=False)
     mirror = succeeded(gone, 100.0)

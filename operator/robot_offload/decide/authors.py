@@ -1,0 +1,50 @@
+"""Who wrote a RobotOffload's specification last, as far as the API server keeps it: the program and the time. Pure.
+
+The API server stores no users; `metadata.managedFields` names the field manager, which kubectl, Argo CD and consoles
+choose themselves. So this is a trace to the API server's own audit log and no proof.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, Final
+
+from robot_offload.api.v1alpha1.pinned import PINNED_UNTIL, Hold
+
+_NAME: Final = re.compile(r"[ -~]{1,128}")
+"""Field managers have at most 128 printable characters."""
+_TIME: Final = re.compile(r"[0-9TZ:.+-]{1,40}")
+
+
+def kept(metadata: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Returns of the field managers the one that wrote the specification, or the end of its pin, last; or none."""
+    found = [entry for entry in _entries(metadata) if not entry.get("subresource") and _wrote(entry.get("fieldsV1"))]
+    latest = max(found, key=lambda entry: str(entry.get("time") or ""), default={})
+    manager, time = str(latest.get("manager") or ""), str(latest.get("time") or "")
+    fine = _NAME.fullmatch(manager) and _TIME.fullmatch(time)
+    return [{"manager": manager, "time": time}] if fine else []
+
+
+def author(metadata: Mapping[str, Any], hold: Hold) -> str:
+    """Returns who changed what a robot is offered: a field manager with a time, or the end of a pin.
+
+    Args:
+        metadata: of the RobotOffload, with all `managedFields` or with those that were kept.
+        hold: the pin that is in force.
+    """
+    wrote = "".join(f"{each['manager']} at {each['time']}" for each in kept(metadata))
+    return f"{wrote or 'somebody'}; the end of the pin: {hold.ended}" if hold.ended else wrote
+
+
+def _entries(metadata: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    found = metadata.get("managedFields")
+    return [each for each in found if isinstance(each, Mapping)] if isinstance(found, list) else []
+
+
+def _wrote(fields: object) -> bool:
+    """Whether an entry owns a part of the specification or the end of a pin; one that was kept has lost its fields."""
+    if not isinstance(fields, Mapping):
+        return fields is None
+    annotations = (fields.get("f:metadata") or {}).get("f:annotations") or {}
+    return "f:spec" in fields or f"f:{PINNED_UNTIL}" in annotations

@@ -1,0 +1,51 @@
+"""The head of a robot's audit trail in the status: out of the robot's reach, written once a minute at most. Pure.
+
+Who has the newest entry's number and digest sees when the trail is cut or written anew (`audit verify --head`).
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping
+from typing import Any, Final
+
+from robot_offload.decide.conditions import timestamp
+
+LEAST_S: Final = 60.0
+"""A trail that grows all the time costs one write of the status in this time."""
+
+
+def shown(audit: str, before: Mapping[str, Any], now: datetime.datetime) -> tuple[dict[str, Any], float | None]:
+    """Returns what the status says of the trail, and the seconds after which to look again; None: only after a change.
+
+    Args:
+        audit: NUMBER:DIGEST, as the robot's agent says; empty: it says nothing now.
+        before: `status.audit` as it was last written.
+        now: our wall clock.
+    """
+    if not audit or audit == before.get("head"):
+        return dict(before), None
+    seen = _time(before.get("seen"))
+    left_s = LEAST_S - abs((now - seen).total_seconds()) if seen is not None else 0.0
+    if left_s > 0:
+        return dict(before), left_s
+    return {"entries": int(audit.partition(":")[0]), "head": audit, "seen": timestamp(now)}, None
+
+
+def restarted(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
+    """Returns the sentence about a trail that no longer continues the one that was seen; empty: it does, or may."""
+    known, found = int(before.get("entries") or 0), int(after.get("entries") or 0)
+    if not known or before.get("head") == after.get("head") or found > known:
+        return ""
+    return (
+        f"The robot's audit trail had entry {before.get('head')} and its newest is {after.get('head')} now: the "
+        "agent was installed anew, or the trail was cut or written anew"
+    )
+
+
+def _time(text: object) -> datetime.datetime | None:
+    try:
+        moment = datetime.datetime.fromisoformat(text) if isinstance(text, str) else None
+    except ValueError:
+        return None
+    return moment if moment is not None and moment.tzinfo else None
