@@ -45,7 +45,7 @@ def changes(tab: Tab) -> int:
 
 
 def test_a_demo_is_seen_while_it_runs_and_its_recording_afterwards(chromium: Browser, tmp_path: Path) -> None:
-    options = ("--duration", "15", "--outage", "2/6", "--slow", "none", "--no-ui", "--console", "--out", str(tmp_path))
+    options = ("--duration", "30", "--outage", "2/6", "--slow", "none", "--no-ui", "--console", "--out", str(tmp_path))
     demo, address = started("demo", str(TALKER), *options)
     try:
         tab = Tab(chromium, address)
@@ -54,13 +54,19 @@ def test_a_demo_is_seen_while_it_runs_and_its_recording_afterwards(chromium: Bro
         tab.says("● active")
         tab.says("/chatter")
         tab.until(lambda: changes(tab) >= 2, "changes to the cloud and back")
-        tab.says("the demo has no cluster to ask")
-        assert tab.page.get_by_role("button", name="Pin to the robot").is_disabled()
+        pin = tab.page.get_by_role("button", name="Pin to the robot")
+        tab.until(pin.is_enabled, "the button")
+        pin.click()
+        tab.says("held on the robot until somebody lets go")
+        tab.says("PinnedToRobot")  # the robot's own word: the wish has gone through both agents
+        tab.page.get_by_role("button", name="Let the rule decide").click()
+        tab.says("the rule decides again")
         assert demo.stdout is not None
         for line in demo.stdout:
             if "the console shows it until Ctrl-C" in line:
                 break
         tab.says("old")  # nothing comes any more, and the page says so
+        tab.says("the run is over")
         assert tab.complaints == []
         tab.close()
     finally:

@@ -26,7 +26,7 @@ class ConsolePages:
     def show(self, view: View, system: System) -> View:
         """Begins to serve, and returns the view that feeds terminal and pages."""
         offset_s = time.clock_gettime(time.CLOCK_REALTIME) - steady_s()
-        source = DemoSource(manifest(system.offload), Path(system.state_file), offset_s)
+        source = DemoSource(manifest(system.offload), Path(system.state_file), offset_s, system.settings_file)
         self._view = ConsoleView(view, self._port, source)
         return self._view
 

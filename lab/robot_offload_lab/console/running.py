@@ -11,35 +11,36 @@ from pathlib import Path
 from typing import Any, Final
 
 from robot_offload.cli.lazy import without_extra
+from robot_offload.console.actions import Action, Permission
 from robot_offload.console.live import Key, Live
 from robot_offload.console.model import Declared, Event, Fleet
 from robot_offload.console.reading import EventError, of_state
 from robot_offload.console.source import Publish
 from robot_offload.errors import InputError
 from robot_offload_lab.console.told import Teller
-from robot_offload_lab.console.unchangeable import Unchangeable
+from robot_offload_lab.console.wishes import Wishes
 from robot_offload_lab.show.view import View
 from robot_offload_lab.show.watch import LiveRun
 
 TELL_S: Final = 0.1
-NO: Final = "the demo has no cluster to ask: its placement follows the rule"
 START_S: Final = 120.0
 """A machine with much else to do needs half a minute for the imports alone."""
 LINGER_S: Final = 1.0
 
 
-class DemoSource(Unchangeable):
+class DemoSource:
     """One running demo.
 
     Args:
         manifest: of the RobotOffload that runs.
         state_file: of the cloud's agent.
         offset_s: unix time less the steady clock.
+        settings_file: that the cloud's agent watches; empty: nothing can be changed.
     """
 
-    def __init__(self, manifest: Mapping[str, Any], state_file: Path, offset_s: float) -> None:
-        super().__init__(NO)
-        self._manifest = manifest
+    def __init__(self, manifest: Mapping[str, Any], state_file: Path, offset_s: float, settings_file: str = "") -> None:
+        self._wishes = Wishes(manifest, settings_file, self._declare)
+        self._connected = False
         self._key = Key("", str(manifest["metadata"]["name"]))
         self._state_file = state_file
         self._teller = Teller(self._key, offset_s)
@@ -53,7 +54,7 @@ class DemoSource(Unchangeable):
 
     async def run(self, publish: Publish) -> None:
         """Publishes what `tell` brings, until cancelled."""
-        publish(Declared(self._key, self._manifest))
+        publish(Declared(self._key, self._wishes.manifest))
         self._loop, self._publish = asyncio.get_running_loop(), publish
         await asyncio.Event().wait()
 
@@ -63,9 +64,34 @@ class DemoSource(Unchangeable):
         if loop is None or publish is None or now_s < self._told_s + TELL_S:
             return
         self._told_s = now_s
-        events = list(self._teller.tell(watch, now_s, self._cloud()))
+        cloud = self._cloud()
+        self._connected = cloud is not None and cloud.connected
+        events = list(self._teller.tell(watch, now_s, cloud))
         with contextlib.suppress(RuntimeError):  # the console has ended
             loop.call_soon_threadsafe(_publish_all, publish, events)
+
+    async def may(self, key: Key, action: Action) -> Permission:
+        """Returns whether the run can hear a wish."""
+        del key, action
+        return self._wishes.may()
+
+    async def act(self, key: Key, action: Action) -> str:
+        """See `Source.act`."""
+        del key
+        return self._wishes.act(action, connected=self._connected)
+
+    def watching(self, key: Key) -> contextlib.AbstractContextManager[None]:
+        """Needs nothing."""
+        del key
+        return contextlib.nullcontext()
+
+    def over(self) -> None:
+        """Takes the end of the run."""
+        self._wishes.over()
+
+    def _declare(self, manifest: Mapping[str, Any]) -> None:
+        if self._publish is not None:
+            self._publish(Declared(self._key, manifest))
 
     def _cloud(self) -> Live | None:
         try:
@@ -135,6 +161,7 @@ class ConsoleView:
 
     def close(self) -> None:
         """Ends the picture; the pages go on until `end`."""
+        self._source.over()
         self._view.close()
 
     def end(self) -> None:

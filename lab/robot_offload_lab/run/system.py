@@ -94,6 +94,11 @@ class System:
     state_file: str = ""
 
     @property
+    def settings_file(self) -> str:
+        """Where the cloud's agent reads what a person changes on a console's page; empty: there is no console."""
+        return f"{self.state_file}.settings.yaml" if self.state_file and self.mode is Mode.OFFLOAD else ""
+
+    @property
     def uid(self) -> str:
         """The identity of both agents: a host has one agent of each, and may have several runs."""
         return f"{self.offload.metadata.name[:40]}-{self.run}"
@@ -328,6 +333,7 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
         realtime=system.realtime,
         observers=tuple(observers),
         state_file=system.state_file if side == "cloud" else "",
+        settings_file=system.settings_file if side == "cloud" else "",
     )
     file = system.out / f"{side}.yaml"
     file.write_text(agent_config(system.offload, site), encoding="utf-8")
