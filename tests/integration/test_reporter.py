@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import socket
 import subprocess
@@ -14,7 +15,12 @@ from typer.testing import CliRunner
 
 from robot_offload.api.agent_state import ANNOTATION
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.cli.cluster import Target
 from robot_offload.cli.main import app
+from robot_offload.console.cluster import ClusterSource
+from robot_offload.console.live import Changeover, Key, Live
+from robot_offload.console.model import Event, Said
+from robot_offload.kube.port import KubeApi
 from robot_offload.objects.facts import Facts, default_images
 from robot_offload.objects.parent import Parent
 from robot_offload.render.children import children
@@ -23,7 +29,7 @@ from robot_offload_lab.cluster.control_plane import ControlPlane
 from robot_offload_lab.cluster.errors import CommandError
 from tests.integration.resources import talker
 from tests.unit.operator.reporter.running import Running, eventually
-from tests.unit.operator.reporter.states import text
+from tests.unit.operator.reporter.states import REPORT, text
 
 pytestmark = pytest.mark.api
 RIGHTS = ("ServiceAccount", "Role", "RoleBinding", "Lease")
@@ -217,8 +223,8 @@ def test_status_and_the_stream_show_live_numbers_through_the_api_server(
     eventually(silent)  # the API server learns of the endpoints a moment later
     running.write(text())
     eventually(lambda: running.ask("/readyz")[0] == 200)
-    live = json.loads(shown("status", "--json"))[0]
-    assert (live["live"], live["placement"], live["roundTripMs"]) == (True, "Cloud", {"p50": 11.5, "p99": 19.0})
+    found = json.loads(shown("status", "--json"))[0]
+    assert (found["live"], found["placement"], found["roundTripMs"]) == (True, "Cloud", {"p50": 11.5, "p99": 19.0})
     assert "12 ms (p99 19 ms)" in shown("status")
     assert "12 ms (p99 19 ms)" in shown("status", "talker")
     stream = f"/api/v1/namespaces/{namespace}/services/http:talker-agent:8080/proxy/stream"
@@ -233,3 +239,28 @@ def test_status_and_the_stream_show_live_numbers_through_the_api_server(
             assert 13 in epochs
         finally:
             following.terminate()
+    target = Target(str(control_plane.kubeconfig), None, namespace)
+    live = target.run(lambda api: followed(api, namespace, running))
+    assert (live.epoch, live.note) == (14, "")  # of the stream: who is only asked says so
+    assert (live.last, live.topics[0].age_ms) == (Changeover(-40.0, "cloud", "LinkGood", gap_ms=61.5), 9)
+
+
+async def followed(api: KubeApi, namespace: str, running: Running) -> Live:
+    """What the console's source makes of the stream after a change of the state."""
+    key, said, source = Key(namespace, "talker"), [Live()], ClusterSource(api, namespace, "test")
+
+    def publish(event: Event) -> None:
+        if isinstance(event, Said):
+            said.append(event.live)
+
+    with source.watching(key):
+        following = asyncio.create_task(source.run(publish))
+        async with asyncio.timeout(60):
+            while said[-1].epoch != 13:
+                await asyncio.sleep(0.02)
+            running.write(text(epoch=14, robot=REPORT))
+            while said[-1].epoch != 14:
+                await asyncio.sleep(0.02)
+        following.cancel()
+        await asyncio.gather(following, return_exceptions=True)
+    return said[-1]
