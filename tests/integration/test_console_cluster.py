@@ -27,7 +27,7 @@ from tests.headless import PHONE, Tab, browser
 from tests.integration.operator_cluster import Place, eventually, walker
 from tests.integration.operator_proxy import Answer, Asked, Proxy
 from tests.unit.operator.reporter.running import Running
-from tests.unit.operator.reporter.states import text
+from tests.unit.operator.reporter.states import REPORT, text
 
 pytestmark = pytest.mark.api
 ROBOTS = 200
@@ -113,8 +113,11 @@ class Beating(threading.Thread):
         while not self.ended:
             number += 1
             link = {"latency_ms": 12.0 + number % 5, "loss_share": 0.01}
-            carried = [{"topic": "/scan", "bytes": 1000 * number}]
-            self.reporter.write(text(**{"written": str(number), "link": link, "carried": carried, **self.values}))
+            carried = [{"topic": "/scan", "bytes": 1000 * number, "age_ms": 9}]
+            last = {"to": "cloud", "reason": "LinkGood", "ago_s": 40.0 + number / 5, "gap_ms": 61.5}
+            robot = {**REPORT, "topics": {"/scan": [4 * number, 0, 4, 1]}, "changeover": last}
+            told = {"written": str(number), "link": link, "carried": carried, "robot": robot, **self.values}
+            self.reporter.write(text(**told))
             time.sleep(0.2)
 
 
@@ -177,6 +180,9 @@ def test_one_robot_is_live_and_can_be_scrolled_back(tab: Tab, beating: Beating) 
     tab.says("loss 1.0%")
     tab.says("kB/s")  # of /scan
     for part in ("edge.example:30443/UDP", "ab12", "Ready", "● active", "The cloud acts."):
+        tab.says(part)
+    # What only the robot knows: the silence of the last switch, how old topics are, what is in flight.
+    for part in ("62 ms", "9 ms", "1 executing, 2 waiting, 4 restarts", "3 open", "4 thinned, 1 unsent"):
         tab.says(part)
     beating.values = {"site": "robot", "reason": "HoldDown", "message": "hold-down for another 2.0 s", "epoch": 13}
     tab.says("The robot's rule says HoldDown: hold-down for another 2.0 s")
