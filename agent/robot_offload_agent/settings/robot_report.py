@@ -47,9 +47,9 @@ def encode(incarnation: str, plain: Mapping[str, Any], lists: Mapping[str, Mappi
         left_out = sum(len(entries) for entries in lists.values()) - sum(len(entries) for entries in cut.values())
         body = {"version": VERSION, "incarnation": incarnation, **plain, **cut, "left_out": left_out}
         text = _text(body)
-        longest = max(cut, key=lambda name: len(_text(cut[name])), default="")
-        if len(text) <= MAX_REPORT or not cut.get(longest):
+        if len(text) <= MAX_REPORT or not any(cut.values()):
             return text
+        longest = max(cut, key=lambda name: len(_text(cut[name])))
         steps[longest] += 1
         cut[longest] = _first(lists[longest], MOST[steps[longest]])
 
