@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -39,6 +40,17 @@ def started(*arguments: str) -> tuple[subprocess.Popen[str], str]:
     pytest.fail(f"it never said its address: {''.join(said)}")
 
 
+def stop(demo: subprocess.Popen[str]) -> None:
+    """Ends a demo: with the first Ctrl-C the run ends where it still goes on, with the next one the pages."""
+    for _ in range(2):
+        demo.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            demo.communicate(timeout=60)
+            return
+    os.killpg(demo.pid, signal.SIGKILL)
+    demo.communicate()
+
+
 def changes(tab: Tab) -> int:
     """How many changeovers the page lists."""
     return tab.page.locator(".mark-Changeovers tbody tr").count()
@@ -70,8 +82,7 @@ def test_a_demo_is_seen_while_it_runs_and_its_recording_afterwards(chromium: Bro
         assert tab.complaints == []
         tab.close()
     finally:
-        demo.send_signal(signal.SIGINT)
-        demo.communicate(timeout=60)
+        stop(demo)
     assert demo.returncode in (0, 1)  # 1: a promise was broken, as on a machine that stood still
     recorded, address = started("console", str(tmp_path), "--no-open")
     try:
