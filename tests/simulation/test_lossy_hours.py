@@ -21,6 +21,7 @@ from robot_offload_core.placement import Phase, Robot
 from robot_offload_core.settings import OutputSpec, Settings
 from robot_offload_core.token import Site, Token
 
+pytestmark = [pytest.mark.simulation]
 HOUR_S = 3600.0
 PERIOD_S = 0.05
 """Declared, and of the robot's replica."""
