@@ -241,6 +241,7 @@ def _plain(child: Manifest, others: Mapping[str, str]) -> Manifest:
     for value, name in others.items():
         text = re.sub(rf"(?<![\w.]){re.escape(value)}(?![\w.]|\d)", name, text)
     text = re.sub(r"\bgeneration: \d+", "generation: N", text)  # in the agents' files; it grows with every change
+    text = re.sub(r"changed_by: [^\\]+", "changed_by: SOMEBODY", text)  # there too, with the time
     return dict(json.loads(text, object_hook=_without))
 
 
