@@ -30,7 +30,7 @@ class ClientGoal:
     Attributes:
         results: (status, payload) of each answer that was terminal.
         cancel: a cancel of it was accepted. bare_s: since when no copy of it runs at the holder.
-        fed: (stay, site, tick) of the newest feedback.
+        fed: (stay, site, tick, attempt) of the feedback that passed.
     """
 
     number: int
@@ -41,7 +41,7 @@ class ClientGoal:
     results: list[tuple[GoalStatus, bytes]] = field(default_factory=list)
     cancel: bool = False
     bare_s: float | None = None
-    fed: list[tuple[int, Site, int]] = field(default_factory=list)
+    fed: list[tuple[int, Site, int, bytes]] = field(default_factory=list)
 
     @property
     def open(self) -> bool:
@@ -197,10 +197,12 @@ class Clients:
         site = Site.ROBOT if payload[28:29] == b"r" else Site.CLOUD
         holding = self._now()
         self.expect(site is holding.site, "6b", f"goal {goal.number}: feedback of the {site.value}, a standby")
-        passed = (holding.stay, site, int.from_bytes(payload[29:33], "big"))
-        if goal.fed and goal.fed[-1][0] == passed[0] and goal.results == [] and goal.fed[-1][2] >= passed[2]:
-            again = passed[2] <= 3  # another copy of the same stay: its server had forgotten the goal, or ended it
-            self.expect(again, "6b", f"goal {goal.number}: feedback went back")
+        passed = (holding.stay, site, int.from_bytes(payload[29:33], "big"), payload[33:49])
+        if goal.fed and goal.fed[-1][0] == passed[0] and goal.results == []:
+            _, _, tick, attempt = goal.fed[-1]
+            # Another copy of the same stay: its server had forgotten the goal, or ended it. No earlier copy comes back.
+            forward = tick < passed[2] if attempt == passed[3] else all(heard[3] != passed[3] for heard in goal.fed)
+            self.expect(forward, "6b", f"goal {goal.number}: feedback went back")
         self.expect(not goal.fed or passed[0] >= goal.fed[-1][0], "6b", f"goal {goal.number}: feedback of a past stay")
         goal.fed.append(passed)
 

@@ -230,7 +230,7 @@ class Servers:
                 execution.ticks += 1
                 site = b"r" if self.site is Site.ROBOT else b"c"
                 words = bytes(4) + execution.attempt + execution.number.to_bytes(8, "big")
-                self.feed(execution.action, words + site + execution.ticks.to_bytes(4, "big"))
+                self.feed(execution.action, words + site + execution.ticks.to_bytes(4, "big") + execution.attempt)
 
     # -- services -----------------------------------------------------------------------------------------------------
 

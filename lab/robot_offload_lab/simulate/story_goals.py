@@ -32,7 +32,7 @@ def goal_over_twenty_changes() -> None:
         stage.expect(len(stage.copies(CLOUD, goal)) == 1, "one copy in the cloud")
     stage.let_end()
     stage.ends(goal, SUCCEEDED)
-    stage.expect({site for _, site, _ in goal.fed} == {ROBOT, CLOUD}, "the client heard both sides")
+    stage.expect({site for _, site, *_ in goal.fed} == {ROBOT, CLOUD}, "the client heard both sides")
 
 
 def copy_before_the_change() -> None:
