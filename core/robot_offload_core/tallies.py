@@ -17,6 +17,8 @@ LATENCY_MS = (5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300, 500, 1000)
 """Bounds of the link's latency: finest where the limits of most loops lie."""
 GAP_MS = (25, 50, 75, 100, 125, 150, 200, 300, 500, 1000, 2000)
 """Bounds of the time between two commands."""
+IN_FLIGHT = ("running", "waiting", "resent")
+"""Of an action's goals: executed now, waiting for a side that can, and how often an execution began anew."""
 SWITCH_S = 1.0
 """A silence that begins within this time after a change of side belongs to it; a later one has other causes."""
 

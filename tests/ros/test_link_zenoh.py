@@ -350,12 +350,17 @@ def test_sigterm_works_while_a_session_is_being_opened(paths: CertificatePaths, 
         assert robot.wait(5.0) == 0
 
 
+def tcp_bears_loss(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets the robot believe that its kernel uses BBR."""
+    control = folder / "tcp_congestion_control"
+    control.write_text("bbr\n", encoding="ascii")
+    monkeypatch.setattr(zenoh_lane, "CONGESTION_CONTROL", control)
+
+
 def test_after_a_stale_input_the_next_large_message_opens_their_own_session(
     paths: CertificatePaths, port: int, ends: Ends, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    control = tmp_path / "tcp_congestion_control"
-    control.write_text("bbr\n", encoding="ascii")
-    monkeypatch.setattr(zenoh_lane, "CONGESTION_CONTROL", control)
+    tcp_bears_loss(tmp_path, monkeypatch)
     fallback = (f"tls/{HOST}:{port}",)
     cloud = ends.open(make_settings(paths, "cloud", port, fallback=fallback))
     robot = ends.open(make_settings(paths, "robot", port, fallback=fallback))
@@ -377,9 +382,7 @@ def test_after_a_stale_input_the_next_large_message_opens_their_own_session(
 def test_large_messages_take_a_session_of_their_own_where_the_robots_tcp_bears_loss(
     paths: CertificatePaths, port: int, ends: Ends, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    control = tmp_path / "tcp_congestion_control"
-    control.write_text("bbr\n", encoding="ascii")
-    monkeypatch.setattr(zenoh_lane, "CONGESTION_CONTROL", control)
+    tcp_bears_loss(tmp_path, monkeypatch)
     fallback = (f"tls/{HOST}:{port}",)
     cloud = ends.open(make_settings(paths, "cloud", port, fallback=fallback))
     # So small a backlog refuses each second message, as loss does.

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robot_offload_core.tallies import GAP_MS, LinkTally
+from robot_offload_core.tallies import GAP_MS, IN_FLIGHT, LinkTally
 from robot_offload_core.token import Site
 
 TICKS = os.sysconf("SC_CLK_TCK")
@@ -17,8 +17,6 @@ GAPS = re.compile(r"(.+)\.gap_ms\.(\d+)")
 THINNED = ("sent", "rate_limited", "thinned", "unsent")
 """What became of an input's messages on the robot."""
 ENDS = ("succeeded", "aborted", "canceled")
-IN_FLIGHT = ("running", "waiting", "resent")
-"""Of an action's goals: executed now, waiting for a side that can, and how often an execution began anew."""
 NAMES = ("control", "pulse", "data", "collector", "relay")
 """Of the processes; the kernel keeps 15 characters of `ro-robot-collector`."""
 PASSED = "passed"

@@ -11,6 +11,7 @@ from robot_offload_agent.doctor.findings import Check, Finding, Level
 from robot_offload_agent.ros.undeclared import Declared, Undeclared
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_agent.settings.served import SERVED
+from robot_offload_core.tallies import IN_FLIGHT
 from robot_offload_core.token import Site
 
 DISCOVERY_S = 3.0
@@ -103,7 +104,7 @@ def _in_flight(counted: Mapping[str, int], configuration: Configuration) -> Iter
     """Says which goals and calls are open, how often a goal began anew, and how old handed-over state was."""
     found = []
     for action in (spec["name"] for spec in configuration.actions):
-        running, waiting, resent = (counted.get(f"{action}.{word}", 0) for word in ("running", "waiting", "resent"))
+        running, waiting, resent = (counted.get(f"{action}.{word}", 0) for word in IN_FLIGHT)
         found.append(f"{action} {running} executing, {waiting} waiting, {resent} restarts")
     for service in (spec["name"] for spec in configuration.services):
         found.append(f"{service} {counted.get(f'{service}.open', 0)} open calls")

@@ -78,6 +78,11 @@ def stale_state_is_waited_for() -> None:
     stage.until(lambda: stage.site is CLOUD, 10.0, "a pin does not wait for ever")
 
 
+def _begins_with_state(stage: StateStage) -> None:
+    stage.until(lambda: stage.site is CLOUD, 2.0, "the cloud acts")
+    stage.expect(all(knew for _, knew in stage.kept(CLOUD).began), "its node begins with the robot's state")
+
+
 def first_change_waits_for_state() -> None:
     """The cloud's nodes sleep until there is state to wake with, however late the robot's node says its first."""
     stage = StateStage()
@@ -87,8 +92,7 @@ def first_change_waits_for_state() -> None:
     stage.always(lambda: stage.phase is Phase.ROBOT, 3.0, "nothing is begun")
     stage.expect(not stage.kept(CLOUD).began, "the cloud's node sleeps")
     stage.kept(ROBOT).silent -= 1
-    stage.until(lambda: stage.site is CLOUD, 2.0, "the cloud acts")
-    stage.expect(all(knew for _, knew in stage.kept(CLOUD).began), "its node begins with the robot's state")
+    _begins_with_state(stage)
 
 
 def first_change_waits_for_the_reader() -> None:
@@ -100,8 +104,7 @@ def first_change_waits_for_the_reader() -> None:
     stage.expect(stage.kept(CLOUD).took > 0, "there is state")
     stage.always(lambda: stage.phase is Phase.ROBOT, 0.3, "nothing is begun")
     stage.kept(CLOUD).deaf -= 1
-    stage.until(lambda: stage.site is CLOUD, 2.0, "the cloud acts")
-    stage.expect(all(knew for _, knew in stage.kept(CLOUD).began), "its node begins with the robot's state")
+    _begins_with_state(stage)
 
 
 def node_that_listens_to_nothing() -> None:

@@ -69,6 +69,12 @@ def read(text: str) -> End | None:
     return End(found[1], at) if at.tzinfo else None
 
 
+def _end_of(pin: str, text: str) -> End | None:
+    """Returns the end that a text names for this pin; None: for another one, or none."""
+    end = read(text)
+    return end if end is not None and pin != AUTO and end.side == pin else None
+
+
 def hold(pin: str, text: str, ended: str, now: datetime.datetime) -> Hold:
     """Returns the pin that is in force.
 
@@ -78,8 +84,8 @@ def hold(pin: str, text: str, ended: str, now: datetime.datetime) -> Hold:
         ended: text of the end that was last found to have come: what has ended stays so when clocks are set back.
         now: the present.
     """
-    end = read(text)
-    if pin == AUTO or end is None or end.side != pin:
+    end = _end_of(pin, text)
+    if end is None:
         return Hold(pin)
     left_s = (end.at - now).total_seconds()
     if text == ended or left_s <= 0:
@@ -96,8 +102,8 @@ def observed(manifest: Mapping[str, Any]) -> Hold:
     pin = str(((manifest.get("spec") or {}).get("switching") or {}).get("pin") or AUTO)
     text = str(((manifest.get("metadata") or {}).get("annotations") or {}).get(PINNED_UNTIL) or "")
     found = ((manifest.get("status") or {}).get("pin") or {}).get("ended")
-    end = read(text)
-    if pin == AUTO or end is None or end.side != pin:
+    end = _end_of(pin, text)
+    if end is None:
         return Hold(pin)
     return Hold(AUTO, ended=text) if text == found else Hold(pin, end.at)
 
