@@ -13,18 +13,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameters import (
     GENERAL,
     GROUPS,
     Configuration,
+    block,
     check,
+    document,
     flatten,
     listed,
     parse,
-    read,
 )
 from robot_offload_agent.settings.topics import INPUT
 from robot_offload_core.reasons import Explained
@@ -99,7 +98,8 @@ class Judgement:
 
 def read_offer(text: str) -> Offer:
     """The settings file of the cloud's agent; raises ConfigurationError."""
-    parameters = flatten(read(text, "settings_file"))
+    found = document(text, "settings_file")
+    parameters = flatten(block(found, "settings_file"))
     generation = parameters.pop("generation", 0)
     try:
         checked = check(GENERAL["generation"], generation)
@@ -107,7 +107,7 @@ def read_offer(text: str) -> Offer:
     except (ValueError, TypeError) as error:
         raise ConfigurationError(f"settings_file: {error}") from error
     assert isinstance(checked, int)
-    return Offer(checked, parameters, author_of(yaml.safe_load(text).get("changed_by")))
+    return Offer(checked, parameters, author_of(found.get("changed_by")))
 
 
 def author_of(value: object) -> str:

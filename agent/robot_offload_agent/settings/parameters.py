@@ -247,14 +247,23 @@ def load(path: Path) -> Configuration:
 
 def read(text: str, where: str) -> dict[str, Any]:
     """The parameters in the text of a parameter file, as nested blocks; raises ConfigurationError."""
+    return block(document(text, where), where)
+
+
+def document(text: str, where: str) -> Any:
+    """Returns what a YAML text holds; raises ConfigurationError."""
     try:
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
             raise ConfigurationError(f"{where}: aliases (`*name`) are not allowed; write each value out")
-        document = yaml.safe_load(text)
+        return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError) as error:
         raise ConfigurationError(f"{where}: not YAML: {error}") from error
+
+
+def block(found: Any, where: str) -> dict[str, Any]:
+    """Returns the parameters of a parameter file's document, as nested blocks; raises ConfigurationError."""
     try:
-        tree = document["/**"]["ros__parameters"]
+        tree = found["/**"]["ros__parameters"]
         assert isinstance(tree, dict)
     except (TypeError, KeyError, AssertionError) as error:
         raise ConfigurationError(
