@@ -8,18 +8,21 @@ from __future__ import annotations
 import asyncio
 import json
 import re
+import socket
 import ssl
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import aiohttp
 from aiohttp import web
 
 from robot_offload_lab.cluster.control_plane import ControlPlane
-from tests.integration.operator_cluster import eventually
+from tests.integration.operator_cluster import PATIENCE_S, eventually
 
 SERVICE = re.compile(r"/api/v1/namespaces/([^/]+)/services/http:([^/:]+):\d+/proxy/(.*)")
 WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
@@ -80,6 +83,7 @@ class Proxy:
         self._plane = plane
         self._watches: set[asyncio.Task[Any]] = set()
         self._streams: set[asyncio.Task[Any]] = set()
+        self._sockets: WeakSet[socket.socket] = WeakSet()
         self._loop = asyncio.new_event_loop()
         self._alone = asyncio.Lock()
         self._stopping = asyncio.Event()
@@ -149,16 +153,26 @@ class Proxy:
         self._loop.close()
 
     async def _clear(self) -> None:
-        """Leave no task and no half-closed TLS connection behind."""
+        """Leave no task and no connection behind; TLS would wait for the API server's goodbye."""
         others = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
-        await asyncio.sleep(0.3)  # aiohttp closes TLS transports in the background
+        for one in list(self._sockets):
+            with suppress(OSError):  # closed already
+                one.shutdown(socket.SHUT_RDWR)
+        async with asyncio.timeout(PATIENCE_S):
+            while any(one.fileno() >= 0 for one in list(self._sockets)):
+                await asyncio.sleep(0.01)
+
+    def _socket(self, address: aiohttp.AddrInfoType) -> socket.socket:
+        opened = socket.socket(*address[:3])
+        self._sockets.add(opened)
+        return opened
 
     async def _serve(self) -> None:
         trust = ssl.create_default_context(cafile=str(self._plane.ca_file))
-        connector = aiohttp.TCPConnector(ssl=trust, limit=0)
+        connector = aiohttp.TCPConnector(ssl=trust, limit=0, socket_factory=self._socket)
         async with aiohttp.ClientSession(connector=connector, auto_decompress=False) as self._session:
             application = web.Application(client_max_size=2**24)
             application.router.add_route("*", "/{path:.*}", self._handle)

@@ -18,22 +18,26 @@ _TIME: Final = re.compile(r"[0-9TZ:.+-]{1,40}")
 
 
 def kept(metadata: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Returns of the field managers the one that wrote the specification, or the end of its pin, last; or none."""
-    found = [entry for entry in _entries(metadata) if not entry.get("subresource") and _wrote(entry.get("fieldsV1"))]
-    latest = max(found, key=lambda entry: str(entry.get("time") or ""), default={})
-    manager, time = str(latest.get("manager") or ""), str(latest.get("time") or "")
-    fine = _NAME.fullmatch(manager) and _TIME.fullmatch(time)
-    return [{"manager": manager, "time": time}] if fine else []
+    """Returns of the field managers those that wrote the specification, or the end of its pin, last; or none.
+
+    The API server keeps whole seconds: of two that wrote in the same one nobody can say which was the last.
+    """
+    wrote = [entry for entry in _entries(metadata) if not entry.get("subresource") and _wrote(entry.get("fieldsV1"))]
+    found = [(str(entry.get("time") or ""), str(entry.get("manager") or "")) for entry in wrote]
+    latest = max((time for time, _ in found), default="")
+    fine = {name for time, name in found if time == latest and _NAME.fullmatch(name) and _TIME.fullmatch(time)}
+    return [{"manager": name, "time": latest} for name in sorted(fine)]
 
 
 def author(metadata: Mapping[str, Any], hold: Hold) -> str:
-    """Returns who changed what a robot is offered: a field manager with a time, or the end of a pin.
+    """Returns who changed what a robot is offered: field managers with a time, or the end of a pin.
 
     Args:
         metadata: of the RobotOffload, with all `managedFields` or with those that were kept.
         hold: the pin that is in force.
     """
-    wrote = "".join(f"{each['manager']} at {each['time']}" for each in kept(metadata))
+    found = kept(metadata)
+    wrote = f"{' or '.join(each['manager'] for each in found)} at {found[0]['time']}" if found else ""
     return f"{wrote or 'somebody'}; the end of the pin: {hold.ended}" if hold.ended else wrote
 
 

@@ -40,6 +40,19 @@ def test_the_last_writer_of_the_specification_counts_and_no_writer_of_a_status_o
     assert author({}, Hold("Auto", ended="Robot 2026-11-23T15:00:00Z")).startswith("somebody; the end of the pin")
 
 
+def test_of_two_who_wrote_in_the_same_second_both_are_named() -> None:
+    time = "2026-11-23T11:00:00Z"
+    managed = [
+        entry("kubectl-create", time),
+        entry("argocd", "2026-11-23T10:59:59Z"),
+        entry("kubectl-annotate", time, END),
+    ]
+    both = f"kubectl-annotate or kubectl-create at {time}"
+    for order in (managed, managed[::-1]):
+        assert author({"managedFields": order}, NO_PIN) == both
+        assert author({"managedFields": kept({"managedFields": order})}, NO_PIN) == both
+
+
 def test_the_store_keeps_who_it_was_and_drops_the_long_list_of_fields() -> None:
     store, manifest = Store(), walker()
     managed = [entry("kubectl-edit", "2026-11-23T11:00:00Z"), entry("other", "2026-11-23T12:00:00Z", LABELS)]
