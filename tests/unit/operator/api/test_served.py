@@ -133,6 +133,19 @@ def test_a_node_that_computes_on_the_robot_all_the_time_is_a_warning(node: dict[
     assert (finding.path, finding.reason, finding.severity) == (path, "CostsTwice", "warning")
 
 
+def test_a_best_effort_output_of_a_hot_node_is_a_warning() -> None:
+    lossy = {"topic": "/a", "rate": 20, "qos": {"reliability": "BestEffort"}}
+    [_, finding] = found({"standby": {"robot": "Hot"}, "outputs": [lossy]})
+    assert (finding.path, finding.severity) == ("spec.nodes[0].outputs[0].qos.reliability", "warning")
+    assert finding.reason == "LostMessagesEndStays"
+    for node in (
+        {"outputs": [lossy]},
+        {"standby": {"robot": "Hot"}, "outputs": [lossy | {"qos": {"reliability": "Reliable"}}]},
+        {"standby": {"robot": "Hot"}, "outputs": [{"topic": "/a", "qos": {"reliability": "BestEffort"}}]},
+    ):
+        assert "LostMessagesEndStays" not in {finding.reason for finding in found(node)}
+
+
 def test_more_names_than_fit_are_refused() -> None:
     many = [{"services": [PLAN | {"name": f"/n{i}_{j}"} for j in range(16)]} for i in range(17)]
     assert reasons(*many) == [("spec.nodes", "TooMany")]

@@ -10,7 +10,17 @@ from collections.abc import Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
-from robot_offload.api.v1alpha1.rules import bandwidth, cloud, connection, nodes, not_yet, resources, served, switching
+from robot_offload.api.v1alpha1.rules import (
+    bandwidth,
+    cloud,
+    connection,
+    nodes,
+    not_yet,
+    resources,
+    served,
+    standby,
+    switching,
+)
 from robot_offload.api.v1alpha1.rules.findings import Check
 from robot_offload.api.v1alpha1.rules.rule import Rule
 from robot_offload.findings import Finding
@@ -47,7 +57,8 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     served.conditions_name_topics_of_both_sides,
     served.poses_are_kept,
     served.copied_parameters_have_a_replica,
-    served.hot_nodes_cost_twice,
+    standby.hot_nodes_cost_twice,
+    standby.hot_outputs_survive_a_lost_message,
     served.not_too_many_names,
     bandwidth.large_topics_fit_the_link,
 )

@@ -392,22 +392,6 @@ def copied_parameters_have_a_replica(spec: RobotOffloadSpec) -> Iterator[Finding
                     )
 
 
-def hot_nodes_cost_twice(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    """What is always active computes always."""
-    for i, node in enumerate(spec.nodes):
-        if not node.duplicated or not _hot(node):
-            continue
-        if node.lifecycle and node.standby.robot == "Warm":
-            continue  # the cloud's own computing time, which is there for that
-        yield Finding(
-            f"spec.nodes[{i}].{'standby.robot' if node.lifecycle else 'lifecycle'}",
-            "CostsTwice",
-            f"node {node.name!r} computes on the robot all the time, also while the cloud acts; it takes over sooner "
-            "and saves the robot nothing",
-            "warning",
-        )
-
-
 def not_too_many_names(spec: RobotOffloadSpec) -> Iterator[Finding]:
     """The agents' configuration has to fit into one ConfigMap."""
     count = len(list(_served(spec))) + len(list(_used(spec)))
