@@ -216,6 +216,7 @@ def plain(offload: Observed, live: Live) -> dict[str, Any]:
         "reason": placement_reason(offload, live),
         "message": state.message if state is not None else offload.placement_message,
         "pin": offload.pin,
+        "pinnedUntil": offload.pinned_until or None,
         "mode": offload.mode,
         "robot": {
             "connected": state.connected if state is not None else offload.connected,

@@ -85,6 +85,12 @@ def test_whatever_holds_the_application_is_named() -> None:
     ]
 
 
+def test_the_end_of_a_pin_is_there_for_programs() -> None:
+    assert show.plain(observed(), SILENT)["pinnedUntil"] is None
+    pinned = dataclasses.replace(observed(), pin="Robot", pinned_until="2026-11-23T12:00:00+00:00")
+    assert show.plain(pinned, SILENT)["pinnedUntil"] == "2026-11-23T12:00:00+00:00"
+
+
 def test_settings_that_the_robot_refused_are_explained() -> None:
     refused = {"robot_generation": 2, "accepted": False, "reason": "NeedsBundle", "message": "outputs have changed"}
     state = parse_state(text(settings=refused))
