@@ -16,6 +16,7 @@ from robot_offload_core.envelope import Envelope
 from robot_offload_core.gates import Charge, Gate
 from robot_offload_core.token import Site, Token, presence
 from robot_offload_lab.simulate.deadlines import BEFORE_CONTROL, HANDOVER_S, Deadlines, Lane
+from robot_offload_lab.simulate.known import Known
 from robot_offload_lab.simulate.nodes import Message
 from robot_offload_lab.simulate.ports import Payload, decoded
 from robot_offload_lab.simulate.promises import OTHERS, Rank
@@ -47,9 +48,9 @@ class Observer(Deadlines):
         self.named_s: dict[Token, float] = {}
         self.permitted_s: dict[Token, float] = {}
         self.heard_grant_s: dict[Token, float] = {}
-        self.good_before_s = 0.0
-        self.pulse_s = 0.0
-        self.pulse_before_s = 0.0
+        self.handed = Known(HANDOVER_S)
+        # What the pulse has sent travels with the beat that arrives next: control may not know the newest one yet.
+        self.sent = Known(HANDOVER_S + self.settings.beat_period_s)
         self.flip_s: float | None = None
         self.left_stay: tuple[int, int] | None = None
         self.effect_rank: tuple[int, int] = (-1, 0)
@@ -105,15 +106,12 @@ class Observer(Deadlines):
             self.loss_s, self.loss_epoch, self.since_loss = self.world.now, decided.epoch, set()
         reason = decided.verdict.reason.value
         self.alarms[reason] = self.alarms.get(reason, 0) + 1
-        handed_s = self.good_s if self.world.now - self.good_s > HANDOVER_S else self.good_before_s
-        # What the pulse has sent travels with the beat that arrives next: control may not know the newest one yet.
-        travel_s = HANDOVER_S + self.settings.beat_period_s
-        known_s = self.pulse_s if self.world.now - self.pulse_s > travel_s else self.pulse_before_s
-        proof_s = {"HeartbeatLost": handed_s, "PulseSilent": known_s}.get(reason)
-        late_s = HANDOVER_S if reason == "HeartbeatLost" else travel_s
-        if proof_s is not None and self.world.now - proof_s < self.strictest_loss_s - late_s:
-            ago_ms = (self.world.now - proof_s) * 1e3
-            self.violated("3c", f"{reason} was decided although there was a beat {ago_ms:.1f} ms ago")
+        known = {"HeartbeatLost": self.handed, "PulseSilent": self.sent}.get(reason)
+        if known is None:
+            return
+        ago_s = self.world.now - known.newest_s(self.world.now)
+        if ago_s < self.strictest_loss_s - known.late_s:
+            self.violated("3c", f"{reason} was decided although there was a beat {ago_s * 1e3:.1f} ms ago")
 
     # -- what passes --------------------------------------------------------------------------------------------------
 
@@ -234,7 +232,7 @@ class Observer(Deadlines):
 
     def beat_sent(self, beat: Beat) -> None:
         """Nobody vouches: a grant leaves the robot at most two beats after control has renewed this permission."""
-        self.pulse_before_s, self.pulse_s = self.pulse_s, self.world.now
+        self.sent.came(self.world.now)
         for token in _tokens(beat.body, beat.incarnation) if isinstance(beat.body, Permission) else ():
             age_s = self.world.now - self.permitted_s.get(token, -1e9)
             if age_s > 2 * self.settings.beat_period_s * (1 + DRIFT) + HANDOVER_S:
@@ -274,7 +272,8 @@ class Observer(Deadlines):
             and report.acting
             and arrived_s - echo.sent_us / 1e6 <= self.settings.echo_limit_s
         ):
-            self.good_before_s, self.good_s = self.good_s, self.world.now
+            self.good_s = self.world.now
+            self.handed.came(self.good_s)
 
     # -- effects that are not collected -------------------------------------------------------------------------------
 
