@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from robot_offload_agent.doctor.findings import Check, Finding, Level
+from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros.undeclared import Declared, Undeclared
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_agent.settings.served import SERVED
@@ -15,8 +16,12 @@ from robot_offload_core.tallies import IN_FLIGHT
 from robot_offload_core.token import Site
 
 DISCOVERY_S = 3.0
-"""How long the nodes of this network need to be found."""
-ANSWER_S = 2.0
+"""How long the nodes of this network need to be found, at least."""
+QUIET_S = 1.0
+"""All are found when nothing new has come up for so long."""
+LATE_S = 20.0
+"""How long a busy robot may take for that; a graph that changes all the time is looked at then."""
+ANSWER_S = 10.0
 OWN_NODES = ("offload_collector", "offload_control_robot", "guardian", "network_monitor", "cloud_switcher")
 PLACEMENT_STATUS = "robot_offload robot: placement"
 DATA_STATUS = "robot_offload robot: data"
@@ -194,7 +199,7 @@ def _timeouts(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
         yield Finding(Check.SERVER_TIMEOUT, Level.OK, message)
 
 
-def look(configuration: Configuration, discovery_s: float = DISCOVERY_S) -> Graph:
+def look(configuration: Configuration) -> Graph:
     """Looks at the robot's graph for some seconds: read-only, as a node of its own that offers nothing."""
     try:
         # Late: without a sourced ROS 2 all other checks still run.
@@ -210,7 +215,7 @@ def look(configuration: Configuration, discovery_s: float = DISCOVERY_S) -> Grap
         executor = rclpy.executors.SingleThreadedExecutor()
         executor.add_node(node)
         told = _diagnostics(node)
-        _spin(executor, node.get_clock(), discovery_s)
+        _discover(node, executor, told)
         seen = _seen(node, executor, configuration)
         said, counted = told[PLACEMENT_STATUS], told[DATA_STATUS]
         return replace(
@@ -241,10 +246,19 @@ def _is_count(word: str) -> bool:
     return word.isascii() and word.isdigit() and len(word) <= MAX_DIGITS
 
 
-def _spin(executor: Any, clock: Any, seconds: float) -> None:
-    end = clock.now().nanoseconds + seconds * 1e9
-    while clock.now().nanoseconds < end:
+def _discover(node: Any, executor: Any, told: Mapping[str, Mapping[str, str]]) -> None:
+    """Waits until nothing new is found and the robot's agent, if one runs, has spoken of everything."""
+    began_s = changed_s = now_s()
+    found: object = None
+    while (now := now_s()) < began_s + LATE_S:
         executor.spin_once(timeout_sec=0.1)
+        names = node.get_node_names_and_namespaces()
+        seen = sorted(names), node.get_topic_names_and_types(), node.get_service_names_and_types()
+        if seen != found:
+            found, changed_s = seen, now
+        heard = all(told.values()) or not any(name in OWN_NODES for name, _ in names)
+        if heard and now > began_s + DISCOVERY_S and now > changed_s + QUIET_S:
+            return
 
 
 def _seen(node: Any, executor: Any, configuration: Configuration) -> Graph:
@@ -282,6 +296,8 @@ def _server_timeout(node: Any, executor: Any, namespace: str, names: set[str]) -
     from rcl_interfaces.srv import GetParameters  # noqa: PLC0415 - see look
 
     client = node.create_client(GetParameters, f"{full_name(namespace, NAVIGATOR)}/get_parameters")
+    if not client.wait_for_service(ANSWER_S):
+        return None
     future = client.call_async(GetParameters.Request(names=[SERVER_TIMEOUT]))
     executor.spin_until_future_complete(future, timeout_sec=ANSWER_S)
     values = future.result().values if future.done() and future.result() else []
