@@ -129,8 +129,8 @@ def _set_up(folder: Path, domain: int) -> Iterator[tuple[Processes, Observer]]:
     try:
         yield processes, observer
     finally:
+        observer.close()  # before others are killed, see harness.World.close
         processes.close()
-        observer.close()
 
 
 def assert_without_holes(commands: list[Any], node: str) -> None:

@@ -24,7 +24,7 @@ from robot_offload_lab.judge.recording import Arrival, PlacementChange
 
 LATCHED = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
-CALL_S = 24.0
+CALL_S = 60.0
 ASK_AGAIN_S = 1.5
 INHIBIT = "/driver/inhibit"
 DEAD_MAN_S = 0.5
@@ -73,8 +73,8 @@ class Ear:
             return
 
     def close(self) -> None:
-        self.executor.shutdown(timeout_sec=5.0)
-        self.thread.join(5.0)
+        self.executor.shutdown(timeout_sec=CALL_S)
+        self.thread.join(CALL_S)
         self.node.destroy_node()  # a participant lives as long as its node
         rclpy.shutdown(context=self.context)
 

@@ -58,6 +58,8 @@ class FarEar:
     def _listen(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
+            if not line.endswith(b"\n"):
+                return  # killed in the middle of a line
             kind, body = json.loads(line)
             if kind == "arrival":
                 self.heard.append(Arrival(*body))
@@ -101,7 +103,7 @@ class FarEar:
         assert self.process.stdout is not None
         self.process.kill()
         self.process.stdin.close()
-        self.thread.join(5.0)
+        self.thread.join(CALL_S)
         self.process.stdout.close()
 
 

@@ -35,12 +35,12 @@ from tests.ros.agent.routers import ENVIRONMENT, Routers
 from tests.ros.ports import free_port
 
 NODES = Path(__file__).with_name("nodes.py")
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 MAX_AGE_S = 0.25
 MEASURING_S = 0.15
 """What the test's own process may add to an age on a busy machine."""
-HEARD_S = 2.0
-"""What was said is heard by then."""
+HEARD_S = 20.0
+"""What was said is heard by then, also on a machine that is busy; who breaks no rule waits for nothing."""
 COMMAND = "/command"
 AUTHOR = "kubectl-edit at 2026-11-23T12:00:00Z"
 """Who changed the settings, as the operator writes it beside them."""
@@ -74,6 +74,8 @@ COMMON: dict[str, Any] = {
     "input.map.topic": "/map",
     "input.map.latched": True,
 }
+PATIENT: dict[str, Any] = {"loss_timeout_ms": 1500.0, "lease_ms": 2000.0}
+"""Instead of COMMON's, where a beat that a busy machine delays is to end no stay."""
 SERVED: dict[str, Any] = {
     "actions": ["count", "many"],
     "action.many.name": "/many",
@@ -207,10 +209,15 @@ class World:
         self.placed: list[PlacementChange] = self.ear.placements()
 
     def close(self) -> None:
-        left = self.processes.close()
+        """Ends everything; the test's own nodes first.
+
+        A process that is killed while it holds the shared memory of a participant of ours makes Fast DDS 2.14 map that
+        anew, and a participant that is deleted meanwhile ends this whole process with SIGSEGV.
+        """
         for ear in (self.ear, self.cloud):
             if ear is not None:
                 ear.close()
+        left = self.processes.close()
         if self.wire is not None:
             self.wire.stop()
         if self.namespaces is not None:

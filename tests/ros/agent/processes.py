@@ -4,13 +4,16 @@ import os
 import signal
 import subprocess
 import tempfile
+import time
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
 
 MARK = "RO_AGENT_TEST"
 """Environment variable that every process started here inherits, also through forks: finds what was left behind."""
-END_S = 30.0
+END_S = 60.0
+"""A killed process has ended by then: on a busy machine it waits for its turn to die."""
+LOOK_S = 0.02
 
 
 class Processes:
@@ -66,9 +69,12 @@ class Processes:
                 os.killpg(process.pid, signal.SIGKILL)
             except ProcessLookupError:
                 continue
+        end_s = time.monotonic() + END_S
         for process in self.started:
             process.wait(END_S)
-        return marked(self.mark)
+        while (left := marked(self.mark)) and time.monotonic() < end_s:
+            time.sleep(LOOK_S)
+        return left
 
 
 def marked(mark: str) -> list[str]:
