@@ -28,7 +28,7 @@ pytestmark = pytest.mark.ros
 
 DOMAIN_ID = 41
 CHANNELS = [Channel("beat", reliable=False, urgent=True), Channel("probe", reliable=False), Channel("out/cmd_vel")]
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 # -- codec ------------------------------------------------------------------------------------------------------------
@@ -131,7 +131,7 @@ class Domain:
 
     def close(self) -> None:
         rclpy.shutdown(context=self.context)
-        self.thread.join(10.0)
+        self.thread.join(PATIENCE_S)
         for link in self.links:
             link.close()
         for node in self.nodes.values():

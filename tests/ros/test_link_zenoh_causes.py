@@ -57,9 +57,14 @@ def both(paths: CertificatePaths, port: int, ends: Ends, wheel: Callable[[], Whe
 
 
 def says(end: End, cause: LinkCause, *words: str) -> None:
-    eventually(lambda: end.link.status().cause is cause, cause.value)
-    message = end.link.status().message
-    assert all(word in message for word in words), message
+    def said() -> bool:
+        status = end.link.status()
+        return status.cause is cause and all(word in status.message for word in words)
+
+    try:
+        eventually(said)
+    except AssertionError:
+        raise AssertionError(f"not {cause.value} with {words} but {end.link.status()}") from None
 
 
 def test_a_name_that_nobody_knows(both: Both) -> None:

@@ -31,7 +31,7 @@ CHANNELS = [
     Channel("beat", reliable=False, urgent=True), Channel("in/scan"), Channel("out/cmd", reliable=False),
     Channel("in/first", priority=Priority.HIGH), Channel("in/last", priority=Priority.LOW),
 ]  # fmt: skip
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 ROOT = Path(__file__).parents[2]
 
 

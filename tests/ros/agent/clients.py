@@ -12,7 +12,7 @@ from test_msgs.action import Fibonacci
 from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.ears import wait_until
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 
 

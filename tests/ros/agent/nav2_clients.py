@@ -44,7 +44,7 @@ class Nav2Client:
         self.handle: Any = None
 
     def __enter__(self) -> Self:
-        assert self.client.wait_for_server(30.0)
+        assert self.client.wait_for_server(60.0)
         return self
 
     def __exit__(self, *_: object) -> None:

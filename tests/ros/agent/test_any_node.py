@@ -10,7 +10,7 @@ from std_msgs.msg import Header
 from robot_offload_agent.process.clock import now_s
 from robot_offload_lab.judge.recording import Arrival
 from tests.ros.agent.ears import LATCHED, Ear
-from tests.ros.agent.harness import MEASURING_S, World
+from tests.ros.agent.harness import MEASURING_S, PATIENT, World
 
 RESULT_AGE_S = 0.2
 GAP_S = 3.0
@@ -124,7 +124,7 @@ def gap_s(heard: list[tuple[float, Header]]) -> float:
 def test_a_shared_topic_is_heard_whole_and_once_on_both_sides_through_ten_changeovers(
     build: Callable[..., World],
 ) -> None:
-    world = build(both=POSES)
+    world = build(both={**POSES, **PATIENT})
     cloud_ear = world.cloud_ear()
     heard = {
         "robot": world.ear.hear(Header, "/poses"), "robot replica": world.ear.hear(Header, "/localizer/command"),

@@ -114,7 +114,7 @@ def test_the_override_outweighs_the_pin_of_the_resource_and_is_kept_over_a_resta
 
 def test_an_override_expires(world: World) -> None:
     asked(world, world.ear, "/guardian_activate_cloud_nodes")  # what was asked for by hand before holds on afterwards
-    assert world.ear.set_parameter("/cloud_switcher", "override_for_s", 1.5).successful
+    assert world.ear.set_parameter("/cloud_switcher", "override_for_s", 4.0).successful
     world.override("Robot")
     world.goes_to("robot")
     world.until(lambda: world.site == "cloud", "the override has expired")

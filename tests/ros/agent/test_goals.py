@@ -61,7 +61,7 @@ def went_over(goal: Goal, world: World, *sides: str) -> bool:
 
 
 def test_a_goal_goes_on_through_commanded_switches(serving_world: World, count: ActionClient) -> None:
-    goal = Goal(count, 250).accepted()
+    goal = Goal(count, 400).accepted()
     goal.beats()
     for side in ("robot", "cloud", "robot", "cloud"):
         serving_world.place(side, stay=True)
@@ -74,7 +74,7 @@ def test_a_goal_goes_on_through_commanded_switches(serving_world: World, count: 
 
 
 def test_a_goal_goes_on_after_a_sudden_loss(serving_world: World, count: ActionClient) -> None:
-    goal = Goal(count, 200).accepted()
+    goal = Goal(count, 300).accepted()
     goal.beats()
     serving_world.cut("both")
     serving_world.goes_to("robot")

@@ -75,7 +75,8 @@ def voice(
         ca=str(paths.ca), certificate=str(paths.certificate), private_key=str(paths.private_key),
         peer_name="cloud" if side == "robot" else "walker-1", fallback=(f"tls/{host}:{world.ports[session]}",),
     )  # fmt: skip
-    opened = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings, fallback=large))))
+    config = session_config(settings, fallback=large, open_timeout_ms=round(PATIENCE_S * 1e3))
+    opened = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     try:
         if hears is not None:
             other = "cloud" if side == "robot" else "robot"

@@ -12,9 +12,9 @@ from rclpy.action import ActionClient
 
 from robot_offload_lab.run import interfaces
 from tests.ros.agent.clients import SUCCEEDED, until
-from tests.ros.agent.harness import World
+from tests.ros.agent.harness import PATIENT, World
 
-EXIT_S = 30.0
+EXIT_S = 60.0
 OWN = interfaces.Package(
     "made_on_the_spot",
     {
@@ -66,7 +66,7 @@ def test_goals_and_calls_of_a_package_made_on_the_spot_go_on_through_switches(
     assert made.exists()
     dig = importlib.import_module("made_on_the_spot.action").Dig
     ask = importlib.import_module("made_on_the_spot.srv").Ask
-    world = build(program=Path(__file__).with_name("digging.py"), both=DECLARED).start()
+    world = build(program=Path(__file__).with_name("digging.py"), both={**DECLARED, **PATIENT}).start()
     node = world.ear.node
     client = ActionClient(node, dig, "/dig")
     until(client.server_is_ready, "a server of /dig")
@@ -74,7 +74,7 @@ def test_goals_and_calls_of_a_package_made_on_the_spot_go_on_through_switches(
     depths: list[float] = []
 
     def send() -> None:
-        goal = dig.Goal(depths=[step / 8 for step in range(250)])
+        goal = dig.Goal(depths=[step / 8 for step in range(400)])
         sent = client.send_goal_async(goal, feedback_callback=lambda heard: depths.append(heard.feedback.depth))
         sent.add_done_callback(lambda answer: answer.result().get_result_async().add_done_callback(ended))
 
@@ -96,7 +96,7 @@ def test_goals_and_calls_of_a_package_made_on_the_spot_go_on_through_switches(
         answers.append(calls[0].result().answer)
     until(lambda: bool(results), "the result")
     assert answers == [f"why: {world.nodes[side].pid}" for side in ("robot", "cloud")]
-    assert results == [(SUCCEEDED, f"{world.nodes['cloud'].pid} to 31.125")]
+    assert results == [(SUCCEEDED, f"{world.nodes['cloud'].pid} to 49.875")]
     client.destroy()
 
 

@@ -23,7 +23,7 @@ def goes_forward(feedback: Sequence[tuple[int, int, int]]) -> None:
 
 def test_a_navigator_polls_cancels_and_drives_on_through_switches(serving_world: World) -> None:
     with BasicNavigator(serving_world.domain["robot"], "basic_navigator") as navigator:
-        assert navigator.go(200)
+        assert navigator.go(400)
         polls = 0
         for side in ("robot", "cloud", "robot"):
             serving_world.place(side, stay=True)
@@ -33,10 +33,9 @@ def test_a_navigator_polls_cancels_and_drives_on_through_switches(serving_world:
                 polls += 1
         assert polls > 0
         assert navigator.result() == SUCCEEDED
-        replicas = [serving_world.nodes[side].pid for side in ("cloud", "robot", "cloud", "robot")]
-        assert [
-            process for process, _ in itertools.groupby(process for _, process, _ in navigator.feedback)
-        ] == replicas
+        executors = iter([process for process, _ in itertools.groupby(turn[1] for turn in navigator.feedback)])
+        # On a busy machine it may have moved more often.
+        assert all(serving_world.nodes[side].pid in executors for side in ("cloud", "robot", "cloud", "robot"))
         goes_forward(navigator.feedback)
         assert navigator.go(10_000)
         assert not navigator.is_task_complete()

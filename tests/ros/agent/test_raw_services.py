@@ -35,7 +35,7 @@ from robot_offload_core.ledger.ports import ALL_GOALS, CancelCode, GoalEntry
 from robot_offload_core.ledger.ports import GoalStatus as Status
 
 DOMAIN = 86
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 GOAL_ID = bytes(range(16))
 
 
@@ -170,7 +170,7 @@ def test_a_call_that_a_dead_process_took_is_answered_by_its_successor(context: A
             process.stdout.close()
 
 
-@pytest.mark.parametrize(("patience_s", "passes"), [(3 * PATIENCE_S, True), (0.0, False)])
+@pytest.mark.parametrize(("patience_s", "passes"), [(PATIENCE_S, True), (0.0, False)])
 def test_a_relay_finds_out_whether_it_can_answer_for_a_predecessor(
     context: Any, monkeypatch: pytest.MonkeyPatch, patience_s: float, passes: bool
 ) -> None:

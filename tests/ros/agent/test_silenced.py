@@ -13,13 +13,14 @@ from std_msgs.msg import Header
 from test_msgs.srv import BasicTypes
 
 from tests.ros.agent.clients import until
-from tests.ros.agent.harness import World
+from tests.ros.agent.ears import wait_until
+from tests.ros.agent.harness import PATIENCE_S, PATIENT, World
 
 PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "which-nodes.md"
 OUTPUTS = {"walker": "command", "hot": "hot_declared", "plain": "plain_declared"}
 KINDS = tuple(OUTPUTS)
 SETTLED_S = 1.5
-"""All that a standby does is seen within this; each thing is done twice a second at least."""
+"""What a standby does is seen within this, as each thing is done twice a second at least; on a busy machine later."""
 PROGRAM = Path(__file__).with_name("effects.py")
 DECLARED: dict[str, Any] = {
     "nodes": list(KINDS),
@@ -54,7 +55,7 @@ def words(heard: bool, yes: str) -> str:
 
 
 def test_what_a_standby_does_to_others_is_what_the_table_says(build: Callable[..., World]) -> None:
-    world = build(program=PROGRAM, both=DECLARED)
+    world = build(program=PROGRAM, both={**DECLARED, **PATIENT})
     node = world.ear.node
     heard: dict[str, set[str]] = {name: set() for name in ("declared", "undeclared", "uses", "calls", "log", "event")}
     for output in OUTPUTS.values():
@@ -102,16 +103,24 @@ def test_what_a_standby_does_to_others_is_what_the_table_says(build: Callable[..
         until(lambda: bool(calls) and calls[0].done(), f"an answer of {name}")
         return str(calls[0].result().string_value)
 
-    rows = {
-        "declared output": [words(kind in heard["declared"], "heard") for kind in KINDS],
-        "other topic": [words(f"robot {kind}" in heard["undeclared"], "heard") for kind in KINDS],
-        "declared service": [words(answers(f"/{kind}_serves") == "robot", "answers") for kind in KINDS],
-        "other service": [words(answers(f"/{kind}_serves_undeclared") == "robot", "answers") for kind in KINDS],
-        "call of a declared used service": [words(f"robot {kind}" in heard["uses"], "made") for kind in KINDS],
-        "other call": [words(f"robot {kind}" in heard["calls"], "made") for kind in KINDS],
-        "line in the log": [words(kind in heard["log"], "heard") for kind in KINDS],
-        "parameter event": [words(kind in heard["event"], "heard") for kind in KINDS],
-        "file, hardware": [words(path.exists(), "touched") for path in written.values()],
-    }
-    table = "".join(f"| {effect} | {' | '.join(cells)} |\n" for effect, cells in rows.items())
-    assert table in PAGE.read_text(encoding="utf-8"), f"the page needs this table:\n{table}"
+    declared = [words(answers(f"/{kind}_serves") == "robot", "answers") for kind in KINDS]
+    other = [words(answers(f"/{kind}_serves_undeclared") == "robot", "answers") for kind in KINDS]
+
+    def table() -> str:
+        rows = {
+            "declared output": [words(kind in heard["declared"], "heard") for kind in KINDS],
+            "other topic": [words(f"robot {kind}" in heard["undeclared"], "heard") for kind in KINDS],
+            "declared service": declared,
+            "other service": other,
+            "call of a declared used service": [words(f"robot {kind}" in heard["uses"], "made") for kind in KINDS],
+            "other call": [words(f"robot {kind}" in heard["calls"], "made") for kind in KINDS],
+            "line in the log": [words(kind in heard["log"], "heard") for kind in KINDS],
+            "parameter event": [words(kind in heard["event"], "heard") for kind in KINDS],
+            "file, hardware": [words(path.exists(), "touched") for path in written.values()],
+        }
+        return "".join(f"| {effect} | {' | '.join(cells)} |\n" for effect, cells in rows.items())
+
+    page = PAGE.read_text(encoding="utf-8")
+    # What was seen once stays seen, so this waits for what is late and never for what must not be.
+    assert wait_until(lambda: table() in page, PATIENCE_S), f"the page needs this table:\n{table()}"
+    assert world.site == "cloud"

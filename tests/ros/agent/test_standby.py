@@ -9,12 +9,12 @@ from typing import Any
 
 from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.clients import Goal, action_client
-from tests.ros.agent.harness import World
+from tests.ros.agent.harness import PATIENT, World
 
 SLOW_LIMITS: dict[str, Any] = {
-    "loss_timeout_ms": 1500.0,
-    "lease_ms": 2000.0,
-    "output.command.deadline_ms": 3000.0,
+    "loss_timeout_ms": 4000.0,
+    "lease_ms": 5000.0,
+    "output.command.deadline_ms": 6000.0,
     "node.walker.standby_robot": "Hot",
     "node.walker.standby_cloud": "Hot",
     "output.command.hot": ["robot", "cloud"],
@@ -24,8 +24,9 @@ LEARNED = 130
 
 def assert_silence_is_named(world: World) -> None:
     """The cloud's node stands still for a while: the robot takes over, and the reason names the silent output."""
-    os.killpg(world.nodes["cloud"].pid, signal.SIGSTOP)
+    world.goes_to("cloud")
     stopped_s = now_s()
+    os.killpg(world.nodes["cloud"].pid, signal.SIGSTOP)
     world.goes_to("robot")
     left = next(change for change in world.placed if change.t_s > stopped_s and change.site == "robot")
     assert left.reason == "OutputSilent"
@@ -38,6 +39,7 @@ def test_a_hot_robot_goes_on_long_before_any_limit_breaks_and_the_heartbeats_con
 ) -> None:
     world = build(both=SLOW_LIMITS).start()
     world.passes("cloud", LEARNED)
+    world.goes_to("cloud")
     cut_s = world.cut("both")
     world.goes_to("robot")
     taken = next(change for change in world.placed if change.t_s > cut_s and change.site == "robot")
@@ -52,7 +54,7 @@ def test_a_hot_robot_goes_on_long_before_any_limit_breaks_and_the_heartbeats_con
 
 
 def test_an_output_with_while_is_judged_while_a_goal_is_executed(build: Callable[..., World]) -> None:
-    world = build(both={"output.command.while_actions": ["/many"]}, serves=True)
+    world = build(both={**PATIENT, "output.command.while_actions": ["/many"]}, serves=True)
     for side in ("cloud", "robot"):
         world.start_agent(side)
         world.start_node(side, silent_when_idle=True)
@@ -73,6 +75,7 @@ def test_an_output_with_while_is_judged_while_a_goal_is_executed(build: Callable
 
 
 SEEN: dict[str, Any] = {
+    **PATIENT,
     "output.command.while_topic": "/image",
     "output.command.while_within_ms": 250.0,
     "inputs": ["odom", "map", "image"],

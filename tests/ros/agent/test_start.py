@@ -8,7 +8,7 @@ from lifecycle_msgs.srv import ChangeState
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PROCESSES, World
 
-EXIT_S = 30
+EXIT_S = 60
 
 
 def node_state(world: World) -> str:
@@ -184,5 +184,5 @@ def test_an_agent_that_is_told_to_end_ends_all_its_processes_with_0(build: Calla
     world.until(lambda: all(world.pid(side, process) for process in PROCESSES[side]), "all processes run")
     agent.terminate()
     assert agent.wait(EXIT_S) == 0
-    assert wait_until(lambda: not list((world.folder / side).glob("*.sock")), 1.0)
+    assert wait_until(lambda: not list((world.folder / side).glob("*.sock")), EXIT_S)
     assert not list((world.folder / side).glob("*.pid"))

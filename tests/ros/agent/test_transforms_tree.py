@@ -6,6 +6,7 @@ import importlib
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from sensor_msgs.msg import JointState
 from robot_offload_agent.process.clock import now_s
 from robot_offload_lab.run import interfaces
 from tests.ros.agent.ears import Ear, wait_until
-from tests.ros.agent.harness import World
+from tests.ros.agent.harness import PATIENCE_S, PATIENT, World
 from tests.ros.agent.transform_buffer import TransformBuffer
 
 STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -159,7 +160,7 @@ def in_whole(world: World, listeners: list[Listener]) -> None:
     def lacking(one: Listener) -> set[str]:
         return {*CHILDREN, *STATICS} - {*one.buffer.known, *one.buffer.fixed}
 
-    if not wait_until(lambda: not any(lacking(one) for one in listeners), 20.0):
+    if not wait_until(lambda: not any(lacking(one) for one in listeners), PATIENCE_S):
         raise AssertionError(
             f"{[(o.ear.node.get_name(), o.prefix, lacking(o)) for o in listeners]}\n{world.processes.logs()}"
         )
@@ -179,7 +180,7 @@ def change_over(world: World, public: list[Listener]) -> None:
 
 def test_one_tree_of_transforms_on_both_sides_through_ten_changeovers(made: Path, build: Callable[..., World]) -> None:
     assert made.exists()
-    world = build(both=TREE, program=Path(__file__).with_name("transforming.py"))
+    world = build(both={**TREE, **PATIENT}, program=Path(__file__).with_name("transforming.py"))
     Drivers(world.ear)
     everyone = tree(world)
     public = everyone[:2]
@@ -187,14 +188,21 @@ def test_one_tree_of_transforms_on_both_sides_through_ten_changeovers(made: Path
     in_whole(world, everyone)
     for one in everyone:
         one.clear()
+    placed = len(world.placed)
     world.until(lambda: all(runs(o.joints) and runs(o.statuses) for o in public), "the cloud's driver is heard first")
     change_over(world, public)
+
+    def announced() -> int:
+        """Changes of the side in charge so far: on a busy machine a stay may end by itself as well."""
+        sites = [change.site for change in world.placed[placed - 1 :]]
+        return sum(before != after for before, after in pairwise(sites))
 
     for one in public:
         where = one.ear.node.get_name()
         assert one.buffer.faults == [], f"{where}: every transform once"
         held = [*map(len, (one.buffer.stays("odom"), one.buffer.stays("arm"), runs(one.joints), runs(one.statuses)))]
-        assert held == [CHANGEOVERS + 1] * 4, f"none of the standby's at the {where}"
+        assert min(held) > CHANGEOVERS, f"each change is heard at the {where}"
+        world.until(lambda h=held: max(h) <= announced() + 1, f"none of the standby's at the {where}: {held}")  # type: ignore[misc]
         sys.stdout.write(f"{where}: {one.figures()}\n")
         assert max(one.buffer.gap_s(child) for child in CHILDREN) < GAP_S
     for one in everyone:

@@ -15,7 +15,7 @@ from tests.ros.agent.processes import Processes
 
 NEAR = str(Path(__file__).with_name("near.py"))
 ROBOT, CLOUD = (address.partition("/")[0] for address in ADDRESSES.values())
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 """Of a busy machine; an idle one needs less than two seconds."""
 
 
