@@ -16,7 +16,7 @@ import pytest
 
 MARK = "ROBOT_OFFLOAD_BENCH_TEST"
 ROUNDS = 2
-SECONDS = 120
+SECONDS = 240
 
 
 @pytest.mark.ros

@@ -124,7 +124,7 @@ class Prometheus:
 
     def ask(self, query: str) -> list[dict[str, Any]]:
         """The series that a query has now; an error of the query fails the test with its text."""
-        with urlopen(f"{self.url}/api/v1/query?{urlencode({'query': query})}", timeout=20) as answer:
+        with urlopen(f"{self.url}/api/v1/query?{urlencode({'query': query})}", timeout=PATIENCE_S) as answer:
             found: list[dict[str, Any]] = json.load(answer)["data"]["result"]
         return found
 
@@ -297,8 +297,7 @@ def test_what_happened_in_the_run_is_in_its_numbers(prometheus: Prometheus, quer
 
 def test_both_sides_numbers_reach_prometheus(prometheus: Prometheus) -> None:
     for name in ("robot_offload_link_latency_seconds_count", "robot_offload_process_cpu_seconds_total"):
-        found = prometheus.ask(name)
-        assert {series["metric"]["side"] for series in found} == {"robot", "cloud"}, name
+        eventually(lambda name=name: {one["metric"]["side"] for one in prometheus.ask(name)} == {"robot", "cloud"})  # type: ignore[misc]
     named = {(one["metric"]["namespace"], one["metric"]["name"]) for one in prometheus.ask("robot_offload_info")}
     assert (NAMESPACE, ROBOT) in named, "an object has the robot's namespace, not the operator's"
 

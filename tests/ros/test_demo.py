@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import re
@@ -31,7 +32,8 @@ ROOT = Path(__file__).parents[2]
 TALKER = ROOT / "examples" / "talker" / "robotoffload.yaml"
 WHEELCHAIR = ROOT / "examples" / "wheelchair" / "robotoffload.yaml"
 MARK = "ROBOT_OFFLOAD_TEST"
-PATIENCE_S = 100.0
+PATIENCE_S = 200.0
+ENDED_S = 60.0
 EXCUSE_S = 0.1
 SUCCEEDED = 4
 """action_msgs/msg/GoalStatus.STATUS_SUCCEEDED."""
@@ -63,6 +65,7 @@ class Demo:
     out: Path
     mark: str
     stalls: Stalls
+    started: list[subprocess.Popen[str]] = dataclasses.field(default_factory=list)
 
     def broken_promises(self, report: dict[str, Any]) -> list[str]:
         """Violations; silences do not count on a computer that stood still for longer than a lost beat."""
@@ -71,7 +74,7 @@ class Demo:
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "robot_offload", "demo", "--no-ui", "--out", str(self.out), *arguments]
-        return subprocess.Popen(
+        child = subprocess.Popen(
             command,
             cwd=ROOT,
             env={**os.environ, MARK: self.mark},
@@ -80,6 +83,8 @@ class Demo:
             text=True,
             start_new_session=True,
         )
+        self.started.append(child)
+        return child
 
     def run(self, *arguments: str) -> tuple[int, str, str]:
         """Exit code, standard output, standard error."""
@@ -107,7 +112,7 @@ class Demo:
 
     def nothing_left(self) -> bool:
         """Whether all processes are gone; they get some seconds."""
-        deadline_s = time.monotonic() + 10.0
+        deadline_s = time.monotonic() + ENDED_S
         while self.processes() and time.monotonic() < deadline_s:
             time.sleep(0.05)
         return not self.processes()
@@ -128,6 +133,11 @@ def demo(tmp_path: Path) -> Iterator[Demo]:
     for pid in runner.processes():
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
+    for child in runner.started:
+        child.wait(ENDED_S)
+        for pipe in (child.stdout, child.stderr):
+            assert pipe is not None
+            pipe.close()
 
 
 def assert_recorded(file: Path, output: str, output_type: str) -> None:
@@ -174,7 +184,7 @@ def assert_changeovers_recorded(files: list[Path]) -> None:
             [facts] = [record.metadata for record in make_reader(stream).iter_metadata()]
         reasons.append(facts["reason"])
         with AnyReader([file]) as bag:
-            assert bag.duration < 6e9  # 3 s before and 1 s after, and what a busy machine held up
+            assert bag.duration < 9e9  # 3 s before and 1 s after, and what a busy machine held up; the run is longer
             said = [bag.deserialize(raw, c.msgtype) for c, _, raw in bag.messages() if c.topic == "/offload/acting"]
             assert ["robot", "cloud"].index(facts["to"]) in {message.data for message in said}
     assert "HeartbeatLost" in reasons
@@ -324,8 +334,6 @@ def test_agents_that_are_joined_by_topics_take_over_too(demo: Demo) -> None:
 
 # -- wrong input: nothing is started ----------------------------------------------------------------------------------
 
-NOT_STARTED_S = 20.0
-
 
 def changed(tmp_path: Path, old: str, new: str) -> Path:
     """The talker's specification with one thing changed."""
@@ -338,11 +346,9 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
 
 def refused(demo: Demo, *arguments: str) -> list[str]:
     """What the demo says about wrong input, without having started anything."""
-    began_s = time.monotonic()
     code, said, errors = demo.run(*arguments)
     assert code == 2
     assert said == ""
-    assert time.monotonic() - began_s < NOT_STARTED_S
     assert not (demo.out / "logs").exists()
     return errors.splitlines()
 

@@ -12,7 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -50,9 +50,10 @@ class Desk:
     def listen(self, process: subprocess.Popen[str]) -> None:
         def read() -> None:
             assert process.stdout is not None
-            for line in process.stdout:
-                if found := re.search(r"from (\w+)", line):
-                    self.heard.append(found[1])
+            with suppress(ValueError):  # it is closed at the end, maybe between two lines
+                for line in process.stdout:
+                    if found := re.search(r"from (\w+)", line):
+                        self.heard.append(found[1])
 
         threading.Thread(target=read, daemon=True).start()
 

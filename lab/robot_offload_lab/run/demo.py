@@ -55,9 +55,10 @@ from robot_offload_lab.wire.options import LinkOptions
 
 LONGEST_S: Final = 75.0
 """A run without a given duration ends at the goal, and after this at the latest."""
-START_TIMEOUT_S: Final = 30.0
+START_TIMEOUT_S: Final = 90.0
 """Longer than a busy machine needs to start a dozen processes."""
-RECORDER_GRACE_S: Final = 5.0
+RECORDER_GRACE_S: Final = 30.0
+"""Longer than a busy machine needs to write the end of a recording."""
 RESOURCE: Final = "robotoffload.json"
 """Beside the recording: what ran, for whoever looks at it later."""
 STATE_FILE: Final = "cloud-state.json"

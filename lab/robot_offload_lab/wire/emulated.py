@@ -35,8 +35,8 @@ from robot_offload_lab.wire.process import WireProcess, WireProcessError
 
 __all__ = ["Address", "EmulatedWire", "Forward", "LinkOptions", "WireConfig", "WireProcessError"]
 
-START_TIMEOUT_S = 10.0
-ANSWER_TIMEOUT_S = 5.0
+START_TIMEOUT_S = 60.0
+ANSWER_TIMEOUT_S = 30.0
 STOP_GRACE_S = 2.0
 
 
