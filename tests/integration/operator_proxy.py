@@ -83,6 +83,7 @@ class Proxy:
         self._plane = plane
         self._watches: set[asyncio.Task[Any]] = set()
         self._streams: set[asyncio.Task[Any]] = set()
+        self._unanswered: list[Asked] = []
         self._sockets: WeakSet[socket.socket] = WeakSet()
         self._loop = asyncio.new_event_loop()
         self._alone = asyncio.Lock()
@@ -91,13 +92,14 @@ class Proxy:
         self._port = 0
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
-        assert self._started.wait(30)
+        assert self._started.wait(PATIENCE_S)
         self.kubeconfig = directory / f"{name}.kubeconfig"
         self.kubeconfig.write_text(json.dumps(self._kubeconfig()))
 
     def close(self) -> None:
         self._loop.call_soon_threadsafe(self._stopping.set)
-        self._thread.join(30)
+        self._thread.join(2 * PATIENCE_S)
+        assert not self._thread.is_alive(), "the proxy does not end"
 
     def writes(self) -> list[Asked]:
         return [asked for asked in list(self.asked) if asked.write]
@@ -110,12 +112,13 @@ class Proxy:
         return sum(f"/namespaces/{namespace}/" in asked.path and not asked.watch for asked in list(self.asked))
 
     def quiet(self, namespace: str) -> None:
-        """Wait until the operator has asked nothing about a namespace for a second."""
+        """Wait until the operator has asked nothing about a namespace for a second, and has all its answers."""
         last = [self.count_in(namespace), 0]
 
         def look() -> bool:
             now = self.count_in(namespace)
-            last[1] = last[1] + 1 if now == last[0] else 0
+            waits = any(f"/namespaces/{namespace}/" in asked.path for asked in list(self._unanswered))
+            last[1] = last[1] + 1 if now == last[0] and not waits else 0
             last[0] = now
             return last[1] >= 20
 
@@ -130,7 +133,7 @@ class Proxy:
                 watch.cancel()
             return len(watches)
 
-        return asyncio.run_coroutine_threadsafe(cut(), self._loop).result(30)
+        return asyncio.run_coroutine_threadsafe(cut(), self._loop).result(PATIENCE_S)
 
     def cut_streams(self) -> None:
         """End all streams of Services."""
@@ -139,7 +142,7 @@ class Proxy:
             for stream in list(self._streams):
                 stream.cancel()
 
-        asyncio.run_coroutine_threadsafe(cut(), self._loop).result(30)
+        asyncio.run_coroutine_threadsafe(cut(), self._loop).result(PATIENCE_S)
 
     def watches(self) -> int:
         return len(self._watches)
@@ -190,7 +193,16 @@ class Proxy:
         body = await request.read()
         watch = request.query.get("watch") == "true"
         asking = Asked(request.method, request.path, request.query_string, watch, 0, body.decode(errors="replace"))
-        answer = self.fault(asking) if self.fault and not watch else None
+        if watch:
+            return await self._watch(request)
+        self._unanswered.append(asking)
+        try:
+            return await self._answer(request, body, asking)
+        finally:
+            self._unanswered.remove(asking)
+
+    async def _answer(self, request: web.Request, body: bytes, asking: Asked) -> web.StreamResponse:
+        answer = self.fault(asking) if self.fault else None
         if answer is not None:
             if answer.carried_out:
                 await self._forward(request, body)
@@ -198,8 +210,6 @@ class Proxy:
             if answer.hang:
                 await asyncio.sleep(3600)
             return web.json_response(answer.body, status=answer.status, headers=dict(answer.headers))
-        if watch:
-            return await self._watch(request)
         served = SERVICE.fullmatch(request.path)
         if served and (url := self.services.get(f"{served[1]}/{served[2]}")):
             return await self._pass_on(request, f"{url}/{served[3]}")

@@ -18,6 +18,8 @@ from tests.integration.operator_process import Nursery, Operator
 from tests.integration.operator_proxy import Answer, Asked, Proxy
 
 pytestmark = pytest.mark.api
+LEASE_S = "9"
+"""Of the leader: on a busy machine one that renews in time may stand still for seconds."""
 REPLICA_SET = Kind("apps/v1", "ReplicaSet", "replicasets")
 STATIC_PEERS = {"type": "StaticPeers", "staticPeers": {"robot": ["10.0.0.1"], "cloud": ["10.0.0.2"]}}
 
@@ -166,11 +168,11 @@ def test_every_request_of_every_kind_may_fail_once(
         )
     for place in places.values():
         place.applied()
-    shapes = []
     for place in places.values():
         eventually(lambda place=place: place.get(SERVICE, "walker-udp") is None, "the Services of Zenoh to be pruned")
-        shapes.append(place.shape())
-    assert all(shape == shapes[0] for shape in shapes)
+    first, *others = places.values()
+    for place in others:
+        eventually(lambda place=place: place.shape() == first.shape(), "the same children", place.shape)
     for name, kinds in failed.items():
         # An event (POST) may be lost together with the answer to the status that it tells of; nothing else is.
         assert {method for method, _ in kinds} >= {"GET", "PATCH", "DELETE"}, name
@@ -201,8 +203,8 @@ def test_watches_that_are_cut_or_fall_silent_hide_nothing(
     place = Place(control_plane, namespace)
     operator = start(PROBE_SECONDS="1", WATCH_INACTIVITY_SECONDS="2")
     operator.wait_said("Became leader")
-    eventually(lambda: proxy.watches() >= 10, "the watches to be open")
-    assert proxy.cut_watches() >= 10
+    # A watch that was silent for two seconds is opened anew: between a look and the cut some may be about to.
+    eventually(lambda: proxy.watches() >= 10 and proxy.cut_watches() >= 10, "many open watches that are cut")
     place.create(ROBOT_OFFLOAD, walker())
     place.applied()
     proxy.silent = True
@@ -259,9 +261,9 @@ def test_of_two_operators_one_writes_and_the_other_takes_over(
     place = Place(control_plane, namespace)
     second_proxy = Proxy(control_plane, tmp_path, "second")
     try:
-        first = start("operator-a", LEADER_LEASE_SECONDS="3")
+        first = start("operator-a", LEADER_LEASE_SECONDS=LEASE_S)
         first.wait_said("Became leader")
-        second = start("operator-b", behind=second_proxy, LEADER_LEASE_SECONDS="3")
+        second = start("operator-b", behind=second_proxy, LEADER_LEASE_SECONDS=LEASE_S)
         second.wait_said("Waiting for leadership", holder="operator-a")
         place.create(ROBOT_OFFLOAD, walker())
         place.applied()
@@ -271,7 +273,7 @@ def test_of_two_operators_one_writes_and_the_other_takes_over(
         place.change({"robot": {"domainID": 9}})
         second.wait_said("Became leader")
         place.applied()
-        third = start("operator-c", LEADER_LEASE_SECONDS="3")
+        third = start("operator-c", LEADER_LEASE_SECONDS=LEASE_S)
         third.wait_said("Waiting for leadership")
         assert second.stop() == 0  # releases the Lease: no waiting for it to run out
         third.wait_said("Became leader")
@@ -285,7 +287,7 @@ def test_a_leader_that_is_robbed_of_its_lease_ends_its_process_before_it_writes_
     control_plane: ControlPlane, namespace: str, proxy: Proxy, start: Callable[..., Operator]
 ) -> None:
     place = Place(control_plane, namespace)
-    operator = start(LEADER_LEASE_SECONDS="3")
+    operator = start(LEADER_LEASE_SECONDS=LEASE_S)
     operator.wait_said("Became leader")
     proxy.fault = lambda asked: Answer.refusal(500, "InternalError") if asked.leader else None
     eventually(lambda: operator.exit_code is not None, "the process to end")

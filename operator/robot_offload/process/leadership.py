@@ -70,19 +70,19 @@ class Leadership:
 
     async def acquire(self) -> None:
         """Waits until this process is the leader."""
-        told = False
+        told = ""
         while True:
             try:
                 holder = await self._try()
             except KubeError as error:
                 _log.warning("Could not reach the leader's Lease", error=str(error))
-                holder = "unknown"
+                holder = told or "unknown"
             if self.held:
                 _log.info("Became leader", identity=self._identity)
                 return
-            if not told:
+            if holder != told:
                 _log.info("Waiting for leadership", holder=holder, identity=self._identity)
-                told = True
+                told = holder
             await asyncio.sleep(self._terms.renew_s / 2)
 
     async def hold(self) -> None:

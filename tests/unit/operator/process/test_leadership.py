@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from structlog.testing import capture_logs
 
 from robot_offload.controller.clock import Clock
 from robot_offload.kube.configuration import connect
@@ -150,6 +151,33 @@ def test_holding_ends_with_an_error_when_somebody_else_has_it() -> None:
     with pytest.raises(NotLeaderError, match="b is the leader now"):
         asyncio.run(first.hold())
     assert not first.held
+
+
+def test_who_waits_names_the_holder_also_when_the_first_answer_was_lost() -> None:
+    world = World()
+    assert world.tries(world.candidate("a"))
+    waiting = Leadership(world.server, "here", "b", Clock(lambda: world.now_s), Terms(15, 0.001, 10))  # type: ignore[arg-type]
+    world.server.broken = True
+
+    def holders() -> list[str]:
+        return [line["holder"] for line in said if line["event"] == "Waiting for leadership"]
+
+    async def until(wanted: list[str]) -> None:
+        async with asyncio.timeout(60):
+            while holders() != wanted:
+                await asyncio.sleep(0.001)
+
+    async def main() -> None:
+        acquiring = asyncio.create_task(waiting.acquire())
+        await until(["unknown"])
+        world.server.broken = False
+        await until(["unknown", "a"])
+        acquiring.cancel()
+        await asyncio.gather(acquiring, return_exceptions=True)
+
+    with capture_logs() as said:
+        asyncio.run(main())
+    assert holders() == ["unknown", "a"], "each once, however often it has looked"
 
 
 def test_who_does_not_lead_never_sends_a_write(tmp_path: Path) -> None:
