@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import secrets
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -105,6 +107,11 @@ def host_asks(cluster: AnyCluster, host: RobotHost, protocol: str, address: str)
         return ""
 
 
+def reaches(ask: Callable[..., str], *question: Any) -> bool:
+    """Whether an answer comes: the tester waits two seconds for one, and a busy machine may take longer."""
+    return soon(lambda: ask(*question) != "")
+
+
 def balancer(kubectl: Kubectl, service: str = "echo") -> str:
     """The load balancer address of a Service."""
     given: list[dict[str, str]] = []
@@ -125,8 +132,8 @@ def pod_address(kubectl: Kubectl, pod: str) -> str:
 @pytest.mark.parametrize("pod", ["near", "far"])
 def test_a_pod_on_each_node_learns_the_address_of_a_service(echo: Kubectl, pod: str) -> None:
     address = echo.json("get", "service", "echo")["spec"]["clusterIP"]
-    assert pod_asks(echo, pod, "lookup", "echo") == address
-    assert pod_asks(echo, pod, "lookup", f"echo.{echo.namespace}.svc.cluster.local") == address
+    assert soon(lambda: pod_asks(echo, pod, "lookup", "echo") == address)
+    assert soon(lambda: pod_asks(echo, pod, "lookup", f"echo.{echo.namespace}.svc.cluster.local") == address)
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "udp"])
@@ -141,15 +148,22 @@ def test_a_service_is_answered_by_the_pods_of_both_nodes(echo: Kubectl, protocol
 
 
 def test_pods_of_two_nodes_see_each_others_own_address(echo: Kubectl) -> None:
-    answer = pod_asks(echo, "near", "ask", "udp", f"{pod_address(echo, 'far')}:{PORT}")
-    assert answer == f"far {pod_address(echo, 'near')}"
+    near, far = (pod_address(echo, pod) for pod in ("near", "far"))
+    answers: list[str] = []
+
+    def answered() -> bool:
+        answers.append(pod_asks(echo, "near", "ask", "udp", f"{far}:{PORT}"))
+        return answers[-1] != ""
+
+    assert soon(answered)
+    assert answers[-1] == f"far {near}"
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "udp"])
 def test_a_robot_behind_nat_reaches_a_load_balancer_address(
     cluster: AnyCluster, echo: Kubectl, robot: NatRobot, protocol: str
 ) -> None:
-    assert soon(lambda: host_asks(cluster, robot, protocol, balancer(echo)) != "")
+    assert reaches(host_asks, cluster, robot, protocol, balancer(echo))
 
 
 def test_a_service_with_the_local_policy_sees_the_robots_gateway(
@@ -170,7 +184,7 @@ def test_nobody_in_the_cluster_reaches_a_robot(
     cluster: AnyCluster, echo: Kubectl, robot: NatRobot, neighbour: RobotHost
 ) -> None:
     with robot.start([str(cluster.tester), "serve", str(PORT)]) as server:
-        assert soon(lambda: host_asks(cluster, robot, "tcp", "127.0.0.1") != "")  # it does serve
+        assert reaches(host_asks, cluster, robot, "tcp", "127.0.0.1")  # it does serve
         for address in (robot.address, robot.outer_address):
             assert pod_asks(echo, "near", "ask", "tcp", f"{address}:{PORT}") == ""
             assert host_asks(cluster, neighbour, "udp", address) == ""
@@ -182,19 +196,19 @@ def test_a_robot_reaches_no_pod_but_a_neighbour_does_and_is_reached(
 ) -> None:
     pod = pod_address(echo, "far")
     assert host_asks(cluster, robot, "tcp", pod) == ""
-    assert host_asks(cluster, neighbour, "tcp", pod) == f"far {neighbour.address}"
+    assert soon(lambda: host_asks(cluster, neighbour, "tcp", pod) == f"far {neighbour.address}")
     with neighbour.start([str(cluster.tester), "serve", str(PORT)]) as server:
-        assert soon(lambda: pod_asks(echo, "near", "ask", "udp", f"{neighbour.address}:{PORT}") != "")
+        assert reaches(pod_asks, echo, "near", "ask", "udp", f"{neighbour.address}:{PORT}")
         server.kill()
 
 
 def test_blocked_udp_leaves_tcp(cluster: AnyCluster, echo: Kubectl, robot: NatRobot) -> None:
-    assert soon(lambda: host_asks(cluster, robot, "udp", balancer(echo)) != "")
+    assert reaches(host_asks, cluster, robot, "udp", balancer(echo))
     robot.block_udp(True)
     assert host_asks(cluster, robot, "udp", balancer(echo)) == ""
-    assert host_asks(cluster, robot, "tcp", balancer(echo)) != ""
+    assert reaches(host_asks, cluster, robot, "tcp", balancer(echo))
     robot.block_udp(False)
-    assert host_asks(cluster, robot, "udp", balancer(echo)) != ""
+    assert reaches(host_asks, cluster, robot, "udp", balancer(echo))
 
 
 def test_a_link_that_is_cut_one_way_still_carries_the_other(
@@ -204,7 +218,7 @@ def test_a_link_that_is_cut_one_way_still_carries_the_other(
         return int(neighbour.wire.state()["frames"][way][0])
 
     pod = pod_address(echo, "far")
-    assert host_asks(cluster, neighbour, "udp", pod) != ""
+    assert reaches(host_asks, cluster, neighbour, "udp", pod)
     neighbour.wire.set(cut="to_robot")
     sent, received = frames("to_cloud"), frames("to_robot")
     assert host_asks(cluster, neighbour, "udp", pod) == ""
@@ -214,26 +228,27 @@ def test_a_link_that_is_cut_one_way_still_carries_the_other(
     assert host_asks(cluster, neighbour, "udp", pod) == ""
     assert frames("to_cloud") == sent
     neighbour.wire.set(cut=None)
-    assert host_asks(cluster, neighbour, "udp", pod) != ""
+    assert reaches(host_asks, cluster, neighbour, "udp", pod)
 
 
 def test_a_delay_and_a_recording_are_felt_both_ways(
     cluster: AnyCluster, echo: Kubectl, neighbour: RobotHost, tmp_path: Path
 ) -> None:
-    def fastest_us() -> int:
+    def fastest_us() -> float:
         answer = neighbour.run(str(cluster.tester), "measure", f"{pod_address(echo, 'far')}:{PORT}", "5", "10")
-        return int(json.loads(answer)["min"])
+        found = json.loads(answer)
+        return float(found["min"]) if found["answers"] else math.inf
 
     neighbour.wire.set(delay_ms=30)
     assert fastest_us() >= 60_000
     neighbour.wire.set(delay_ms=0)
-    assert fastest_us() < 60_000
+    assert soon(lambda: fastest_us() < 60_000)  # the first five may come while the machine is busy
     trace = tmp_path / "trace.txt"
     trace.write_text("80\n" * 10_000)
     assert neighbour.wire.play(trace) == pytest.approx(800)
     assert fastest_us() >= 80_000
     neighbour.wire.set()
-    assert fastest_us() < 80_000
+    assert soon(lambda: fastest_us() < 80_000)
 
 
 def test_a_robot_that_moves_has_another_address_and_reaches_the_same_things(
@@ -243,7 +258,7 @@ def test_a_robot_that_moves_has_another_address_and_reaches_the_same_things(
     robot.change_address()
     assert robot.address != before[0]
     assert robot.outer_address != before[1]
-    assert soon(lambda: host_asks(cluster, robot, "udp", balancer(echo)) != "")
+    assert reaches(host_asks, cluster, robot, "udp", balancer(echo))
 
 
 def test_a_robot_without_power_runs_nothing_and_keeps_its_files(robot: NatRobot) -> None:
@@ -273,7 +288,7 @@ def test_a_network_policy_holds_on_the_same_node_and_across_nodes_until_it_is_sw
 
     assert soon(lambda: pod_asks(kubectl, "stranger", "ask", "udp", server) == "")
     assert pod_asks(kubectl, "remote", "ask", "udp", server) == ""
-    assert pod_asks(kubectl, "friend", "ask", "udp", server) != ""
+    assert reaches(pod_asks, kubectl, "friend", "ask", "udp", server)
     assert pod_asks(kubectl, "friend", "ask", "tcp", server) == ""  # not declared
     assert pod_asks(echo, "near", "ask", "udp", server) == ""  # another namespace
 
@@ -281,8 +296,8 @@ def test_a_network_policy_holds_on_the_same_node_and_across_nodes_until_it_is_sw
         cluster.enforce_policies(False)
     except NotHereError as why:
         pytest.skip(f"it holds; but not switched off: {why}")
-    assert pod_asks(kubectl, "stranger", "ask", "udp", server) != ""
-    assert pod_asks(kubectl, "remote", "ask", "udp", server) != ""
+    assert reaches(pod_asks, kubectl, "stranger", "ask", "udp", server)
+    assert reaches(pod_asks, kubectl, "remote", "ask", "udp", server)
     cluster.enforce_policies(True)
     assert pod_asks(kubectl, "stranger", "ask", "udp", server) == ""
 
@@ -294,21 +309,21 @@ def test_a_pod_that_may_send_nowhere_but_to_names_gets_names_only(
     kubectl.apply(echo_pod("quiet", second, app="quiet"))
     kubectl("wait", "--for=condition=Ready", "pods", "--all", "--timeout=120s")
     service = f"echo.{echo.namespace}.svc.cluster.local"
-    assert pod_asks(kubectl, "quiet", "ask", "tcp", f"{service}:{PORT}") != ""
+    assert reaches(pod_asks, kubectl, "quiet", "ask", "tcp", f"{service}:{PORT}")
     names = {"ports": [{"protocol": each, "port": 53} for each in ("UDP", "TCP")]}
     kubectl.apply(policy("quiet", "quiet", policyTypes=["Ingress", "Egress"], egress=[names]))
     assert soon(lambda: pod_asks(kubectl, "quiet", "ask", "tcp", f"{service}:{PORT}") == "")
-    assert pod_asks(kubectl, "quiet", "lookup", service) != ""
+    assert reaches(pod_asks, kubectl, "quiet", "lookup", service)
     # The kubelet's own probes pass: the pod stays ready.
     assert "True" in kubectl("get", "pod", "quiet", "-o", "jsonpath={.status.conditions[?(@.type=='Ready')].status}")
 
 
 def test_without_the_api_server_everything_runs_on(cluster: AnyCluster, echo: Kubectl, robot: NatRobot) -> None:
     address = balancer(echo)
-    assert soon(lambda: host_asks(cluster, robot, "tcp", address) != "")
+    assert reaches(host_asks, cluster, robot, "tcp", address)
     with cluster.without_api():
         assert "refused" in echo.refuses("get", "pods")
-        assert host_asks(cluster, robot, "tcp", address) != ""
+        assert reaches(host_asks, cluster, robot, "tcp", address)
     assert "near" in echo("get", "pods")
 
 
@@ -317,7 +332,7 @@ def test_a_node_cut_off_the_network_runs_on_and_is_reached_by_nobody(
 ) -> None:
     node = cluster.nodes[second]
     pod = pod_address(echo, "far")
-    assert soon(lambda: host_asks(cluster, neighbour, "udp", pod) != "")
+    assert reaches(host_asks, cluster, neighbour, "udp", pod)
     node.partition()
     assert host_asks(cluster, neighbour, "udp", pod) == ""
     node.heal()
@@ -364,11 +379,11 @@ def test_a_power_cut_is_noticed_and_the_other_node_takes_over(
     address = balancer(echo)
     node.power_off()
     assert soon(lambda: not node.is_ready())
-    assert other.is_ready()
+    assert soon(other.is_ready)
     assert soon(lambda: host_asks(cluster, robot, "tcp", address).startswith("far "))
     node.power_on()
     node.wait_ready()
     # What ran there may have been evicted meanwhile; something new runs there as before.
     echo.apply(echo_pod("again", first))
     echo("wait", "--for=condition=Ready", "pod/again", "--timeout=120s")
-    assert soon(lambda: pod_asks(echo, "again", "lookup", "echo") != "")
+    assert reaches(pod_asks, echo, "again", "lookup", "echo")

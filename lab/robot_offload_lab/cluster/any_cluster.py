@@ -21,7 +21,7 @@ from robot_offload_lab.cluster.ownership import Leftovers
 from robot_offload_lab.cluster.robot_host import NatRobot, Neighbour, RobotHost
 
 ROOT = Path(__file__).parents[3]
-PATIENCE = 30.0  # seconds for what takes half of one
+PATIENCE = 60.0  # seconds for what takes half of one
 
 
 class AnyNode(Protocol):

@@ -51,7 +51,7 @@ def left(prefix: str) -> list[Path]:
     return [group for hierarchy in _hierarchies() for group in hierarchy.glob(f"{prefix}*") if group.is_dir()]
 
 
-def remove(prefix: str, patience: float = 10.0) -> None:
+def remove(prefix: str, patience: float = 60.0) -> None:
     """Removes the groups whose name begins like this; their processes are gone or about to go.
 
     Args:

@@ -95,7 +95,7 @@ def inhabitants(netns: str) -> list[int]:
     return found
 
 
-def empty(netns: str, patience: float = 10.0) -> int:
+def empty(netns: str, patience: float = 60.0) -> int:
     """Kills every process in a namespace of ours; how many there were.
 
     Args:

@@ -18,7 +18,7 @@ from robot_offload_lab.cluster.errors import ClusterError
 from robot_offload_lab.cluster.layout import NUMBERS, STATE, Layout
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
-PATIENCE = 10.0  # seconds until what a killed process held is free
+PATIENCE = 60.0  # seconds until what a killed process held is free
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from typing import Any
+from urllib.error import HTTPError
 
 from robot_offload_lab.cluster.control_plane import ControlPlane
 
@@ -14,13 +15,10 @@ def report_ready(plane: ControlPlane, namespace: str, *, ready: bool = True) -> 
     """Reports every Pod of a namespace as running and ready, or as running and not ready.
 
     Returns:
-        The names of those Pods.
+        The names of those Pods, without those that have gone meanwhile.
     """
     pods = json.loads(plane.get(f"/api/v1/namespaces/{namespace}/pods"))["items"]
-    for pod in pods:
-        path = f"/api/v1/namespaces/{namespace}/pods/{pod['metadata']['name']}/status"
-        plane.request("PATCH", path, {"status": _status(pod, ready=ready)}, "application/merge-patch+json")
-    return [pod["metadata"]["name"] for pod in pods]
+    return [pod["metadata"]["name"] for pod in pods if _reported(plane, namespace, pod, _status(pod, ready=ready))]
 
 
 def report_ended(
@@ -36,15 +34,28 @@ def report_ended(
         failing: the container that failed, the ones behind it have not run; empty: all succeeded.
 
     Returns:
-        The names of those Pods.
+        The names of those Pods, without those that have gone meanwhile.
     """
     path = f"/api/v1/namespaces/{namespace}/pods"
     pods = json.loads(plane.get(f"{path}?labelSelector=batch.kubernetes.io/job-name={job}"))["items"]
-    for pod in pods:
-        status = _ended_status(pod, messages, failing)
-        url = f"{path}/{pod['metadata']['name']}/status"
-        plane.request("PATCH", url, {"status": status}, "application/merge-patch+json")
-    return [pod["metadata"]["name"] for pod in pods]
+    return [
+        pod["metadata"]["name"]
+        for pod in pods
+        if _reported(plane, namespace, pod, _ended_status(pod, messages, failing))
+    ]
+
+
+def _reported(plane: ControlPlane, namespace: str, pod: dict[str, Any], status: dict[str, Any]) -> bool:
+    """Writes the status of a Pod; returns whether the Pod is still there."""
+    path = f"/api/v1/namespaces/{namespace}/pods/{pod['metadata']['name']}/status"
+    try:
+        plane.request("PATCH", path, {"status": status}, "application/merge-patch+json")
+    except HTTPError as error:
+        with error:  # it holds the connection
+            if error.code != 404:
+                raise
+            return False
+    return True
 
 
 def _ended_status(pod: dict[str, Any], messages: dict[str, str], failing: str) -> dict[str, Any]:

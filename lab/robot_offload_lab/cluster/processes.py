@@ -67,7 +67,7 @@ def running(directory: Path) -> dict[int, str]:
     return found
 
 
-def kill(directory: Path, patience: float = 10.0) -> None:
+def kill(directory: Path, patience: float = 60.0) -> None:
     """Kills the servers of this cluster. Nothing is worth saving; asked politely the API server takes seconds.
 
     Args:

@@ -17,7 +17,7 @@ from robot_offload_lab.links.recorded import TraceError, load_trace
 from robot_offload_lab.wire.options import LinkOptions
 
 Cut = Literal["both", "to_cloud", "to_robot"]
-PATIENCE = 20.0  # seconds; a start takes a tenth of one
+PATIENCE = 60.0  # seconds; a start takes a tenth of one, on a busy machine many
 
 
 class RobotWire:
