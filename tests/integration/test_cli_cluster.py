@@ -209,7 +209,8 @@ def test_a_foreign_folder_is_refused(shared: Place, ask: Run, tmp_path: Path) ->
 def test_without_an_address_the_bundle_waits_and_then_says_why(place: Place, run: Run, tmp_path: Path) -> None:
     place.create(ROBOT_OFFLOAD, walker())  # a load balancer that nobody provides here
     place.wait_condition("CertificatesReady", "True")
-    done = run("bundle", "walker", "-o", str(tmp_path / "out"), "--timeout", "2s")
+    # Time for a second look, also where the first one takes seconds.
+    done = run("bundle", "walker", "-o", str(tmp_path / "out"), "--timeout", "8s")
     assert done.exit_code == 1
     assert "AddressPending" in done.stderr
     assert "Waiting (AddressPending)" in done.stderr

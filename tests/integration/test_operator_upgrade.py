@@ -5,7 +5,6 @@ Deployments, StatefulSets and their pods are the API server's and its controller
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import re
 import threading
@@ -70,8 +69,12 @@ class PretendedKubelet:
         conditions = [
             {"type": kind, "status": "True", "lastTransitionTime": now} for kind in ("Ready", "ContainersReady")
         ]
-        with contextlib.suppress(urllib.error.HTTPError):  # gone meanwhile
+        try:
             self._place.patch(POD, name, {"status": {"phase": "Running", "conditions": conditions}}, "status")
+        except urllib.error.HTTPError as error:
+            error.close()  # it holds the connection
+            if error.code != 404:  # gone meanwhile
+                raise
 
     def _count(self, pods: Sequence[Manifest]) -> None:
         ready = Counter(pod["metadata"]["labels"][INSTANCE] for pod in pods if _is_ready(pod))

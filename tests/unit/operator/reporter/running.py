@@ -59,7 +59,7 @@ class Running:
 
     def ask(self, path: str, method: str = "GET") -> tuple[int, str]:
         try:
-            with urlopen(Request(self.url + path, method=method), timeout=20) as answer:
+            with urlopen(Request(self.url + path, method=method), timeout=60) as answer:
                 return answer.status, answer.read().decode()
         except HTTPError as error:
             with error:
@@ -68,7 +68,7 @@ class Running:
     def stop(self) -> int:
         self.process.send_signal(signal.SIGTERM)
         try:
-            return self.process.wait(20)
+            return self.process.wait(60)
         finally:
             self.process.kill()
             self.process.wait()
