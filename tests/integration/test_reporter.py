@@ -6,7 +6,7 @@ import asyncio
 import json
 import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from robot_offload_lab.cluster.commands import Kubectl
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from robot_offload_lab.cluster.errors import CommandError
 from tests.integration.resources import talker
-from tests.unit.operator.reporter.running import Running, eventually
+from tests.unit.operator.reporter.running import Beating, Running, eventually
 from tests.unit.operator.reporter.states import REPORT, text
 
 pytestmark = pytest.mark.api
@@ -57,6 +57,21 @@ def running(control_plane: ControlPlane, namespace: str, lease: str, tmp_path: P
     assert process.stop() == 0
 
 
+@pytest.fixture
+def says(running: Running) -> Iterator[Callable[..., None]]:
+    """Lets the cloud agent say something from now on, again and again; keywords replace fields of its state."""
+    beats = Beating(running, lambda number: text(written=str(number)))
+
+    def say(**changes: Any) -> None:
+        beats.told = lambda number: text(written=str(number), **changes)
+        if not beats.is_alive():
+            beats.start()
+
+    yield say
+    if beats.is_alive():
+        beats.end()
+
+
 def held(kubectl: Kubectl, holder: str | None) -> dict[str, Any]:
     """The Lease as soon as it has this holder."""
 
@@ -68,13 +83,15 @@ def held(kubectl: Kubectl, holder: str | None) -> dict[str, Any]:
     return dict(eventually(look))
 
 
-def test_the_state_reaches_the_lease_with_the_rendered_role_alone(running: Running, kubectl: Kubectl) -> None:
-    running.write(text())
+def test_the_state_reaches_the_lease_with_the_rendered_role_alone(
+    running: Running, says: Callable[..., None], kubectl: Kubectl
+) -> None:
+    says()
     lease = held(kubectl, "talker")
     assert lease["spec"]["acquireTime"] == "2026-11-21T10:00:00.000000Z"
     assert lease["spec"]["leaseDurationSeconds"] == 30  # of the operator, left alone
     assert json.loads(lease["metadata"]["annotations"][ANNOTATION])["epoch"] == 12
-    running.write(text(connected=False, site="unknown", epoch=13))
+    says(connected=False, site="unknown", epoch=13)
     lease = held(kubectl, None)
     assert json.loads(lease["metadata"]["annotations"][ANNOTATION])["epoch"] == 13
     assert "lease_failures_total 0.0" in running.ask("/metrics")[1]
@@ -118,8 +135,10 @@ def test_changed_settings_reach_the_agents_file_by_a_watch_with_the_rendered_rol
         assert process.stop() == 0
 
 
-def test_applying_the_lease_again_takes_nothing_back(running: Running, kubectl: Kubectl, namespace: str) -> None:
-    running.write(text())
+def test_applying_the_lease_again_takes_nothing_back(
+    says: Callable[..., None], kubectl: Kubectl, namespace: str
+) -> None:
+    says()
     held(kubectl, "talker")
     bare = {
         "apiVersion": "coordination.k8s.io/v1",
@@ -154,11 +173,11 @@ def test_the_reporter_may_touch_one_lease_and_nothing_else(
 
 
 def test_a_lease_that_comes_later_is_written_then(
-    control_plane: ControlPlane, kubectl: Kubectl, namespace: str, lease: str, running: Running
+    says: Callable[..., None], kubectl: Kubectl, namespace: str, lease: str, running: Running
 ) -> None:
     saved = kubectl.json("get", "lease", lease)
     kubectl("delete", "lease", lease)
-    running.write(text(epoch=20))
+    says(epoch=20)
     eventually(lambda: "lease_failures_total 0.0" not in running.ask("/metrics")[1])
     kubectl.apply({**saved, "metadata": {"name": lease, "namespace": namespace}})
     assert json.loads(held(kubectl, "talker")["metadata"]["annotations"][ANNOTATION])["epoch"] == 20
@@ -172,7 +191,7 @@ def own_address() -> str:
 
 
 def test_status_and_the_stream_show_live_numbers_through_the_api_server(
-    control_plane: ControlPlane, kubectl: Kubectl, namespace: str, running: Running
+    control_plane: ControlPlane, kubectl: Kubectl, namespace: str, running: Running, says: Callable[..., None]
 ) -> None:
     kubectl.apply(
         {**talker(), "metadata": {"name": "talker", "namespace": namespace}},
@@ -221,7 +240,7 @@ def test_status_and_the_stream_show_live_numbers_through_the_api_server(
         return bool(found["liveProblem"] == "there is no state file: the agent has not started")
 
     eventually(silent)  # the API server learns of the endpoints a moment later
-    running.write(text())
+    says()
     eventually(lambda: running.ask("/readyz")[0] == 200)
     found = json.loads(shown("status", "--json"))[0]
     assert (found["live"], found["placement"], found["roundTripMs"]) == (True, "Cloud", {"p50": 11.5, "p99": 19.0})
@@ -235,17 +254,17 @@ def test_status_and_the_stream_show_live_numbers_through_the_api_server(
             data = (json.loads(line[6:]) for line in following.stdout if line.startswith("data: "))
             epochs = (event["state"]["epoch"] for event in data if event["state"] is not None)
             assert next(epochs) == 12
-            running.write(text(epoch=13))
+            says(epoch=13)
             assert 13 in epochs
         finally:
             following.terminate()
     target = Target(str(control_plane.kubeconfig), None, namespace)
-    live = target.run(lambda api: followed(api, namespace, running))
+    live = target.run(lambda api: followed(api, namespace, says))
     assert (live.epoch, live.note) == (14, "")  # of the stream: who is only asked says so
     assert (live.last, live.topics[0].age_ms) == (Changeover(-40.0, "cloud", "LinkGood", gap_ms=61.5), 9)
 
 
-async def followed(api: KubeApi, namespace: str, running: Running) -> Live:
+async def followed(api: KubeApi, namespace: str, says: Callable[..., None]) -> Live:
     """What the console's source makes of the stream after a change of the state."""
     key, said, source = Key(namespace, "talker"), [Live()], ClusterSource(api, namespace, "test")
 
@@ -258,7 +277,7 @@ async def followed(api: KubeApi, namespace: str, running: Running) -> Live:
         async with asyncio.timeout(60):
             while said[-1].epoch != 13:
                 await asyncio.sleep(0.02)
-            running.write(text(epoch=14, robot=REPORT))
+            says(epoch=14, robot=REPORT)
             while said[-1].epoch != 14:
                 await asyncio.sleep(0.02)
         following.cancel()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -73,6 +75,31 @@ class Running:
             self.process.kill()
             self.process.wait()
             self.log.close()
+
+
+class Beating(threading.Thread):
+    """Writes the cloud agent's state as the agent does, five times a second: one that is written once is soon silent.
+
+    Attributes:
+        told: makes the text of the n-th state; replaced while it runs, the next state is another one.
+    """
+
+    def __init__(self, reporter: Running, told: Callable[[int], str]) -> None:
+        super().__init__(daemon=True)
+        self.told = told
+        self._reporter = reporter
+        self._over = threading.Event()
+
+    def run(self) -> None:
+        for number in itertools.count(1):
+            self._reporter.write(self.told(number))
+            if self._over.wait(0.2):
+                return
+
+    def end(self) -> None:
+        """Ends it."""
+        self._over.set()
+        self.join()
 
 
 def eventually(found: Callable[[], Any], within_s: float = 60.0) -> Any:
