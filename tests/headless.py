@@ -32,7 +32,7 @@ def browser() -> Iterator[Browser]:
     if found is None:
         lacks(f"no browser: install the Debian package {PROGRAMS[0]}")
     with sync_playwright() as driver:
-        running = driver.chromium.launch(executable_path=found, args=list(FLAGS))
+        running = driver.chromium.launch(executable_path=found, args=list(FLAGS), timeout=PATIENCE_MS)
         try:
             yield running
         finally:

@@ -22,7 +22,7 @@ from robot_offload_lab.wire.options import LinkOptions
 from tests.e2e.waiting import eventually
 
 LOOK_S: Final = 0.05
-GRACE_S: Final = 10.0
+GRACE_S: Final = 60.0
 WHEELCHAIR: Final = {
     "state": "/wheelchair/state", "account": "/passenger/account", "restored": "/localiser/account",
 }  # fmt: skip

@@ -91,10 +91,13 @@ def _first_cloud_s(measures: Measures) -> float:
 
 
 def pod_of(story: Story, name: str, component: str) -> Manifest:
-    """The one pod of a component."""
-    pods = story.pods(name, component)
-    assert len(pods) == 1, f"one pod of {component} expected:\n{state_of_pods(story, name)}"
-    return pods[0]
+    """The one pod of a component, as soon as there is no other one."""
+
+    def alone() -> list[Manifest]:
+        pods = story.pods(name, component)
+        return pods if len(pods) == 1 else []
+
+    return eventually(alone, f"one pod of {component}", instead=lambda: state_of_pods(story, name))[0]
 
 
 def births(story: Story, name: str = WHEELCHAIR) -> Pods:
@@ -117,11 +120,15 @@ def kill_container(pod: Manifest, container: str) -> None:
     assert pids, f"no process of container {container} was found on this machine"
 
 
-def kill_process(pids: Iterable[int], name: str) -> None:
+def kill_process(pids: Callable[[], Iterable[int]], name: str) -> None:
     """SIGKILL for the one process of an agent that has this name."""
-    found = [pid for pid in pids if _comm(pid).endswith(f"-{name}")]
-    assert len(found) == 1, f"one process {name} expected: {[(pid, _comm(pid)) for pid in pids]}"
-    os.kill(found[0], signal.SIGKILL)
+
+    def alone() -> list[int]:
+        found = [pid for pid in pids() if _comm(pid).endswith(f"-{name}")]
+        return found if len(found) == 1 else []
+
+    [pid] = eventually(alone, f"one process {name}", instead=lambda: [(pid, _comm(pid)) for pid in pids()])
+    os.kill(pid, signal.SIGKILL)
 
 
 def _comm(pid: int) -> str:

@@ -32,6 +32,9 @@ EXAMPLES: Final = Path(__file__).parents[2] / "examples"
 APPS: Final = Path(__file__).parent / "apps"
 UNIT: Final = "robot-offload-agent.service"
 END_S: Final = 5.0
+SITE_S: Final = 120.0
+"""For a side to be in charge: the hold-down before a return to the cloud grows with each change, up to half a minute,
+and a busy machine adds changes."""
 _EXEC_START: Final = re.compile(r"^ExecStart=(.+)$", re.MULTILINE)
 _ENVIRONMENT: Final = re.compile(r"^Environment=(.+)$", re.MULTILINE)
 
@@ -260,7 +263,7 @@ class Robot:
 
         self.consumer.until(condition, what, patience_s, instead)
 
-    def until_site(self, site: str, patience_s: float = 60.0) -> None:
+    def until_site(self, site: str, patience_s: float = SITE_S) -> None:
         """Waits until a side is in charge."""
         self.until(lambda: self.site == site, f"the {site} in charge of {self.name}", patience_s)
 

@@ -107,7 +107,7 @@ def to_the_cloud(robot: Robot, delay_ms: float, label: str) -> None:
     robot.begin()
     robot.start_nodes()
     started_s = robot.start_agent()
-    robot.until_site("cloud", patience_s=PATIENCE_S)
+    robot.until_site("cloud")
     robot.until(lambda: robot.heard("cloud") > 0, "a message from the cloud", PATIENCE_S)
     first = in_charge(robot, delay_ms, label)
     figure(f"{label}: robot start to first cloud message", first.t_s - started_s, "s")
