@@ -22,8 +22,10 @@ from robot_offload_agent.process.clock import now_s, wall_us
 from robot_offload_lab.judge import translate
 from robot_offload_lab.judge.recording import Arrival, PlacementChange
 
-LATCHED = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+KEPT = 1000
+"""Messages that a subscription of the test keeps until its thread gets its turn on a busy machine."""
 CALL_S = 60.0
 ASK_AGAIN_S = 1.5
 INHIBIT = "/driver/inhibit"
@@ -86,7 +88,7 @@ class Ear:
 
     # -- listening and feeding ----------------------------------------------------------------------------------------
 
-    def hear(self, message_type: Any, topic: str, qos: Any = 50) -> list[tuple[float, Any]]:
+    def hear(self, message_type: Any, topic: str, qos: Any = KEPT) -> list[tuple[float, Any]]:
         """(arrival, message) of everything from now on."""
         heard: list[tuple[float, Any]] = []
         self.node.create_subscription(message_type, topic, lambda m: heard.append((now_s(), m)), qos)
@@ -103,7 +105,7 @@ class Ear:
             sent_s = t_s - (passed_s - stamp_s(message))
             heard.append(Arrival(topic, t_s, producer, int(sequence), sent_s, translate.site_of(producer)))
 
-        self.node.create_subscription(Header, topic, take, 50)
+        self.node.create_subscription(Header, topic, take, KEPT)
         return heard
 
     def placements(self) -> list[PlacementChange]:

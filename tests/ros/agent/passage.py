@@ -9,6 +9,8 @@ from robot_offload_lab.judge.streams import examine
 
 NEAR_S = 2.0
 """An announcement belongs to a change of the passing side so close to it; a stopped control needs a second."""
+UNDISTURBED_S = 1.0
+"""The silence around something that disturbs nobody is shorter, on a busy machine too."""
 CALLED_OFF_S = 0.5
 """The collector has heard by then that a preparation was called off."""
 

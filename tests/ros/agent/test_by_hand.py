@@ -8,7 +8,7 @@ from robot_offload_agent.process.clock import now_s
 from robot_offload_core import audit
 from tests.ros.agent.ears import Ear
 from tests.ros.agent.harness import Plan, World
-from tests.ros.agent.passage import holes, longest_gap_s
+from tests.ros.agent.passage import UNDISTURBED_S, holes, longest_gap_s
 from tests.ros.agent.shared import Shared, judged
 
 FOUR = {
@@ -51,7 +51,7 @@ def test_each_of_the_four_services_switches_without_a_hole_and_twice_is_the_same
         world.goes_to(side)
         assert "already" in asked(world, world.ear, service)
     assert holes(world.arrivals[since:]) == 0
-    assert longest_gap_s(world.arrivals, at_s) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < UNDISTURBED_S
     assert world.site == "cloud"
 
     def by_hand() -> list[str]:

@@ -55,7 +55,7 @@ def test_the_habits_of_nav2_that_would_bite_are_found_in_a_real_graph(tmp_path: 
     with subprocess.Popen([sys.executable, "-c", NAV2, str(DOMAIN)], stdout=subprocess.PIPE, text=True) as nav2:
         assert nav2.stdout is not None
         assert nav2.stdout.readline() == "up\n"
-        done = subprocess.run(doctor, capture_output=True, text=True, timeout=90, check=False)
+        done = subprocess.run(doctor, capture_output=True, text=True, timeout=180, check=False)
         nav2.kill()
     findings = json.loads(done.stdout)
     found = {one["check"]: one for one in findings}

@@ -24,7 +24,7 @@ from robot_offload_core.snapshots import FORMAT, HEADER, MAGIC
 from robot_offload_core.token import Site, Token
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PROCESSES, World
-from tests.ros.agent.passage import longest_gap_s
+from tests.ros.agent.passage import UNDISTURBED_S, longest_gap_s
 from tests.ros.agent.test_identity import a_beat, voice
 from tests.ros.agent.test_state import DECLARED
 from tests.ros.ports import free_for_udp
@@ -80,7 +80,7 @@ def steady(world: World) -> Iterator[World]:
     yield world
     world.passes("cloud", 20)
     assert {each: world.pid(*each) for each in pids} == pids
-    assert longest_gap_s(world.arrivals, at_s) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < UNDISTURBED_S
 
 
 def counter(world: World, side: str, status: str, name: str) -> int:
@@ -130,7 +130,7 @@ def test_a_hostile_cloud_ends_no_process_of_the_robot_which_goes_on(build: Calla
         at_s = now_s()
         world.passes("robot", 40)
     assert {name: world.pid("robot", name) for name in pids} == pids
-    assert longest_gap_s(world.arrivals, at_s) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < UNDISTURBED_S
     world.check()
 
 

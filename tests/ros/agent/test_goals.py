@@ -50,7 +50,7 @@ def examined(world: World) -> str:
     """What the doctor beside the robot's agent says of goals and calls in flight, "" where it heard no agent."""
     words = [sys.executable, "-m", "robot_offload_agent.main", "doctor", "--json", "--no-network"]
     file = str(world.folder / "robot.yaml")
-    done = subprocess.run([*words, "--params", file], capture_output=True, text=True, timeout=SHOWN_S, check=False)
+    done = subprocess.run([*words, "--params", file], capture_output=True, text=True, timeout=2 * SHOWN_S, check=False)
     return next((one["message"] for one in json.loads(done.stdout) if one["check"] == "InFlight"), "")
 
 

@@ -11,6 +11,8 @@ from tests.ros.agent.harness import World
 
 LARGE_BYTES = 16_000_000
 LARGE_PATIENCE_S = 60.0
+FEW = 10
+"""So many are kept: each is large."""
 LARGE: dict[str, Any] = {
     "max_message_size": 16 << 20,
     "outputs": ["command", "points"],
@@ -29,8 +31,8 @@ LARGE: dict[str, Any] = {
 
 def test_sixteen_megabytes_pass_in_both_directions_while_commands_go_on(build: Callable[..., World]) -> None:
     world = build(both=LARGE, cloud={"nodes": ["walker", "mapper"], "node.mapper.duplicated": False})
-    points = world.ear.hear(Header, "/points")
-    scans = world.cloud_ear().hear(Header, "/scans")
+    points = world.ear.hear(Header, "/points", FEW)
+    scans = world.cloud_ear().hear(Header, "/scans", FEW)
     world.start_node("cloud", other="mapper", padding=LARGE_BYTES, rate_hz=0.5)
     world.start()
     scan = Header(frame_id="." * LARGE_BYTES)

@@ -6,7 +6,7 @@ from lifecycle_msgs.srv import ChangeState
 from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.ears import Ear
 from tests.ros.agent.harness import World
-from tests.ros.agent.passage import holes, longest_gap_s
+from tests.ros.agent.passage import UNDISTURBED_S, holes, longest_gap_s
 
 GAP_LIMIT_S = 5.0
 
@@ -76,7 +76,7 @@ def test_a_refused_activation_in_the_cloud_leaves_the_robot_acting_and_is_tried_
     world.until(lambda: any(p.t_s > at_s and p.reason == "CloudNotReady" for p in world.placed), "it is called off")
     world.until(lambda: sum(p.t_s > at_s and p.phase == "ToCloud" for p in world.placed) > 1, "it is tried again")
     assert {a.site for a in world.arrivals[since:]} == {"robot"}
-    assert longest_gap_s(world.arrivals, at_s) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < UNDISTURBED_S
     assert holes(world.arrivals[since:]) == 0
     assert "walker" in world.processes.log("cloud-agent").partition("was refused")[0].splitlines()[-1]
     assert world.cloud_ear().set_parameter("/remote_walker", "refuse", False).successful
@@ -89,7 +89,7 @@ def test_a_refused_activation_on_the_robot_leaves_the_cloud_acting(world: World)
     world.override("Robot")
     world.until(lambda: any(p.t_s > at_s and p.reason == "RobotNotReady" for p in world.placed), "it is called off")
     assert {a.site for a in world.arrivals[since:]} == {"cloud"}
-    assert longest_gap_s(world.arrivals, at_s) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < UNDISTURBED_S
     assert holes(world.arrivals[since:]) == 0
     assert world.ear.set_parameter("/walker", "refuse", False).successful
     world.goes_to("robot")
@@ -103,7 +103,7 @@ def test_a_heavy_activation_costs_a_commanded_switch_no_command(world: World, si
     assert ear.set_parameter(node, "activation_s", 0.3).successful
     since, at_s = len(world.arrivals), now_s()
     world.place(side, stay=True)
-    assert longest_gap_s(world.arrivals, at_s) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < UNDISTURBED_S
     assert holes(world.arrivals[since:]) == 0
     assert ear.set_parameter(node, "activation_s", 0.0).successful
 

@@ -7,7 +7,7 @@ import pytest
 from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PATIENCE_S, PROCESSES, World
-from tests.ros.agent.passage import longest_gap_s
+from tests.ros.agent.passage import UNDISTURBED_S, longest_gap_s
 
 EACH = [(side, process) for side, processes in PROCESSES.items() for process in processes]
 STOPPED_S = 1.0
@@ -38,8 +38,10 @@ def test_a_killed_process_does_not_disturb_the_robot_that_acts(world: World, sid
     since, dead = len(world.arrivals), world.pid(side, process)
     at_s = world.kill(side, process)
     await_restart(world, side, process, dead)
+    restarted_s = now_s() - at_s
     world.until(lambda: world.arrivals[-1].t_s > at_s + 0.5, "commands flow")
-    limit_s = RESTART_LIMIT_S if process == "collector" else 0.5
+    # If the commands waited for the new process, there would be none until it has come.
+    limit_s = RESTART_LIMIT_S if process == "collector" else max(0.5, restarted_s)
     assert longest_gap_s(world.arrivals, at_s) < limit_s
     assert {a.site for a in world.arrivals[since:]} == {"robot"}
 
@@ -67,7 +69,7 @@ def test_nothing_stale_passes_after_a_process_was_stopped_while_the_robot_acted(
     wait_until(lambda: now_s() > at_s + STOPPED_S, STOPPED_S + 1)
     world.signal("robot", process, signal.SIGCONT)
     world.until(lambda: world.arrivals[-1].t_s > at_s + STOPPED_S + 0.3, "commands flow")
-    limit_s = STOPPED_S + GAP_LIMIT_S if process == "collector" else 0.5
+    limit_s = STOPPED_S + GAP_LIMIT_S if process == "collector" else STOPPED_S
     assert longest_gap_s(world.arrivals, at_s) < limit_s
     assert max(a.age_s for a in world.arrivals if a.t_s > at_s) < 0.4
 
@@ -103,7 +105,7 @@ def test_a_killed_supervisor_disturbs_nothing_and_the_next_one_starts_anew(
     at_s = world.kill(side, "supervisor")
     world.agents[side].wait(PATIENCE_S)
     world.passes(acting, 15)
-    assert longest_gap_s(world.arrivals, at_s) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < UNDISTURBED_S
     world.start_agent(side)
     for process, pid in before.items():
         await_restart(world, side, process, pid)
@@ -117,7 +119,7 @@ def test_the_robots_output_passes_when_every_other_process_of_the_agent_is_dead(
     for process in ("control", "pulse", "data"):
         world.kill("robot", process)
     world.passes("robot", 30)
-    assert longest_gap_s(world.arrivals, at_s) < 0.5
+    assert longest_gap_s(world.arrivals, at_s) < UNDISTURBED_S
     world.agents["robot"].wait(PATIENCE_S)
 
 

@@ -38,7 +38,7 @@ def lap(message: String) -> int:
 
 def test_a_count_goes_on_through_changes_losses_and_a_killed_process(build: Callable[..., World]) -> None:
     world = build(program=PROGRAM, both=DECLARED).start()
-    world.until(lambda: len(world.arrivals) > 80, "the cloud counts")
+    world.until(lambda: len(world.arrivals) > 160, "the cloud counts")
     laps = world.ear.hear(String, "/lap")
     for side in ("robot", "cloud"):
         world.place(side, stay=True)

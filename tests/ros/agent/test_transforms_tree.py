@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 
 from robot_offload_agent.process.clock import now_s
 from robot_offload_lab.run import interfaces
-from tests.ros.agent.ears import Ear, wait_until
+from tests.ros.agent.ears import KEPT, Ear, wait_until
 from tests.ros.agent.harness import PATIENCE_S, PATIENT, World
 from tests.ros.agent.transform_buffer import TransformBuffer
 
@@ -77,10 +77,10 @@ class Listener:
     def __post_init__(self) -> None:
         tf = importlib.import_module("tf2_msgs.msg").TFMessage
         node = self.ear.node
-        node.create_subscription(tf, f"{self.prefix}/tf", self.take, 100)
+        node.create_subscription(tf, f"{self.prefix}/tf", self.take, KEPT)
         node.create_subscription(tf, f"{self.prefix}/tf_static", self.buffer.take_fixed, STATIC)
-        node.create_subscription(JointState, f"{self.prefix}/joint_states", lambda m: self.joints.extend(m.name), 50)
-        node.create_subscription(DiagnosticArray, f"{self.prefix}/diagnostics", self.diagnosed, 50)
+        node.create_subscription(JointState, f"{self.prefix}/joint_states", lambda m: self.joints.extend(m.name), KEPT)
+        node.create_subscription(DiagnosticArray, f"{self.prefix}/diagnostics", self.diagnosed, KEPT)
 
     def take(self, message: Any) -> None:
         self.buffer.take(message, now_s())
@@ -115,8 +115,8 @@ class Drivers:
         self.message = messages.TFMessage
         self.node, self.number = ear.node, 0
         self.transforms = self.node.create_publisher(self.message, "/tf", 100)
-        self.joints = self.node.create_publisher(JointState, "/joint_states", 10)
-        self.diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.joints = self.node.create_publisher(JointState, "/joint_states", 100)
+        self.diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 100)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for child in ("laser", "camera"):
             publisher = self.node.create_publisher(self.message, "/tf_static", latched)
