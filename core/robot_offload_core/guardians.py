@@ -118,7 +118,7 @@ def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list
             nodes = tuple(managed_nodes.look(n, n.spec.name in event.names, now_s, commands) for n in guardian.nodes)
             guardian = replace(guardian, nodes=nodes)
         case InhibitAnswered():
-            guardian = replace(guardian, inhibited=event.inhibited)
+            guardian = _answered(guardian, event.inhibited, now_s)
         case Tick():
             pass
         case _:
@@ -261,6 +261,16 @@ def degraded(guardian: Guardian) -> tuple[str, ...]:
         if not n.spec.core and wanted(guardian, n) is State.ACTIVE
         and n.state is not State.ACTIVE and not managed_nodes.rises(n)
     )  # fmt: skip
+
+
+def _answered(guardian: Guardian, inhibited: bool, now_s: float) -> Guardian:
+    """Notes what the driver confirmed. When that is not our last word the driver may have served it last: say it again.
+
+    Two contrary requests within milliseconds can overtake each other in a driver with several threads.
+    """
+    if inhibited is guardian.inhibit_said:
+        return replace(guardian, inhibited=inhibited)
+    return replace(guardian, inhibited=inhibited, inhibit_due_s=now_s)
 
 
 def _core_rule(guardian: Guardian, now_s: float, commands: list[Command]) -> Guardian:

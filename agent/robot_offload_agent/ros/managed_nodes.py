@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import logging
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -36,6 +37,8 @@ TRANSITIONS = {
     Transition.ACTIVATE: TransitionMsg.TRANSITION_ACTIVATE,
     Transition.DEACTIVATE: TransitionMsg.TRANSITION_DEACTIVATE,
 }
+KEPT_INHIBITS = 8
+"""Requests to the driver that may be unanswered at a time; rclpy would keep one of a driver that died for ever."""
 NAME_LIKENESS = 0.75
 """A name that is as like another one by difflib's measure is a slip of the pen: `detecter` for `detector` has 0.9."""
 
@@ -65,6 +68,7 @@ class ManagedNodes:
         self.change: dict[str, Any] = {}
         self.read: dict[str, Any] = {}
         self.pending: dict[Any, Any] = {}  # client -> its newest call
+        self.inhibits: deque[Any] = deque()
         self.watched: list[Any] = []
         self.managers: dict[str, set[str]] = {}
         self.strangers: dict[str, tuple[str, str] | None] = {}
@@ -178,7 +182,12 @@ class ManagedNodes:
             if response is not None and response.success:
                 self.post(guardians.InhibitAnswered(command.inhibit))
 
-        self._call(self.inhibit, SetBool.Request(data=command.inhibit), done)
+        # Earlier calls count, too: a driver with several threads may serve one of them last.
+        while len(self.inhibits) >= KEPT_INHIBITS:
+            self.inhibit.remove_pending_request(self.inhibits.popleft())
+        future = self.inhibit.call_async(SetBool.Request(data=command.inhibit))
+        self.inhibits.append(future)
+        future.add_done_callback(done)
 
     def _call(self, client: Any, request: Any, done: Callable[[Any], None]) -> None:
         """Calls, and forgets the call before: rclpy keeps one without an answer for ever."""

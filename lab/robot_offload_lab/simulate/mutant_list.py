@@ -887,6 +887,11 @@ MUTANTS: dict[str, Mutant] = {
         "restarted_control_releases_by_messages",
         (Edit("guardians", "if guardian.inhibit_said is False or", "if guardian.inhibit_said is not True or"),),
     ),
+    "G14": Mutant(
+        "a request that overtook the newest one is the driver's last word",
+        "overtaken_words",
+        (Edit("guardians", "    if inhibited is guardian.inhibit_said:\n", "    if True:\n"),),
+    ),
     "X30": Mutant(
         "a busy CORE node of the cloud counts as dead although its outputs flow",
         "busy_node_in_the_cloud",

@@ -77,6 +77,33 @@ def held_back_is_not_heard() -> None:
     stage.until(lambda: not stage.driver.inhibited, 1.0, "messages release the driver")
 
 
+def overtaken_words() -> None:
+    """A driver that serves the later of two contrary requests first is brought to the last word at once."""
+    for last in (True, False):
+        _overtaken(last)
+
+
+def _overtaken(last: bool) -> None:
+    stage = Stage()
+    stage.start(cloud=False)
+    stage.robot_acts()
+    stage.run(1.0)
+    if last:
+        _stop(stage, True)
+        stage.until_inhibited(0.05, "a strict veto stops the driver")
+    stage.driver.slow_s = 0.02
+    _stop(stage, not last)
+    stage.driver.slow_s = 0.0
+    _stop(stage, last)
+    stage.run(0.1)
+    stage.always(lambda: stage.driver.inhibited is last, 0.3, "a request that was overtaken is the driver's last word")
+
+
+def _stop(stage: Stage, stops: bool) -> None:
+    vetoes = (Veto(Reason.TYPES_DIFFER, "the types differ", stops=True),) if stops else ()
+    stage.robot.control.step(Vetoed("story", vetoes))
+
+
 def no_release_by_old_reports() -> None:
     """What the collector reported before it hung lifts no inhibit while control stalls and judges no silence."""
     stage = _silent_behind(lambda s: s.stall(s.robot.collector, 5.0))
@@ -205,6 +232,7 @@ STORIES = (
     released_by_messages,
     released_by_messages_after_a_loss,
     held_back_is_not_heard,
+    overtaken_words,
     no_release_by_old_reports,
     restarted_control_releases_by_messages,
     slow_outputs_hold_nobody,

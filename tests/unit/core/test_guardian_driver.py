@@ -87,6 +87,19 @@ def test_a_second_fault_in_a_row_earns_no_second_grace() -> None:
     assert {said for _, said in shift.inhibits()} == {True}
 
 
+def test_what_the_driver_may_have_served_last_in_spite_of_our_last_word_is_said_again_at_once() -> None:
+    shift = on_duty()
+    for last in (True, False):
+        shift.happen(Acting(True, in_charge=True, stop="a veto" if last else ""))
+        assert shift.driver is last
+        shift.forget()
+        shift.happen(InhibitAnswered(not last))
+        assert [said for _, said in shift.inhibits()] == [last]
+        shift.forget()
+        shift.happen(InhibitAnswered(last))
+        assert shift.inhibits() == []
+
+
 # -- who is concerned
 
 
