@@ -14,7 +14,9 @@ import pytest
 AGENT = Path(__file__).resolve().parents[3] / "agent"
 CORE = AGENT.parent / "core"
 NAME = "robot_offload_agent"
-BUILD_S = 120
+BUILD_S = 240
+LEFT_OUT = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
+"""Bytecode comes and goes while other tests run."""
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +73,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, zipfile.ZipFil
     folder = tmp_path_factory.mktemp("build")
     found = {}
     for part in ("core", "agent"):
-        shutil.copytree(AGENT.parent / part, folder / part, ignore=shutil.ignore_patterns("build", "*.egg-info"))
+        shutil.copytree(AGENT.parent / part, folder / part, ignore=LEFT_OUT)
         call = "from setuptools.build_meta import build_wheel; print(build_wheel('..'))"
         command = [sys.executable, "-c", call]
         done = subprocess.run(command, cwd=folder / part, capture_output=True, text=True, timeout=BUILD_S, check=False)

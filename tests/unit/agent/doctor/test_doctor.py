@@ -20,6 +20,7 @@ from robot_offload_agent.doctor.network import Endpoint
 from robot_offload_agent.main import main
 from robot_offload_agent.settings import parameters
 
+PATIENCE_S = 60.0
 GOOD = Machine(
     clock_error_s=0.001,
     open_files=65536,
@@ -170,17 +171,17 @@ def test_a_quic_server_is_known_by_its_list_of_versions() -> None:
         return bytes([0x80, 0, 0, 0, 0, 8]) + bytes(8) + bytes([8]) + bytes(8) + bytes.fromhex("00000001")
 
     with udp_server(versions) as port:
-        assert network.reach(Endpoint("quic", "127.0.0.1", port)) == ""
+        assert network.reach(Endpoint("quic", "127.0.0.1", port), patience_s=PATIENCE_S) == ""
     assert len(asked[0]) >= 1200
     with udp_server(lambda _: b"hello") as port:
-        assert "no QUIC" in network.reach(Endpoint("quic", "127.0.0.1", port))
+        assert "no QUIC" in network.reach(Endpoint("quic", "127.0.0.1", port), patience_s=PATIENCE_S)
 
 
 def test_nobody_there_is_told_for_udp_tcp_and_unknown_names() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as opened:
         opened.bind(("127.0.0.1", 0))
         port = opened.getsockname()[1]
-        assert "refused" in network.reach(Endpoint("tls", "127.0.0.1", port))
+        assert "refused" in network.reach(Endpoint("tls", "127.0.0.1", port), patience_s=PATIENCE_S)
         assert network.reach(Endpoint("quic", "127.0.0.1", port), patience_s=0.3)
     assert "no.such.host.invalid" in network.reach(Endpoint("tls", "no.such.host.invalid", 1))
 
@@ -198,7 +199,7 @@ def test_something_that_speaks_no_tls_is_told() -> None:
 
         thread = threading.Thread(target=serve)
         thread.start()
-        assert network.reach(Endpoint("tls", "127.0.0.1", opened.getsockname()[1]))
+        assert network.reach(Endpoint("tls", "127.0.0.1", opened.getsockname()[1]), patience_s=PATIENCE_S)
         thread.join()
 
 

@@ -9,6 +9,7 @@ of the others.
 """
 
 import logging
+import os
 import signal
 import sys
 import time
@@ -24,9 +25,9 @@ from robot_offload_agent.process.child import Child
 from robot_offload_agent.process.supervisor import Supervisor
 from robot_offload_core.checks import require
 
-HUNG_S = {"one": 2.0}
-"""The tests are about `one`; the others have long, or a busy machine would make one of them hang."""
-PATIENT_S = 20.0
+PATIENT_S = 60.0
+HUNG_S = {"one": float(os.environ.get("ONE_HUNG_S", PATIENT_S))}
+"""The tests are about `one`, and few of them about its silence; a busy machine must not make the others hang."""
 
 
 def behave(folder: Path, name: str, what: str) -> None:

@@ -17,7 +17,7 @@ import pytest
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.process.supervisor import Supervisor
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 class Family:
@@ -28,12 +28,18 @@ class Family:
         self.environment = dict(os.environ)
         self.started: list[subprocess.Popen[bytes]] = []
 
-    def start(self, *words: str, folder: Path | None = None, inside: Sequence[str] = ()) -> subprocess.Popen[bytes]:
+    def start(
+        self, *words: str, folder: Path | None = None, inside: Sequence[str] = (), hung_s: float | None = None
+    ) -> subprocess.Popen[bytes]:
+        """Starts one; a child `one` that is silent for `hung_s` hangs (None: for long)."""
         module = "tests.unit.agent.process.supervised"
         command = [*inside, sys.executable, "-m", module, str(folder or self.folder), self.folder.name, *words]
+        patience = {} if hung_s is None else {"ONE_HUNG_S": str(hung_s)}
         with (self.folder / "log").open("ab") as log:
             self.started.append(
-                subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True, env=self.environment)
+                subprocess.Popen(
+                    command, stdout=log, stderr=log, start_new_session=True, env=self.environment | patience
+                )
             )
         return self.started[-1]
 
@@ -104,18 +110,17 @@ def test_a_child_that_is_killed_is_back_and_the_others_are_left_alone(family: Fa
     family.start("one=sleep", "two=sleep")
     assert until(lambda: family.lives("one") and family.lives("two"))
     dead, other = family.pid("one"), family.pid("two")
-    at_s = time.monotonic()
     os.kill(dead, signal.SIGKILL)
     assert until(lambda: family.lives("one") == 2)
-    assert time.monotonic() - at_s < 2.0
     assert family.pid("two") == other
-    assert "ended with signal SIGKILL" in family.log
+    assert re.search(r"one ended with signal SIGKILL, starting it again in 0\.\d\d s", family.log)
 
 
 def test_a_child_that_keeps_dying_is_started_less_and_less_often(family: Family) -> None:
     family.start("one=die", "two=sleep")
-    assert until(lambda: "starting it again in 0.40 s" in family.log)
-    assert family.lives("one") <= 6
+    pauses = re.compile(r"one ended with .*, starting it again in ([\d.]+) s")
+    assert until(lambda: len(pauses.findall(family.log)) >= 5)
+    assert pauses.findall(family.log)[:5] == ["0.00", "0.05", "0.10", "0.20", "0.40"]
     assert alive(family.pid("two"))
 
 
@@ -222,7 +227,7 @@ def test_what_an_agent_left_in_another_folder_is_ended_by_the_next_one(family: F
 
 @pytest.mark.parametrize("how", ["stopped", "hang", "half"])
 def test_a_child_that_hangs_is_killed_and_started_again_and_the_others_are_left_alone(family: Family, how: str) -> None:
-    family.start(f"one={'sleep' if how == 'stopped' else how}", "control=control")
+    family.start(f"one={'sleep' if how == 'stopped' else how}", "control=control", hung_s=2.0)
     assert until(lambda: family.lives("one") and family.lives("control"))
     other = family.pid("control")
     if how == "stopped":
@@ -241,10 +246,10 @@ def test_deaths_for_a_broken_invariant_are_counted_beyond_the_life_of_the_proces
 
 
 def test_a_supervisor_that_was_stopped_itself_takes_nobody_for_hanging(family: Family) -> None:
-    process = family.start("one=sleep", "two=sleep")
+    process = family.start("one=sleep", "two=sleep", hung_s=4.0)
     assert until(lambda: family.lives("one") and family.lives("two"))
     os.kill(process.pid, signal.SIGSTOP)
-    time.sleep(4.0)
+    time.sleep(6.0)
     os.kill(process.pid, signal.SIGCONT)
     time.sleep(1.0)
     assert (family.lives("one"), family.lives("two")) == (1, 1)
@@ -286,7 +291,9 @@ def test_a_full_disk_under_the_runtime_folder_ends_nothing(family: Family) -> No
     try:
         family.start("one=sleep", "two=sleep", folder=full)
         assert until(lambda: (full / "one.lives").exists() and (full / "two.lives").exists())
-        one = int((full / "one.pid").read_text())
+        pids = [full / "one.pid", full / "two.pid"]
+        assert until(lambda: all(path.exists() and path.read_text() for path in pids))
+        one = int(pids[0].read_text())
         (full / "one.pid").unlink()  # else its page is free for the next one
         with contextlib.suppress(OSError), (full / "much").open("wb", buffering=0) as much:
             while True:

@@ -17,7 +17,7 @@ from robot_offload_core.token import Site
 
 OFFER = Offer(4, {"pin": "Robot"})
 WORSE = Offer(5, {"lease_ms": 9000.0})
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 class Robot:

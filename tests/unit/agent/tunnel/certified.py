@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import datetime
-import socket
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager, suppress
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +13,10 @@ from robot_offload.render.pki import build_certificates
 from robot_offload_agent.tunnel.configuration import Address, TunnelConfiguration
 from robot_offload_agent.tunnel.ends import Tunnel
 from robot_offload_core.token import Site
+from robot_offload_lab.run.free import free_ports
+
+PATIENCE_S = 60.0
+"""For what must happen, on however busy a machine."""
 
 
 @dataclass(frozen=True)
@@ -57,23 +60,20 @@ def certified(folder: Path) -> Rig:
         (folder / name / "ca.pem").write_bytes(ca.certificate)
         (folder / name / "own.pem").write_bytes(own.certificate)
         (folder / name / "own.key").write_bytes(own.private_key)
-    return Rig(*free_ports(3), folder)
+    (near, door), (router, _) = free_ports()
+    return Rig(near, door, router, folder)
 
 
-def free_ports(count: int) -> list[int]:
-    """Ports that nobody listens on now."""
-    with _bound(count) as found:
-        return found
+def listens(port: int) -> bool:
+    """Whether somebody listens on a port of the loopback interface; whoever asked with a connection would be served."""
+    lines = Path("/proc/net/tcp").read_text().splitlines()[1:]
+    return any(words[1] == f"0100007F:{port:04X}" and words[3] == "0A" for words in map(str.split, lines))
 
 
-@contextmanager
-def _bound(count: int) -> Iterator[list[int]]:
-    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
-    try:
-        yield [one.getsockname()[1] for one in sockets]
-    finally:
-        for one in sockets:
-            one.close()
+async def settled() -> None:
+    """Gives the loop its turns, so that both ends hear of closed connections."""
+    for _ in range(10):
+        await asyncio.sleep(0.01)
 
 
 @asynccontextmanager
@@ -81,13 +81,15 @@ async def running(configuration: TunnelConfiguration) -> AsyncIterator[None]:
     """One end, listening."""
     task = asyncio.create_task(Tunnel(configuration).run())
     try:
-        await asyncio.sleep(0.05)
+        async with asyncio.timeout(PATIENCE_S):
+            while not listens(configuration.listen.port):
+                await asyncio.sleep(0.01)
         yield
     finally:
         task.cancel()
         with suppress(asyncio.CancelledError):
             await task
-        await asyncio.sleep(0.05)
+        await settled()
 
 
 class Router:
@@ -106,14 +108,26 @@ class Router:
 
     async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.connections += 1
-        with suppress(OSError):
-            while data := await reader.read(65536):
-                writer.write(data.upper())
-        writer.close()
+        try:
+            with suppress(OSError):
+                while data := await reader.read(65536):
+                    writer.write(data.upper())
+        finally:
+            writer.close()
 
 
-async def ask(rig: Rig, text: bytes = b"hello", within_s: float = 10.0) -> bytes:
-    """What comes back for a message of the router on the robot; empty: nothing."""
+async def answered(rig: Rig, text: bytes = b"hello") -> bytes:
+    """What comes back for a message of the router on the robot, which dials again as routers do; empty: never."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(PATIENCE_S):
+            while not (found := await ask(rig, text, PATIENCE_S)):
+                await asyncio.sleep(0.05)
+            return found
+    return b""
+
+
+async def ask(rig: Rig, text: bytes = b"hello", within_s: float = 1.0) -> bytes:
+    """What comes back for one message of the router on the robot; empty: nothing."""
     reader, writer = await asyncio.open_connection("127.0.0.1", rig.near)
     try:
         writer.write(text)

@@ -15,7 +15,7 @@ import pytest
 from robot_offload_lab.run import marked
 from robot_offload_lab.run.processes import ProcessError, Processes, Program
 
-PATIENCE_S = 15.0
+PATIENCE_S = 60.0
 SLEEPER = "import time; time.sleep(600)"
 STUBBORN = (
     "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('up', flush=True); time.sleep(600)"

@@ -5,6 +5,7 @@ import json
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import yaml
 
 from robot_offload.api.files import load
 from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload_lab.run import free
 from robot_offload_lab.run.free import free_domains, free_ports
 from robot_offload_lab.run.showcase import Showcase, Together
 from robot_offload_lab.run.system import (
@@ -179,6 +181,17 @@ sys.stdin.read()
     assert len(set(claimed)) == 6
 
 
+@pytest.fixture
+def no_claims(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What this process claims in a test is free after it: other tests start runs as well."""
+    with monkeypatch.context() as patch:
+        patch.setattr(free, "_claims", claims := {})
+        yield
+        for claim in claims.values():
+            claim.close()
+
+
+@pytest.mark.usefixtures("no_claims")
 def test_one_process_can_lay_out_many_runs_one_after_the_other() -> None:
     for _ in range(30):
         robot, cloud = free_domains()

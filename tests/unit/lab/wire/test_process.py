@@ -15,11 +15,14 @@ from typing import Any
 import pytest
 
 from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig, WireProcessError
+from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.model import WireError
 from tests.unit.lab.wire.wires import (
     HOST,
+    PATIENCE_S,
     accept,
     arrives_within,
+    ended,
     eventually,
     free_port,
     tcp_listener,
@@ -39,13 +42,13 @@ def test_the_schedule_starts_on_command_and_its_outages_are_logged(tmp_path: Pat
         with udp_client(emulated) as client:
             time.sleep(0.8)
             client.send(b"not started")
-            assert arrives_within(client, 1) == b"not started"
+            assert client.recv(100) == b"not started"
+            before_s = steady_s()
             started_s = emulated.start_schedule()
-            assert abs(started_s - time.clock_gettime(time.CLOCK_BOOTTIME)) < 1
-            assert eventually(lambda: emulated.status()["conditions"]["up"]["cut"])
-            client.send(b"lost")
-            assert arrives_within(client, 0.1) is None
-            assert eventually(lambda: not emulated.status()["conditions"]["up"]["cut"])
+            assert before_s <= started_s <= steady_s()
+            # Asked again and again: a busy machine may sleep through an outage, and the next one comes.
+            assert eventually(lambda: client.send(b"lost") and emulated.status()["up"]["dropped"])
+            assert eventually(lambda: client.send(b"back") and arrives_within(client, 0.05) == b"back")
         assert eventually(lambda: sum(line["event"] == "changed" for line in lines(log)) >= 2)
     events = lines(log)
     assert events[0]["event"] == "listening"
@@ -55,14 +58,15 @@ def test_the_schedule_starts_on_command_and_its_outages_are_logged(tmp_path: Pat
     assert changed[0]["t_s"] - started_s > 0.599
     counters = [line for line in events if line["event"] == "counters"]
     assert len(counters) >= 3
-    assert counters[-1]["up"]["datagrams"] == 2
-    assert counters[-1]["up"]["dropped"] == 1
+    assert counters[-1]["up"]["datagrams"] >= 3
+    assert counters[-1]["up"]["dropped"] >= 1
+    assert {line["up"]["dropped"] for line in counters if line["t_s"] < started_s + 0.599} == {0}
     assert [line["t_s"] for line in events] == sorted(line["t_s"] for line in events)
 
 
 def test_both_protocols_on_one_number_share_one_link(tmp_path: Path) -> None:
     with udp_echo() as port, tcp_listener() as listener:
-        number = free_port(socket.SOCK_STREAM)
+        number = free_port()
         config = WireConfig(
             forwards=(
                 Forward("quic", "udp", f"{HOST}:{number}", f"{HOST}:{port}"),
@@ -70,12 +74,16 @@ def test_both_protocols_on_one_number_share_one_link(tmp_path: Path) -> None:
             ),
             control=str(tmp_path / "control.sock"),
         )
-        with EmulatedWire(config) as emulated, socket.create_connection((HOST, number), timeout=5), accept(listener):
+        with (
+            EmulatedWire(config) as emulated,
+            socket.create_connection((HOST, number), timeout=PATIENCE_S),
+            accept(listener),
+        ):
             assert emulated.port("quic") == emulated.port("tls") == number
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
                 client.connect((HOST, number))
                 client.send(b"x")
-                assert arrives_within(client, 2) == b"x"
+                assert arrives_within(client, PATIENCE_S) == b"x"
             assert emulated.status()["clients"] == {"quic": 1, "tls": 1}
 
 
@@ -125,7 +133,7 @@ def test_a_killed_link_is_noticed() -> None:
     with wire("udp", 9) as emulated:
         assert emulated.pid is not None
         os.kill(emulated.pid, signal.SIGKILL)
-        assert eventually(lambda: Path(f"/proc/{emulated.pid}/stat").read_text().split()[2] == "Z")
+        assert eventually(lambda: ended(emulated.pid or 0))
         with pytest.raises(WireProcessError, match="does not answer"):
             emulated.status()
 
@@ -140,22 +148,22 @@ def test_the_process_ends_with_its_parent(tmp_path: Path) -> None:
         assert parent.stdout is not None
         pid = int(parent.stdout.readline())
         parent.kill()
-    assert eventually(lambda: not Path(f"/proc/{pid}").exists())
+    assert eventually(lambda: ended(pid))
 
 
 def test_a_broken_configuration_file_ends_with_code_2(tmp_path: Path) -> None:
     (tmp_path / "wire.json").write_text("{}")
     for path, message in ((tmp_path / "wire.json", "'forwards' is missing"), (tmp_path / "none.json", "No such file")):
-        ended = subprocess.run(
+        done = subprocess.run(
             [sys.executable, "-m", "robot_offload_lab.wire.emulated", "--config", str(path)],
             capture_output=True,
             text=True,
-            timeout=30,
+            timeout=PATIENCE_S,
             check=False,
         )
-        assert ended.returncode == 2
-        assert message in ended.stderr
-        assert "Traceback" not in ended.stderr
+        assert done.returncode == 2
+        assert message in done.stderr
+        assert "Traceback" not in done.stderr
 
 
 def test_real_time_priority_is_taken_or_its_refusal_logged(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The emulated link's relays, with real sockets on loopback. Time bounds are generous: the machine may be busy."""
+"""The emulated link's relays, with real sockets on loopback. No upper bounds on times: the machine may be busy."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ import os
 import socket
 import threading
 import time
+from typing import Any
 
 import pytest
 
-from robot_offload_lab.wire.emulated import Forward
+from robot_offload_lab.wire.emulated import EmulatedWire, Forward
 from robot_offload_lab.wire.link import ControlError, EmulatedLink
 from robot_offload_lab.wire.loop import Loop, steady_s
 from robot_offload_lab.wire.schedule import Schedule
 from robot_offload_lab.wire.udp import UdpForward
 from tests.unit.lab.wire.wires import (
     HOST,
+    PATIENCE_S,
     accept,
     arrives_within,
     eventually,
@@ -30,6 +32,13 @@ from tests.unit.lab.wire.wires import (
     wire,
 )
 
+
+def after(emulated: EmulatedWire, datagrams: int) -> dict[str, Any]:
+    """The link's counters when it has taken so many datagrams of its client."""
+    assert eventually(lambda: emulated.status()["up"]["datagrams"] == datagrams)
+    return emulated.status()
+
+
 # Datagrams
 
 
@@ -38,7 +47,7 @@ def test_a_datagram_and_its_answer_are_delayed_each_way() -> None:
         begin_s = time.monotonic()
         client.send(b"hello")
         assert client.recv(100) == b"hello"
-        assert 0.079 < time.monotonic() - begin_s < 1.0
+        assert time.monotonic() - begin_s > 0.079
 
 
 def test_the_largest_datagram_passes_unchanged() -> None:
@@ -62,40 +71,34 @@ def test_two_clients_get_their_own_answers() -> None:
 def test_the_share_of_lost_datagrams_is_as_told() -> None:
     count = 1000
     with udp_echo() as port, wire("udp", port, loss="20%/0%") as emulated, udp_client(emulated) as client:
-        client.settimeout(0.5)
         answers = 0
-        for _ in range(count // 20):
+        for sent in range(20, count + 1, 20):
             for _ in range(20):
                 client.send(b"x")
-            with contextlib.suppress(TimeoutError):
-                for _ in range(20):
-                    client.recv(100)
-                    answers += 1
-                    client.settimeout(0.05)
-        up = emulated.status()["up"]
-        assert up["datagrams"] == count
-        assert 0.13 < up["dropped"] / count < 0.27
-        assert answers == count - up["dropped"]
+            dropped = after(emulated, sent)["up"]["dropped"]
+            while answers < sent - dropped:
+                assert client.recv(100) == b"x"
+                answers += 1
+        assert 0.13 < dropped / count < 0.27
+        assert arrives_within(client, 0.1) is None, "what was dropped has no answer"
 
 
 def test_a_cut_of_one_direction_drops_only_there() -> None:
     with udp_echo() as port, wire("udp", port) as emulated, udp_client(emulated) as client:
         emulated.cut("down")
         client.send(b"x")
-        assert arrives_within(client, 0.2) is None
-        status = emulated.status()
-        assert (status["up"]["dropped"], status["down"]["dropped"]) == (0, 1)
+        assert eventually(lambda: emulated.status()["down"]["dropped"] == 1)
+        assert emulated.status()["up"]["dropped"] == 0
         emulated.cut("up")
         client.send(b"x")
-        assert arrives_within(client, 0.2) is None
-        assert emulated.status()["up"]["dropped"] == 1
+        assert after(emulated, 2)["up"]["dropped"] == 1
         emulated.cut(None)
         client.send(b"back")
-        assert arrives_within(client, 2) == b"back"
+        assert client.recv(100) == b"back", "nothing came before it"
 
 
 def test_an_absent_cloud_does_not_end_the_link() -> None:
-    port = free_port(socket.SOCK_DGRAM)
+    port = free_port()
     with wire("udp", port) as emulated, udp_client(emulated) as client:
         for _ in range(5):
             client.send(b"anybody there?")
@@ -103,7 +106,7 @@ def test_an_absent_cloud_does_not_end_the_link() -> None:
         assert eventually(lambda: emulated.status()["up"]["errors"] + emulated.status()["down"]["errors"] > 0)
         with udp_echo(port):
             client.send(b"now?")
-            assert arrives_within(client, 2) == b"now?", "the first datagram to a cloud that is back arrives"
+            assert client.recv(100) == b"now?", "the first datagram to a cloud that is back arrives"
 
 
 def test_conditions_change_at_once() -> None:
@@ -112,7 +115,7 @@ def test_conditions_change_at_once() -> None:
         begin_s = time.monotonic()
         client.send(b"x")
         assert client.recv(10) == b"x"
-        assert 0.199 < time.monotonic() - begin_s < 1.5
+        assert time.monotonic() - begin_s > 0.199
         with pytest.raises(ControlError, match="loss must be a share"):
             emulated.set(loss=3)
 
@@ -124,12 +127,13 @@ def test_a_silent_client_is_forgotten_and_welcomed_again() -> None:
         client.connect((HOST, relay.port))
         client.settimeout(0)
         for _ in range(2):
+            begin_s = steady_s()
             client.send(b"x")
             while link.counters["down"].datagrams < link.counters["up"].datagrams or not relay.clients:
                 loop.call_at(steady_s() + 0.1, lambda: None)
                 loop.run_once()
             assert client.recv(10) == b"x"
-            relay.forget_idle(steady_s() + 29)
+            relay.forget_idle(begin_s + 29)
             assert relay.clients == 1
             relay.forget_idle(steady_s() + 31)
             assert relay.clients == 0
@@ -160,15 +164,16 @@ def test_a_stream_is_delayed_each_way() -> None:
         client.sendall(b"ping")
         server.sendall(server.recv(10))
         assert client.recv(10) == b"ping"
-        assert 0.079 < time.monotonic() - begin_s < 1.0
+        assert time.monotonic() - begin_s > 0.079
 
 
 def test_losses_delay_a_stream_and_lose_nothing() -> None:
     with stream(loss="20%/0%") as (emulated, client, server):
-        for index in range(100):
-            client.sendall(b"%03d" % index)
-            time.sleep(0.002)
-        assert received(server, 300) == b"".join(b"%03d" % index for index in range(100))
+        for begin in range(0, 100, 4):  # at least 25 segments, however slowly the link reads
+            for index in range(begin, begin + 4):
+                client.sendall(b"%03d" % index)
+                time.sleep(0.002)
+            assert received(server, 12) == b"".join(b"%03d" % index for index in range(begin, begin + 4))
         assert emulated.status()["up"]["retransmissions"] > 0
 
 
@@ -181,7 +186,7 @@ def test_a_cut_leaves_a_stream_hanging_and_delivers_after_it() -> None:
         assert arrives_within(server, 0.5) is None
         emulated.cut(None)
         client.sendall(b"-after")
-        server.settimeout(5)
+        server.settimeout(PATIENCE_S)
         assert received(server, 12) == b"during-after"
 
 
@@ -197,9 +202,9 @@ def test_a_connection_opened_or_ended_in_a_cut_is_heard_of_after_it() -> None:
         with pytest.raises(TimeoutError):
             listener.accept()
         emulated.cut(None)
-        listener.settimeout(5)
+        listener.settimeout(PATIENCE_S)
         with late, accept(listener):
-            assert arrives_within(server, 5) == b"", "the end of the first connection"
+            assert arrives_within(server, PATIENCE_S) == b"", "the end of the first connection"
         server.close()
 
 
@@ -215,7 +220,7 @@ def test_a_killed_end_resets_the_other() -> None:
 
 
 def test_an_absent_cloud_resets_a_connection() -> None:
-    with wire("tcp", free_port(socket.SOCK_STREAM), delay="20ms") as emulated:
+    with wire("tcp", free_port(), delay="20ms") as emulated:
         with tcp_client(emulated) as client, pytest.raises(ConnectionResetError):
             client.recv(10)
         assert eventually(lambda: emulated.status()["clients"] == {"port": 0})

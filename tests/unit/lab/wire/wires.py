@@ -10,9 +10,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from robot_offload_lab.run.free import free_ports
 from robot_offload_lab.wire.emulated import EmulatedWire, Forward, LinkOptions, WireConfig
 
 HOST = "127.0.0.1"
+PATIENCE_S = 60
+"""For what must happen, on however busy a machine."""
 
 
 @contextlib.contextmanager
@@ -43,20 +46,19 @@ def tcp_listener() -> Iterator[socket.socket]:
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as sock:
         sock.bind((HOST, 0))
         sock.listen()
-        sock.settimeout(5)
+        sock.settimeout(PATIENCE_S)
         yield sock
 
 
 def accept(listener: socket.socket) -> socket.socket:
     connection, _ = listener.accept()
-    connection.settimeout(5)
+    connection.settimeout(PATIENCE_S)
     return connection
 
 
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as sock:
-        sock.bind((HOST, 0))
-        return int(sock.getsockname()[1])
+def free_port() -> int:
+    """A port that nobody has with UDP or TCP, and that the kernel gives to nobody by chance."""
+    return free_ports()[0][0]
 
 
 def wire(protocol: Any, target: int, *, log: Path | None = None, seed: int = 1, **link: Any) -> EmulatedWire:
@@ -67,12 +69,12 @@ def wire(protocol: Any, target: int, *, log: Path | None = None, seed: int = 1, 
 def udp_client(emulated: EmulatedWire) -> socket.socket:
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     sock.connect((HOST, emulated.port("port")))
-    sock.settimeout(2)
+    sock.settimeout(PATIENCE_S)
     return sock
 
 
 def tcp_client(emulated: EmulatedWire) -> socket.socket:
-    return socket.create_connection((HOST, emulated.port("port")), timeout=5)
+    return socket.create_connection((HOST, emulated.port("port")), timeout=PATIENCE_S)
 
 
 @contextlib.contextmanager
@@ -99,10 +101,18 @@ def arrives_within(sock: socket.socket, seconds: float) -> bytes | None:
         return None
 
 
-def eventually(condition: Callable[[], bool], seconds: float = 5) -> bool:
+def eventually(condition: Callable[[], bool], seconds: float = PATIENCE_S) -> bool:
     deadline_s = time.monotonic() + seconds
     while time.monotonic() < deadline_s:
         if condition():
             return True
         time.sleep(0.02)
     return False
+
+
+def ended(pid: int) -> bool:
+    """Whether a process has ended; on a machine whose first process collects no strangers, something stays of it."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True

@@ -45,17 +45,21 @@ def test_what_needs_no_cluster_needs_no_library_of_the_operator(words: tuple[str
     assert done.stdout
 
 
-def test_the_version_costs_less_than_four_tenths_of_a_second_of_computing() -> None:
-    """Processor time: the least of three, because a busy machine makes even that longer."""
+def computed_s(*command: str) -> float:
+    """Processor time of a program: the least of three, because a busy machine makes even that longer."""
     taken_s = []
     for _ in range(3):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        command = [Path(sys.executable).with_name("robot-offload"), "--version"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+        subprocess.run(command, capture_output=True, timeout=60, check=True)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         taken_s.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    assert done.stdout.startswith("robot-offload ")
-    assert min(taken_s) < 0.4
+    return min(taken_s)
+
+
+def test_the_version_costs_less_computing_than_six_starts_of_python() -> None:
+    """Not in seconds, of which a slower machine needs more; two and a half starts when this was written."""
+    program = str(Path(sys.executable).with_name("robot-offload"))
+    assert computed_s(program, "--version") < 6 * computed_s(sys.executable, "-c", "")
 
 
 @pytest.mark.parametrize("name", ["status", "bundle", "doctor"])

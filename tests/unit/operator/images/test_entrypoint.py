@@ -60,7 +60,7 @@ def test_ros2_run_becomes_the_node_itself_so_that_it_gets_the_signals(start: Pat
         text=True,
         stdout=subprocess.PIPE,
     )
-    out, _ = process.communicate(timeout=30)
+    out, _ = process.communicate(timeout=60)
     assert out.split()[0] == str(process.pid), "the node is a child: nobody would pass signals on to it"
     assert out.split(maxsplit=2)[2] == "--ros-args -p a:=b c\n"
 

@@ -34,7 +34,7 @@ class Server:
         )
         status, body, *headers = self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
         if status == 0:
-            await asyncio.sleep(1)
+            await asyncio.sleep(3600)
         text = body if isinstance(body, str) else json.dumps(body)
         return web.Response(
             status=status, text=text, content_type="application/json", headers=headers[0] if headers else {}
@@ -50,7 +50,7 @@ def run(
     async def main() -> Any:
         application = web.Application()
         application.router.add_route("*", "/{path:.*}", server.answer)
-        runner = web.AppRunner(application, shutdown_timeout=2)
+        runner = web.AppRunner(application, shutdown_timeout=0.1)
         await runner.setup()
         site = web.TCPSite(runner, "127.0.0.1", 0)
         await site.start()

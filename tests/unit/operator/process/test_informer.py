@@ -68,7 +68,7 @@ def run(server: Server, until: Callable[[Kept], bool]) -> Kept:
         kept = Kept()
         informer = Informer(server, CONFIG_MAP, kept, Selection(), namespace=None, idle_s=1)  # type: ignore[arg-type]
         running: Awaitable[None] = asyncio.create_task(informer.run())
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(60):
             while not (informer.listed.is_set() and until(kept) and not server.scripts):
                 await asyncio.sleep(0.01)
         running.cancel()  # type: ignore[attr-defined]

@@ -17,6 +17,8 @@ from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 PROOF = "known-to-the-pods-of-one-robot"
+PATIENCE_S = 60.0
+"""For what must happen, on however busy a machine."""
 
 
 class Running:
@@ -38,6 +40,9 @@ class Running:
             "KUBECONFIG": str(kubeconfig),
             **more,
         }
+        self._content: dict[str, Any] = {}
+        self._writing = threading.Lock()
+        self._agent: Beating | None = None
         self.log = (folder / "log").open("w+")
         self.process = subprocess.Popen(
             [sys.executable, "-m", "robot_offload.reporter"], env={**os.environ, **environment}, stderr=self.log
@@ -48,20 +53,31 @@ class Running:
     def _port(self, log: Path) -> int:
         def port() -> int | None:
             assert self.process.poll() is None, log.read_text()
-            lines = [json.loads(line) for line in log.read_text().splitlines() if line.startswith("{")]
+            whole = log.read_text().rpartition("\n")[0].splitlines()  # the last line may be half written
+            lines = [json.loads(line) for line in whole if line.startswith("{")]
             served = [address for line in lines if line["event"] == "serving" for address in line["addresses"]]
             return next((port for host, port in served if "." in host), None)  # the other one is IPv6
 
         return int(eventually(port))
 
     def write(self, content: str) -> None:
-        new = self.state_file.with_suffix(".new")
-        new.write_text(content)
-        new.replace(self.state_file)
+        """Writes the state file once; after some seconds without another write its agent counts as silent."""
+        with self._writing:
+            new = self.state_file.with_suffix(".new")
+            new.write_text(content)
+            new.replace(self.state_file)
+
+    def live(self, content: str) -> None:
+        """Writes the state file again and again, as a living agent does, until the reporter is stopped."""
+        self._content = json.loads(content)
+        self.write(content)
+        if self._agent is None:
+            self._agent = Beating(self, lambda number: json.dumps({**self._content, "written": f"again {number}"}))
+            self._agent.start()
 
     def ask(self, path: str, method: str = "GET") -> tuple[int, str]:
         try:
-            with urlopen(Request(self.url + path, method=method), timeout=60) as answer:
+            with urlopen(Request(self.url + path, method=method), timeout=PATIENCE_S) as answer:
                 return answer.status, answer.read().decode()
         except HTTPError as error:
             with error:
@@ -70,8 +86,10 @@ class Running:
     def stop(self) -> int:
         self.process.send_signal(signal.SIGTERM)
         try:
-            return self.process.wait(60)
+            return self.process.wait(PATIENCE_S)
         finally:
+            if self._agent is not None:
+                self._agent.end()
             self.process.kill()
             self.process.wait()
             self.log.close()
@@ -102,7 +120,7 @@ class Beating(threading.Thread):
         self.join()
 
 
-def eventually(found: Callable[[], Any], within_s: float = 60.0) -> Any:
+def eventually(found: Callable[[], Any], within_s: float = PATIENCE_S) -> Any:
     end = time.monotonic() + within_s
     while time.monotonic() < end:
         if value := found():

@@ -19,7 +19,8 @@ import pytest
 import yaml
 
 from robot_offload.api.agent_state import ANNOTATION
-from tests.unit.operator.reporter.running import PROOF, Running, eventually
+from robot_offload.reporter.mirror import RENEW_S
+from tests.unit.operator.reporter.running import PATIENCE_S, PROOF, Running, eventually
 from tests.unit.operator.reporter.states import text
 
 LEASE = "/apis/coordination.k8s.io/v1/namespaces/ward/leases/wheelchair-7-robot"
@@ -39,13 +40,14 @@ class ApiServer:
                 body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
                 server.requests.append(f"PATCH {self.path.split('?')[0]}")
                 answer = json.dumps(body if server.status == 200 else {"kind": "Status", "message": "not now"}).encode()
-                self.send_response(server.status)
+                status = server.status
+                if status == 200:  # before the answer, after which the reporter may end and the test look
+                    server.patches.append(body)
+                self.send_response(status)
                 self.send_header("Content-Type", "application/json")
                 self.send_header("Content-Length", str(len(answer)))
                 self.end_headers()
                 self.wfile.write(answer)
-                if server.status == 200:
-                    server.patches.append(body)
 
             def log_message(self, *_: object) -> None:
                 """Quiet."""
@@ -101,27 +103,29 @@ def test_before_the_agent_starts_the_reporter_lives_and_is_not_ready(running: Ru
 
 
 def test_the_state_reaches_probes_metrics_and_lease(running: Running, api: ApiServer) -> None:
-    running.write(text())
+    begin_s = time.monotonic()
+    running.live(text())
     eventually(lambda: api.patches)
     assert running.ask("/readyz") == (200, "ok\n")
     assert json.loads(running.ask("/state")[1])["round_trip_ms"] == {"p50": 11.5, "p99": 19.0}
     assert "robot_offload_robot_connected 1.0" in running.ask("/metrics")[1]
     assert api.patches[0]["spec"]["holderIdentity"] == "wheelchair-7"
     assert set(api.requests) == {f"PATCH {LEASE}"}
-    for second in range(3):  # only the live numbers change
-        running.write(text(written=f"later {second}", round_trip_ms={"p50": float(second)}))
+    for second in range(6):  # only the live numbers change
+        running.live(text(written=f"later {second}", round_trip_ms={"p50": float(second)}))
         time.sleep(0.3)
-    assert len(api.patches) == 1
-    running.write(text(connected=False, site="robot"))
+    renewals = (time.monotonic() - begin_s) // RENEW_S  # on a machine that is so slow
+    assert len(api.patches) <= 1 + renewals
+    running.live(text(connected=False, site="robot"))
     eventually(lambda: told(api)["site"] == "robot")
     assert api.patches[-1]["spec"]["holderIdentity"] is None
 
 
 def test_an_outage_of_the_api_server_is_survived_and_the_newest_state_is_told(running: Running, api: ApiServer) -> None:
     api.status = 503
-    running.write(text(site="robot"))
+    running.live(text(site="robot"))
     eventually(lambda: len(api.requests) >= 2)
-    running.write(text(site="cloud", epoch=13))
+    running.live(text(site="cloud", epoch=13))
     api.status = 200
     # A patch with the older state may have been on its way when the server came back.
     eventually(lambda: api.patches and (told(api)["site"], told(api)["epoch"]) == ("cloud", 13))
@@ -133,10 +137,10 @@ def test_a_pod_that_stops_waits_until_the_robot_acts(running: Running) -> None:
         asked = asyncio.create_task(asyncio.to_thread(running.ask, f"/handover/{PROOF}", "POST"))
         identifier = await asyncio.to_thread(eventually, lambda: _content(running.handover_file))
         assert not asked.done()
-        running.write(text(site="robot", handover=identifier))
+        running.live(text(site="robot", handover=identifier))
         return await asked
 
-    running.write(text())
+    running.live(text())
     eventually(lambda: running.ask("/readyz")[0] == 200)
     status, page = asyncio.run(hand_over())
     assert status == 200
@@ -145,7 +149,7 @@ def test_a_pod_that_stops_waits_until_the_robot_acts(running: Running) -> None:
 
 
 def test_who_does_not_know_the_robots_own_word_asks_for_no_handover(running: Running) -> None:
-    running.write(text())
+    running.live(text())
     eventually(lambda: running.ask("/readyz")[0] == 200)
     assert running.ask("/handover/guessed", "POST")[0] == 403
     assert running.ask("/handover", "POST")[0] == 404
@@ -158,9 +162,9 @@ def test_without_a_living_agent_nobody_waits(running: Running) -> None:
 
 
 def test_a_stop_tells_the_last_state_and_ends_with_0(running: Running, api: ApiServer) -> None:
-    running.write(text())
+    running.live(text())
     eventually(lambda: api.patches)
-    running.write(text(site="robot"))
+    running.live(text(site="robot"))
     eventually(lambda: json.loads(running.ask("/state")[1])["site"] == "robot")
     assert running.stop() == 0
     assert told(api)["site"] == "robot"
@@ -172,14 +176,14 @@ def test_a_stop_waits_for_the_handover_that_is_under_way(running: Running) -> No
         identifier = await asyncio.to_thread(eventually, lambda: _content(running.handover_file))
         running.process.send_signal(signal.SIGTERM)
         await asyncio.sleep(0.5)
-        assert running.process.poll() is None
-        running.write(text(handover=identifier))
+        assert running.process.poll() is None, "the reporter waits"
+        running.live(text(handover=identifier))
         return await asked
 
-    running.write(text())
+    running.live(text())
     eventually(lambda: running.ask("/readyz")[0] == 200)
     assert asyncio.run(stop_meanwhile())[0] == 200
-    assert running.process.wait(20) == 0
+    assert running.process.wait(PATIENCE_S) == 0
 
 
 def test_an_environment_that_lacks_something_ends_with_2() -> None:
