@@ -15,20 +15,27 @@ from typing import Final
 from robot_offload.cli.doctor.checks import Finding
 
 DISCOVERY_S: Final = 3.0
-"""How long publishers on this network need to be found."""
+"""How long publishers on this network need to be found; counted anew from each node that is found."""
+LONGEST_S: Final = 30.0
+"""A graph in which nodes come and go all the time is looked at for no longer."""
 _PROBE: Final = """
 import json, sys, time
 import rclpy
 rclpy.init()
 node = rclpy.create_node("robot_offload_doctor")
-end = time.monotonic() + float(sys.argv[1])
-while time.monotonic() < end:
+quiet_s, longest_s = map(float, sys.argv[1:3])
+known, now = set(), time.monotonic()
+end, last = now + quiet_s, now + longest_s
+while now < min(end, last):
     rclpy.spin_once(node, timeout_sec=0.1)
+    now, found = time.monotonic(), set(node.get_node_names_and_namespaces())
+    if found != known:
+        known, end = found, now + quiet_s
 found = {topic: [f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in node.get_publishers_info_by_topic(topic)]
-         for topic in sys.argv[2:]}
+         for topic in sys.argv[3:]}
 print(json.dumps(found))
 """  # noqa: E501 - a program, not prose
-_LIMIT_S: Final = 60.0
+_LIMIT_S: Final = 90.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +61,7 @@ def ask(topics: Sequence[str], python: str | None = None) -> Graph:
     program = python or shutil.which("python3")
     if program is None:
         return Graph({}, "there is no python3 on the PATH")
-    command = [program, "-c", _PROBE, str(DISCOVERY_S), *topics]
+    command = [program, "-c", _PROBE, str(DISCOVERY_S), str(LONGEST_S), *topics]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:
