@@ -47,7 +47,11 @@ class Running:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "robot_offload.reporter"], env={**os.environ, **environment}, stderr=self.log
         )
-        self.port = self._port(folder / "log")
+        try:
+            self.port = self._port(folder / "log")
+        except BaseException:
+            self.stop()
+            raise
         self.url = f"http://127.0.0.1:{self.port}"
 
     def _port(self, log: Path) -> int:
