@@ -8,7 +8,7 @@ from robot_offload_lab.simulate import goal_storm
 
 SEED = 7
 
-pytestmark = [pytest.mark.simulation, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.simulation, pytest.mark.timeout(1800)]
 
 
 @pytest.mark.parametrize("index", range(2))

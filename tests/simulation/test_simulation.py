@@ -21,7 +21,7 @@ MORE = 12
 MOST = 240
 """Stretches added at a time, and at most, while a pair of state and event has not been met: chance alone decides."""
 
-pytestmark = [pytest.mark.simulation, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.simulation, pytest.mark.timeout(3600)]
 
 
 def pairs_of_stories() -> set[Pair]:
