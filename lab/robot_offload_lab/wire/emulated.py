@@ -36,7 +36,6 @@ from robot_offload_lab.wire.process import WireProcess, WireProcessError
 __all__ = ["Address", "EmulatedWire", "Forward", "LinkOptions", "WireConfig", "WireProcessError"]
 
 START_TIMEOUT_S = 60.0
-START_TIMEOUT_S = 60.0
 ANSWER_TIMEOUT_S = 30.0
 STOP_GRACE_S = 20.0
 """A busy machine may take long to start a process, to schedule it, and to let it write the end of its log."""
