@@ -14,6 +14,7 @@ import aiohttp
 import pytest
 from aiohttp import web
 
+from robot_offload.api import agent_state
 from robot_offload.api.agent_state import Sight, look
 from robot_offload.reporter import stream
 from robot_offload.reporter.handover import Handovers
@@ -23,6 +24,12 @@ from robot_offload.reporter.stream import MAX_CLIENTS, Streams
 from tests.unit.operator.reporter.states import text
 
 PATIENCE_S = 60
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy machine makes no silent agent: what counts as one is 60 s old."""
+    monkeypatch.setattr(agent_state, "FRESH_S", 30.0)
 
 
 class Served:
