@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -53,7 +54,7 @@ class Rob:
         return "--as", self.name
 
     def allow(self, group: str, resource: str, *verbs: str) -> None:
-        """One more right."""
+        """One more right; returns when the API server knows of it, which takes it a moment."""
         metadata = {"name": f"{self.name}-{resource}", "namespace": self._kubectl.namespace}
         rules = [{"apiGroups": [group], "resources": [resource], "verbs": list(verbs)}]
         rbac = "rbac.authorization.k8s.io"
@@ -62,6 +63,14 @@ class Rob:
         subjects = [{"kind": "User", "name": self.name, "apiGroup": rbac}]
         bound = {**role, "kind": "RoleBinding", "roleRef": reference, "subjects": subjects}
         self._kubectl("apply", "-f", "-", stdin=yaml.safe_dump_all([{**role, "rules": rules}, bound]))
+        asked = {"namespace": self._kubectl.namespace, "verb": verbs[0], "group": group, "resource": resource}
+        eventually(lambda: self._may(asked), f"the right of {self.name} to {verbs[0]} {resource}")
+
+    def _may(self, asked: dict[str, str]) -> bool:
+        spec = {"user": self.name, "resourceAttributes": asked}
+        review = {"apiVersion": "authorization.k8s.io/v1", "kind": "SubjectAccessReview", "spec": spec}
+        answer = self._kubectl("create", "--validate=false", "-o", "json", "-f", "-", stdin=json.dumps(review))
+        return bool(json.loads(answer)["status"]["allowed"])
 
     def writes(self, manifest: dict[str, Any]) -> str:
         """Returns what the API server says against it; empty: it is taken."""
@@ -75,7 +84,7 @@ class Rob:
 @contextmanager
 def protected(plane: ControlPlane, name: str, **values: Any) -> Iterator[Kubectl]:
     """A namespace in which the chart's policy counts."""
-    kubectl = plane.kubectl(plane.new_namespace(name))
+    kubectl = plane.kubectl(plane.new_namespace(f"{name}-{secrets.token_hex(3)}"))
     objects = rendered(plane.helm(kubectl.namespace), {"watchNamespaces": [kubectl.namespace], **values})
     policies = yaml.safe_dump_all([each for kind in POLICIES for each in of_kind(objects, kind)])
     kubectl("apply", "--server-side", "-f", "-", stdin=policies)
