@@ -125,7 +125,7 @@ class Operator:
         """GET one of its own servers: `metrics` or `health`."""
         port = self.wait_said("Serving", what=what)["port"]
         try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=10) as answer:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=60) as answer:
                 return answer.status, answer.read().decode()
         except urllib.error.HTTPError as error:
             with error:

@@ -42,7 +42,11 @@ RUN ["/bin/sh", "-c", "read line < /message && echo built $line > /result && tes
 SOURCE_URL = "https://git.example/robots/planner.git"
 """What the resource names; git is told to read a folder instead."""
 
-pytestmark = [pytest.mark.images, pytest.mark.skipif(why_not() is not None, reason=f"this machine {why_not()}")]
+pytestmark = [
+    pytest.mark.images,
+    pytest.mark.timeout(1200),  # of several containers, each of which may take some minutes on a busy machine
+    pytest.mark.skipif(why_not() is not None, reason=f"this machine {why_not()}"),
+]
 
 
 @pytest.fixture

@@ -57,7 +57,7 @@ def forget_installation(bare_control_plane: ControlPlane, system: str, robots: P
     yield
     bare_control_plane.helm(system)("uninstall", RELEASE)
     kubectl = bare_control_plane.kubectl()
-    kubectl("delete", "crd", "robotoffloads.robotoffload.dev", "--timeout=60s")
+    kubectl("delete", "crd", "robotoffloads.robotoffload.dev", "--timeout=110s")
     kubectl("delete", "namespace", system, robots.namespace, "--wait=false")
 
 

@@ -284,6 +284,6 @@ def test_the_install_manifest_can_be_applied_and_deleted(bare_control_plane: Con
     kinds = "namespaces,clusterroles,clusterrolebindings,customresourcedefinitions"
     before = kubectl.names(kinds)
     kubectl("apply", "--server-side", "-f", manifest)
-    kubectl("wait", "--for=create", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=60s")
-    kubectl("delete", "-f", manifest, "--timeout=60s")
+    kubectl("wait", "--for=create", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=110s")
+    kubectl("delete", "-f", manifest, "--timeout=110s")
     assert set(kubectl.names(kinds)) <= set(before)  # a namespace of another test may have gone meanwhile

@@ -152,12 +152,12 @@ def test_explain_follows_the_cluster(place: Place, run: Run) -> None:
     assert {problem["condition"] for problem in problems} == {"Connected", "ConfigCurrent", "CertificateCurrent"}
     # What Flux, Argo CD and scripts wait for must not hang on a person with a power switch.
     kubectl = place.plane.kubectl(place.namespace)
-    kubectl("wait", "--for=condition=Ready", "roff/walker", "--timeout=60s")
+    kubectl("wait", "--for=condition=Ready", "roff/walker", "--timeout=110s")
     assert run("explain", "walker").exit_code == 0
     [node] = walker()["spec"]["nodes"]
     place.change({"nodes": [node, {**node, "name": "other"}]})  # one output of two nodes
-    kubectl("wait", "--for=condition=Stalled", "roff/walker", "--timeout=60s")
-    kubectl("wait", "--for=condition=Ready=false", "roff/walker", "--timeout=60s")
+    kubectl("wait", "--for=condition=Stalled", "roff/walker", "--timeout=110s")
+    kubectl("wait", "--for=condition=Ready=false", "roff/walker", "--timeout=110s")
 
 
 def test_an_invalid_specification_is_explained_line_by_line(place: Place, run: Run, tmp_path: Path) -> None:

@@ -9,8 +9,6 @@ import secrets
 import signal
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,7 +24,7 @@ from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.headless import PHONE, Tab, browser
 from tests.integration.operator_cluster import Place, eventually, walker
 from tests.integration.operator_proxy import Answer, Asked, Proxy
-from tests.unit.operator.reporter.running import Running
+from tests.unit.operator.reporter.running import Beating, Running
 from tests.unit.operator.reporter.states import REPORT, text
 
 pytestmark = pytest.mark.api
@@ -52,7 +50,7 @@ class Served:
 
     def status(self, path: str, host: str = "") -> int:
         """What a request without a cookie is answered with."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
         try:
             connection.request("GET", path, headers={"Host": host or f"127.0.0.1:{self.port}"})
             return connection.getresponse().status
@@ -99,26 +97,13 @@ def fleet(control_plane: ControlPlane) -> Iterator[Place]:
     control_plane.request("DELETE", f"/api/v1/namespaces/{namespace}")
 
 
-class Beating(threading.Thread):
-    """Writes the cloud agent's state as it does: five times a second; `values` replace fields."""
-
-    def __init__(self, reporter: Running) -> None:
-        super().__init__(daemon=True)
-        self.reporter = reporter
-        self.values: dict[str, Any] = {}
-        self.ended = False
-
-    def run(self) -> None:
-        number = 0
-        while not self.ended:
-            number += 1
-            link = {"latency_ms": 12.0 + number % 5, "loss_share": 0.01}
-            carried = [{"topic": "/scan", "bytes": 1000 * number, "age_ms": 9}]
-            last = {"to": "cloud", "reason": "LinkGood", "ago_s": 40.0 + number / 5, "gap_ms": 61.5}
-            robot = {**REPORT, "topics": {"/scan": [4 * number, 0, 4, 1]}, "changeover": last}
-            told = {"written": str(number), "link": link, "carried": carried, "robot": robot, **self.values}
-            self.reporter.write(text(**told))
-            time.sleep(0.2)
+def driving(number: int, **values: Any) -> str:
+    """The n-th state of a robot that its cloud drives; `values` replace fields."""
+    link = {"latency_ms": 12.0 + number % 5, "loss_share": 0.01}
+    carried = [{"topic": "/scan", "bytes": 1000 * number, "age_ms": 9}]
+    last = {"to": "cloud", "reason": "LinkGood", "ago_s": 40.0 + number / 5, "gap_ms": 61.5}
+    robot = {**REPORT, "topics": {"/scan": [4 * number, 0, 4, 1]}, "changeover": last}
+    return text(**{"written": str(number), "link": link, "carried": carried, "robot": robot, **values})
 
 
 @pytest.fixture(scope="module")
@@ -129,11 +114,10 @@ def beating(
     reporter = Running(tmp_path_factory.mktemp("reporter"), proxy.kubeconfig, fleet.namespace, ONE)
     for number in range(REPORTING):  # one reporter stands for many: a robot of the table is asked now and then
         proxy.services[f"{fleet.namespace}/walker-{number:03}-agent"] = reporter.url
-    beats = Beating(reporter)
+    beats = Beating(reporter, driving)
     beats.start()
     yield beats
-    beats.ended = True
-    beats.join()
+    beats.end()
     assert reporter.stop() == 0
 
 
@@ -184,12 +168,13 @@ def test_one_robot_is_live_and_can_be_scrolled_back(tab: Tab, beating: Beating) 
     # What only the robot knows: the silence of the last switch, how old topics are, what is in flight.
     for part in ("62 ms", "9 ms", "1 executing, 2 waiting, 4 restarts", "3 open", "4 thinned, 1 unsent"):
         tab.says(part)
-    beating.values = {"site": "robot", "reason": "HoldDown", "message": "hold-down for another 2.0 s", "epoch": 13}
+    held = {"site": "robot", "reason": "HoldDown", "message": "hold-down for another 2.0 s", "epoch": 13}
+    beating.told = lambda number: driving(number, **held)
     tab.says("The robot's rule says HoldDown: hold-down for another 2.0 s")
     tab.says("within the bound of 60 ms")
     tab.says("▲ Robot")
     tab.says("changeover 13")
-    beating.values = {}
+    beating.told = driving
     tab.says("☁ Cloud")
     tab.page.get_by_role("button", name="Replay the last minutes").click()
     tab.says("ours: the agents' own rule")

@@ -54,9 +54,9 @@ def test_a_second_field_manager_is_told_of_the_conflict(kubectl: Kubectl) -> Non
 
 def test_a_deployment_gets_its_pod_and_takes_it_along(kubectl: Kubectl) -> None:
     kubectl.apply(deployment("worker"))
-    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=60s")
+    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=110s")
     kubectl("delete", "deployment", "worker")
-    kubectl("wait", "--for=delete", "replicasets,pods", "-l", "app=worker", "--timeout=60s")
+    kubectl("wait", "--for=delete", "replicasets,pods", "-l", "app=worker", "--timeout=110s")
     assert kubectl.names("replicasets,pods") == []
 
 
@@ -64,9 +64,9 @@ def test_a_deployment_is_available_once_its_pods_are_reported_ready(
     control_plane: ControlPlane, kubectl: Kubectl
 ) -> None:
     kubectl.apply(deployment("worker"))
-    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=60s")
+    kubectl("wait", "--for=create", "pods", "-l", "app=worker", "--timeout=110s")
     assert len(report_ready(control_plane, kubectl.namespace)) == 1
-    kubectl("wait", "--for=condition=Available", "deployment/worker", "--timeout=60s")
+    kubectl("wait", "--for=condition=Available", "deployment/worker", "--timeout=110s")
 
 
 def test_children_of_our_resource_go_with_it(kubectl: Kubectl) -> None:

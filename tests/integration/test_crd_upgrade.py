@@ -16,6 +16,7 @@ from robot_offload.errors import SpecError
 from robot_offload_lab.cluster.commands import Kubectl
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from robot_offload_lab.cluster.errors import CommandError
+from tests.integration.operator_cluster import PATIENCE_S
 from tests.unit.specs import changed, sample
 
 pytestmark = pytest.mark.api
@@ -56,7 +57,7 @@ def install(kubectl: Kubectl, definition: dict[str, Any], *, knows_the_driver: b
     """Applies a CRD and waits until the API server judges objects by it, which takes it a moment."""
     kubectl.apply(definition, options=("--server-side", "--force-conflicts"))
     probe = {**sample(), "metadata": {"name": "probe"}}
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE_S
     answer = ""
     while time.monotonic() < deadline:
         try:
@@ -69,7 +70,7 @@ def install(kubectl: Kubectl, definition: dict[str, Any], *, knows_the_driver: b
             if knows_the_driver:
                 return
         time.sleep(0.2)
-    pytest.fail(f"The API server does not judge by the CRD after 30 s: {answer}")
+    pytest.fail(f"The API server does not judge by the CRD after {PATIENCE_S:g} s: {answer}")
 
 
 def older_object(path: str = "spec.replicas", value: Any = 1) -> dict[str, Any]:

@@ -75,7 +75,7 @@ def test_an_image_is_built_rolled_out_and_told(place: Place) -> None:
         lambda: [node for node in place.roff()["status"]["nodes"] if node.get("commit")], "the commit in the status"
     )
     assert (node["image"], node["commit"]) == (IMAGE + "7" * 64, COMMIT)
-    assert [event for event in place.events() if event["reason"] == "ImageBuilt"]
+    eventually(lambda: "ImageBuilt" in {event["reason"] for event in place.events()}, "the event", place.events)
 
 
 def test_a_built_image_needs_neither_its_job_nor_another_write(place: Place, proxy: Proxy, operator: Operator) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from pathlib import Path
 from typing import Any
 
@@ -253,7 +254,7 @@ def test_deleting_the_resource_removes_every_child_and_one_of_the_same_name_star
 
 
 def test_a_namespace_can_be_deleted_with_everything_in_it(control_plane: ControlPlane, operator: Operator) -> None:
-    place = Place(control_plane, control_plane.new_namespace("short-lived"))
+    place = Place(control_plane, control_plane.new_namespace(f"short-lived-{secrets.token_hex(3)}"))
     place.create(ROBOT_OFFLOAD, walker())
     place.applied()
     place.delete(NAMESPACE, place.namespace)
@@ -272,8 +273,8 @@ def test_the_robots_lease_becomes_the_status_and_nodes_sleep_without_a_robot(pla
     assert roff["status"]["placementReason"] == "LinkGood"
     assert roff["status"]["robot"]["connected"] is True
     assert place.wait_condition("ConfigCurrent", "True")["reason"] == "Current"
-    told = {event["reason"] for event in place.events()}
-    assert {"Connected", "PlacementCloud"} <= told
+    wanted = {"Connected", "PlacementCloud"}
+    eventually(lambda: wanted <= {event["reason"] for event in place.events()}, "the events", place.events)
     proxy.quiet(place.namespace)
     count = proxy.count_in(place.namespace)
     place.patch(LEASE, "walker-robot", {"spec": {"renewTime": "2026-11-21T23:00:10.000000Z"}})
@@ -372,15 +373,20 @@ def test_a_users_parameter_file_that_changes_rolls_the_node_that_reads_it(place:
 def test_metrics_and_health_tell_what_the_operator_sees(place: Place, operator: Operator) -> None:
     place.create(ROBOT_OFFLOAD, walker())
     place.applied()
-    status, text = operator.ask("metrics", "/metrics")
-    assert status == 200
+    info = f'robot_offload_info{{connected="false",name="walker",namespace="{place.namespace}",ready="'
+
+    def shown() -> str:
+        """The metrics, as soon as the operator's own watch has shown it the RobotOffload."""
+        status, text = operator.ask("metrics", "/metrics")
+        assert status == 200
+        return text if info in text else ""
+
+    text = eventually(shown, "the RobotOffload in the metrics", lambda: operator.ask("metrics", "/metrics"))
     values = dict(line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#"))
     assert float(values["robot_offload_objects"]) >= 1
     assert float(values["robot_offload_leader"]) == 1
     assert float(values['robot_offload_reconciles_total{result="ok"}']) >= 1
     assert float(values['robot_offload_condition{status="True",type="ResourcesApplied"}']) >= 1
-    info = f'robot_offload_info{{connected="false",name="walker",namespace="{place.namespace}",ready="'
-    assert any(name.startswith(info) for name in values)
     assert float(values["process_resident_memory_bytes"]) > 0
     assert any(name.startswith("robot_offload_build_info{version=") for name in values)
     assert operator.ask("health", "/livez")[0] == operator.ask("health", "/readyz")[0] == 200

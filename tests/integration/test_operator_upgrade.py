@@ -49,7 +49,7 @@ class PretendedKubelet:
 
     def close(self) -> None:
         self._ended.set()
-        self._thread.join(30)
+        self._thread.join(60)
 
     def _run(self) -> None:
         while not self._ended.wait(START_S):

@@ -53,9 +53,9 @@ def reader(bare_control_plane: ControlPlane, tmp_path: Path) -> Iterator[Reader]
     found = Reader(bare_control_plane, tmp_path)
     yield found
     found.types(f"helm uninstall robot-offload --namespace {NAMESPACE}")
-    found.types(f"kubectl delete crd,namespace robotoffloads.robotoffload.dev {NAMESPACE} --wait=true --timeout=60s")
-    found.types("kubectl delete crd robotoffloads.robotoffload.dev --wait=true --timeout=60s")
-    found.types(f"kubectl delete namespace {NAMESPACE} --wait=true --timeout=60s")
+    found.types(f"kubectl delete crd,namespace robotoffloads.robotoffload.dev {NAMESPACE} --wait=true --timeout=110s")
+    found.types("kubectl delete crd robotoffloads.robotoffload.dev --wait=true --timeout=110s")
+    found.types(f"kubectl delete namespace {NAMESPACE} --wait=true --timeout=110s")
 
 
 def test_every_command_of_the_readme_does_what_the_next_one_needs(reader: Reader) -> None:

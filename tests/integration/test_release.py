@@ -129,7 +129,7 @@ def test_the_install_manifest_is_taken_by_the_api_server(folder: Path, bare_cont
     kubectl.within("").apply(namespace)
     kubectl.within("")("apply", "--server-side", "--dry-run=server", "-f", "-", stdin=text)
     assert f"{REGISTRY}/agent@{DIGEST}" in text
-    kubectl.within("")("delete", "namespace", "robot-offload-system", "--wait=true", "--timeout=60s")
+    kubectl.within("")("delete", "namespace", "robot-offload-system", "--wait=true", "--timeout=110s")
 
 
 def test_the_bill_of_materials_is_valid_and_names_every_pinned_library_with_what_it_needs(folder: Path) -> None:

@@ -178,7 +178,7 @@ class ControlPlane:
             data=None if body is None else json.dumps(body).encode(),
             headers={"Authorization": f"Bearer {self.token}", "Content-Type": content_type},
         )
-        with self.opener().open(request, timeout=30) as answer:
+        with self.opener().open(request, timeout=60) as answer:
             return str(answer.read().decode())
 
     def opener(self) -> urllib.request.OpenerDirector:
