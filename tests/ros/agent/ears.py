@@ -65,18 +65,20 @@ class Ear:
         self.executor.add_node(self.node)
         self.diagnostics: dict[str, Status] = {}
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 10)
+        self.ended = threading.Event()
         self.thread = threading.Thread(target=self._spin, name=name, daemon=True)
         self.thread.start()
 
     def _spin(self) -> None:
-        try:
-            self.executor.spin()
-        except ExternalShutdownException:
-            return
+        with contextlib.suppress(ExternalShutdownException):
+            while not self.ended.is_set():
+                self.executor.spin_once()
 
     def close(self) -> None:
-        self.executor.shutdown(timeout_sec=CALL_S)
+        """Ends the thread at its next turn, then what it works with: others may still publish."""
+        self.executor.create_task(self.ended.set)
         self.thread.join(CALL_S)
+        self.executor.shutdown()
         self.node.destroy_node()  # a participant lives as long as its node
         rclpy.shutdown(context=self.context)
 
