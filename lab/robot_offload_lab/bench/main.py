@@ -204,7 +204,10 @@ def weight(
 @app.command("links")
 def carried(
     *,
-    full: Annotated[bool, typer.Option("--full/--quick", help="All 36 kinds of link, or a share of them.")] = False,
+    full: Annotated[
+        bool,
+        typer.Option("--full/--quick", help="All kinds of link that are wide enough for a load, or a share of them."),
+    ] = False,
     load: Annotated[list[str] | None, _case([one.name for one in links.LOADS])] = None,
     seconds: Annotated[float, typer.Option(min=2, help="Seconds of each observation.")] = 10.0,
     limit: Annotated[
@@ -222,7 +225,7 @@ def carried(
         known = link_table.fresh(link_table.read(out)) if resume else []
         loads = link_table.chosen(links.LOADS, load or ())
         done = link_table.measure(
-            loads, lambda name: links.ALL if full else links.SOME[name], seconds, out, known,
+            loads, links.wide_enough if full else links.SOME.__getitem__, seconds, out, known,
             lambda row: _show_row(out, row), limit,
         )  # fmt: skip
         if docs is not None:

@@ -45,6 +45,11 @@ class TopicLoad:
     size: int
     rate_hz: float
 
+    @property
+    def mbit_s(self) -> float:
+        """What it asks of a link."""
+        return self.size * 8 * self.rate_hz / 1e6
+
 
 @dataclass(frozen=True)
 class Row:
@@ -170,7 +175,7 @@ def page(rows: Sequence[Row]) -> str:
         if not mine:
             continue
         lines += [
-            f"**{load.title}, {load.rate_hz:g} Hz ({load.size * 8 * load.rate_hz / 1e6:.0f} Mbit/s)**", "",
+            f"**{load.title}, {load.rate_hz:g} Hz ({load.mbit_s:.0f} Mbit/s)**", "",
             "| link | round trip | loss | delivered | age p50 / p99 | in the cloud | robot took over | false alarms |",
             "|--:|--:|--:|--:|--:|--:|---|--:|",
             *map(line, mine), *_too_narrow(load, mine), "",
@@ -184,11 +189,18 @@ def page(rows: Sequence[Row]) -> str:
 
 def _too_narrow(load: TopicLoad, measured: Sequence[Row]) -> list[str]:
     """Returns a row for each rate that cannot carry a load, by reckoning, where none was measured."""
-    needed_mbit = load.size * 8 * load.rate_hz / 1e6
-    rates = [rate for rate in RATES if rate < needed_mbit and not any(one.cell.rate_mbit == rate for one in measured)]
+    wide, known = {cell.rate_mbit for cell in wide_enough(load.name)}, {one.cell.rate_mbit for one in measured}
     return [
-        f"| {rate} Mbit/s | any | any | reckoned: {_percent(rate / needed_mbit)} at most | | | | |" for rate in rates
+        f"| {rate} Mbit/s | any | any | reckoned: {_percent(rate / load.mbit_s)} at most | | | | |"
+        for rate in RATES
+        if rate not in wide | known
     ]
+
+
+def wide_enough(name: str) -> tuple[Cell, ...]:
+    """Returns the kinds of link whose rate could carry all of a load."""
+    (load,) = [one for one in LOADS if one.name == name]
+    return tuple(cell for cell in ALL if cell.rate_mbit >= load.mbit_s)
 
 
 def line(one: Row) -> str:

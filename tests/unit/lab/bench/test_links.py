@@ -5,7 +5,7 @@ import pytest
 from robot_offload.errors import InputError
 from robot_offload_lab.bench import link_table
 from robot_offload_lab.bench.analysis import links
-from robot_offload_lab.bench.analysis.links import ALL, LOADS, SOME, Cell
+from robot_offload_lab.bench.analysis.links import ALL, LOADS, SOME, Cell, wide_enough
 from robot_offload_lab.bench.resource import offload
 from robot_offload_lab.judge.measures import Interval
 from robot_offload_lab.judge.recording import Arrival, PlacementChange
@@ -84,6 +84,11 @@ def test_what_does_not_fit_is_reckoned_where_it_was_not_measured():
     assert "| 5 Mbit/s | any | any | reckoned: 7 % at most | | | | |" in raw
     assert "| 20 Mbit/s | any |" not in raw
     assert "| 100 Mbit/s | any |" not in raw
+
+
+def test_only_links_whose_rate_carries_a_load_are_measured_in_full():
+    counts = {load.name: len(wide_enough(load.name)) for load in LOADS}
+    assert counts == {"raw": 12, "compressed": 36, "cloud": 12, "compressed-cloud": 24}
 
 
 def test_the_whole_table_has_36_links_and_every_load_can_be_rendered():
