@@ -167,9 +167,9 @@ class Deadlines(Promises):
         """Invariant 5: with nothing wrong for 8 s exactly one side acts, and the cloud is used again.
 
         Every rated output flows, the driver is released, nothing leaves the cloud while the robot has been in charge
-        for a lease and two beats. When the policy wants the cloud, no retry and no hold-down has been pending for 4 s
-        and what the link has taught does not speak against it (the tests of the core say for how long that may be),
-        it is in the cloud (liveness, beyond the letter of the protocol).
+        for a lease and two beats. When the policy wants the cloud, no retry, no hold-down and no goal that must not be
+        interrupted has been pending for 4 s, and what the link has taught does not speak against it (the tests of the
+        core say for how long that may be), it is in the cloud (liveness, beyond the letter of the protocol).
         """
         now, settings = self.world.now, self.settings
         for index, deadline_s in self.rated:
@@ -193,6 +193,9 @@ class Deadlines(Promises):
         held = held or policies.waits(robot.policy) or self.rivalled()
         leaving = robot.leaving
         held = held or (leaving is not None and leaving.cloud == robot.link.peer and host_now_s < leaving.until_s)
+        handing = robot.handing
+        if handing.held_s is not None and handing.report is not None and handing.report.hold:
+            held = held or host_now_s - handing.held_s < handing.report.hold_for_s
         held = held or any(n.spec.core and not n.alive for n in self.run.cloud.nodes.values())
         if held or not wants or placement.IN_CHARGE[robot.phase] is Site.CLOUD:
             self.held_until_s = now

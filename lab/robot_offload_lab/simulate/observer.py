@@ -206,17 +206,23 @@ class Observer(Deadlines):
         With nothing wrong for 1 s, a commanded changeover leaves no gap longer than the slower period plus jitter, on
         any rated output. Jitter: three times the wire's typical one, the timers' and the hand-overs'. A side that has
         passed nothing in its stay, such as a robot that took over and was unable to act, left a gap of its own: that is
-        invariant 3's.
+        invariant 3's. So did one whose node has died (which no fault need have killed).
         """
         commanded = self.flip_s is not None and now - self.flip_s <= self.settings.slower_period_s + self.reaction_s
         if not commanded or self.quiet_s() < 1.0 or index not in self.prompt:
             return
-        if self.left_stay is None or lane.rank[:2] != self.left_stay:
+        if self.left_stay is None or lane.rank[:2] != self.left_stay or self._died(index):
             return
         jitter_s = 3 * self.run.scenario.jitter_s + 2 * HANDOVER_S
         gap_s = now - lane.passed_s
         if gap_s > self.settings.slower_period_s + jitter_s:
             self.violated("4", f"a commanded changeover left a gap of {gap_s * 1e3:.1f} ms on output {index}")
+
+    def _died(self, index: int) -> bool:
+        """Returns whether a replica of the node of an output is dead or was within the last second."""
+        name = self.run.scenario.publishers[index]
+        replicas = [side.nodes[name] for side in (self.run.robot, self.run.cloud) if name in side.nodes]
+        return any(not node.alive or self.world.now - node.running_since_s < 1.0 for node in replicas)
 
     def _check_lost(self, lane: Lane, last: Message, message: Message) -> None:
         """Invariant 4: within one stay and with nothing wrong since 1 s before, no sequence is missing."""
