@@ -32,7 +32,8 @@ class Kept:
     """One side's node with state, and the shell of its side's exchange.
 
     Attributes:
-        restored_s: true time at which the newest snapshot was made that this node was given.
+        restored_s: true time at which the newest snapshot was made that this node was given by the present data
+            process: one that has just begun knows of none, and says of what comes next how old it is.
         silent: faults at work that keep the node from publishing. torn: share of arrivals whose bytes are damaged.
         deaf: faults at work that keep the node from reading what it is given.
         took: how many snapshots the node was given.
@@ -58,6 +59,7 @@ class Kept:
 
     def make(self, data: DataProcess) -> StateProcess:
         """Returns the exchange of a data process that has just begun."""
+        self.restored_s = float("-inf")
         if isinstance(data, RobotDataProcess):
             self.process = RobotStates(self.states, self, data)
         else:
