@@ -149,7 +149,7 @@ class KindCluster(AnyCluster):
         layout.plane.mkdir(exist_ok=True)
         settings, kubeconfig = layout.home / "kind.json", layout.home / "kind.kubeconfig"
         settings.write_text(text)
-        command = ["setpriv", "--pdeathsig", "KILL", str(kind), "create", "cluster", f"--config={settings}"]
+        command = [*processes.bond(True), str(kind), "create", "cluster", f"--config={settings}"]
         command += [f"--name={layout.kind}", f"--kubeconfig={kubeconfig}"]
         image = os.environ.get(IMAGE, "")
         command += [f"--image={image}"] if image else []

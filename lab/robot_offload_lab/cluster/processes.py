@@ -17,6 +17,15 @@ _spawned: list[subprocess.Popen[bytes]] = []
 """Kept, because Python warns of a process that nobody remembers; those that have ended are forgotten."""
 
 
+_BOND = '[ "$PPID" = "$0" ] && exec "$@"'
+"""The kernel tells a child of its parent's death only when the child had asked before it died."""
+
+
+def bond(die_with_us: bool) -> list[str]:
+    """Returns what comes before a program that the kernel is to kill when the thread that starts it ends."""
+    return ["setpriv", "--pdeathsig", "KILL", "sh", "-c", _BOND, str(os.getpid())] if die_with_us else []
+
+
 def spawn(arguments: Sequence[str], log: Path, *, die_with_us: bool, favoured: bool = False) -> subprocess.Popen[bytes]:
     """Starts a server with its output in a file.
 
@@ -26,11 +35,10 @@ def spawn(arguments: Sequence[str], log: Path, *, die_with_us: bool, favoured: b
         die_with_us: The kernel kills it when the *thread* that called this ends, however that happens.
         favoured: It gets ten times the share of what else runs on a busy machine, where that is permitted.
     """
-    bond = ["setpriv", "--pdeathsig", "KILL"] if die_with_us else []
     with log.open("wb") as output:
         # A session of its own: Ctrl-C in the terminal reaches us, and we decide in which order things end.
         child = subprocess.Popen(
-            [*bond, *arguments],
+            [*bond(die_with_us), *arguments],
             env=without_proxies(os.environ),
             stdin=subprocess.DEVNULL,
             stdout=output,

@@ -114,7 +114,7 @@ class RobotHost(ABC):
         Returns:
             The process; its pid is the program's own, so signals reach the program.
         """
-        bond = ["setpriv", "--pdeathsig", "KILL"] if self._die_with_us else []
+        bond = processes.bond(self._die_with_us)
         inside = [*netns.into(self.netns), f"--mount=/proc/{self._files().pid}/ns/mnt", f"--wd={cwd or Path.cwd()}"]
         pipe = subprocess.PIPE if piped else None
         with (log or Path(os.devnull)).open("ab") as output:
@@ -135,7 +135,7 @@ class RobotHost(ABC):
     def _files(self) -> subprocess.Popen[bytes]:
         """Returns the process that keeps this machine's own files mounted; started anew after the power was off."""
         if self._own is None or self._own.poll() is not None:
-            bond = ["setpriv", "--pdeathsig", "KILL"] if self._die_with_us else []
+            bond = processes.bond(self._die_with_us)
             private = ["unshare", "--mount", "--propagation", "private", "sh", "-c", _OWN]
             disk = self._layout.home / "robots" / self.name
             disk.mkdir(parents=True, exist_ok=True)
