@@ -32,7 +32,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if HERE in item.path.parents:
             item.add_marker(pytest.mark.e2e)
             item.add_marker(pytest.mark.cluster)
-            item.add_marker(pytest.mark.flaky(reruns=2, rerun_except=["BrokenPromiseError"]))
+            item.add_marker(pytest.mark.flaky(reruns=1, rerun_except=["BrokenPromiseError"]))
             if item.get_closest_marker("timeout") is None:
                 item.add_marker(pytest.mark.timeout(LIMIT_S))
 

@@ -17,9 +17,8 @@ from tests.e2e.story import READY, Manifest, Story
 from tests.e2e.transports_parts import carry
 
 TRACE = Path(__file__).parents[2] / "examples" / "traces" / "corridor-wifi.txt"
-SHARE_OF_GOOD_TIME = 0.5
-"""The cloud is in charge for at least this part of the time in which the link sustains it. The promise, 0.8, is held on
-an idle machine by `make bench` (docs/benchmarks.md); a busy one loses heartbeats over a good link, too."""
+SHARE_OF_GOOD_TIME = 0.8
+"""The cloud is in charge for at least this part of the time in which the link sustains it."""
 SETTLE_S = 3.0
 
 

@@ -27,7 +27,7 @@ from tests.ros.agent.harness import PROCESSES, World
 from tests.ros.agent.passage import UNDISTURBED_S, longest_gap_s
 from tests.ros.agent.test_identity import a_beat, voice
 from tests.ros.agent.test_state import DECLARED
-from tests.ros.ports import free_for_udp
+from tests.ros.ports import is_free
 from tests.unit.core.ledger.garbled import letters, spoiled
 
 WORDS: list[object] = [
@@ -239,7 +239,11 @@ def test_garbage_for_relays_states_and_large_messages_ends_no_process_of_either_
 
     # QUIC keeps a closed listener's port for a while, up to half a minute, until its connections are given up.
     ours = [world.ports[session] for session in ("pulse", "data")]
-    world.until(lambda: all(map(free_for_udp, ours)), "the ports of the cloud that the test played are free", 60.0)
+    world.until(
+        lambda: all(is_free(port, socket.SOCK_DGRAM) for port in ours),
+        "the ports of the cloud that the test played are free",
+        60.0,
+    )
 
     kept = Journal(folder)
     chance, called = random.Random(SEED), journal.call_opened(b"caller", "/ask")

@@ -65,7 +65,7 @@ def run(
     return asyncio.run(main())
 
 
-def kubeconfig(folder: Path, port: int, token: str = "secret") -> str:
+def kubeconfig(folder: Path, port: int, token: str = "secret", scheme: str = "http", **cluster: str) -> str:
     path = folder / "kubeconfig"
     path.write_text(
         json.dumps(
@@ -75,7 +75,7 @@ def kubeconfig(folder: Path, port: int, token: str = "secret") -> str:
                     {"name": "here", "context": {"cluster": "c", "user": "u", "namespace": "fleet"}},
                     {"name": "there", "context": {"cluster": "c", "user": "u"}},
                 ],
-                "clusters": [{"name": "c", "cluster": {"server": f"http://127.0.0.1:{port}"}}],
+                "clusters": [{"name": "c", "cluster": {"server": f"{scheme}://127.0.0.1:{port}", **cluster}}],
                 "users": [{"name": "u", "user": {"token": token}}],
             }
         )

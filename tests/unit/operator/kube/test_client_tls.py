@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import datetime as dt
 import gc
-import json
 import ssl
 import threading
 import warnings
@@ -14,10 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from socket import create_server
-from typing import Any
 
 from robot_offload.kube.configuration import connect
 from robot_offload_lab.cluster.certificates import Authority
+from tests.unit.operator.kube.test_client import kubeconfig
 
 HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\nTransfer-Encoding: chunked\r\n\r\n"
 
@@ -42,24 +41,12 @@ def one_line(folder: Path) -> Iterator[str]:
 
         serving = threading.Thread(target=serve)
         serving.start()
-        cluster = {"server": f"https://127.0.0.1:{listening.getsockname()[1]}"}
+        trust = {"certificate-authority": str(folder / "pki/ca.crt")}
         try:
-            yield kubeconfig(folder, {**cluster, "certificate-authority": str(folder / "pki/ca.crt")})
+            yield kubeconfig(folder, listening.getsockname()[1], scheme="https", **trust)
         finally:
             over.set()
             serving.join()
-
-
-def kubeconfig(folder: Path, cluster: dict[str, Any]) -> str:
-    path = folder / "kubeconfig"
-    config = {
-        "current-context": "here",
-        "contexts": [{"name": "here", "context": {"cluster": "c", "user": "u"}}],
-        "clusters": [{"name": "c", "cluster": cluster}],
-        "users": [{"name": "u", "user": {"token": "secret"}}],
-    }
-    path.write_text(json.dumps(config))
-    return str(path)
 
 
 def test_a_stream_that_is_followed_no_more_is_cut_at_once_although_its_server_never_says_goodbye(
