@@ -38,8 +38,12 @@ def judged(measures: Measures, label: str = "") -> Measures:
     return measures
 
 
-TIMING: Final = frozenset({"Gap", "GoalGap", "Lost"})
-"""What a machine that stands still for a moment brings about without us: such a story has a second try."""
+TIMING: Final = frozenset({"Gap", "GoalGap", "Lost", "Stale"})
+"""What a machine that stands still for a moment brings about without us: such a story has a second try.
+
+`Stale` too: age is counted here from the stamp that a node's own thread makes. One that stands still between that and
+publishing says something old, and no agent can know.
+"""
 
 
 class BrokenPromiseError(AssertionError):

@@ -28,7 +28,7 @@ class CloudDataShell(DataShell):
         self.publishers: dict[str, Any] = {}
         self.inputs = {i.name: i for i in configuration.inputs}
         self.outputs = [
-            raw.RawSubscription(self.node, o["cloud_topic"], o, False, partial(self.leave, index))
+            raw.RawSubscription(self.node, o["cloud_topic"], o, False, on_stamped=partial(self.leave, index))
             for index, o in enumerate(configuration.outputs)
         ]
         self.fills: dict[int, Any] = {}
@@ -56,10 +56,10 @@ class CloudDataShell(DataShell):
             self.process.counters[f"{channel.partition('/')[2]}.bytes"] += size - len(payload)
         super().on_message(channel, header, payload)
 
-    def leave(self, index: int, payload: bytes) -> None:
+    def leave(self, index: int, payload: bytes, published_s: float | None) -> None:
         """Takes a message of a replica, on the ROS thread."""
         self.look_who_is_heard()
-        self.process.leave(index, payload)
+        self.process.leave(index, payload, published_s)
 
     def watch(self, name: str, payload: bytes) -> None:
         """Takes an input that arrived by itself (DDS transports)."""

@@ -14,7 +14,7 @@ from robot_offload_agent.link.port import Channel
 from robot_offload_agent.process import losses, realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.process.clock import now_s, wall_s
 from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.process.heard_memory import HeardView
 from robot_offload_agent.ros import context
@@ -164,6 +164,10 @@ class DataShell(ABC):
     def now_s(self) -> float:
         """Returns the steady clock, seconds."""
         return now_s()
+
+    def system_s(self) -> float:
+        """Returns the system clock, seconds."""
+        return wall_s()
 
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""

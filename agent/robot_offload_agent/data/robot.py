@@ -27,7 +27,7 @@ class RobotDataShell(DataShell):
         self.process = RobotDataProcess(plan(configuration, rates_hz), self)
         self.process.packers = {i.name: self._packer(i) for i in configuration.inputs if i["jpeg_quality"]}
         self.inputs = [
-            raw.RawSubscription(self.node, i["topic"], i, i["latched"], partial(self.forward, i))
+            raw.RawSubscription(self.node, i["topic"], i, i["latched"], on_stamped=partial(self.forward, i))
             for i in (configuration.inputs if self.carried else ())
         ]
 
@@ -38,11 +38,11 @@ class RobotDataShell(DataShell):
             self.process.note(f"input {subscription.spec.name}", subscription.problem)
         return all(resolved)
 
-    def forward(self, spec: Named, payload: bytes) -> None:
+    def forward(self, spec: Named, payload: bytes, published_s: float | None) -> None:
         """Takes an input's message, on the ROS thread."""
         self.look_who_is_heard()
         publishers = self.node.count_publishers(spec["topic"]) if spec["latched"] else 1
-        self.process.forward(spec.name, payload, publishers)
+        self.process.forward(spec.name, payload, publishers, published_s)
 
     def _packer(self, spec: Named) -> Callable[[Any], Any]:
         """Returns what makes JPEG of an input's images, on the ROS thread; raises StartError without Pillow."""

@@ -69,9 +69,8 @@ class StateTopics:
     def _snapshot_topics(self, name: str, state: SnapshotState) -> None:
         full = full_name(self.configuration, state.node)
         self.publishers[name] = self.node.create_publisher(UInt8MultiArray, f"{full}/offload/restore", KEPT)
-        self.node.create_subscription(
-            UInt8MultiArray, f"{full}/offload/state", partial(self.process.published, name), HEARD, raw=True
-        )
+        hear = raw.stamped(partial(self.process.published, name))
+        self.node.create_subscription(UInt8MultiArray, f"{full}/offload/state", hear, HEARD, raw=True)
 
     def _source(self, state: TopicState) -> str:
         """Returns the topic that the node here publishes: the private one where it is an output too."""

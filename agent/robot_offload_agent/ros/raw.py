@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rclpy.node import Node
@@ -20,11 +20,14 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from robot_offload_agent.errors import StartError
 from robot_offload_agent.ros.interfaces import message_type
+from robot_offload_agent.ros.topic_loop import WithInfo
 from robot_offload_agent.settings.parameters import Named
 from robot_offload_core.process import kinds
 from robot_offload_core.process.rivals import Endpoint
 
 OnRaw = Callable[[bytes], None]
+OnStamped = Callable[[bytes, float | None], None]
+"""With the publisher's stamp, by the system clock of its host, seconds; None where the middleware has none."""
 _INFINITE_NS = 2**62
 NAMELESS = "_NODE_NAME_UNKNOWN_"
 """What rmw calls the node of an endpoint whose name has not been announced yet."""
@@ -120,6 +123,16 @@ def profile(spec: Named, reliable: bool, kept: bool) -> QoSProfile:
     )
 
 
+def stamped(hear: OnStamped) -> WithInfo:
+    """Returns a callback that hands on the publisher's stamp with each message."""
+
+    def heard(payload: bytes, info: Mapping[str, int]) -> None:
+        stamp_ns = info["source_timestamp"]
+        hear(payload, stamp_ns / 1e9 if stamp_ns > 0 else None)
+
+    return WithInfo(heard)
+
+
 @dataclass
 class RawSubscription:
     """A subscription that waits for type and QoS to be known, then delivers bytes.
@@ -129,13 +142,15 @@ class RawSubscription:
         spec: the output or input that it belongs to.
         type_name: declared, or found in the graph. type_hash: of the publishers' type, "" where it is not known.
         problem: (reason, message) for diagnostics while something is wrong.
+        on_raw: takes what comes, unless `on_stamped` does.
     """
 
     node: Node
     topic: str
     spec: Named
     latched: bool
-    on_raw: OnRaw
+    on_raw: OnRaw | None = None
+    on_stamped: OnStamped | None = None
     type_name: str = ""
     type_hash: str = ""
     qos: QoSProfile | None = None
@@ -169,7 +184,8 @@ class RawSubscription:
             self.node.destroy_subscription(self.subscription)
         self.type_name, self.qos, self.problem = name, qos, otherwise
         self.type_hash = graph_type_hash(self.node, self.topic)
-        self.subscription = self.node.create_subscription(cls, self.topic, self.on_raw, qos, raw=True)
+        hear = stamped(self.on_stamped) if self.on_stamped is not None else self.on_raw
+        self.subscription = self.node.create_subscription(cls, self.topic, hear, qos, raw=True)
         return True
 
     def _mismatch(self) -> tuple[str, str] | None:

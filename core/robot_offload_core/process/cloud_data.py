@@ -15,6 +15,7 @@ from robot_offload_core.process.data import MAX_REPORT, DataPlan, DataPorts, Dat
 from robot_offload_core.process.loops import Loop
 from robot_offload_core.process.messages import DataStatus, Egress, Limits, Reported
 from robot_offload_core.process.probe import Probe
+from robot_offload_core.process.waits import Waits
 from robot_offload_core.token import Site, Token
 
 REPORT_PERIOD_S = 0.2
@@ -31,6 +32,7 @@ class Kept:
     Attributes:
         payload: the message.
         robot, echo_us: the newest beat that had been heard when it was published, and whose: its age counts from there.
+            One that waited for us was published before the newest beat: the echo is older by as much.
         token, header: under which it left; None, b"": it has not. said: consumers here have heard it.
     """
 
@@ -87,6 +89,7 @@ class CloudDataProcess(DataProcess):
         self.known_types: dict[str, str] = {}
         self.mirror = Mirror()
         self.kept: dict[int, Kept] = {}
+        self.waits = [Waits() for _ in plan.outputs]
         specs = {i: output.spec for i, output in enumerate(plan.outputs) if output.spec is not None}
         self.loops = {i: Loop(spec) for i, spec in specs.items() if spec.shared}
         self.hot = {i: spec for i, spec in specs.items() if Site.CLOUD in spec.hot and not spec.of_cloud}
@@ -94,9 +97,16 @@ class CloudDataProcess(DataProcess):
 
     # -- towards the robot --------------------------------------------------------------------------------------------
 
-    def leave(self, index: int, payload: Any) -> None:
-        """Lets a message of a node here leave, only under a valid lease, read at this very moment."""
+    def leave(self, index: int, payload: Any, published_s: float | None = None) -> None:
+        """Lets a message of a node here leave, only under a valid lease, read at this very moment.
+
+        Args:
+            index: of the output.
+            payload: the message.
+            published_s: its publisher's stamp, by the system clock of that host; None: it has none.
+        """
         output = self.plan.outputs[index]
+        waited_s = self.waited_s(self.waits[index], published_s)
         if index in self.loops:
             payload = self._of_replica(index, payload)
         if payload is None:
@@ -113,7 +123,7 @@ class CloudDataProcess(DataProcess):
             token, end_s = egress.presence, egress.presence_end_s
             if output.mirrored and self.plan.carried:  # there is no other side that its neighbours could hear instead
                 self._say(index, payload)
-        message = Kept(payload, heard.incarnation if heard else "", heard.sent_us if heard else 0)
+        message = Kept(payload, heard.incarnation if heard else "", heard.echo_us(waited_s) if heard else 0)
         with self.ports.lock:
             self.kept[index] = message
             if token is not None and self.ports.now_s() < end_s:

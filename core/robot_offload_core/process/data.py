@@ -20,6 +20,7 @@ from robot_offload_core.process import probe
 from robot_offload_core.process.messages import Heard, Letters, Limits, Notes, Reported
 from robot_offload_core.process.pauses import Pauses
 from robot_offload_core.process.probe import Probe, ProbeError, Sign
+from robot_offload_core.process.waits import Waits
 from robot_offload_core.settings import OutputSpec
 
 STATUS_PERIOD_S = 0.040
@@ -45,6 +46,9 @@ class DataPorts(Protocol):
 
     def now_s(self) -> float:
         """Returns the steady clock, seconds."""
+
+    def system_s(self) -> float:
+        """Returns the system clock, seconds."""
 
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""
@@ -216,6 +220,12 @@ class DataProcess(ABC):
             detailed = now_s >= self.detail_due_s
             self.detail_due_s = now_s + DETAIL_PERIOD_S if detailed else self.detail_due_s
             self.report(now_s, detailed)
+
+    def waited_s(self, waits: Waits, published_s: float | None) -> float:
+        """Returns how long a message of a node here waited before we took it; `published_s`: its publisher's stamp."""
+        if published_s is None:
+            return 0.0
+        return waits.waited_s(published_s, self.ports.system_s(), self.ports.now_s())
 
     def next_status_s(self, now_s: float) -> float:
         """Returns when to report again after a report."""

@@ -23,6 +23,7 @@ from robot_offload_core.process.messages import (
 from robot_offload_core.process.pacing import Pace, Paces
 from robot_offload_core.process.probe import Probe
 from robot_offload_core.process.thinning import Thinning
+from robot_offload_core.process.waits import Waits
 from robot_offload_core.token import Site, Token
 
 RESEND_PERIOD_S = 0.5
@@ -62,6 +63,7 @@ class RobotDataProcess(DataProcess):
         self.index = {output.name: index for index, output in enumerate(plan.outputs)}
         self.aged = {i.name for i in plan.inputs if i.max_age_ms > 0}
         self.least_s: dict[str, float] = {}
+        self.waits = {i.name: Waits() for i in plan.inputs}
         self.thinning = {i.name: Thinning(ports.now_s()) for i in plan.inputs}
         self.paces = Paces((i.name, Pace(1 / i.min_rate_hz if i.min_rate_hz else 0.0, i.priority)) for i in plan.inputs)
         self.latest = {i.name for i in plan.inputs if i.latest}
@@ -72,9 +74,17 @@ class RobotDataProcess(DataProcess):
         self.hurries = any(o.spec is not None and o.spec.while_ is not None for o in plan.outputs)
         self._limit_rates((i.name, i.max_age_ms, i.rate_hz) for i in plan.inputs)
 
-    def forward(self, name: str, payload: Any, publishers: int = 1) -> None:
-        """Sends an input's message to the cloud; `publishers` of a latched topic: as many values are kept."""
+    def forward(self, name: str, payload: Any, publishers: int = 1, published_s: float | None = None) -> None:
+        """Sends an input's message to the cloud.
+
+        Args:
+            name: of the input.
+            payload: the message.
+            publishers: of a latched topic: as many values are kept.
+            published_s: its publisher's stamp, by the system clock of that host; None: it has none.
+        """
         now_s = self.came_s[name] = self.ports.now_s()
+        waited_s = 0.0 if name in self.latched else self.waited_s(self.waits[name], published_s)
         if self.pauses.waited(now_s) and name in self.aged:
             self.counters[f"{name}.waited"] += 1
             return
@@ -93,11 +103,11 @@ class RobotDataProcess(DataProcess):
                 values = [v for v in self.latched[name] if v != payload]
                 self.latched[name] = [*values, payload][-min(MAX_LATCHED, max(1, publishers)) :]
         packer = self.packers.get(name)
-        self.send_input(name, payload if packer is None else packer(payload))
+        self.send_input(name, payload if packer is None else packer(payload), waited_s)
 
-    def send_input(self, name: str, payload: Any) -> None:
-        """Sends with a header that lets the cloud bound the message's age."""
-        header = self._header(name)
+    def send_input(self, name: str, payload: Any, waited_s: float = 0.0) -> None:
+        """Sends with a header that lets the cloud bound the message's age; it waited so long for us already."""
+        header = self._header(name, waited_s)
         sent = self._cross_input(name, header, payload)
         with self.ports.lock:
             replaced = self.waiting.pop(name, None)
@@ -108,12 +118,12 @@ class RobotDataProcess(DataProcess):
         if left_out and self.ports.link_status()[0]:
             self.paces.refused(name, self.ports.now_s())
 
-    def _header(self, name: str) -> bytes:
+    def _header(self, name: str, waited_s: float = 0.0) -> bytes:
         heard = self.heard
         with self.ports.lock:
             sequence = self.sequence[name] = self.sequence.get(name, self.first_sequence) + 1
         token = Token(self.orders.incarnation, self.orders.epoch, heard.incarnation if heard else "")
-        return envelope.encode(Envelope(token, sequence, heard.sent_us if heard else 0))
+        return envelope.encode(Envelope(token, sequence, heard.echo_us(waited_s) if heard else 0))
 
     def _cross_input(self, name: str, header: bytes, payload: Any) -> bool:
         """Sends an input's message; returns whether the link took it."""

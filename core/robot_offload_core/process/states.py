@@ -21,6 +21,7 @@ from robot_offload_core.managed_nodes import State
 from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.data import DataProcess
 from robot_offload_core.process.robot_data import RobotDataProcess
+from robot_offload_core.process.waits import Waits
 from robot_offload_core.snapshots import Refused, Standing
 from robot_offload_core.token import Site, Token
 
@@ -110,13 +111,21 @@ class StateProcess(ABC):
         self.said: dict[str, _Said] = {}
         self.standing = {name: Standing() for name in states}
         self.readings = {name: _Reading() for name, state in states.items() if isinstance(state, SnapshotState)}
+        self.waits = {name: Waits() for name in self.readings}
         self.kept: dict[str, _Kept] = {}
         self.stood_by = False
         data.before_active = frozenset(name for name, state in states.items() if isinstance(state, SnapshotState))
         self._say_lacks(data.ports.now_s())
 
-    def published(self, name: str, payload: bytes) -> None:
-        """Takes what the node here said; what is no whole snapshot goes no further."""
+    def published(self, name: str, payload: bytes, published_s: float | None = None) -> None:
+        """Takes what the node here said; what is no whole snapshot goes no further.
+
+        Args:
+            name: of the entry.
+            payload: what it said.
+            published_s: its publisher's stamp, by the system clock of that host; None: it has none.
+        """
+        waited_s = self._waited_s(name, published_s)
         stay = self.stay()
         if stay is None or not self._whole(name, payload) or not self.data.fits(f"state {name}", payload):
             return
@@ -129,9 +138,16 @@ class StateProcess(ABC):
         if name in self.kept and self.kept[name].given:
             del self.kept[name]
             self.data.note(f"set {name}", None)
-        echo_us = self.data.heard.sent_us if self.data.heard else 0
+        echo_us = self.data.heard.echo_us(waited_s) if self.data.heard else 0
         self.said[name] = _Said(stay, payload, echo_us, self.data.ports.now_s() + AGAIN_S)
         self._send(name)
+
+    def _waited_s(self, name: str, published_s: float | None) -> float:
+        """Returns how long at most a snapshot waited for us: a standby must not take it for younger than it is."""
+        if name not in self.readings:
+            return 0.0
+        waited_s = self.data.waited_s(self.waits[name], published_s)
+        return max(waited_s, self.data.pauses.at_most_s(self.data.ports.now_s()))
 
     def turn(self) -> None:
         """Sends again what is due, gives what a node can take now, and says what a standby lacks."""

@@ -29,6 +29,7 @@ from robot_offload_lab.simulate.shells import (
     read,
     written,
 )
+from robot_offload_lab.simulate.since import Since
 from robot_offload_lab.simulate.world import Host, Process
 
 SENT_KEPT = 60
@@ -60,7 +61,7 @@ class CloudSide:
         around.link.data.up.target = self.data, self.data.arrived
 
     def _publish(self, name: str, index: int, message: Message) -> None:
-        self.data.post(name, self.data.output, index, message)
+        self.data.post(name, self.data.output, index, message, self.host.system_s())
 
     def start(self) -> None:
         """Starts everything, the user's nodes first."""
@@ -209,7 +210,7 @@ class CloudPulse(PulseShell):
             control.post(self.name, control.beat, beat, now_s, self.host.wall_us, sent_true_s)
             partner = pulse.partner(self.state)
             if partner is not None:
-                self.send("data", Heard(partner.incarnation, partner.sent_us, partner.arrived_s))
+                self.heard = Heard(partner.incarnation, partner.sent_us, partner.arrived_s)
 
 
 class CloudData(DataShell):
@@ -218,6 +219,7 @@ class CloudData(DataShell):
     Attributes:
         sent: some of what has left, for the fault that lets old messages arrive again.
         datagrams: channels of which nothing lost is sent again.
+        since: when the age of messages of each output begins.
     """
 
     process: CloudDataProcess
@@ -228,12 +230,14 @@ class CloudData(DataShell):
         self.sent: deque[tuple[str, bytes, Payload]] = deque(maxlen=SENT_KEPT)
         self.count = 0
         self.input_sent_s = 0.0
+        self.since = [Since() for _ in around.scenario.outputs]
         scenario = around.scenario
         self.datagrams = {"probe", *(f"out/{scenario.outputs[i].name}" for i in scenario.best_effort)}
 
     def boot(self) -> None:
         """Starts anew: nothing may leave; a new process opens a new session."""
         self.process = CloudDataProcess(self.around.scenario.data_plan, self)
+        self.since = [Since() for _ in self.around.scenario.outputs]
         if self.life > 1:
             self.around.link.data.reopen()
         self.boot_timers()
@@ -244,9 +248,12 @@ class CloudData(DataShell):
         """Returns the token under which messages may leave; None when none may."""
         return self.process.egress.egress.token
 
-    def output(self, index: int, message: Message) -> None:
-        """Takes what a replica has published."""
-        self.process.leave(index, Payload(Site.CLOUD, message, b"", self.world.now))
+    def output(self, index: int, message: Message, published_s: float) -> None:
+        """Takes what a replica has published, with its publisher's stamp."""
+        self.look_who_is_heard()
+        self.process.leave(
+            index, Payload(Site.CLOUD, message, b"", self.since[index].counts_s(self.host, message.born_s)), published_s
+        )
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
         """Sends over the data session; what leaves is shown."""

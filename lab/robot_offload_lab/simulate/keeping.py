@@ -17,6 +17,7 @@ from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.cloud_side import CloudSide
 from robot_offload_lab.simulate.robot_side import RobotSide
 from robot_offload_lab.simulate.scenario import Scenario
+from robot_offload_lab.simulate.since import Since
 from robot_offload_lab.simulate.violations import ViolationError
 from robot_offload_lab.simulate.world import World
 
@@ -37,14 +38,17 @@ class Kept:
         silent: faults at work that keep the node from publishing. torn: share of arrivals whose bytes are damaged.
         deaf: faults at work that keep the node from reading what it is given.
         took: how many snapshots the node was given.
+        since, excused_s: what of the age of a snapshot, by the time at which it was made, nobody here could know.
         began: each time that the node became Active: when (true time), and whether it had got a snapshot by then.
     """
 
     def __init__(
         self, world: World, site: Site, states: dict[str, StateSpec], side: RobotSide | CloudSide, robot: RobotSide,
-        name: str,
+        name: str, excused_s: dict[float, float],
     ) -> None:  # fmt: skip
         self.world, self.site, self.states, self.side, self.robot, self.name = world, site, states, side, robot, name
+        self.excused_s = excused_s
+        self.since = Since()
         self.node = side.nodes[self.states[name].node]
         self.process: StateProcess | None = None
         self.restored_s = float("-inf")
@@ -60,6 +64,7 @@ class Kept:
     def make(self, data: DataProcess) -> StateProcess:
         """Returns the exchange of a data process that has just begun."""
         self.restored_s = float("-inf")
+        self.since = Since()
         if isinstance(data, RobotDataProcess):
             self.process = RobotStates(self.states, self, data)
         else:
@@ -72,7 +77,13 @@ class Kept:
         self.world.after(period_s, self.say, period_s)
         if self.node.state is State.ACTIVE and self.node.running and not self.silent and self.process is not None:
             data = SAID.pack(self.site is Site.ROBOT, self.world.now)
-            self.side.data.post("state", self.process.published, self.name, serialized(data))
+            self.side.data.post("state", self.hear, data, self.world.now, self.side.host.system_s())
+
+    def hear(self, data: bytes, made_s: float, published_s: float) -> None:
+        """Lets the data process take what the node published, with its publisher's stamp."""
+        if self.process is not None:
+            self.excused_s[made_s] = self.since.counts_s(self.side.host, made_s) - made_s
+            self.process.published(self.name, serialized(data), published_s)
 
     def woke(self) -> None:
         """Takes what the node was given; notes whether it begins clean."""
@@ -95,7 +106,7 @@ class Kept:
         self.expect(bool(of_robot) is not (self.site is Site.ROBOT), "a node gets its own snapshot back")
         self.expect(made_s >= self.restored_s, "an older snapshot is restored")
         stood_s = self.side.host.stood_since(made_s)  # by a clock that stands still nothing grows older
-        bound_s, true_s = self.process.standing[name].age_s + stood_s, self.world.now - made_s
+        bound_s, true_s = self.process.standing[name].age_s + stood_s, self.world.now - made_s - self.excused_s[made_s]
         self.expect(bound_s >= true_s - SLACK_S, f"a snapshot of {true_s:.3f} s is said to be {bound_s:.3f} s old")
         self.restored_s = made_s
         self.took += 1
@@ -132,9 +143,10 @@ class Keeping:
 
     def __init__(self, world: World, scenario: Scenario, robot: RobotSide, cloud: CloudSide) -> None:
         (name,) = scenario.states
+        excused_s: dict[float, float] = {}
         self.period_s = scenario.state_period_s
         self.sides = {
-            site: Kept(world, site, scenario.states, side, robot, name)
+            site: Kept(world, site, scenario.states, side, robot, name, excused_s)
             for site, side in ((Site.ROBOT, robot), (Site.CLOUD, cloud))
         }
 

@@ -422,4 +422,9 @@ HANDOVER: dict[str, Mutant] = {
             ),
         ),
     ),
+    "N54": Mutant(
+        "a snapshot that waited is said to be new",
+        "snapshots_that_waited",
+        (Edit("process.states", "heard.echo_us(waited_s) if self", "heard.sent_us if self"),),
+    ),
 }

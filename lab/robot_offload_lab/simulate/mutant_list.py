@@ -1117,6 +1117,11 @@ MUTANTS: dict[str, Mutant] = {
         "queues_after_a_pause",
         (Edit("process.cloud_data", "if self.pauses.waited(self.ports.now_s()) and output.rated:", "if False:"),),
     ),
+    "X3": Mutant(
+        "what waited for the egress leaves as new",
+        "messages_that_waited_for_the_egress",
+        (Edit("process.cloud_data", "heard.echo_us(waited_s) if heard", "heard.sent_us if heard"),),
+    ),
     "X4": Mutant(
         "inputs of another robot reach the replicas",
         "old_inputs",

@@ -123,7 +123,7 @@ class Observer(Deadlines):
         latched output may pass once more in a new stay, because consumers have heard the other side's since, and at a
         collector that was started again, because its publisher has nothing for late consumers.
         1c: a message of the cloud carries a token that control named to the collector at most a lease ago.
-        1d: a message of the cloud left it at most `max_command_age_s` ago, unless it is latched.
+        1d: a message of the cloud was published there at most `max_command_age_s` ago, unless it is latched.
         """
         if payload.message.producer == OTHERS:
             self.violated("9", f"what others said on output {index} passed as the group's")
@@ -165,10 +165,10 @@ class Observer(Deadlines):
         """
         envelope, message, lane = decoded(payload.header), payload.message, self.lanes[index]
         spec = self.run.scenario.outputs[index]
-        limit_s = (spec.max_age_s or self.settings.max_command_age_s) * (1 + DRIFT)
+        limit_s = (spec.max_age_s or self.settings.max_command_age_s) * (1 + DRIFT) + HANDOVER_S
         age_s = self.world.now - payload.left_s
         if age_s > limit_s:
-            self.violated("1e", f"a result passed {age_s * 1e3:.1f} ms after it had left the cloud")
+            self.violated("1e", f"a result passed {age_s * 1e3:.1f} ms after it had been published in the cloud")
         named_s = self.named_s.get(envelope.token, -1e9)
         if self.world.now - named_s > self.settings.lease_s * (1 + DRIFT) + HANDOVER_S:
             self.violated("1e", "a result passed under a token that control does not name (any more)")
@@ -192,8 +192,8 @@ class Observer(Deadlines):
         limit_s = self.settings.lease_s * (1 + DRIFT) + HANDOVER_S
         if named_s is None or self.world.now - named_s > limit_s:
             self.violated("1c", "a cloud message passed under a token that control does not name (any more)")
-        if age_s > self.settings.max_command_age_s * (1 + DRIFT) and not envelope.latched:
-            self.violated("1d", f"a cloud message passed {age_s * 1e3:.1f} ms after it had left the cloud")
+        if age_s > self.settings.max_command_age_s * (1 + DRIFT) + HANDOVER_S and not envelope.latched:
+            self.violated("1d", f"a cloud message passed {age_s * 1e3:.1f} ms after it had been published there")
 
     def flipped(self, left: Charge | None) -> None:
         """Notes that the collector has changed over between two messages, away from `left`: a commanded changeover."""

@@ -35,7 +35,7 @@ class Payload(NamedTuple):
     Attributes:
         site: of the replica. message: what it published.
         header: of the envelope under which it left the cloud; b"" for the robot's.
-        left_s: true time at which it left the cloud, or its replica on the robot.
+        left_s: true time from which its age counts: it left its replica, see `Since` for what the cloud cannot know.
     """
 
     site: Site

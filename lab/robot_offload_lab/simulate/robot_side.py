@@ -287,7 +287,7 @@ class RobotPulse(PulseShell):
             control.post(self.name, control.beat, beat, now_s, self.host.wall_us, self.sent)
             partner = pulse.partner(self.state)
             if partner is not None:
-                self.send("data", Heard(partner.incarnation, partner.sent_us, partner.arrived_s))
+                self.heard = Heard(partner.incarnation, partner.sent_us, partner.arrived_s)
 
 
 class RobotData(DataShell):
@@ -306,9 +306,10 @@ class RobotData(DataShell):
             self.around.link.data.reopen()
         self.boot_timers()
 
-    def input(self, name: str, payload: bytes) -> None:
-        """Takes a message of an input from the robot's sensors."""
-        self.process.forward(name, payload)
+    def input(self, name: str, payload: bytes, published_s: float) -> None:
+        """Takes a message of an input from the robot's sensors, with its publisher's stamp."""
+        self.look_who_is_heard()
+        self.process.forward(name, payload, published_s=published_s)
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
         """Sends over the data session."""

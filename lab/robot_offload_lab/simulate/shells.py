@@ -10,7 +10,7 @@ from typing import Any
 from robot_offload_core import beats, guardians, managed_nodes, pulse
 from robot_offload_core.beats import Beat
 from robot_offload_core.process.data import DataProcess
-from robot_offload_core.process.messages import Carried
+from robot_offload_core.process.messages import Carried, Heard
 from robot_offload_core.process.states import CHANNEL, StateProcess
 from robot_offload_lab.simulate.nodes import Node
 from robot_offload_lab.simulate.ports import Surroundings
@@ -53,6 +53,10 @@ class Shell(Process):
         host = self.host
         return host.offset_s + self.world.now * host.rate
 
+    def system_s(self) -> float:
+        """Returns the system clock of this host."""
+        return self.host.system_s()
+
     def send(self, to: str, message: object) -> bool:
         """Sends a datagram to another process of this side."""
         peer = self.peers.get(to)
@@ -87,9 +91,12 @@ class PulseShell(Shell):
 
     Attributes:
         state: of the core's pulse.
+        heard: the newest beat of the partner, in a memory file that outlives this process: the data process looks at it
+            whenever it handles something, however long what it handles has waited.
     """
 
     state: pulse.Pulse
+    heard: Heard | None = None
 
     @abstractmethod
     def beat(self) -> None:
@@ -132,9 +139,17 @@ class DataShell(Shell):
         self.states = self.exchange(self.process) if self.exchange is not None else None
         self.once(self.world.dice.random() * 0.04, self._turn)
 
+    def look_who_is_heard(self) -> None:
+        """Takes the newest beat of the partner."""
+        pulse_shell = self.peers["pulse"]
+        assert isinstance(pulse_shell, PulseShell)
+        if pulse_shell.heard is not None:
+            self.process.handle(pulse_shell.heard)
+
     def _turn(self) -> None:
         process = self.process
         process.woke()
+        self.look_who_is_heard()
         process.turn()
         if self.states is not None:
             self.states.turn()
@@ -145,6 +160,7 @@ class DataShell(Shell):
         """Takes a datagram of another process."""
         self.process.woke()
         self.process.handle(message)
+        self.look_who_is_heard()
 
     def arrived(self, channel: str, header: bytes, payload: Any) -> None:
         """Takes a message from the link."""

@@ -231,8 +231,10 @@ def newest_messages_of_topics_that_speak_seldom() -> None:
 
     def publish(site: Site, index: int, sequence: int) -> float:
         message = Message(f"{site.value}{index}", 1, sequence, stage.now)
-        shell: Any = stage.robot.collector.robot_message if site is Site.ROBOT else stage.cloud.data.output
-        shell(index, message)
+        if site is Site.ROBOT:
+            stage.robot.collector.robot_message(index, message)
+        else:
+            stage.cloud.data.output(index, message, stage.cloud.host.system_s())
         return stage.now
 
     def heard(site: Site, index: int, born_s: float) -> int:

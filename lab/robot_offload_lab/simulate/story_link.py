@@ -226,7 +226,7 @@ def apart_clocks() -> None:
 
 def paused_virtual_machine() -> None:
     """A cloud whose virtual machine was paused, its steady clock with it, is used again as after any loss."""
-    for number in range(4):
+    for number in range(12):
         stage = Stage(f"story {number}")
         stage.in_cloud()
         stage.cloud.host.stand(1.0)

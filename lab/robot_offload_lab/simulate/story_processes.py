@@ -6,6 +6,7 @@ from robot_offload_core import envelope
 from robot_offload_core.envelope import Envelope
 from robot_offload_core.placement import Phase, SwitchByHand
 from robot_offload_core.process.data import InputPlan
+from robot_offload_core.process.pauses import LIMIT_S
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.scenario import Replica
@@ -148,6 +149,20 @@ def queues_after_a_pause() -> None:
     stage.run(1.0)
     oldest_s = max(m.at_s - m.born_s for m in stage.seen.messages if m.site is Site.CLOUD)
     stage.expect(oldest_s < 0.15, f"a message of {oldest_s * 1e3:.0f} ms left as new")
+
+
+def messages_that_waited_for_the_egress() -> None:
+    """What waited for the egress for less than a pause is as old as it is when it comes to the robot."""
+    strict = Settings(max_command_age_s=0.09)
+    stage = Stage(settings=strict, cloud_settings=strict)
+    stage.in_cloud()
+    for _ in range(10):
+        stage.stall(stage.cloud.data, 0.9 * LIMIT_S)
+        stage.run(0.5)
+    oldest_s = max(m.at_s - m.born_s for m in stage.seen.messages if m.site is Site.CLOUD)
+    stage.expect(oldest_s < 0.093, f"a message of {oldest_s * 1e3:.0f} ms passed as new")
+    stale = stage.robot.collector.process.counters["cmd_vel.cloud.Stale"]
+    stage.expect(stale > 0, "what waited is left out")
 
 
 def inputs_after_a_pause() -> None:
@@ -358,6 +373,7 @@ STORIES = (
     starved_collector_after_a_cut,
     loss_to_the_millisecond,
     queues_after_a_pause,
+    messages_that_waited_for_the_egress,
     inputs_after_a_pause,
     old_inputs,
     many_inputs,

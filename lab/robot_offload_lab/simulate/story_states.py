@@ -182,8 +182,20 @@ def data_processes_die_with_state() -> None:
             stage.run(2.0)
 
 
+def snapshots_that_waited() -> None:
+    """A snapshot that waited for a data process that stood still, for long or unnoticed, is no younger for that."""
+    stage = StateStage()
+    stage.in_cloud()
+    stage.run(1.0)
+    for duration_s in (0.11, 1.0, 0.11, 0.3, 0.11, 0.11):
+        stage.stall(stage.cloud.data, duration_s)
+        stage.run(duration_s + 1.0)
+    stage.expect(stage.kept(ROBOT).took > 20, "the standby is told")
+
+
 STORIES = (
     state_over_changes, state_after_a_loss, stale_state_is_waited_for, first_change_waits_for_state,
     first_change_waits_for_the_reader, node_that_listens_to_nothing, state_grows_old_in_a_preparation,
     person_waits_for_state_once, veto_waits_for_no_state, state_on_a_bad_link, data_processes_die_with_state,
+    snapshots_that_waited,
 )  # fmt: skip

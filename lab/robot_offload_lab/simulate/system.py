@@ -76,5 +76,5 @@ class System:
         if index not in self.silent_inputs:
             self.inputs_sent += 1
             payload = self.inputs_sent.to_bytes(8, "big") if spec.latched else b"scan"
-            self.robot.data.post("sensors", self.robot.data.input, spec.name, payload)
+            self.robot.data.post("sensors", self.robot.data.input, spec.name, payload, self.robot.host.system_s())
         self.world.after(self.scenario.input_periods_s[index], self._sense, index)

@@ -108,6 +108,10 @@ class Host:
         """The steady clock."""
         return self.offset_s + self.world.now * self.rate
 
+    def system_s(self) -> float:
+        """The system clock, which stamps messages."""
+        return self.now_s() + self.wall_us / 1e6
+
     def freeze(self) -> None:
         """Stops every process of this host."""
         self.frozen += 1

@@ -1,6 +1,8 @@
 """Every process of both agents is killed and stopped, alone, while the cloud acts and while the robot acts."""
 
 import signal
+import time
+from collections.abc import Callable
 
 import pytest
 
@@ -11,6 +13,8 @@ from tests.ros.agent.passage import UNDISTURBED_S, longest_gap_s
 
 EACH = [(side, process) for side, processes in PROCESSES.items() for process in processes]
 STOPPED_S = 1.0
+UNNOTICED_S = 0.105
+"""A process that stands still for longer than 0.12 s knows of it, and leaves out what has waited for it."""
 SLACK_S = 0.5
 """The collector changes over first, then control hears of it and says so; a fraction of what a start takes."""
 GAP_LIMIT_S = 5.0
@@ -59,6 +63,25 @@ def test_nothing_stale_passes_after_a_process_was_stopped_while_the_cloud_acted(
     world.goes_to("cloud")
     assert world.pid(side, process) == stopped
     assert max(a.age_s for a in world.arrivals if a.t_s > at_s) < 0.5
+
+
+def test_a_command_is_as_old_as_it_is_that_waited_for_the_egress_for_less_than_a_pause(
+    build: Callable[..., World],
+) -> None:
+    world = build(both={"max_command_age_ms": 90.0})
+    world.start()
+
+    def refused() -> bool:
+        """Whether the collector has refused one, after another short stop of the cloud's data process."""
+        since = len(world.arrivals)
+        world.signal("cloud", "data", signal.SIGSTOP)
+        time.sleep(UNNOTICED_S)
+        world.signal("cloud", "data", signal.SIGCONT)
+        world.until(lambda: any(a.site == "cloud" for a in world.arrivals[since:]), "the cloud is heard again")
+        return int(world.ear.diagnostics["data"].values.get("command.cloud.Stale", "0")) > 0
+
+    world.until(refused, "one is too old")
+    world.check()
 
 
 @pytest.mark.parametrize("process", PROCESSES["robot"])

@@ -16,6 +16,15 @@ def test_what_is_handled_just_after_a_pause_has_waited_and_what_comes_later_has_
     assert not pauses.waited(resumed_s + 1.1 * DRAIN_S)
 
 
+def test_what_is_handled_just_after_a_pause_has_waited_for_as_long_as_it_lasted_at_most() -> None:
+    pauses = Pauses(10.0)
+    assert pauses.at_most_s(10.05) == 0.0
+    resumed_s = 10.05 + LIMIT_S + 0.5
+    assert pauses.at_most_s(resumed_s) >= LIMIT_S + 0.5
+    assert pauses.at_most_s(resumed_s + 0.9 * DRAIN_S) >= LIMIT_S + 0.5 + 0.9 * DRAIN_S
+    assert pauses.at_most_s(resumed_s + 1.1 * DRAIN_S) == 0.0
+
+
 def test_a_second_pause_is_noticed_as_well() -> None:
     pauses = Pauses(10.0)
     pauses.waited(11.0)

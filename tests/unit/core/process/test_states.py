@@ -75,6 +75,9 @@ class Ports:
     def holder(self) -> Holding:
         return self.holding
 
+    def system_s(self) -> float:
+        return 1.7e9 + self.time_s
+
     def types(self) -> dict[str, str]:
         return {}
 
@@ -143,6 +146,24 @@ def pair() -> Pair:
 def stale(process: StateProcess) -> bool:
     process.turn()
     return any(reason == "StateStale" for reason, _ in process.data.problems.values())
+
+
+def test_a_snapshot_that_waited_is_no_younger_for_that(pair: Pair) -> None:
+    system_s = pair.ports[Site.ROBOT].system_s
+    pair.robot.published(NAME, message(b"one"), system_s() - 0.001)
+    pair.later(0.1)
+    pair.robot.data.woke()
+    pair.robot.published(NAME, message(b"two"), system_s() - 0.101)
+    pair.deliver()
+    assert pair.cloud.standing[NAME].age_s > 0.1
+
+
+def test_a_snapshot_that_may_have_waited_through_a_pause_is_as_old_as_that(pair: Pair) -> None:
+    pair.later(1.0)
+    pair.robot_holds(3)
+    pair.robot.published(NAME, message(b"one"))
+    pair.deliver()
+    assert pair.cloud.standing[NAME].age_s > 1.0
 
 
 def test_what_the_holder_says_reaches_the_standby_on_either_side(pair: Pair) -> None:
