@@ -106,11 +106,11 @@ class CloudDataProcess(DataProcess):
             published_s: its publisher's stamp, by the system clock of that host; None: it has none.
         """
         output = self.plan.outputs[index]
-        waited_s = self.waited_s(self.waits[index], published_s)
         if index in self.loops:
             payload = self._of_replica(index, payload)
         if payload is None:
             return
+        waited_s = self.waited_s(self.waits[index], published_s)
         self.spoke_s[index] = self.ports.now_s()
         if not self.fits(output.name, payload):
             return
