@@ -127,11 +127,11 @@ class Deadlines(Promises):
         While control runs no rated output is silent for longer than (its deadline or the loss timeout, whichever is
         longer) + activation deadline + reaction, unless the wheels are inhibited: that they stand by their dead man
         is no excuse. A collector that gets its processor in slices sees the silence two slices later at most: the one
-        in which it fell due, and the one in which its grace after that pause ends. A driver that restarted counts from
-        then, plus the period in which a standing inhibit is repeated; a driver that was released may wait for the next
-        message of the slower side. An output that is slower than nodes wake has its deadline from the changeover on,
-        and from the return of its node. Stopped or dead, control can inhibit nobody: there the driver's dead man is
-        the stop.
+        in which it fell due, and the one in which its grace after that pause ends. Control in slices decides one of its
+        own later. A driver that restarted counts from then, plus the period in which a standing inhibit is repeated; a
+        driver that was released may wait for the next message of the slower side. An output that is slower than nodes
+        wake has its deadline from the changeover on, and from the return of its node. Stopped or dead, control can
+        inhibit nobody: there the driver's dead man is the stop.
         """
         driver, now = self.run.driver, self.world.now
         if driver.inhibited and placement.IN_CHARGE[robot.phase] is Site.CLOUD and not self.stands_for_rival():
@@ -143,6 +143,8 @@ class Deadlines(Promises):
         resumed_s = -1.0 if resumed_s is None else now - (collector.host.now_s() - resumed_s)
         base_s = max(running_s, driver.running_since_s + INHIBIT_PERIOD_S, resumed_s)
         slices_s = 2 * min(collector.stood_s, self.settings.lease_s) if collector.starved() else 0.0
+        if self.run.robot.control.starved():
+            slices_s += min(self.run.robot.control.stood_s, self.settings.lease_s)
         for index, deadline_s in self.rated:
             since_s = max(base_s, self.lanes[index].passed_s)
             if index not in self.prompt:  # speaks one of its periods after its side took over
