@@ -28,6 +28,8 @@ REPLICA_GRACE_S = 3.0
 """How long a replica may be on its way before it is reported missing."""
 UNREAD_MOST_S = 0.045
 """Ticks are this far apart at most but for a turn: below what counts as a stall."""
+STEPPED_MOST_S = 0.015
+"""The next turn comes up to 30 ms later: when the beats have ceased meanwhile that is still no stall of ours (50 ms)."""
 DEADLINE_MARGIN_S = 0.0005
 """Behind a deadline, so that one turn finds it passed."""
 VETOES = {
@@ -245,8 +247,9 @@ class RobotControlProcess(ControlProcess):
         Silence is judged as of that beat then. What else comes, such as beats of strangers, takes no Tick's place.
         """
         heard, self.heard = self.heard, False
-        read_s = self.robot.stalls.read_s
-        return heard and read_s is not None and self.ports.now_s() - read_s < UNREAD_MOST_S
+        read_s, stepped_s, now_s = self.robot.stalls.read_s, self.robot.stalls.stepped_s, self.ports.now_s()
+        read = read_s is not None and now_s - read_s < UNREAD_MOST_S
+        return heard and read and stepped_s is not None and now_s - stepped_s < STEPPED_MOST_S
 
     def _state(self) -> None:
         """Publishes what has changed for the nodes with placement Cloud."""

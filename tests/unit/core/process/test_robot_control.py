@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from robot_offload_core import managed_nodes, placement
 from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat
@@ -120,3 +122,15 @@ def test_a_beat_of_our_cloud_judges_like_a_tick_and_takes_the_place_of_two_in_th
         ports.time_s += 0.020
         process.turn()
         assert process.robot.stalls.read_s == ports.time_s
+
+
+@pytest.mark.parametrize("beats", [30, 31, 32])
+def test_turns_that_come_late_after_the_last_beat_are_no_stall_of_ours(beats: int) -> None:
+    """A turn may be 30 ms late: its Tick is not left out for a beat that came long before it."""
+    process, ports = control()
+    ticks_of(process, ports, CLOUD, beats)
+    process.arrived(beat_of(CLOUD, beats, ports.time_s), ports.time_s, 0)
+    for wait_s in (0.029, 0.030, 0.030):  # the beats have ceased
+        ports.time_s += wait_s
+        process.turn()
+    assert process.robot.stalls.last_s is None
