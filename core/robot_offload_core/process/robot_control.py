@@ -29,7 +29,7 @@ REPLICA_GRACE_S = 3.0
 UNREAD_MOST_S = 0.045
 """Ticks are this far apart at most but for a turn: below what counts as a stall."""
 STEPPED_MOST_S = 0.015
-"""The next turn comes up to 30 ms later: when the beats have ceased meanwhile that is still no stall of ours (50 ms)."""
+"""The next turn comes up to 30 ms later: when the beats have ceased meanwhile that is no stall of ours yet (50 ms)."""
 DEADLINE_MARGIN_S = 0.0005
 """Behind a deadline, so that one turn finds it passed."""
 VETOES = {
