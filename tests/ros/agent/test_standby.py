@@ -59,10 +59,9 @@ def test_an_output_with_while_is_judged_while_a_goal_is_executed(build: Callable
         world.start_agent(side)
         world.start_node(side, silent_when_idle=True)
     world.until(lambda: world.site == "cloud", "an idle robot changes over to the cloud")
-    idle_s = now_s()
-    changes = len(world.placed)
+    idle_s, changes = now_s(), len(world.placed)
     world.until(lambda: now_s() - idle_s > 4, "nothing to do")
-    assert world.placed[changes:] == [], "nobody minds"
+    assert {change.site for change in world.placed[changes:]} <= {"cloud"}, "nobody minds"
 
     client = action_client(world.ear.node, "/many")
     goal = Goal(client, 10_000).accepted()
