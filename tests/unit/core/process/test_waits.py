@@ -64,3 +64,13 @@ def test_an_envelope_refers_to_a_beat_as_much_older_as_its_message_waited() -> N
     assert heard.echo_us(0.0) == 5_000_000
     assert heard.echo_us(0.11) == 4_890_000
     assert heard.echo_us(10.0) == 1, "0 would mean that nobody was heard"
+
+
+def test_a_stamp_of_the_future_makes_the_others_late_for_two_windows_at_most() -> None:
+    """Who publishes that is in front of the consumer anyway; what is refused costs the cloud its charge, no more."""
+    waits = Waits()
+    way(waits, 0.0)
+    way(waits, 0.1, ahead_s=1000.0)
+    assert way(waits, 0.2) == pytest.approx(1000.0, abs=1.0)
+    times_s = [step * 0.1 for step in range(3, int(2 * WINDOW_S / 0.1) + 5)]
+    assert [way(waits, now_s) for now_s in times_s][-1] == pytest.approx(0.0, abs=1e-5)
