@@ -161,9 +161,9 @@ class Deadlines(Promises):
                 self.violated("3b", f"output {index} is silent for {silent_s * 1e3:.0f} ms, the driver not inhibited")
 
     def _returned_s(self, index: int) -> float:
-        """Returns when the robot's node of an output has been awake again after its last start, seen by a read."""
+        """Returns when the robot's node of an output was awake again, seen by a read: a transition may take long."""
         node = self.run.robot.nodes.get(self.run.scenario.publishers[index])
-        return -1.0 if node is None else node.running_since_s + READ_PERIOD_S
+        return -1.0 if node is None else max(node.running_since_s, node.active_s) + READ_PERIOD_S
 
     def _check_order(self, robot: placement.Robot) -> None:
         """Invariant 5: with nothing wrong for 8 s exactly one side acts, and the cloud is used again.

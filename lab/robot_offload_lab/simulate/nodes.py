@@ -53,7 +53,7 @@ class Node(Process):
         awake: its first process is Active already: somebody started it before the agent.
         transition_s: longest normal transition. slow_s: added to each by faults.
         refusing, mute, hung: how many faults of that kind are at work.
-        activations: grows with every change of state.
+        activations: grows with every change of state. active_s: when it last became Active, true time.
         occupied: says whether there is something to publish for; None: always.
         woken: happens as the node becomes Active, as its `on_activate` does; None: nothing.
     """
@@ -73,6 +73,7 @@ class Node(Process):
         self.activations = 0
         self.occupied: Callable[[], bool] | None = None
         self.woken: Callable[[], None] | None = None
+        self.active_s = -1.0
         self._sequence = 0
         self._busy_until_s = 0.0
 
@@ -131,6 +132,8 @@ class Node(Process):
         if legal:
             self.state = GOAL[transition]
             self.activations += 1
+            if self.state is State.ACTIVE:
+                self.active_s = self.world.now
             if self.woken is not None and self.state is State.ACTIVE:
                 self.woken()
             if self.replica.on_activate and self.state is State.ACTIVE:
