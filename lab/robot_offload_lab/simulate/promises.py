@@ -123,7 +123,8 @@ class Promises:
 
     def rivalled(self) -> bool:
         """Returns whether control may know of a second publisher."""
-        return bool(self.run.rivals) or self.world.now - self.rival_gone_s < FORGOTTEN_S
+        present = bool(self.run.rivals) or self.rival_s is not None  # or gone since the last look
+        return present or self.world.now - self.rival_gone_s < FORGOTTEN_S
 
     def stands_for_rival(self) -> bool:
         """Returns whether the wheels may stand for a second publisher, whoever is in charge."""
