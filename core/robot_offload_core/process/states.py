@@ -84,10 +84,14 @@ class _Reading:
 
 @dataclass
 class _Said:
-    """The newest snapshot that the node here published, with the stay and the echo reference of that moment."""
+    """The newest snapshot that the node here published, with the stay and the echo reference of that moment.
+
+    The reference is a time of the partner that was heard then: for another one it means nothing.
+    """
 
     stay: object
     payload: bytes
+    partner: str
     echo_us: int
     due_s: float
 
@@ -138,8 +142,9 @@ class StateProcess(ABC):
         if name in self.kept and self.kept[name].given:
             del self.kept[name]
             self.data.note(f"set {name}", None)
-        echo_us = self.data.heard.echo_us(waited_s) if self.data.heard else 0
-        self.said[name] = _Said(stay, payload, echo_us, self.data.ports.now_s() + AGAIN_S)
+        heard = self.data.heard
+        partner, echo_us = (heard.incarnation, heard.echo_us(waited_s)) if heard else ("", 0)
+        self.said[name] = _Said(stay, payload, partner, echo_us, self.data.ports.now_s() + AGAIN_S)
         self._send(name)
 
     def _waited_s(self, name: str, published_s: float | None) -> float:
@@ -274,9 +279,10 @@ class StateProcess(ABC):
         token, said = self.holding(), self.said[name]
         if token is None or said.stay != self.stay():
             return
+        echo_us = said.echo_us if said.partner in (token.robot, token.cloud) else 0
         with self.data.ports.lock:
             self.sequence += 1
-            header = envelope.encode(Envelope(token, self.sequence, said.echo_us))
+            header = envelope.encode(Envelope(token, self.sequence, echo_us))
         sent = self.data.ports.cross(f"{CHANNEL}{name}", header, said.payload)
         self.data.counters[f"state {name}.{'sent' if sent else 'unsent'}"] += 1
 

@@ -425,6 +425,6 @@ HANDOVER: dict[str, Mutant] = {
     "N54": Mutant(
         "a snapshot that waited is said to be new",
         "snapshots_that_waited",
-        (Edit("process.states", "heard.echo_us(waited_s) if self", "heard.sent_us if self"),),
+        (Edit("process.states", "heard.echo_us(waited_s)) if heard", "heard.sent_us) if heard"),),
     ),
 }

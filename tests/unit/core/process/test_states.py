@@ -158,6 +158,17 @@ def test_a_snapshot_that_waited_is_no_younger_for_that(pair: Pair) -> None:
     assert pair.cloud.standing[NAME].age_s > 0.1
 
 
+def test_a_snapshot_that_is_sent_again_to_another_cloud_has_no_age_by_the_clock_of_the_one_before(pair: Pair) -> None:
+    pair.robot_data.handle(Heard("9" * 32, round(40_000 * 1e6), pair.ports[Site.ROBOT].time_s))
+    pair.robot.published(NAME, message(b"one"))
+    pair.deliver()
+    pair.robot_holds(3)
+    pair.later(1.1)
+    pair.robot.turn()
+    pair.deliver()
+    assert pair.cloud.standing[NAME].age_s == float("inf"), "nobody can say"
+
+
 def test_a_snapshot_that_may_have_waited_through_a_pause_is_as_old_as_that(pair: Pair) -> None:
     pair.later(1.0)
     pair.robot_holds(3)
