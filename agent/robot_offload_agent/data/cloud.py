@@ -28,7 +28,7 @@ class CloudDataShell(DataShell):
         self.publishers: dict[str, Any] = {}
         self.inputs = {i.name: i for i in configuration.inputs}
         self.outputs = [
-            raw.RawSubscription(self.node, o["cloud_topic"], o, False, on_stamped=partial(self.leave, index))
+            raw.RawSubscription(self.node, o["cloud_topic"], o, False, raw.stamped(partial(self.leave, index)))
             for index, o in enumerate(configuration.outputs)
         ]
         self.fills: dict[int, Any] = {}

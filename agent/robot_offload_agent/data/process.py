@@ -14,7 +14,7 @@ from robot_offload_agent.link.port import Channel
 from robot_offload_agent.process import losses, realtime
 from robot_offload_agent.process.beacon import Beacon
 from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.clock import now_s, wall_s
+from robot_offload_agent.process.clock import now_s, wall_ns
 from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.process.heard_memory import HeardView
 from robot_offload_agent.ros import context
@@ -167,7 +167,7 @@ class DataShell(ABC):
 
     def system_s(self) -> float:
         """Returns the system clock, seconds."""
-        return wall_s()
+        return wall_ns() / 1e9
 
     def send(self, to: str, message: object) -> bool:
         """Sends a message to another process of this agent."""

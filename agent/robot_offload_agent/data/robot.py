@@ -27,7 +27,7 @@ class RobotDataShell(DataShell):
         self.process = RobotDataProcess(plan(configuration, rates_hz), self)
         self.process.packers = {i.name: self._packer(i) for i in configuration.inputs if i["jpeg_quality"]}
         self.inputs = [
-            raw.RawSubscription(self.node, i["topic"], i, i["latched"], on_stamped=partial(self.forward, i))
+            raw.RawSubscription(self.node, i["topic"], i, i["latched"], raw.stamped(partial(self.forward, i)))
             for i in (configuration.inputs if self.carried else ())
         ]
 

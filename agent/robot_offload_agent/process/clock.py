@@ -20,11 +20,6 @@ def wall_us() -> int:
     return time.clock_gettime_ns(time.CLOCK_REALTIME) // 1000 - now_us()
 
 
-def wall_s() -> float:
-    """System clock in seconds, to be held against a publisher's stamp."""
-    return time.clock_gettime(time.CLOCK_REALTIME)
-
-
 def wall_ns() -> int:
     """System clock in nanoseconds, for stamps that user nodes see."""
     return time.clock_gettime_ns(time.CLOCK_REALTIME)

@@ -142,15 +142,13 @@ class RawSubscription:
         spec: the output or input that it belongs to.
         type_name: declared, or found in the graph. type_hash: of the publishers' type, "" where it is not known.
         problem: (reason, message) for diagnostics while something is wrong.
-        on_raw: takes what comes, unless `on_stamped` does.
     """
 
     node: Node
     topic: str
     spec: Named
     latched: bool
-    on_raw: OnRaw | None = None
-    on_stamped: OnStamped | None = None
+    on_raw: OnRaw | WithInfo
     type_name: str = ""
     type_hash: str = ""
     qos: QoSProfile | None = None
@@ -184,8 +182,7 @@ class RawSubscription:
             self.node.destroy_subscription(self.subscription)
         self.type_name, self.qos, self.problem = name, qos, otherwise
         self.type_hash = graph_type_hash(self.node, self.topic)
-        hear = stamped(self.on_stamped) if self.on_stamped is not None else self.on_raw
-        self.subscription = self.node.create_subscription(cls, self.topic, hear, qos, raw=True)
+        self.subscription = self.node.create_subscription(cls, self.topic, self.on_raw, qos, raw=True)
         return True
 
     def _mismatch(self) -> tuple[str, str] | None:

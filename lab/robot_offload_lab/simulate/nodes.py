@@ -133,14 +133,18 @@ class Node(Process):
             self.state = GOAL[transition]
             self.activations += 1
             if self.state is State.ACTIVE:
-                self.active_s = self.world.now
-            if self.woken is not None and self.state is State.ACTIVE:
-                self.woken()
-            if self.replica.on_activate and self.state is State.ACTIVE:
-                self.once(self.replica.period_s, partial(self._timer_of, self.activations))
+                self._begin()
             self.world.note(self.name, "is", self.state.value)
         if not self.mute:
             client.post(self.name, answered, transition, legal)
+
+    def _begin(self) -> None:
+        """Becomes Active."""
+        self.active_s = self.world.now
+        if self.woken is not None:
+            self.woken()
+        if self.replica.on_activate:
+            self.once(self.replica.period_s, partial(self._timer_of, self.activations))
 
     def _read(self, client: Process, answered: Act) -> None:
         if self._busy_until_s > self.world.now:
