@@ -4,8 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_offload_core import envelope
+from robot_offload_core.process.data import DataPlan, InputPlan
 from robot_offload_core.process.messages import Heard
+from robot_offload_core.process.robot_data import RobotDataProcess
 from robot_offload_core.process.waits import ON_THE_WAY_S, WINDOW_S, Waits
+from tests.unit.core.process.test_states import Ports
 
 SYSTEM_S = 1.7e9
 """The system clock at steady time 0."""
@@ -74,3 +78,16 @@ def test_a_stamp_of_the_future_makes_the_others_late_for_two_windows_at_most() -
     assert way(waits, 0.2) == pytest.approx(1000.0, abs=1.0)
     times_s = [step * 0.1 for step in range(3, int(2 * WINDOW_S / 0.1) + 5)]
     assert [way(waits, now_s) for now_s in times_s][-1] == pytest.approx(0.0, abs=1e-5)
+
+
+def test_an_input_that_waited_for_us_refers_to_an_older_beat_and_a_latched_one_never() -> None:
+    ports = Ports()
+    process = RobotDataProcess(DataPlan((InputPlan("scan", 300), InputPlan("map", latched=True)), ()), ports)
+    process.handle(Heard("1" * 32, 99_000_000, 100.0))
+    for name in ("scan", "map"):
+        process.forward(name, b"first", published_s=ports.system_s() - 0.001)
+        process.forward(name, b"second", published_s=ports.system_s() - 0.101)
+    echoes_us = [(channel, envelope.decode(header).echo_us) for channel, header, _ in ports.crossed]
+    assert echoes_us[0] == ("in/scan", 99_000_000)
+    assert echoes_us[1][1] == pytest.approx(98_900_000, abs=10)
+    assert [echo_us for channel, echo_us in echoes_us if channel == "in/map"] == [99_000_000, 99_000_000]
