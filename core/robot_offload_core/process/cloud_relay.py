@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import isfinite
 
 from robot_offload_core.declared import ActionSpec, ServiceSpec, UsedAction, UsedService
 from robot_offload_core.lease import SetEgress
@@ -159,7 +160,6 @@ class CloudRelay(RelayProcess):
             word, met = self.post.take(message.data)
             if met:
                 self.calls.clear()
-                self.inherited.clear()  # it names its attempts, and cancels what it has given up
                 self._unname()
                 self.used.robot_relay_met()
             if word is not None:
@@ -315,20 +315,31 @@ class CloudRelay(RelayProcess):
     def _inherited_until_s(self, action: str) -> float:
         egress = self.egress.egress if self.egress is not None else SetEgress(None, 0.0)
         end_s = egress.presence_end_s if action in self._of_cloud else egress.lease_end_s
-        return max(self.inherited_s, end_s + ORPHAN_S)
+        runs = [self._runs_until_s(run) for run in self.own.runs.values() if run.action == action and not run.cancel]
+        named_s = self._named_s()
+        return max(self.inherited_s, end_s + ORPHAN_S, *runs, named_s if isfinite(named_s) else 0.0)
+
+    def _named_s(self) -> float:
+        """When the robot's relay, once it knows this one, has named its attempts and cancelled what it has given up.
+
+        Its letters are written again meanwhile, so that it must be heard. While it is not: never.
+        """
+        return self.post.known_s + ORPHAN_S if self.post.heard() else float("inf")
 
     def _cancel_inherited(self, now_s: float) -> None:
-        """Ends what a predecessor began when no relay of the robot comes to name it: all goals, their ids are unknown.
+        """Ends what a predecessor began and the robot does not name: all goals of an action, their ids are unknown.
 
-        Until the server has answered nothing new is offered to it, because the cancel would end that too.
+        Not before nothing of that action may run on. Until the server has answered nothing new is offered to it,
+        because the cancel would end that too.
         """
+        if now_s >= self._named_s():
+            self.inherited.clear()
         for action in sorted(self.inherited & self.own.seen.keys()):
             if now_s < self._inherited_until_s(action):
                 continue
             self.inherited.discard(action)
-            if all(run.action != action for run in self.own.runs.values()):
-                self.sweeping[action] = now_s + CANCEL_AGAIN_S
-                self.ports.cancel(Face.GROUP, action, ALL_GOALS)
+            self.sweeping[action] = now_s + CANCEL_AGAIN_S
+            self.ports.cancel(Face.GROUP, action, ALL_GOALS)
 
     def _unname(self) -> None:
         """Lets mirrors run on for as long as a new relay of the robot may take to name them again."""

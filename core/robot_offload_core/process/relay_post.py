@@ -21,6 +21,7 @@ class Post:
     Attributes:
         agent: incarnation of the control process whose relay is listened to; "" for nobody.
         hello, hello_s: the newest of the other relay, and its arrival.
+        known_s: since when the other relay has known this one and has been heard without a break; inf: it does not.
     """
 
     def __init__(self, incarnation: str, ports: RelayPorts) -> None:
@@ -29,6 +30,7 @@ class Post:
         self.agent = ""
         self.hello: Hello | None = None
         self.hello_s = float("-inf")
+        self.known_s = float("inf")
         self.hello_due_s = ports.now_s()
         self.said: Hello | None = None
         self.counters: Counter[str] = Counter()
@@ -63,8 +65,15 @@ class Post:
             self.counters["foreign"] += 1
             return None, False
         self.problem = None
+        heard, now_s = self.heard(), self.ports.now_s()
         met = self.courier.meet(frame.writer)
-        self.hello, self.hello_s = frame.word, self.ports.now_s()
+        if frame.reader != self.courier.mine:
+            self.known_s = float("inf")
+        elif met or not heard:
+            self.known_s = now_s
+        else:
+            self.known_s = min(self.known_s, now_s)
+        self.hello, self.hello_s = frame.word, now_s
         return frame.word, met
 
     def turn(self, hello: Hello) -> None:

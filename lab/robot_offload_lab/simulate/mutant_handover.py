@@ -427,4 +427,9 @@ HANDOVER: dict[str, Mutant] = {
         "snapshots_that_waited",
         (Edit("process.states", "heard.echo_us(waited_s)) if heard", "heard.sent_us) if heard"),),
     ),
+    "N55": Mutant(
+        "a new relay of the cloud trusts a robot that does not know it to name its predecessor's goals",
+        "clouds_relay_dies_and_robot_hears_nobody",
+        (Edit("process.cloud_relay", "            if met:\n", "            if met:\n                self.inherited.clear()\n"),),
+    ),
 }

@@ -136,8 +136,24 @@ def clouds_relay_dies_unheard() -> None:
     stage.ends(goal, GoalStatus.SUCCEEDED)
 
 
+def clouds_relay_dies_and_robot_hears_nobody() -> None:
+    """As before, but the successor hears the robot, which cannot hear it: it must not wait for words that never come."""
+    stage = GoalStage(drops=False, cloud_nodes=tuple(replace(node, hot=True) for node in (CONTROLLER, PLANNER)))
+    stage.in_cloud()
+    goal = stage.goal()
+    join = stage.cut("down")
+    stage.until(lambda: stage.holder is ROBOT, 2.0, "the robot takes over")
+    stage.handing.cloud.kill(0.3)
+    stage.run(3.0)
+    stage.expect(not stage.copies(CLOUD, goal), "the cloud's copy has ended")
+    join()
+    stage.run(2.0)
+    stage.let_end()
+    stage.ends(goal, GoalStatus.SUCCEEDED)
+
+
 STORIES = (
     mirror_takes_over, mirror_in_the_cloud, mirror_over_changes, mirror_ends_early,
     mirror_that_ended_early_keeps_from_a_takeover_by_silence, node_of_the_cloud_serves,
-    clouds_relay_dies_unheard,
+    clouds_relay_dies_unheard, clouds_relay_dies_and_robot_hears_nobody,
 )  # fmt: skip

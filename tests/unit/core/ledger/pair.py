@@ -9,6 +9,7 @@ from robot_offload_core.declared import Accept, ActionSpec, OnSwitch, ServiceMod
 from robot_offload_core.lease import SetEgress
 from robot_offload_core.ledger.ports import CancelCode, Face, GoalEntry, GoalStatus, Holding
 from robot_offload_core.ledger.wire_ids import goal_id_of, with_goal_id
+from robot_offload_core.ledger.words import decode
 from robot_offload_core.process.cloud_relay import CloudRelay
 from robot_offload_core.process.messages import Egress, Letters, RelayOrders, RelayStatus
 from robot_offload_core.process.relay import RelayPlan, RelayProcess
@@ -184,7 +185,7 @@ class Pair:
 
     Attributes:
         holding: what the collector's memory says. candidate: whom control prepares. present: `presence` is granted.
-        lose: words to that side are lost.
+        lose: words to that side are lost. lose_letters: all but hellos.
     """
 
     def __init__(self, plan: RelayPlan = ALL) -> None:
@@ -198,6 +199,7 @@ class Pair:
         self.able = (Site.ROBOT, Site.CLOUD)
         self.wire: list[tuple[Site, Letters]] = []
         self.lose: set[Site] = set()
+        self.lose_letters: set[Site] = set()
         self.starts = 0
         self.robot, self.cloud = Side(self, Site.ROBOT), Side(self, Site.CLOUD)
         self.start_robot()
@@ -261,7 +263,8 @@ class Pair:
             wire, self.wire = self.wire, []
             for to, letters in wire:
                 side = self.robot if to is Site.ROBOT else self.cloud
-                if to not in self.lose and side.relay is not None:
+                lost = to in self.lose or (to in self.lose_letters and decode(letters.data).number > 0)
+                if not lost and side.relay is not None:
                     side.relay.handle(letters)
             if not wire and not self.robot.acts and not self.cloud.acts:
                 return

@@ -9,7 +9,8 @@ from robot_offload_core.ledger import journal
 from robot_offload_core.ledger.ports import ALL_GOALS, CancelCode, Face, GoalStatus, Holding
 from robot_offload_core.process.messages import Letters
 from robot_offload_core.token import Site
-from tests.unit.core.ledger.pair import FOLLOW, PLAN, Pair, goal, goal_id, token
+from tests.unit.core.ledger.pair import FOLLOW, PLAN, SPIN, Pair, goal, goal_id, token
+from tests.unit.core.ledger.test_mirrors import PLAN as MIRRORED
 
 
 def test_a_successor_goes_on_with_the_goals_and_answers_the_clients_of_its_predecessor() -> None:
@@ -97,6 +98,51 @@ def test_a_new_cloud_relay_that_the_robot_speaks_to_ends_nothing() -> None:
     pair.start_cloud()
     pair.run(3.0)
     assert pair.cloud.cancelled == []
+
+
+def test_a_new_cloud_relay_that_the_robot_does_not_know_ends_the_goals_of_its_predecessor() -> None:
+    """It hears the robot, which hears nothing and so has nobody to name its attempts to (storm 9601, stretch 1161)."""
+    pair = Pair()
+    pair.in_cloud()
+    pair.goal(1, SPIN)
+    pair.lose = set(Site)
+    pair.change(Site.ROBOT, 9, sudden=True)
+    pair.start_cloud()
+    pair.lose = {Site.ROBOT}
+    pair.run(1.5)
+    assert set(pair.cloud.cancelled) == {ALL_GOALS}
+
+
+def test_a_new_cloud_relay_ends_the_goals_of_its_predecessor_when_the_link_is_cut_before_the_robot_has_named_them() -> (
+    None
+):
+    """Both relays have met; the robot's letters are lost."""
+    pair = Pair()
+    pair.in_cloud()
+    pair.goal(1, SPIN)
+    pair.lose = set(Site)
+    pair.change(Site.ROBOT, 9, sudden=True)
+    pair.start_cloud()
+    pair.lose_letters = {Site.CLOUD}
+    pair.lose = set()
+    pair.run(0.5)
+    pair.lose = set(Site)
+    pair.run(1.5)
+    assert set(pair.cloud.cancelled) == {ALL_GOALS}
+
+
+def test_a_new_cloud_relay_that_the_robot_leaves_ends_nothing_while_a_mirror_of_the_same_action_runs() -> None:
+    """Ids of a predecessor are unknown: while a goal of an action may run, the others of it cannot be ended."""
+    pair = Pair(MIRRORED)
+    pair.goal(1)
+    pair.start_cloud()
+    pair.run(0.5)
+    pair.lose = set(Site)
+    pair.run(3.0)
+    assert pair.cloud.cancelled == []
+    pair.cloud.end(0)
+    pair.run(0.1)
+    assert set(pair.cloud.cancelled) == {ALL_GOALS}
 
 
 def test_an_ended_result_is_kept_over_a_restart() -> None:
