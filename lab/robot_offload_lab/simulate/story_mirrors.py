@@ -137,7 +137,7 @@ def clouds_relay_dies_unheard() -> None:
 
 
 def clouds_relay_dies_and_robot_hears_nobody() -> None:
-    """As before, but the successor hears the robot, which cannot hear it: it must not wait for words that never come."""
+    """As before, but the successor hears the robot, which cannot hear it: it must not wait for its words."""
     stage = GoalStage(drops=False, cloud_nodes=tuple(replace(node, hot=True) for node in (CONTROLLER, PLANNER)))
     stage.in_cloud()
     goal = stage.goal()
