@@ -430,6 +430,12 @@ HANDOVER: dict[str, Mutant] = {
     "N55": Mutant(
         "a new relay of the cloud trusts a robot that does not know it to name its predecessor's goals",
         "clouds_relay_dies_and_robot_hears_nobody",
-        (Edit("process.cloud_relay", "            if met:\n", "            if met:\n                self.inherited.clear()\n"),),
+        (
+            Edit(
+                "process.cloud_relay",
+                "            if met:\n",
+                "            if met:\n                self.inherited.clear()\n",
+            ),
+        ),
     ),
 }
