@@ -16,7 +16,7 @@ from robot_offload_core.process.cloud_data import CloudDataProcess
 from robot_offload_core.process.messages import Heard, Notes, Speak
 from robot_offload_core.token import Site, Token
 from robot_offload_lab.simulate.nodes import Message, Node
-from robot_offload_lab.simulate.ports import Payload, Surroundings, decoded
+from robot_offload_lab.simulate.ports import Payload, Sensed, Surroundings, decoded
 from robot_offload_lab.simulate.scenario import UID
 from robot_offload_lab.simulate.shells import (
     EFFECT_S,
@@ -229,7 +229,6 @@ class CloudData(DataShell):
         self.process = CloudDataProcess(around.scenario.data_plan, self)
         self.sent: deque[tuple[str, bytes, Payload]] = deque(maxlen=SENT_KEPT)
         self.count = 0
-        self.input_sent_s = 0.0
         self.since = [Since() for _ in around.scenario.outputs]
         scenario = around.scenario
         self.datagrams = {"probe", *(f"out/{scenario.outputs[i].name}" for i in scenario.best_effort)}
@@ -274,12 +273,6 @@ class CloudData(DataShell):
             self.around.witness.left_cloud(egress.token)
             self.around.link.data.down.carry("effect", b"", egress.token)
 
-    def arrived(self, channel: str, header: bytes, payload: Any) -> None:
-        """Takes a message from the link."""
-        if channel.startswith("in/"):
-            payload, self.input_sent_s = payload
-        super().arrived(channel, header, payload)
-
     def publish_output(self, index: int, payload: Payload) -> None:
         """Publishes to the consumers in the cloud."""
         self.around.witness.heard_in_cloud(index, payload)
@@ -291,8 +284,7 @@ class CloudData(DataShell):
         self.around.witness.filled(Site.CLOUD, index, payload)
         self.post(self.name, self.process.leave, index, payload)
 
-    def publish_input(self, name: str, payload: Any) -> bool:
+    def publish_input(self, name: str, payload: Sensed) -> bool:
         """Publishes to the replicas."""
-        del payload
-        self.around.witness.input_heard(name, self.world.now - self.input_sent_s)
+        self.around.witness.input_heard(name, self.world.now - payload.since_s)
         return True

@@ -892,6 +892,17 @@ MUTANTS: dict[str, Mutant] = {
         "overtaken_words",
         (Edit("guardians", "    if inhibited is guardian.inhibit_said:\n", "    if True:\n"),),
     ),
+    "X35": Mutant(
+        "an input that waited for the robot's data process crosses as new",
+        "inputs_that_waited",
+        (
+            Edit(
+                "process.robot_data",
+                "waited_s = 0.0 if name in self.latched else self.waited_s(self.waits[name], published_s)",
+                "waited_s = 0.0",
+            ),
+        ),
+    ),
     "X30": Mutant(
         "a busy CORE node of the cloud counts as dead although its outputs flow",
         "busy_node_in_the_cloud",

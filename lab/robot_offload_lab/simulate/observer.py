@@ -58,6 +58,7 @@ class Observer(Deadlines):
         self.changeovers = {"commanded": 0, "sudden": 0}
         self.passed_messages = {Site.ROBOT: 0, Site.CLOUD: 0}
         self.alarms: dict[str, int] = {}
+        self.input_age_s = {spec.name: spec.max_age_s for spec in run.scenario.input_specs}
 
     # -- who is who ---------------------------------------------------------------------------------------------------
 
@@ -315,7 +316,10 @@ class Observer(Deadlines):
     # -- consumers in the cloud, inputs, people -----------------------------------------------------------------------
 
     def input_heard(self, name: str, age_s: float) -> None:
-        """A message of an input reached the cloud's replicas."""
+        """Invariant 1g: a message of an input that reaches the cloud's replicas is not older than its `maxAge`."""
+        limit_s = self.input_age_s[name]
+        if limit_s and age_s > limit_s * (1 + DRIFT) + HANDOVER_S:
+            self.violated("1g", f"{name} reached the cloud's replicas {age_s * 1e3:.1f} ms after it had been published")
 
     def answered(self, key: int, accepted: bool, message: str) -> None:
         """A switch by hand was answered."""

@@ -29,6 +29,16 @@ decoded = lru_cache(maxsize=512)(decode)
 """Reads a header: the same few are looked at by the egress, the collector and the observer."""
 
 
+class Sensed(bytes):
+    """A message of an input.
+
+    Attributes:
+        since_s: true time from which its age counts: it was published, see `Since` for what the robot cannot know.
+    """
+
+    since_s: float = 0.0
+
+
 class Payload(NamedTuple):
     """What stands for the bytes of an output's message.
 
@@ -100,7 +110,7 @@ class Witness(Protocol):
         """A replica of a shared output got on its private topic what it would hear on the public one."""
 
     def input_heard(self, name: str, age_s: float) -> None:
-        """A message of an input reached the cloud's replicas, so long after it was sent (true time)."""
+        """A message of an input reached the cloud's replicas, so long after it was published (true time)."""
 
     def available(self, statements: tuple[Available, ...]) -> None:
         """The robot's control states which nodes with placement Cloud have results that arrive."""

@@ -16,7 +16,7 @@ from robot_offload_core.process.robot_data import RobotDataProcess
 from robot_offload_core.settings import Settings
 from robot_offload_core.token import Site
 from robot_offload_lab.simulate.nodes import Message, Node
-from robot_offload_lab.simulate.ports import Surroundings
+from robot_offload_lab.simulate.ports import Sensed, Surroundings
 from robot_offload_lab.simulate.robot_collector import Collector
 from robot_offload_lab.simulate.scenario import UID
 from robot_offload_lab.simulate.shells import (
@@ -30,6 +30,7 @@ from robot_offload_lab.simulate.shells import (
     read,
     written,
 )
+from robot_offload_lab.simulate.since import Since
 from robot_offload_lab.simulate.world import Host, Process
 
 LEAVING_S = 25.0
@@ -298,23 +299,25 @@ class RobotData(DataShell):
     def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
         super().__init__(around, host, "data", peers)
         self.process = RobotDataProcess(around.scenario.data_plan, self)
+        self.since = {spec.name: Since() for spec in around.scenario.inputs}
 
     def boot(self) -> None:
         """Starts anew; a new process opens a new session."""
         self.process = RobotDataProcess(self.around.scenario.data_plan, self)
+        self.since = {spec.name: Since() for spec in self.around.scenario.inputs}
         if self.life > 1:
             self.around.link.data.reopen()
         self.boot_timers()
 
-    def input(self, name: str, payload: bytes, published_s: float) -> None:
+    def input(self, name: str, payload: Sensed, published_s: float) -> None:
         """Takes a message of an input from the robot's sensors, with its publisher's stamp."""
         self.look_who_is_heard()
+        payload.since_s = self.since[name].counts_s(self.host, payload.since_s)
         self.process.forward(name, payload, published_s=published_s)
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
         """Sends over the data session."""
         session = self.around.link.data
-        payload = (payload, self.world.now) if channel.startswith("in/") else payload
         session.up.carry(channel, header, payload, datagram=channel == "probe")
         return session.connected
 

@@ -9,6 +9,7 @@ from robot_offload_core.process.data import InputPlan
 from robot_offload_core.process.pauses import LIMIT_S
 from robot_offload_core.settings import NodeSpec, OutputSpec, Settings
 from robot_offload_core.token import Site, Token
+from robot_offload_lab.simulate.ports import Sensed
 from robot_offload_lab.simulate.scenario import Replica
 from robot_offload_lab.simulate.stage import ARM, CONTROLLER, STRANGER, Stage
 
@@ -179,6 +180,16 @@ def inputs_after_a_pause() -> None:
     stage.expect(waited[0] > 0, "what waited is left out")
 
 
+def inputs_that_waited() -> None:
+    """What waited for the robot's data process for less than a pause is as old as it is at the replicas."""
+    stage = Stage(inputs=(InputPlan("scan", 90), InputPlan("map", latched=True)))
+    stage.in_cloud()
+    for _ in range(10):
+        stage.stall(stage.robot.data, 0.9 * LIMIT_S)
+        stage.run(0.5)
+    stage.expect(stage.cloud.data.process.counters["scan.too_old"] > 0, "what waited is left out")
+
+
 def old_inputs() -> None:
     """An input that is older than its limit when it arrives does not reach the replicas, nor one of another robot."""
     stage = Stage()
@@ -192,12 +203,12 @@ def old_inputs() -> None:
     now_us = round(stage.cloud.host.now_s() * 1e6)
     for robot, age_us in ((token.robot, 400_000), (STRANGER, 1_000)):
         header = envelope.encode(Envelope(Token(robot, 0, token.cloud), NEWEST, now_us - age_us))
-        data.arrived("in/scan", header, (b"scan", stage.now))
+        data.arrived("in/scan", header, Sensed(b"scan"))
     stage.expect(len(heard) == before, "an old or foreign input reached the replicas")
     header = envelope.encode(Envelope(token, NEWEST, now_us - 1_000))
-    data.arrived("in/scan", header, (b"scan", stage.now))
+    data.arrived("in/scan", header, Sensed(b"scan"))
     stage.expect(len(heard) == before + 1, "a fresh one does")
-    data.arrived("in/scan", header, (b"scan", stage.now))
+    data.arrived("in/scan", header, Sensed(b"scan"))
     stage.expect(len(heard) == before + 1, "the same input reached the replicas twice")
 
 
@@ -375,6 +386,7 @@ STORIES = (
     queues_after_a_pause,
     messages_that_waited_for_the_egress,
     inputs_after_a_pause,
+    inputs_that_waited,
     old_inputs,
     many_inputs,
     latched_input,

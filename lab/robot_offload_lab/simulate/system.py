@@ -12,7 +12,7 @@ from robot_offload_lab.simulate.handing import Handing
 from robot_offload_lab.simulate.keeping import Keeping
 from robot_offload_lab.simulate.link_model import Link
 from robot_offload_lab.simulate.nodes import Message
-from robot_offload_lab.simulate.ports import Payload, Surroundings
+from robot_offload_lab.simulate.ports import Payload, Sensed, Surroundings
 from robot_offload_lab.simulate.robot_side import RobotSide
 from robot_offload_lab.simulate.scenario import Scenario
 from robot_offload_lab.simulate.world import Host, World
@@ -75,6 +75,7 @@ class System:
         spec = self.scenario.inputs[index]
         if index not in self.silent_inputs:
             self.inputs_sent += 1
-            payload = self.inputs_sent.to_bytes(8, "big") if spec.latched else b"scan"
+            payload = Sensed(self.inputs_sent.to_bytes(8, "big") if spec.latched else b"scan")
+            payload.since_s = self.world.now
             self.robot.data.post("sensors", self.robot.data.input, spec.name, payload, self.robot.host.system_s())
         self.world.after(self.scenario.input_periods_s[index], self._sense, index)
