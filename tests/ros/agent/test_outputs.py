@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from std_msgs.msg import String
 
 from tests.ros.agent.ears import LATCHED
@@ -57,12 +57,23 @@ def test_outputs_of_different_types_keep_the_cloud_out(build: Callable[..., Worl
 
 def test_the_public_topic_offers_what_the_replicas_own_publisher_offers(build: Callable[..., World]) -> None:
     world = build(both=PLAN)
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, deadline=Duration(seconds=5))
+    latched = QoSProfile(
+        depth=1,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        deadline=Duration(seconds=5),
+        lifespan=Duration(seconds=90),
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=Duration(seconds=60),
+    )
     publisher = world.ear.node.create_publisher(String, "/offload/robot/plan", latched)
     publisher.publish(String(data="a plan"))
     world.start_agent("robot")
     demanding = world.ear.hear(String, "/plan", latched)
     world.until(lambda: demanding, "the plan at a consumer that asks for a deadline")
+    (offered,) = (info.qos_profile for info in world.ear.node.get_publishers_info_by_topic("/plan"))
+    assert (offered.lifespan, offered.liveliness, offered.liveliness_lease_duration) == (
+        latched.lifespan, latched.liveliness, latched.liveliness_lease_duration,
+    )  # fmt: skip
     late = world.ear.hear(String, "/plan", LATCHED)
     world.until(lambda: late, "the plan at a consumer that comes late")
     world.ear.hear(String, "/plan", QoSProfile(depth=1, deadline=Duration(seconds=1)))

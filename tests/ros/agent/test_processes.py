@@ -1,8 +1,11 @@
 """Every process of both agents is killed and stopped, alone, while the cloud acts and while the robot acts."""
 
+import contextlib
+import os
 import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -13,6 +16,8 @@ from tests.ros.agent.passage import UNDISTURBED_S, longest_gap_s
 
 EACH = [(side, process) for side, processes in PROCESSES.items() for process in processes]
 STOPPED_S = 1.0
+SLICE_S, STANDS_S = 0.010, 0.055
+"""Control takes a step later than 50 ms for a pause of its own."""
 UNNOTICED_S = 0.105
 """A process that stands still for longer than 0.12 s knows of it, and leaves out what has waited for it."""
 SLACK_S = 0.5
@@ -95,6 +100,36 @@ def test_nothing_stale_passes_after_a_process_was_stopped_while_the_robot_acted(
     limit_s = STOPPED_S + GAP_LIMIT_S if process == "collector" else STOPPED_S
     assert longest_gap_s(world.arrivals, at_s) < limit_s
     assert max(a.age_s for a in world.arrivals if a.t_s > at_s) < 0.4
+
+
+@contextlib.contextmanager
+def in_slices(world: World, side: str, process: str) -> Iterator[None]:
+    """Lets a process run and stand still, again and again."""
+    done, pid = threading.Event(), world.pid(side, process)
+
+    def slice_it() -> None:
+        with contextlib.suppress(ProcessLookupError):
+            while not done.wait(SLICE_S):
+                os.kill(pid, signal.SIGSTOP)
+                done.wait(STANDS_S)
+                os.kill(pid, signal.SIGCONT)
+
+    thread = threading.Thread(target=slice_it)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+
+
+def test_a_control_that_gets_its_processor_in_slices_still_leaves_a_cloud_that_fell_silent(world: World) -> None:
+    world.place("cloud", stay=True)
+    with in_slices(world, "robot", "control"):
+        world.passes("cloud")
+        world.signal("cloud", "data", signal.SIGSTOP)
+        world.passes("robot")
+        world.signal("cloud", "data", signal.SIGCONT)
 
 
 @pytest.mark.parametrize("side", PROCESSES)

@@ -36,6 +36,17 @@ def test_the_robot_acts_without_a_cloud_and_uses_it_when_it_comes(build: Callabl
     world.check()
 
 
+def test_a_node_that_never_comes_and_is_not_core_holds_up_none_that_is_declared_behind_it(
+    build: Callable[..., World],
+) -> None:
+    world = build(both={"nodes": ["planner", "walker"]})
+    world.start_agent("robot")
+    world.start_node("robot")
+    world.passes("robot")
+    world.until(world.driver.drives, "the driver drives")
+    world.until(lambda: "planner" in problem(world, "Degraded"), "the absent one is named")
+
+
 def test_the_cloud_acts_for_a_robot_whose_nodes_are_absent_and_they_stand_by_when_they_come(
     build: Callable[..., World],
 ) -> None:

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -181,8 +182,15 @@ def test_children_outlive_their_supervisor_and_the_next_one_ends_them_and_starts
     assert not (family.folder / "collector.memory").exists()
 
 
-def test_a_process_that_only_has_the_number_of_a_stray_is_left_alone(family: Family) -> None:
-    with subprocess.Popen(["sleep", "60"]) as somebody:
+def test_a_process_that_only_has_the_number_and_the_name_of_a_stray_is_left_alone(
+    family: Family, tmp_path: Path
+) -> None:
+    """As one of another robot's agent on this host has."""
+    sleep = shutil.which("sleep")
+    assert sleep is not None
+    program = shutil.copy(sleep, tmp_path / "ro-test-one")
+    with subprocess.Popen([program, "60"]) as somebody:
+        assert until(lambda: Path(f"/proc/{somebody.pid}/comm").read_text().strip() == "ro-test-one")
         (family.folder / "one.pid").write_text(str(somebody.pid))
         family.start("one=sleep")
         assert until(lambda: family.lives("one"))

@@ -15,7 +15,7 @@ from robot_offload_core.envelope import Envelope
 from robot_offload_core.gates import Charge, Gate
 from robot_offload_core.placement import SetGate
 from robot_offload_core.process.collector import CollectorPlan, CollectorProcess, same_type
-from robot_offload_core.process.messages import ENVELOPE, Carried, CloudTypes, CollectorStatus
+from robot_offload_core.process.messages import ENVELOPE, PASSED, Carried, CloudTypes, CollectorStatus
 from robot_offload_core.settings import OutputSpec
 from robot_offload_core.token import Site, Token
 
@@ -31,6 +31,7 @@ class Ports:
         self.type = TWIST
         self.at_s = 100.0
         self.published: list[Any] = []
+        self.carried: list[tuple[bytes, int, Any]] = []
         self.statuses: list[CollectorStatus] = []
 
     def now_s(self) -> float:
@@ -46,6 +47,7 @@ class Ports:
         return self.send(to, message)
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
+        self.carried.append((kind, index, payload))
         return True
 
     def publish(self, index: int, payload: Any) -> None:
@@ -96,6 +98,19 @@ def test_a_message_of_the_cloud_passes_only_where_both_types_are_known_and_the_s
     process.handle(CloudTypes((("command", TWIST),)))
     process.handle(of_the_cloud(2))
     assert ports.published == [b"go"]
+
+
+def test_what_was_held_for_a_changeover_reaches_consumers_in_the_cloud_as_well() -> None:
+    ports = Ports()
+    outputs = (OutputSpec("command", 0.3), OutputSpec("light", 0.3))
+    process = CollectorProcess(CollectorPlan(outputs, (True, True), 0.15, 0.25), ports)
+    robot = Charge(Site.ROBOT, replace(TOKEN, epoch=5))
+    process.handle(SetGate(Gate(1, Charge(Site.CLOUD, TOKEN), robot)))
+    process.offer_robot(0, b"held")
+    assert (ports.published, ports.carried) == ([], [])
+    process.offer_robot(1, b"changes over")
+    assert ports.published == [b"held", b"changes over"]
+    assert ports.carried == [(PASSED, 0, b"held"), (PASSED, 1, b"changes over")]
 
 
 def test_control_hears_the_silence_of_the_last_change_and_how_old_the_clouds_messages_are() -> None:

@@ -10,9 +10,11 @@ from robot_offload_core import managed_nodes, placement
 from robot_offload_core.availability import Available
 from robot_offload_core.beats import Beat
 from robot_offload_core.change import replace
+from robot_offload_core.gates import GateReport
 from robot_offload_core.placement import SetGate
+from robot_offload_core.process.messages import CollectorStatus
 from robot_offload_core.process.robot_control import LEVELS_PER_LEASE, RobotControlProcess, RobotPlan
-from robot_offload_core.settings import NodeSpec
+from robot_offload_core.settings import NodeSpec, OutputSpec
 from robot_offload_core.token import Site
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, SETTINGS, STRANGER, us
 
@@ -64,6 +66,15 @@ def test_a_gate_that_says_the_same_goes_out_five_times_in_a_lease() -> None:
     expected = 200 * 0.010 / SETTINGS.lease_s * LEVELS_PER_LEASE
     assert 0.7 * expected <= len(gates) <= 1.2 * expected
     assert all(gate.gate.said_s is not None for gate in gates)
+
+
+def test_the_guardian_knows_of_which_nodes_on_the_robot_the_collector_hears_the_outputs() -> None:
+    """So a node in a long callback, which answers nobody, is not dead: `test_guardian.py`."""
+    outputs = (OutputSpec("command", 0.15), OutputSpec("plan", 0.0))
+    process, _ = control(outputs=outputs, publishers=("controller", "planner"))
+    for flowing, names in (((0, 1), ("controller",)), ((), ())):
+        process.handle(CollectorStatus(GateReport(None, False, True, False, robot_flowing=flowing)))
+        assert process.guardian.flowing == names
 
 
 def test_a_second_publisher_is_a_veto_and_with_strict_stops_the_driver() -> None:
