@@ -32,6 +32,19 @@ def test_a_second_publisher_that_comes_later_takes_the_cloud_away_and_when_stric
     world.until(lambda: "ear" in problem(world, "SecondPublisher"), "the problem names who")
 
 
+def test_a_replica_that_publishes_what_nobody_declared_takes_the_cloud_away_and_stops_the_driver_when_strict(
+    build: Callable[..., World],
+) -> None:
+    world = build(both={"strict": True})
+    world.start()
+    world.until(world.driver.drives, "the driver drives")
+    world.kill_node("robot")
+    world.start_node("robot", extra_topic="/secret")
+    world.until(lambda: (world.site, world.reason) == ("robot", "UndeclaredPublisher"), "the robot is in charge")
+    assert "/secret" in world.message
+    world.until(lambda: world.driver.inhibited, "the driver is inhibited")
+
+
 def test_a_cloud_without_a_replica_on_the_robot_is_heard_with_the_type_that_the_cloud_names(
     build: Callable[..., World],
 ) -> None:

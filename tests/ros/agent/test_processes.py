@@ -126,7 +126,7 @@ def in_slices(world: World, side: str, process: str) -> Iterator[None]:
 def test_a_control_that_gets_its_processor_in_slices_still_leaves_a_cloud_that_fell_silent(world: World) -> None:
     world.place("cloud", stay=True)
     with in_slices(world, "robot", "control"):
-        world.passes("cloud")
+        time.sleep(4 * STANDS_S)  # not so long that control leaves because of the slices alone
         world.signal("cloud", "data", signal.SIGSTOP)
         world.passes("robot")
         world.signal("cloud", "data", signal.SIGCONT)
