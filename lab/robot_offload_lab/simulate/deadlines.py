@@ -134,9 +134,11 @@ class Deadlines(Promises):
         inhibit nobody: there the driver's dead man is the stop.
         """
         driver, now = self.run.driver, self.world.now
+        if not driver.alive:  # it stands, and nobody can release it
+            return
         if driver.inhibited and placement.IN_CHARGE[robot.phase] is Site.CLOUD and not self.stands_for_rival():
             self._check_released()
-        if driver.inhibited or not driver.alive:
+        if driver.inhibited:
             return
         collector = self.run.robot.collector
         resumed_s = collector.state.resumed_s  # a collector that restarts counts silence from then, once

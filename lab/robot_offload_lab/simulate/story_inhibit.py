@@ -228,7 +228,18 @@ def collector_that_returns_waits_for_no_slow_output() -> None:
         stage.until(lambda on=driver: not on.inhibited, 2.0, "the slow output holds the driver")  # type: ignore[misc]
 
 
+def driver_that_dies_inhibited() -> None:
+    """A driver that dies while it is inhibited stands, which nobody can lift, and comes back free."""
+    stage = Stage()
+    stage.in_cloud()
+    stage.driver.inhibited = True
+    stage.driver.kill(0.8)
+    stage.run(1.0)
+    stage.expect(not stage.driver.inhibited, "the cloud is in charge, and the driver is free")
+
+
 STORIES = (
+    driver_that_dies_inhibited,
     released_by_messages,
     released_by_messages_after_a_loss,
     held_back_is_not_heard,
