@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from robot_offload_core.declared import ActionSpec, OnSwitch, ServiceSpec
@@ -9,6 +10,7 @@ from robot_offload_core.ledger.goals import MIRROR_S
 from robot_offload_core.ledger.ports import GoalStatus
 from robot_offload_core.reasons import Reason
 from robot_offload_core.token import Site
+from robot_offload_lab.simulate.clients import ClientGoal
 from robot_offload_lab.simulate.goal_stage import FOLLOW, RELAY, GoalStage
 from robot_offload_lab.simulate.stage import CONTROLLER, PLANNER
 from robot_offload_lab.simulate.story_hot import COMMANDS, LEARNED_S
@@ -121,12 +123,8 @@ def node_of_the_cloud_serves() -> None:
     stage.until(lambda: refused.accepted is False and call.failures == ["CloudAway"], 0.1, "refused at once")
 
 
-def clouds_relay_dies_unheard() -> None:
-    """A relay dies in the cloud while the link is cut: its successor ends what Hot nodes execute and nobody names."""
-    stage = GoalStage(cloud_nodes=tuple(replace(node, hot=True) for node in (CONTROLLER, PLANNER)))
-    stage.in_cloud()
-    goal = stage.goal()
-    join = stage.lose_cloud()
+def _ended_by_successor(stage: GoalStage, goal: ClientGoal, join: Callable[[], None]) -> None:
+    """The cloud's relay dies while the link is cut: its successor ends the copy; the goal ends well on the robot."""
     stage.handing.cloud.kill(0.3)
     stage.run(3.0)
     stage.expect(not stage.copies(CLOUD, goal), "the cloud's copy has ended")
@@ -134,6 +132,15 @@ def clouds_relay_dies_unheard() -> None:
     stage.run(2.0)
     stage.let_end()
     stage.ends(goal, GoalStatus.SUCCEEDED)
+
+
+def clouds_relay_dies_unheard() -> None:
+    """A relay dies in the cloud while the link is cut: its successor ends what Hot nodes execute and nobody names."""
+    stage = GoalStage(cloud_nodes=tuple(replace(node, hot=True) for node in (CONTROLLER, PLANNER)))
+    stage.in_cloud()
+    goal = stage.goal()
+    join = stage.lose_cloud()
+    _ended_by_successor(stage, goal, join)
 
 
 def clouds_relay_dies_and_robot_hears_nobody() -> None:
@@ -143,13 +150,7 @@ def clouds_relay_dies_and_robot_hears_nobody() -> None:
     goal = stage.goal()
     join = stage.cut("down")
     stage.until(lambda: stage.holder is ROBOT, 2.0, "the robot takes over")
-    stage.handing.cloud.kill(0.3)
-    stage.run(3.0)
-    stage.expect(not stage.copies(CLOUD, goal), "the cloud's copy has ended")
-    join()
-    stage.run(2.0)
-    stage.let_end()
-    stage.ends(goal, GoalStatus.SUCCEEDED)
+    _ended_by_successor(stage, goal, join)
 
 
 STORIES = (

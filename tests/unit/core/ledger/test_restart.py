@@ -100,14 +100,20 @@ def test_a_new_cloud_relay_that_the_robot_speaks_to_ends_nothing() -> None:
     assert pair.cloud.cancelled == []
 
 
-def test_a_new_cloud_relay_that_the_robot_does_not_know_ends_the_goals_of_its_predecessor() -> None:
-    """It hears the robot, which hears nothing and so has nobody to name its attempts to (storm 9601, stretch 1161)."""
+def taken_over() -> Pair:
+    """The robot has taken over from a cloud with a goal, the link is cut, and the cloud's relay is new."""
     pair = Pair()
     pair.in_cloud()
     pair.goal(1, SPIN)
     pair.lose = set(Site)
     pair.change(Site.ROBOT, 9, sudden=True)
     pair.start_cloud()
+    return pair
+
+
+def test_a_new_cloud_relay_that_the_robot_does_not_know_ends_the_goals_of_its_predecessor() -> None:
+    """It hears the robot, which hears nothing and so has nobody to name its attempts to (storm 9601, stretch 1161)."""
+    pair = taken_over()
     pair.lose = {Site.ROBOT}
     pair.run(1.5)
     assert set(pair.cloud.cancelled) == {ALL_GOALS}
@@ -117,12 +123,7 @@ def test_a_new_cloud_relay_ends_the_goals_of_its_predecessor_when_the_link_is_cu
     None
 ):
     """Both relays have met; the robot's letters are lost."""
-    pair = Pair()
-    pair.in_cloud()
-    pair.goal(1, SPIN)
-    pair.lose = set(Site)
-    pair.change(Site.ROBOT, 9, sudden=True)
-    pair.start_cloud()
+    pair = taken_over()
     pair.lose_letters = {Site.CLOUD}
     pair.lose = set()
     pair.run(0.5)
