@@ -61,10 +61,11 @@ class FleetPage:
         with ui.row().classes("items-center w-full"):
             self._filter = ui.input(label="Filter", placeholder="name, side, reason").props("dense clearable autofocus")
             self._count = ui.label().classes("text-grey").classes("mark-count")
-        table = ui.table(columns=COLUMNS, rows=[], row_key="id", pagination=0).classes("w-full console-fleet")
-        table.props('flat dense hide-pagination no-data-label="no RobotOffload yet"').bind_filter_from(
-            self._filter, "value"
-        )
+        # Not ui.table: its order is kept by the server, so that the second of two quick clicks on a column is lost.
+        table = ui.element("q-table").classes("w-full console-fleet")
+        table.props('flat dense hide-pagination row-key=id no-data-label="no RobotOffload yet"')
+        table.props.update({"columns": COLUMNS, "rows": [], "rows-per-page-options": [0]})
+        self._filter.on_value_change(lambda changed: table.props.update(filter=changed.value))
         table.add_slot("body-cell-name", NAME_CELL)
         table.add_slot("body-cell-link", SPARK_CELL)
         table.add_slot("body-cell-gap", '<q-td :props="props">{{ props.row.gap }}</q-td>')
@@ -89,6 +90,6 @@ class FleetPage:
         rows = [self._row(track, now_s, now) for track in fleet.sorted()]
         if rows != self._shown:
             self._shown = rows
-            self._table.rows = rows
+            self._table.props["rows"] = rows
             in_cloud = sum(each["placement"].endswith("Cloud") for each in rows)
             self._count.text = f"{len(rows)} {'robot' if len(rows) == 1 else 'robots'}, {in_cloud} in the cloud"
