@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from test_msgs.action import Fibonacci
+
+from robot_offload_agent.process.clock import now_s
 from tests.ros.agent.clients import CANCELED, SUCCEEDED, Goal, action_client
 from tests.ros.agent.harness import World
 from tests.ros.agent.test_services import BasicTypes, Caller, executed
@@ -16,13 +19,17 @@ HOT = {
     "action.many.timeout_ms": 20_000.0,
 }
 
-
+HOT_IN_CLOUD = {
+    "node.walker.standby_cloud": "Hot",
+    **{f"{name}.hot": ["cloud"] for name in ("action.count", "action.many", "service.do", "service.ask")},
+}
+QUIET_S = 1.0
+"""Fifty ticks of a goal that is executed."""
 HERE_ONLY = 7777
 """An order that the cloud's `/many` refuses, see `counting.py`."""
 
 
 def test_a_hot_robot_goes_on_with_the_clouds_goal_and_answers_beside_it(build: Callable[..., World]) -> None:
-
     world = build(serves=True, both=HOT).start()
     count = action_client(world.ear.node, "/count")
     goal = Goal(count, 400).accepted()
@@ -68,4 +75,27 @@ def a_pin_goes_on_without_a_goal(world: World) -> None:
     world.until(lambda: said in world.ear.diagnostics["data"].values.get("Degraded", ""), "the stay is Degraded")
     assert goal.cancel() == 0
     assert goal.result()[0] == CANCELED
+    many.destroy()
+
+
+def test_a_new_relay_of_the_cloud_ends_the_goals_of_the_one_before_although_it_hears_a_robot_that_hears_nobody(
+    build: Callable[..., World],
+) -> None:
+    world = build(serves=True, both=HOT_IN_CLOUD).start()
+    world.place("cloud", stay=True)
+    in_cloud = world.cloud_ear().hear(Fibonacci.Impl.FeedbackMessage, "/offload/cloud/many/_action/feedback")
+    many = action_client(world.ear.node, "/many")
+    goal = Goal(many, 10_000).accepted()
+    goal.beats()
+    world.until(lambda: in_cloud, "the cloud's server executes it")
+    world.kill("cloud", "relay")
+    world.cut("down")  # the robot's hellos still arrive
+    world.goes_to("robot")
+    world.until(lambda: now_s() - in_cloud[-1][0] > QUIET_S, "a Hot server in the cloud executes it no longer")
+    goal.beats()
+    assert goal.executors()[-1] == world.nodes["robot"].pid
+    world.cut(None)
+    assert goal.cancel() == 0
+    assert goal.result()[0] == CANCELED
+    assert len(goal.results) == 1
     many.destroy()
