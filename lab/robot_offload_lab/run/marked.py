@@ -2,7 +2,8 @@
 
 A process inherits its environment, so the mark reaches children of children and daemons that have left their group.
 Also a program, the run's warden: `python -m robot_offload_lab.run.marked RUN [FOLDER]` waits until its standard input
-ends, which the kernel does for it however the demo dies, then ends what carries the mark and removes the folder.
+ends, which the kernel does for it however the one dies that started it, then ends what carries the mark and removes the
+folder.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -46,6 +48,20 @@ def end(run: str, grace_s: float = GRACE_S) -> None:
         if time.monotonic() > asked_s + grace_s:
             _signal(run, signal.SIGKILL)
         time.sleep(_LOOK_S)
+
+
+def start_warden(run: str, *folders: Path) -> subprocess.Popen[bytes]:
+    """Starts the warden of a run; it removes these folders at the end."""
+    command = [sys.executable, "-m", "robot_offload_lab.run.marked", run, *map(str, folders)]
+    silent = subprocess.DEVNULL
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=silent, stderr=silent, start_new_session=True)
+
+
+def dismiss(warden: subprocess.Popen[bytes]) -> None:
+    """Lets a warden do its work now, and waits for it."""
+    if warden.stdin is not None:
+        warden.stdin.close()
+    warden.wait()
 
 
 def _signal(run: str, number: signal.Signals) -> None:

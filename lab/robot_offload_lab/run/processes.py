@@ -11,7 +11,6 @@ import ctypes
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -93,11 +92,7 @@ class Processes:
         self._warden: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
-        command = [sys.executable, "-m", "robot_offload_lab.run.marked", self._run, str(self._temporary)]
-        silent = subprocess.DEVNULL
-        self._warden = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=silent, stderr=silent, start_new_session=True
-        )
+        self._warden = marked.start_warden(self._run, self._temporary)
         return self
 
     def __exit__(
@@ -186,9 +181,8 @@ class Processes:
             _close_pipes(child)
         self._children.clear()
         marked.end(self._run, grace_s=0.0)  # what has left its group
-        if self._warden is not None and self._warden.stdin is not None:
-            self._warden.stdin.close()
-            self._warden.wait()
+        if self._warden is not None:
+            marked.dismiss(self._warden)
             self._warden = None
 
 

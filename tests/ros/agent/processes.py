@@ -1,4 +1,7 @@
-"""Starts the processes of a test in sessions of their own and ends every one of them, whatever happened."""
+"""Starts the processes of a test in sessions of their own and ends every one of them, whatever happened.
+
+Also when the test itself is killed: what it left would publish beside the next run's replicas, under the same names.
+"""
 
 import os
 import signal
@@ -9,8 +12,8 @@ import uuid
 from collections.abc import Sequence
 from pathlib import Path
 
-MARK = "RO_AGENT_TEST"
-"""Environment variable that every process started here inherits, also through forks: finds what was left behind."""
+from robot_offload_lab.run import marked
+
 END_S = 60.0
 """A killed process has ended by then: on a busy machine it waits for its turn to die."""
 LOOK_S = 0.02
@@ -24,8 +27,9 @@ class Processes:
         self.mark = uuid.uuid4().hex
         inherited = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
         cache = {"PYTHONPYCACHEPREFIX": str(Path(tempfile.gettempdir()) / "robot-offload-tests-pycache")}
-        self.environment = {**inherited, **cache, **environment, MARK: self.mark}  # compiling is half of a start
+        self.environment = {**inherited, **cache, **environment, marked.MARK: self.mark}  # compiling is half of a start
         self.started: list[subprocess.Popen[bytes]] = []
+        self.warden: subprocess.Popen[bytes] | None = None
 
     def start(
         self,
@@ -39,6 +43,8 @@ class Processes:
 
         `namespace` is a network namespace of `ip netns`.
         """
+        if self.warden is None:
+            self.warden = marked.start_warden(self.mark)
         inside = ["ip", "netns", "exec", namespace] if namespace else []
         with (self.folder / f"{name}.log").open("ab") as log:
             process = subprocess.Popen(
@@ -62,7 +68,7 @@ class Processes:
         ]
         return "\n".join(parts)
 
-    def close(self) -> list[str]:
+    def close(self) -> list[int]:
         """Kills every process group; returns what is alive afterwards, which must be nothing."""
         for process in self.started:
             try:
@@ -72,21 +78,8 @@ class Processes:
         end_s = time.monotonic() + END_S
         for process in self.started:
             process.wait(END_S)
-        while (left := marked(self.mark)) and time.monotonic() < end_s:
+        while (left := [*marked.find(self.mark)]) and time.monotonic() < end_s:
             time.sleep(LOOK_S)
+        if self.warden is not None:
+            marked.dismiss(self.warden)
         return left
-
-
-def marked(mark: str) -> list[str]:
-    """The processes (`pid command`) that carry a mark in their environment."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            if f"{MARK}={mark}".encode() not in (folder / "environ").read_bytes():
-                continue
-            state = (folder / "stat").read_text().rpartition(")")[2].split()[0]
-            if state not in ("Z", "X"):  # a zombie of a forked child is reaped by init in its own time
-                found.append(f"{folder.name} {(folder / 'comm').read_text().strip()}")
-        except OSError:
-            continue  # it has ended while we looked
-    return found
