@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from test_msgs.action import Fibonacci
 
@@ -11,18 +12,20 @@ from tests.ros.agent.clients import CANCELED, SUCCEEDED, Goal, action_client
 from tests.ros.agent.harness import World
 from tests.ros.agent.test_services import BasicTypes, Caller, executed
 
+
+def hot(side: str) -> dict[str, Any]:
+    """What makes the replica of a side Hot, and its actions and services with it."""
+    served = ("action.count", "action.many", "service.do", "service.ask")
+    return {f"node.walker.standby_{side}": "Hot", **{f"{name}.hot": [side] for name in served}}
+
+
 HOT = {
-    "node.walker.standby_robot": "Hot",
-    **{f"{name}.hot": ["robot"] for name in ("action.count", "action.many", "service.do", "service.ask")},
+    **hot("robot"),
     "action.count.mirror": True,
     "service.do.mode": "Race",
     "action.many.timeout_ms": 20_000.0,
 }
 
-HOT_IN_CLOUD = {
-    "node.walker.standby_cloud": "Hot",
-    **{f"{name}.hot": ["cloud"] for name in ("action.count", "action.many", "service.do", "service.ask")},
-}
 QUIET_S = 1.0
 """Fifty ticks of a goal that is executed."""
 HERE_ONLY = 7777
@@ -81,7 +84,7 @@ def a_pin_goes_on_without_a_goal(world: World) -> None:
 def test_a_new_relay_of_the_cloud_ends_the_goals_of_the_one_before_although_it_hears_a_robot_that_hears_nobody(
     build: Callable[..., World],
 ) -> None:
-    world = build(serves=True, both=HOT_IN_CLOUD).start()
+    world = build(serves=True, both=hot("cloud")).start()
     world.place("cloud", stay=True)
     in_cloud = world.cloud_ear().hear(Fibonacci.Impl.FeedbackMessage, "/offload/cloud/many/_action/feedback")
     many = action_client(world.ear.node, "/many")
