@@ -5,8 +5,7 @@ reported beside them: they depend on the application too. Each violation is a se
 
 * `Duplicate`: no message passes twice.
 * `Reordered`: the messages of one replica pass in their order.
-* `Interleaved`: a side that is not in charge is not heard. Two things are allowed: the old side passes until the
-  first message of the new side (make before break), and an announcement may lag behind the collector.
+* `Interleaved`: a side that is not in charge is not heard; `interleaving` says what nobody is blamed for.
 * `Stale`: nothing from the cloud passes that is older than maxCommandAge. What the robot's own replica publishes never
   crosses the link; its delays are counted in the report, and a long one is a `Gap`.
 * `Gap`: no silence is longer than lossTimeout + activationDeadline + the slower period + 200 ms, not counting the
@@ -29,7 +28,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from robot_offload_core.reasons import Reason
-from robot_offload_lab.judge import handed
+from robot_offload_lab.judge import handed, interleaving
 from robot_offload_lab.judge.measures import SWITCH_WINDOW_S, Interval, Measures, link_was_good
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Recording
 from robot_offload_lab.judge.streams import Gap, Stream
@@ -38,10 +37,6 @@ OFFLOAD = "offload"
 """The mode in which the agents may use both sides."""
 GAP_MARGIN_MS = 200.0
 """For what a busy computer adds to the sum of the declared times: scheduling, the middleware, the recorder itself."""
-ANNOUNCEMENT_LAG_S = 0.3
-"""How late the announcement of a placement may be against the messages that pass the collector: a lease (250 ms by
-default), because control that is silent for longer makes the collector pass the robot only, and its way to us."""
-
 
 MISTAKES = frozenset({
     Reason.INPUT_STALE, Reason.INPUTS_DIFFER, Reason.CLOUD_NOT_READY, Reason.TYPES_DIFFER, Reason.SECOND_PUBLISHER,
@@ -130,57 +125,16 @@ def _stale(measures: Measures, stream: Stream) -> Iterator[Violation]:
 
 def _interleaved(measures: Measures, stream: Stream) -> Iterator[Violation]:
     """Yields one violation per stay in which the other side was heard after the new one."""
-    placements = measures.recording.placements
-    heard: dict[int, list[Arrival]] = {}
-    started: set[int] = set()
-    index = -1
-    for arrival in stream.arrivals:
-        while index + 1 < len(placements) and placements[index + 1].t_s <= arrival.t_s:
-            index += 1
-        stay = _stay(placements, index)
-        if stay is None:
-            continue
-        if arrival.site == placements[stay].site:
-            started.add(stay)
-        elif _announced_soon(stream, placements[index + 1 :], arrival):
-            continue
-        elif stay in started or _started_before(stream, placements[stay]):
-            heard.setdefault(stay, []).append(arrival)
-    for stay, arrivals in heard.items():
-        first, site = arrivals[0], placements[stay].site
-        t_s = _since_start(measures, first.t_s)
+    for found in interleaving.interleavings(stream.arrivals, measures.recording.placements):
+        first, site = found.heard[0], found.stay.site
+        t_s, begun_s = (_since_start(measures, arrival.t_s) for arrival in (first, found.begun))
         yield Violation(
             t_s,
             "Interleaved",
-            f"{_messages(len(arrivals))} of {stream.topic} from the {first.site} passed after the {site} had taken "
-            f"over (epoch {placements[stay].epoch}), the first, {_named(first)}, at {t_s:.3f} s.",
+            f"{_messages(len(found.heard))} of {stream.topic} from the {first.site} passed after the {site} had taken "
+            f"over (epoch {found.stay.epoch}, first heard with {_named(found.begun)} at {begun_s:.3f} s), the first, "
+            f"{_named(first)}, at {t_s:.3f} s.",
         )
-
-
-def _stay(placements: Sequence[PlacementChange], index: int) -> int | None:
-    """Returns the announcement with which the present stay began (later ones may only repeat the side)."""
-    if index < 0:
-        return None
-    while index > 0 and placements[index - 1].site == placements[index].site:
-        index -= 1
-    return index
-
-
-def _announced_soon(stream: Stream, later: Sequence[PlacementChange], arrival: Arrival) -> bool:
-    """Returns whether the side of `arrival` is announced a moment later, and only that side is heard until then."""
-    limit_s = arrival.t_s + ANNOUNCEMENT_LAG_S
-    announced_s = next((change.t_s for change in later if change.site == arrival.site and change.t_s <= limit_s), None)
-    if announced_s is None:
-        return False
-    return all(other.site == arrival.site for other in stream.arrivals if arrival.t_s < other.t_s < announced_s)
-
-
-def _started_before(stream: Stream, change: PlacementChange) -> bool:
-    """Returns whether the new side's first message passed shortly before its announcement."""
-    return any(
-        arrival.site == change.site and change.t_s - ANNOUNCEMENT_LAG_S <= arrival.t_s < change.t_s
-        for arrival in stream.arrivals
-    )
 
 
 def _gaps(measures: Measures, stream: Stream) -> Iterator[Violation]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given, settings
@@ -24,6 +25,8 @@ from tests.unit.lab.judge.recordings import (
     recording,
     stay,
 )
+
+END = Ending(START_S + 20.0, collisions=0, stops=0, goal_reached=True)
 
 
 def found(of: Recording) -> tuple[Violation, ...]:
@@ -71,8 +74,8 @@ def test_the_old_side_after_the_first_message_of_the_new_one_is_a_violation() ->
     violation = only(recording([*calm_run(), *extra]))
     assert violation.kind == "Interleaved"
     assert violation.text == (
-        "4 messages of /cmd_vel from the robot passed after the cloud had taken over (epoch 2), the first, "
-        "controller#41, at 2.004 s."
+        "4 messages of /cmd_vel from the robot passed after the cloud had taken over (epoch 2, first heard with "
+        "remote_controller#101 at 2.004 s), the first, controller#41, at 2.004 s."
     )
 
 
@@ -106,6 +109,62 @@ def test_both_sides_at_once_are_a_violation_also_before_a_late_announcement() ->
 
     late = changed([*calm_run(), *stay("robot", 2.0, 2.2)], announced_late)
     assert "Interleaved" in [v.kind for v in found(late)]
+
+
+def bounce(*, until_s: float, then: Sequence[Arrival] = ()) -> Recording:
+    """The cloud takes over at 2 s and the robot at 2.19 s again; messages of the cloud pass until `until_s`."""
+    arrivals = [*stay("robot", 0.0, 2.0), *stay("cloud", 2.0, until_s), *stay("robot", 2.25, 20.0), *then]
+    placements = [placement(0.0, "robot", 1, "Start"), placement(2.0, "cloud", 2), placement(2.19, "robot", 3)]
+    return recording([RUN, *arrivals, *placements, *link(20.0, [(2.1, 21.0)]), END])
+
+
+def test_the_old_side_may_pass_until_the_new_one_begins_also_after_a_very_short_stay() -> None:
+    assert found(bounce(until_s=2.24)) == ()
+
+
+def test_the_old_side_after_the_first_message_of_the_new_one_is_a_violation_also_after_a_very_short_stay() -> None:
+    violation = only(bounce(until_s=2.24, then=stay("cloud", 2.26, 2.27)))
+    assert violation.text == (
+        "1 message of /cmd_vel from the cloud passed after the robot had taken over (epoch 3, first heard with "
+        "controller#46 at 2.254 s), the first, remote_controller#114, at 2.264 s."
+    )
+
+
+def test_a_side_that_was_heard_just_before_its_announcement_has_taken_over_then() -> None:
+    early = [placement(0.0, "robot", 1, "Start"), placement(2.2, "cloud", 2)]
+    arrivals = [*stay("robot", 0.0, 2.0), *stay("cloud", 2.0, 2.2), *stay("robot", 2.2, 2.25), *stay("cloud", 2.25, 20)]
+    assert [v.kind for v in found(recording([RUN, *arrivals, *early, *link(20.0), END]))] == ["Interleaved"]
+
+
+def called_off(*, epoch: int = 3, cloud: Sequence[tuple[float, float]] = ((5.1, 5.13),)) -> Recording:
+    """The robot acts; at 5 s the cloud gets ready, at 5.13 s that is called off under an epoch."""
+    spans = [0.0, *(t_s for span in cloud for t_s in span), 20.0]
+    arrivals: list[Arrival] = []
+    for start_s, end_s in zip(spans[::2], spans[1::2], strict=True):
+        arrivals += stay("robot", start_s, end_s)
+    for start_s, end_s in cloud:
+        arrivals += stay("cloud", start_s, end_s)
+    prepared = dataclasses.replace(placement(5.0, "robot", 1), phase="ToCloud")
+    again = dataclasses.replace(prepared, t_s=prepared.t_s + 0.03, message="goals are handed over")
+    placements = [placement(0.0, "robot", 1, "Start"), prepared, again, placement(5.13, "robot", epoch, "PulseSilent")]
+    return recording([RUN, *arrivals, *placements, *link(20.0, [(5.1, 21.0)]), END])
+
+
+def test_a_preparation_that_is_called_off_explains_one_stay_of_the_side_that_got_ready() -> None:
+    assert found(called_off()) == ()
+
+
+def test_a_preparation_that_is_called_off_explains_no_second_stay() -> None:
+    violation = only(called_off(cloud=((5.1, 5.13), (5.16, 5.2))))
+    assert (violation.kind, violation.t_s) == ("Interleaved", pytest.approx(5.164))
+
+
+def test_a_preparation_explains_nothing_long_after_it_was_called_off() -> None:
+    assert only(called_off(cloud=((5.5, 5.53),))).kind == "Interleaved"
+
+
+def test_a_preparation_that_goes_on_under_its_epoch_explains_nothing() -> None:
+    assert only(called_off(epoch=1)).kind == "Interleaved"
 
 
 def test_a_message_older_than_allowed_is_a_violation() -> None:

@@ -1,0 +1,138 @@
+"""Whether a side was heard while the other one was in charge: the messages of one output, the announcements. Pure.
+
+What nobody is blamed for:
+
+* the old side passes until the first message of the new side (make before break);
+* an announcement may lag behind the collector by `ANNOUNCEMENT_LAG_S`, as long as only the side that it names is heard
+  until it comes;
+* a preparation that is called off: the collector may have changed over just before it heard of that, and changes back
+  under the next epoch. Then the side that got ready is heard once in between, and nobody says that it was in charge.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from robot_offload_core.placement import Phase
+from robot_offload_lab.judge.recording import Arrival, PlacementChange, Site
+
+ANNOUNCEMENT_LAG_S: Final = 0.3
+"""How late the announcement of a placement may be against the messages that pass the collector: a lease (250 ms by
+default), because control that is silent for longer makes the collector pass the robot only, and its way to us."""
+_PREPARES: Final = frozenset({Phase.TO_CLOUD, Phase.TO_ROBOT})
+
+
+@dataclass(frozen=True)
+class Interleaving:
+    """The messages of the other side that passed in one stay after its own side had begun.
+
+    Attributes:
+        stay: the announcement with which the stay began.
+        begun: the message of the stay's side that they came after, its first.
+        heard: of the other side.
+    """
+
+    stay: PlacementChange
+    begun: Arrival
+    heard: tuple[Arrival, ...]
+
+
+@dataclass
+class _Preparation:
+    """One that was called off, from its announcement to that of the next epoch; `passed` and then `over`: once only."""
+
+    site: Site
+    start_s: float
+    end_s: float
+    passed: bool = False
+    over: bool = False
+
+    def excuses(self, arrival: Arrival) -> bool:
+        """Takes a message of the side that is not in charge; returns whether it may be one of this preparation."""
+        within = self.start_s <= arrival.t_s <= self.end_s + ANNOUNCEMENT_LAG_S
+        if self.over or arrival.site != self.site or not within:
+            return False
+        self.passed = True
+        return True
+
+
+@dataclass
+class _Listener:
+    """What is known while the messages are read; `begun`, `heard`: by the index of a stay's first announcement."""
+
+    arrivals: Sequence[Arrival]
+    placements: Sequence[PlacementChange]
+    called_off: list[_Preparation]
+    begun: dict[int, Arrival] = field(default_factory=dict)
+    heard: dict[int, list[Arrival]] = field(default_factory=dict)
+
+    def hear(self, arrival: Arrival, index: int) -> None:
+        """Judges a message; `index`: of the newest announcement when it passed."""
+        stay = _stay(self.placements, index)
+        if arrival.site == self.placements[stay].site:
+            self.begun.setdefault(stay, arrival)
+            for preparation in self.called_off:
+                preparation.over |= preparation.passed
+            return
+        if stay not in self.begun:
+            return  # make before break
+        announced = self._announced_soon(arrival, index)
+        if announced is not None:
+            self.begun.setdefault(announced, arrival)
+        elif not any(preparation.excuses(arrival) for preparation in self.called_off):
+            self.heard.setdefault(stay, []).append(arrival)
+
+    def _announced_soon(self, arrival: Arrival, index: int) -> int | None:
+        """Returns which announcement of its side follows soon, if only that side is heard until then."""
+        following = range(index + 1, len(self.placements))
+        announced = next((i for i in following if self.placements[i].site == arrival.site), None)
+        if announced is None or self.placements[announced].t_s > arrival.t_s + ANNOUNCEMENT_LAG_S:
+            return None
+        until_s = self.placements[announced].t_s
+        alone = all(other.site == arrival.site for other in self.arrivals if arrival.t_s < other.t_s < until_s)
+        return announced if alone else None
+
+
+def interleavings(arrivals: Sequence[Arrival], placements: Sequence[PlacementChange]) -> Iterator[Interleaving]:
+    """Yields one for each stay in which the other side was heard after the one in charge had begun.
+
+    Args:
+        arrivals: of one output, in the order of time.
+        placements: as announced, in the order of time.
+    """
+    listener = _Listener(arrivals, placements, _called_off(placements))
+    index = -1
+    for arrival in arrivals:
+        while index + 1 < len(placements) and placements[index + 1].t_s <= arrival.t_s:
+            index += 1
+        if index >= 0:
+            listener.hear(arrival, index)
+    for stay, heard in listener.heard.items():
+        yield Interleaving(placements[stay], listener.begun[stay], tuple(heard))
+
+
+def _stay(placements: Sequence[PlacementChange], index: int) -> int:
+    """Returns the announcement with which the present stay began (later ones may only repeat the side)."""
+    while index > 0 and placements[index - 1].site == placements[index].site:
+        index -= 1
+    return index
+
+
+def _called_off(placements: Sequence[PlacementChange]) -> list[_Preparation]:
+    """Returns the preparations after which the same side went on under a higher epoch of the same control."""
+    found = []
+    prepared: PlacementChange | None = None
+    for before, change in itertools.pairwise(placements):
+        if before.phase in _PREPARES and prepared is None:
+            prepared = before
+        if prepared is None or (change.phase == prepared.phase and change.epoch == prepared.epoch):
+            continue
+        stayed = change.site == prepared.site and change.control == prepared.control and change.epoch > prepared.epoch
+        if stayed:
+            site: Site = "cloud" if prepared.site == "robot" else "robot"
+            found.append(_Preparation(site, prepared.t_s, change.t_s))
+        prepared = None
+    return found
