@@ -9,10 +9,11 @@ import secrets
 import signal
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
+
+from robot_offload_lab.run import marked
 
 MARK = "ROBOT_OFFLOAD_BENCH_TEST"
 ROUNDS = 2
@@ -32,10 +33,11 @@ def test_a_short_bench_writes_results_samples_pictures_and_the_page_and_leaves_n
         ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=SECONDS, check=False)
         assert ended.returncode == 0, ended.stderr
     finally:
-        left = marked(run)
-        for pid in left:
+        pids = marked.find(run, MARK)
+        left = marked.named(pids)
+        for pid in pids:
             os.kill(pid, signal.SIGKILL)
-    assert not left
+    assert left == []
 
     document = json.loads(ended.stdout)
     assert document == json.loads((tmp_path / "out" / "results.json").read_text())
@@ -49,13 +51,3 @@ def test_a_short_bench_writes_results_samples_pictures_and_the_page_and_leaves_n
         assert {row["case"] for row in csv.DictReader(file)} == {"alone", "heavy"}
     assert (tmp_path / "out" / "bench-lifecycle-spread.png").exists()
     assert "a heavy node" in (tmp_path / "docs" / "benchmarks.md").read_text()
-
-
-def marked(run: str) -> list[int]:
-    """The processes that carry the mark of a run, whoever started them."""
-    found = []
-    for folder in Path("/proc").iterdir():
-        with suppress(OSError):  # it may end while we look
-            if folder.name.isdigit() and f"{MARK}={run}".encode() in (folder / "environ").read_bytes().split(b"\0"):
-                found.append(int(folder.name))
-    return found

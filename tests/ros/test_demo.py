@@ -26,6 +26,7 @@ from robot_offload_core import audit
 from robot_offload_lab.blackbox import ring
 from robot_offload_lab.blackbox.decided import Totals, moments
 from robot_offload_lab.judge import recording
+from robot_offload_lab.run import marked
 from tests.viewers import groups, shown
 
 ROOT = Path(__file__).parents[2]
@@ -92,14 +93,9 @@ class Demo:
         said, errors = child.communicate(timeout=PATIENCE_S)
         return child.returncode, said, errors
 
-    def processes(self) -> list[int]:
+    def processes(self) -> tuple[int, ...]:
         """Every living process of this test, however it was started."""
-        found = []
-        for folder in Path("/proc").iterdir():
-            with suppress(OSError):
-                if folder.name.isdigit() and f"{MARK}={self.mark}".encode() in (folder / "environ").read_bytes():
-                    found.append(int(folder.name))
-        return found
+        return marked.find(self.mark, MARK)
 
     def await_line(self, child: subprocess.Popen[str], text: str) -> None:
         """Until the demo says something."""
@@ -110,12 +106,12 @@ class Demo:
         assert child.stderr is not None
         pytest.fail(f"the demo never said {text!r}: {child.stderr.read()}")
 
-    def nothing_left(self) -> bool:
-        """Whether all processes are gone; they get some seconds."""
+    def left(self) -> list[str]:
+        """What is still there after some seconds, by number and program."""
         deadline_s = time.monotonic() + ENDED_S
-        while self.processes() and time.monotonic() < deadline_s:
+        while (found := marked.named(self.processes())) and time.monotonic() < deadline_s:
             time.sleep(0.05)
-        return not self.processes()
+        return found
 
     def report(self) -> dict[str, Any]:
         read: dict[str, Any] = json.loads((self.out / "report.json").read_text())
@@ -247,7 +243,7 @@ def test_a_packaged_talker_moves_between_the_sides_and_nobody_hears_it_twice(
     assert_changeovers_recorded(sorted((demo.out / "state" / "robot" / "recordings").glob("*.mcap")))
     for name in ("report.html", "run.png", "recording.jsonl", "logs/robot-agent.log", "logs/wire.jsonl"):
         assert (demo.out / name).stat().st_size > 0
-    assert demo.nothing_left()
+    assert demo.left() == []
 
 
 @pytest.mark.ros
@@ -264,7 +260,7 @@ def test_a_wrong_input_topic_ends_the_demo_with_a_plain_sentence(demo: Demo, tmp
     [line] = [line for line in said.splitlines() if "The cloud never acted" in line]
     assert "because of the specification and not of the link" in line
     assert "/odm" in line
-    assert demo.nothing_left()
+    assert demo.left() == []
 
 
 @pytest.mark.ros
@@ -278,7 +274,7 @@ def test_ctrl_c_in_the_middle_still_gives_a_report_and_leaves_nothing(demo: Demo
     assert "Report:" in said
     assert demo.report()["duration_s"] < 55
     assert recording.read(demo.out / "recording.jsonl").outputs["/chatter"]
-    assert demo.nothing_left()
+    assert demo.left() == []
 
 
 @pytest.mark.ros
@@ -288,7 +284,7 @@ def test_kill_9_of_the_demo_leaves_no_process(demo: Demo) -> None:
     assert len(demo.processes()) > 10
     child.kill()
     child.communicate()
-    assert demo.nothing_left()
+    assert demo.left() == []
 
 
 @pytest.mark.ros
@@ -317,7 +313,7 @@ def test_the_wheelchair_drives_without_touching_anything_while_its_link_fails(de
         assert (totals.differences, totals.other_cores, totals.left_out) == (0, set(), 0)
         assert decided in {one.machine for one in decisions}
         assert totals.steps > 300
-    assert demo.nothing_left()
+    assert demo.left() == []
 
 
 @pytest.mark.ros
@@ -329,7 +325,7 @@ def test_agents_that_are_joined_by_topics_take_over_too(demo: Demo) -> None:
     assert {switch["to"] for switch in report["switches"]} == {"robot", "cloud"}
     assert report["outputs"]["/chatter"]["duplicates"] == 0
     assert "Report:" in said
-    assert demo.nothing_left()
+    assert demo.left() == []
 
 
 # -- wrong input: nothing is started ----------------------------------------------------------------------------------
@@ -411,4 +407,4 @@ def test_a_whole_robot_goes_on_with_its_goals_through_two_outages(demo: Demo) ->
     assert report["outputs"]["/tf"]["received"] > 100, "the wheels' transform and that of the acting localiser"
     assert report["processor"]["robot-navigation"] > 0
     assert_goals_recorded(demo.out / "run.mcap")
-    assert demo.nothing_left()
+    assert demo.left() == []

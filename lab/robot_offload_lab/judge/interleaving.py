@@ -3,10 +3,11 @@
 What nobody is blamed for:
 
 * the old side passes until the first message of the new side (make before break);
-* an announcement may lag behind the collector by `ANNOUNCEMENT_LAG_S`, as long as only the side that it names is heard
-  until it comes;
-* a preparation that is called off: the collector may have changed over just before it heard of that, and changes back
-  under the next epoch. Then the side that got ready is heard once in between, and nobody says that it was in charge.
+* an announcement may lag behind the collector, as long as only the side that it names is heard until it comes: by
+  `ANNOUNCEMENT_LAG_S`, and for the robot by as long as control stands still, because the collector passes it then;
+* a preparation whose end is not announced in time: the collector has changed over, and control stood still just then,
+  or had just called it off. The side that got ready is heard once in between, and the other one again when a lease is
+  over or the next epoch begins.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from robot_offload_core.placement import Phase
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Site
 
 ANNOUNCEMENT_LAG_S: Final = 0.3
-"""How late the announcement of a placement may be against the messages that pass the collector: a lease (250 ms by
+"""How late the announcement of the cloud may be against the messages that pass the collector: a lease (250 ms by
 default), because control that is silent for longer makes the collector pass the robot only, and its way to us."""
 _PREPARES: Final = frozenset({Phase.TO_CLOUD, Phase.TO_ROBOT})
 
@@ -42,7 +43,7 @@ class Interleaving:
 
 @dataclass
 class _Preparation:
-    """One that was called off, from its announcement to that of the next epoch; `passed` and then `over`: once only."""
+    """From its announcement to that of what came of it; `site` gets ready and may pass once: `passed`, then `over`."""
 
     site: Site
     start_s: float
@@ -65,7 +66,7 @@ class _Listener:
 
     arrivals: Sequence[Arrival]
     placements: Sequence[PlacementChange]
-    called_off: list[_Preparation]
+    preparations: list[_Preparation]
     begun: dict[int, Arrival] = field(default_factory=dict)
     heard: dict[int, list[Arrival]] = field(default_factory=dict)
 
@@ -74,24 +75,26 @@ class _Listener:
         stay = _stay(self.placements, index)
         if arrival.site == self.placements[stay].site:
             self.begun.setdefault(stay, arrival)
-            for preparation in self.called_off:
+            for preparation in self.preparations:
                 preparation.over |= preparation.passed
             return
         if stay not in self.begun:
             return  # make before break
-        announced = self._announced_soon(arrival, index)
+        announced = self._announced(arrival, index)
         if announced is not None:
             self.begun.setdefault(announced, arrival)
-        elif not any(preparation.excuses(arrival) for preparation in self.called_off):
+        elif not any(preparation.excuses(arrival) for preparation in self.preparations):
             self.heard.setdefault(stay, []).append(arrival)
 
-    def _announced_soon(self, arrival: Arrival, index: int) -> int | None:
-        """Returns which announcement of its side follows soon, if only that side is heard until then."""
+    def _announced(self, arrival: Arrival, index: int) -> int | None:
+        """Returns which announcement of its side follows in time, if only that side is heard until then."""
         following = range(index + 1, len(self.placements))
         announced = next((i for i in following if self.placements[i].site == arrival.site), None)
-        if announced is None or self.placements[announced].t_s > arrival.t_s + ANNOUNCEMENT_LAG_S:
+        if announced is None:
             return None
         until_s = self.placements[announced].t_s
+        if arrival.site == "cloud" and until_s > arrival.t_s + ANNOUNCEMENT_LAG_S:
+            return None
         alone = all(other.site == arrival.site for other in self.arrivals if arrival.t_s < other.t_s < until_s)
         return announced if alone else None
 
@@ -103,7 +106,7 @@ def interleavings(arrivals: Sequence[Arrival], placements: Sequence[PlacementCha
         arrivals: of one output, in the order of time.
         placements: as announced, in the order of time.
     """
-    listener = _Listener(arrivals, placements, _called_off(placements))
+    listener = _Listener(arrivals, placements, _preparations(placements))
     index = -1
     for arrival in arrivals:
         while index + 1 < len(placements) and placements[index + 1].t_s <= arrival.t_s:
@@ -121,8 +124,8 @@ def _stay(placements: Sequence[PlacementChange], index: int) -> int:
     return index
 
 
-def _called_off(placements: Sequence[PlacementChange]) -> list[_Preparation]:
-    """Returns the preparations after which the same side went on under a higher epoch of the same control."""
+def _preparations(placements: Sequence[PlacementChange]) -> list[_Preparation]:
+    """Returns the preparations after which another epoch was named, or by another control."""
     found = []
     prepared: PlacementChange | None = None
     for before, change in itertools.pairwise(placements):
@@ -130,8 +133,7 @@ def _called_off(placements: Sequence[PlacementChange]) -> list[_Preparation]:
             prepared = before
         if prepared is None or (change.phase == prepared.phase and change.epoch == prepared.epoch):
             continue
-        stayed = change.site == prepared.site and change.control == prepared.control and change.epoch > prepared.epoch
-        if stayed:
+        if change.control != prepared.control or change.epoch > prepared.epoch:
             site: Site = "cloud" if prepared.site == "robot" else "robot"
             found.append(_Preparation(site, prepared.t_s, change.t_s))
         prepared = None

@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -27,9 +27,14 @@ KILL_S = 5.0
 _LOOK_S = 0.05
 
 
-def find(run: str) -> tuple[int, ...]:
-    """Returns the living processes that carry the mark of a run, without this one."""
-    wanted = f"{MARK}={run}".encode()
+def find(run: str, mark: str = MARK) -> tuple[int, ...]:
+    """Returns the living processes that carry the mark of a run, without this one.
+
+    Args:
+        run: its name.
+        mark: the environment variable, for one who marks processes that mark their own with `MARK`.
+    """
+    wanted = f"{mark}={run}".encode()
     found = []
     for folder in Path("/proc").iterdir():
         # A process may end while we look; others' environments may not be read.
@@ -37,6 +42,17 @@ def find(run: str) -> tuple[int, ...]:
             if folder.name.isdigit() and wanted in (folder / "environ").read_bytes().split(b"\0"):
                 found.append(int(folder.name))
     return tuple(pid for pid in found if pid != os.getpid())
+
+
+def named(pids: Iterable[int]) -> list[str]:
+    """Returns each process's number and command line, for people who must find out what was left behind."""
+    return [f"{pid}: {_command(pid)}" for pid in pids]
+
+
+def _command(pid: int) -> str:
+    with suppress(OSError):  # it may have ended
+        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+    return "has ended"
 
 
 def end(run: str, grace_s: float = GRACE_S) -> None:

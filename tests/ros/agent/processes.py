@@ -68,8 +68,8 @@ class Processes:
         ]
         return "\n".join(parts)
 
-    def close(self) -> list[int]:
-        """Kills every process group; returns what is alive afterwards, which must be nothing."""
+    def close(self) -> list[str]:
+        """Kills every process group; returns what is alive afterwards, by number and program: it must be nothing."""
         for process in self.started:
             try:
                 os.killpg(process.pid, signal.SIGKILL)
@@ -78,7 +78,7 @@ class Processes:
         end_s = time.monotonic() + END_S
         for process in self.started:
             process.wait(END_S)
-        while (left := [*marked.find(self.mark)]) and time.monotonic() < end_s:
+        while (left := marked.named(marked.find(self.mark))) and time.monotonic() < end_s:
             time.sleep(LOOK_S)
         if self.warden is not None:
             marked.dismiss(self.warden)

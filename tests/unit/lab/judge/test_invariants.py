@@ -167,6 +167,50 @@ def test_a_preparation_that_goes_on_under_its_epoch_explains_nothing() -> None:
     assert only(called_off(epoch=1)).kind == "Interleaved"
 
 
+def stalled(*, cloud: Sequence[tuple[float, float]] = ((5.1, 5.35),)) -> Recording:
+    """The cloud gets ready at 5 s, passes from 5.1 s on; control stands still till 6.5 s; a lease later the robot."""
+    prepared = dataclasses.replace(placement(5.0, "robot", 1), phase="ToCloud")
+    said = [placement(6.5, "cloud", 2), placement(6.501, "robot", 3, "ControlStalled")]
+    arrivals = [*stay("robot", 0.0, 5.1), *(a for start_s, end_s in cloud for a in stay("cloud", start_s, end_s))]
+    arrivals += stay("robot", 5.4, 20.0)
+    return recording([RUN, placement(0.0, "robot", 1, "Start"), prepared, *said, *arrivals, *link(20.0), END])
+
+
+def test_a_control_that_stands_still_at_the_changeover_explains_what_passed_until_its_lease_was_over() -> None:
+    assert found(stalled()) == ()
+
+
+def test_a_control_that_stands_still_at_the_changeover_explains_nothing_after_its_lease() -> None:
+    violation = only(stalled(cloud=((5.1, 5.35), (5.6, 5.62))))
+    assert (violation.kind, violation.t_s) == ("Interleaved", pytest.approx(5.604))
+
+
+def fallen_back(*, announced: bool = True, cloud: Sequence[Arrival] = ()) -> Recording:
+    """The cloud acts from 2 s on; control stands still at 8 s, the robot passes from 8.3 s on and is named at 9.5 s."""
+    said = [placement(0.0, "robot", 1, "Start"), placement(2.0, "cloud", 2)]
+    said += [placement(9.5, "robot", 3, "ControlStalled")] * announced
+    arrivals = [*stay("robot", 0.0, 2.0), *stay("cloud", 2.0, 8.2), *cloud, *stay("robot", 8.3, 20.0)]
+    return recording([RUN, *said, *arrivals, *link(20.0, [(8.1, 21.0)]), END])
+
+
+def test_the_robot_may_be_announced_as_late_as_control_stands_still() -> None:
+    assert found(fallen_back()) == ()
+
+
+def test_a_robot_that_is_never_announced_is_a_violation() -> None:
+    assert only(fallen_back(announced=False)).kind == "Interleaved"
+
+
+def test_a_cloud_that_passes_beside_a_robot_that_is_not_announced_yet_is_a_violation() -> None:
+    assert only(fallen_back(cloud=stay("cloud", 8.5, 8.52))).kind == "Interleaved"
+
+
+def test_a_cloud_that_is_announced_later_than_a_lease_is_a_violation() -> None:
+    placements = [placement(0.0, "robot", 1, "Start"), placement(2.4, "cloud", 2)]
+    arrivals = [*stay("robot", 0.0, 2.0), *stay("cloud", 2.0, 20.0)]
+    assert only(recording([RUN, *arrivals, *placements, *link(20.0), END])).kind == "Interleaved"
+
+
 def test_a_message_older_than_allowed_is_a_violation() -> None:
     def older(record: Record) -> Record:
         if is_arrival(record, "cloud", 5.0, 5.06) and isinstance(record, Arrival):

@@ -52,6 +52,14 @@ def test_leaving_ends_every_process_also_stubborn_ones_and_daemons(tmp_path: Pat
     assert marked.find(run) == ()
 
 
+def test_a_process_is_named_with_its_program_while_it_lives(tmp_path: Path, run: str) -> None:
+    with Processes(run, tmp_path, tmp_path / "gone") as processes:
+        processes.start(python("sleeper", SLEEPER, tmp_path))
+        assert eventually(lambda: any(name.endswith(f"-c {SLEEPER}") for name in marked.named(marked.find(run))))
+        pids = marked.find(run)
+    assert marked.named(pids) == [f"{pid}: has ended" for pid in pids]
+
+
 def test_an_exception_ends_every_process(tmp_path: Path, run: str) -> None:
     def fail() -> None:
         with Processes(run, tmp_path, tmp_path / "gone") as processes:
