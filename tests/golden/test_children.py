@@ -1,8 +1,9 @@
-"""All children of every sample, as files that a person can read and compare."""
+"""All children of every sample: one recorded whole, the others as their differences from that one."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -11,6 +12,7 @@ from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload.render.children import children
+from tests.golden.differences import differences, dump
 from tests.golden.recorded import compare
 from tests.unit.operator.render.given import EVERY_ENDPOINT, facts
 
@@ -24,27 +26,21 @@ SAMPLES = {
 CONFIGS = {"nav2-parameters/nav2_params.yaml": "amcl:\n  ros__parameters: {alpha1: 0.2}\n"}
 FACTS = facts(endpoints=EVERY_ENDPOINT, robot_connected=True, user_config_hashes=CONFIGS, user_configs=CONFIGS)
 SECRETS = BundleSecrets(b"the cloud's authority\n", b"the robot's certificate\n", b"the robot's key\n")
+WHOLE = "wheelchair"
 BUNDLES = ("dds-router", "discovery-server", "static-peers", "wheelchair")
-
-
-class Dumper(yaml.SafeDumper):
-    """Texts of several lines as blocks, nothing by reference."""
-
-    def ignore_aliases(self, data: object) -> bool:
-        return True
-
-
-def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
-    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style="|" if "\n" in value else None)
-
-
-Dumper.add_representer(str, _text)
 
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_children_of_every_sample_are_as_recorded(name: str) -> None:
-    rendered = children(Parent(parse_object(SAMPLES[name], name), FACTS))
-    compare(HERE / f"{name}.yaml", yaml.dump_all(rendered, Dumper=Dumper, sort_keys=False, width=110))
+    rendered = _children(name)
+    if name == WHOLE:
+        compare(HERE / f"{name}.yaml", dump(rendered))
+    else:
+        compare(HERE / f"{name}.diff", differences(rendered, name, _children(WHOLE), WHOLE))
+
+
+def _children(name: str) -> list[dict[str, Any]]:
+    return children(Parent(parse_object(SAMPLES[name], name), FACTS))
 
 
 @pytest.mark.parametrize("name", BUNDLES)
@@ -62,4 +58,4 @@ def walk(folder: Path) -> list[Path]:
 
 def test_every_sample_is_recorded_and_nothing_else() -> None:
     assert SAMPLES
-    assert {file.stem for file in walk(HERE)} == set(SAMPLES)
+    assert {file.name for file in walk(HERE)} == {f"{name}.{'yaml' if name == WHOLE else 'diff'}" for name in SAMPLES}
