@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from robot_offload.api.printable import printable
 from robot_offload.api.side_numbers import SideNumbers, parse_numbers
 from robot_offload.errors import RobotOffloadError
 
@@ -152,7 +153,8 @@ class AgentState:
 def parse_state(text: str) -> AgentState:
     """Reads a state; unknown fields are left alone, because a newer agent may say more.
 
-    What the robot's side wrote is bounded here, at its first reader: reasons are single words, sentences are cut.
+    What the robot's side wrote is bounded here, at its first reader: reasons are single words, sentences are cut, and
+    no text has control characters.
 
     Raises:
         StateError: it is no JSON object of a version that we know, is too long, or a field has the wrong type or size.
@@ -167,8 +169,8 @@ def parse_state(text: str) -> AgentState:
     return AgentState(
         agent_generation=_of(values, "agent_generation", int, 0),
         connected=_of(values, "connected", bool, False),
-        since=_of(values, "since", str, ""),
-        site=_of(values, "site", str, "unknown"),
+        since=_line(values, "since", ""),
+        site=_line(values, "site", "unknown"),
         epoch=_of(values, "epoch", int, 0),
         reason=_reason(values),
         message=_sentence(values),
@@ -187,8 +189,8 @@ def parse_state(text: str) -> AgentState:
         dials=_addresses(values),
         audit=_head(values),
         ready=_of(values, "ready", bool, False),
-        handover=_of(values, "handover", str, ""),
-        written=_of(values, "written", str, ""),
+        handover=_line(values, "handover", ""),
+        written=_line(values, "written", ""),
         cloud=parse_numbers(values.get("cloud")),
         robot=parse_numbers(values.get("robot")),
     )
@@ -234,13 +236,17 @@ def _of(values: Mapping[str, Any], name: str, kind: type, default: object) -> An
     return value
 
 
+def _line(values: Mapping[str, Any], name: str, default: str) -> str:
+    return printable(_of(values, name, str, default))
+
+
 def _reason(values: Mapping[str, Any]) -> str:
     reason: str = _of(values, "reason", str, "")
     return reason if not reason or _REASON.fullmatch(reason) else UNREADABLE
 
 
 def _sentence(values: Mapping[str, Any]) -> str:
-    message: str = _of(values, "message", str, "")
+    message = _line(values, "message", "")
     return message if len(message) <= MAX_SENTENCE else f"{message[: MAX_SENTENCE - 3]}..."
 
 
@@ -316,7 +322,7 @@ def _carried(values: Mapping[str, Any]) -> tuple[Carried, ...]:
 
 
 def _word(values: Mapping[str, Any], name: str) -> str:
-    return str(values.get(name, ""))[:253]
+    return printable(str(values.get(name, ""))[:253])
 
 
 # -- how old it is ------------------------------------------------------------------------------------------------

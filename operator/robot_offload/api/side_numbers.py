@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
+from robot_offload.api.printable import printable
+
 LATENCY_S: Final = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
 """Bounds of the histogram of round trips, as the agent counts them (`tallies.LATENCY_MS`)."""
 GAP_S: Final = (0.025, 0.05, 0.075, 0.1, 0.125, 0.15, 0.2, 0.3, 0.5, 1.0, 2.0)
@@ -156,7 +158,9 @@ class _Reader:
         def entries(value: object) -> tuple[tuple[str, Value], ...]:
             if not isinstance(value, Mapping):
                 raise _BadPartError
-            return tuple((str(key)[:MAX_NAME], read(entry)) for key, entry in list(value.items())[:MAX_ENTRIES])
+            return tuple(
+                (printable(str(key)[:MAX_NAME]), read(entry)) for key, entry in list(value.items())[:MAX_ENTRIES]
+            )
 
         return self.part(name, entries) or ()
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
+from robot_offload.api.printable import printable
 from robot_offload.kube.port import Manifest
 
 MAX_LINES: Final = 5
@@ -16,7 +17,6 @@ _AFTERMATH: Final = re.compile(
     r"(error: )?(building at STEP|while running runtime|exit status|subprocess exited)|time=\".*level=", re.IGNORECASE
 )
 _TELLING: Final = re.compile(r"error|fatal|failed|denied|unauthorized|no such|not found|cannot|unable|refused|has no")
-_UNSEEN: Final = re.compile(r"\x1b\[[0-9;]*[A-Za-z]|[\x00-\x08\x0b-\x1f\x7f]")
 
 
 def failing_lines(pods: Iterable[Manifest]) -> str:
@@ -31,7 +31,7 @@ def failing_lines(pods: Iterable[Manifest]) -> str:
 
 
 def _told(step: str, ended: Mapping[str, Any]) -> str:
-    lines = [_UNSEEN.sub("", line).rstrip() for line in str(ended.get("message") or "").splitlines()]
+    lines = [printable(line).rstrip() for line in str(ended.get("message") or "").splitlines()]
     lines = [line for line in lines if line.strip()]
     causes = [line for line in lines if not _AFTERMATH.match(line.strip())] or lines
     last = max((i for i, line in enumerate(causes) if _TELLING.search(line.lower())), default=len(causes) - 1)

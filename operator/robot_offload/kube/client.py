@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 import random
+import re
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from http import HTTPStatus
@@ -31,12 +32,14 @@ from robot_offload.kube.retry import RetryPolicy
 
 _JSON: Final = "application/json"
 _MERGE_PATCH: Final = "application/merge-patch+json"
-_APPLY_PATCH: Final = "application/apply-patch+yaml"
+_APPLY_PATCH: Final = "application/apply-patch+yaml; charset=utf-8"
+"""With a parameter, so that the official client sends our bytes as they are: its JSON escapes are not always YAML."""
 _METADATA: Final = "application/json;as=PartialObjectMetadata;g=meta.k8s.io;v=v1"
 _METADATA_LIST: Final = "application/json;as=PartialObjectMetadataList;g=meta.k8s.io;v=v1"
 _CHANGES: Final = frozenset({"ADDED", "MODIFIED", "DELETED", "BOOKMARK"})
 _WATCH_S: Final = (300, 600)
 """How long the API server keeps a watch open, as client-go asks it: at random, so that not all end together."""
+_NOT_IN_YAML: Final = re.compile("[\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
 _PAGE: Final = 500
 """Objects per answer of a list: bounds what one answer holds in memory."""
 
@@ -162,7 +165,7 @@ class Client:
             "patch",
             kind.path(namespace, name),
             f"apply {_told(kind, namespace, name)}",
-            _Asked({"fieldManager": self._manager, "force": "true" if force else None}, manifest, _APPLY_PATCH),
+            _Asked({"fieldManager": self._manager, "force": "true" if force else None}, _yaml(manifest), _APPLY_PATCH),
         )
 
     async def create(self, manifest: Manifest) -> Manifest:
@@ -302,19 +305,29 @@ class _Asked:
 
     Attributes:
         query: parameters by name; None: not sent.
-        body: the object that is sent; None: nothing is.
+        body: the object that is sent, or its text; None: nothing is.
         content_type: of the body.
         accept: the form of the answer.
     """
 
     query: Mapping[str, object] = field(default_factory=dict)
-    body: Manifest | None = None
+    body: Manifest | bytes | None = None
     content_type: str = _JSON
     accept: str = _JSON
 
     def with_query(self, **more: object) -> _Asked:
         """Returns the same with further parameters."""
         return replace(self, query={**self.query, **more})
+
+
+def _yaml(manifest: Manifest) -> bytes:
+    """Return an object as JSON that is YAML as well.
+
+    JSON escapes a character beyond U+FFFF as two surrogates, which YAML refuses; YAML refuses some characters unless
+    they are escaped.
+    """
+    text = json.dumps(manifest, ensure_ascii=False, separators=(",", ":"))
+    return _NOT_IN_YAML.sub(lambda found: f"\\u{ord(found[0]):04x}", text).encode()
 
 
 def _cut(answer: aiohttp.ClientResponse) -> None:

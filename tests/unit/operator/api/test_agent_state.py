@@ -79,6 +79,23 @@ def test_a_reason_that_is_no_single_word_is_not_passed_on(reason: str) -> None:
     assert (state.reason, state.settings.reason) == (UNREADABLE, UNREADABLE)
 
 
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("all \x1b[31mred\x1b[0m", "all red"),
+        ("a \x1b]0;title\x07b", "a b"),
+        ("one\r\ntwo\ttab\x9b31m", "one  two tab 31m"),
+        ("abc\u202ecba\u2066", "abc cba "),
+        ("fährt \N{ROBOT FACE}", "fährt \N{ROBOT FACE}"),
+    ],
+)
+def test_what_the_robot_says_cannot_move_the_cursor_of_who_reads_it(said: str, shown: str) -> None:
+    told = {**json.loads(text()), "message": said, "nodes": [{"name": said, "state": "active"}]}
+    state = parse_state(json.dumps(told))
+    assert state.message == shown
+    assert state.nodes == ((shown, "active"),)
+
+
 def test_sentences_of_the_robot_are_cut() -> None:
     state = parse_state(text(message="m" * 5000, settings={"message": "n" * 5000}))
     assert (len(state.message), len(state.settings.message)) == (MAX_SENTENCE, MAX_SENTENCE)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from aiohttp import web
 
 from robot_offload.kube import errors
@@ -93,10 +94,19 @@ def test_apply_sends_our_fields_under_our_name_and_returns_the_object(tmp_path: 
     method, path, query, body, headers = server.requests[0]
     assert (method, path) == ("PATCH", "/api/v1/namespaces/fleet/configmaps/settings")
     assert query == {"fieldManager": "robot-offload", "force": "true"}
-    assert headers["Content-Type"] == "application/apply-patch+yaml"
+    assert headers["Content-Type"].partition(";")[0] == "application/apply-patch+yaml"
     assert headers["Authorization"].lower() == "bearer secret"
     assert json.loads(body)["data"] == {"a": "b"}
     assert result["data"] == {"a": "b"}
+
+
+def test_any_text_is_applied_as_yaml_that_means_the_same(tmp_path: Path) -> None:
+    texts = {"robot": "\N{ROBOT FACE} fährt 走", "control": "\x7f\x85\x9b\u2028\ufeff\uffff", "quoted": '"\\n'}
+    server = Server((200, CONFIG))
+    run(tmp_path, server, lambda api: api.apply({**CONFIG, "data": texts}))
+    body = server.requests[0][3]
+    assert json.loads(body)["data"] == texts
+    assert yaml.safe_load(body)["data"] == texts
 
 
 def test_apply_without_force_does_not_ask_for_fields_of_others(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def test_what_is_not_known_is_not_told() -> None:
 
 def test_names_of_nodes_cannot_break_the_page() -> None:
     found = samples(seen(100.0, nodes=[{"name": 'a"b\n', "state": "x\\y"}]))
-    assert found['robot_offload_node_state,a"b\n,x\\y'] == 1.0
+    assert found['robot_offload_node_state,a"b ,x\\y'] == 1.0
 
 
 def test_each_side_says_its_own_numbers() -> None:
