@@ -46,10 +46,11 @@ e2e: venv ## The core of the end-to-end suite on a real cluster (root; ARGS="-k 
 e2e-full: venv ## The whole end-to-end suite: every transport, fault, upgrade (root)
 	$(PYTHON) -m pytest tests/e2e $(ARGS)
 
-lint: venv ## Style and import directions
+lint: venv ## Style, import directions, messages of new commits
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/lint-imports --no-cache
+	$(PYTHON) -m scripts.commit_messages
 
 types: venv ## mypy --strict
 	.venv/bin/mypy
