@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
+from typer.testing import CliRunner
 
 from robot_offload_core import collectors
+from robot_offload_lab.simulate.main import app
 from robot_offload_lab.simulate.mutant_list import EQUIVALENT, MUTANTS
 from robot_offload_lab.simulate.mutants import planted
 from robot_offload_lab.simulate.stories import STORIES
@@ -33,11 +33,12 @@ def test_an_edit_that_changes_nothing_by_itself_fits_the_core_and_says_why(name:
         assert EQUIVALENT[name].why
 
 
-def test_the_page_lists_every_planted_fault_and_who_finds_it() -> None:
-    page = (Path(__file__).parents[2] / "docs/explanation/simulation.md").read_text()
-    rows = [f"| {name} | {mutant.meaning} | `{mutant.story}` |" for name, mutant in MUTANTS.items()]
-    rows += [f"| {name} | {edit.meaning} | {edit.why} |" for name, edit in EQUIVALENT.items()]
-    assert [row for row in rows if row not in page] == []
+def test_the_command_lists_every_planted_fault_and_who_finds_it() -> None:
+    listed = CliRunner().invoke(app, ["--mutants"])
+    assert listed.exit_code == 0
+    rows = [f"{name}: {mutant.meaning} (found by {mutant.story})" for name, mutant in MUTANTS.items()]
+    rows += [f"{name}: {edit.meaning} (changes nothing: {edit.why})" for name, edit in EQUIVALENT.items()]
+    assert listed.output.splitlines() == rows
 
 
 def test_the_core_is_whole_again_after_a_mutant() -> None:

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from robot_offload_lab.simulate import campaign
 from robot_offload_lab.simulate.campaign import Total
 from robot_offload_lab.simulate.chunk import CHUNK_S
-from robot_offload_lab.simulate.mutant_list import MUTANTS
+from robot_offload_lab.simulate.mutant_list import EQUIVALENT, MUTANTS
 
 EPILOG = (
     "The real switching core, both sides, runs against a modelled link, modelled processes and nodes; the invariants "
@@ -25,12 +25,25 @@ EPILOG = (
 app = typer.Typer(add_completion=False)
 
 
+def list_mutants(wanted: bool) -> None:
+    """Print each planted fault with its story, and each edit that changes nothing by itself; then end."""
+    if not wanted:
+        return
+    rows = [f"{name}: {mutant.meaning} (found by {mutant.story})" for name, mutant in MUTANTS.items()]
+    rows += [f"{name}: {edit.meaning} (changes nothing: {edit.why})" for name, edit in EQUIVALENT.items()]
+    sys.stdout.write("\n".join([*rows, ""]))
+    raise typer.Exit
+
+
 @app.command(epilog=EPILOG)
 def simulate(
     hours: Annotated[float, typer.Option(min=0.001, help="Simulated hours.")] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same run.")] = 1,
     chunk: Annotated[int, typer.Option(min=-1, help=f"Only this stretch of {CHUNK_S:g} s; -1: all.")] = -1,
-    mutant: Annotated[str, typer.Option(help="Plant a fault by its name in mutant_list.py, for example S12.")] = "",
+    mutant: Annotated[str, typer.Option(help="Plant a fault by its name, for example S12.")] = "",
+    _mutants: Annotated[
+        bool, typer.Option("--mutants", callback=list_mutants, is_eager=True, help="List the faults, and end.")
+    ] = False,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     commit: Annotated[
         str, typer.Option(help="Commit that the run is expected to be of; another one is warned about.")
