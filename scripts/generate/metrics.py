@@ -7,11 +7,11 @@ from typing import Final
 
 from prometheus_client.core import Metric
 
-from robot_offload.process.metrics import Metrics
 from robot_offload.reporter.families import FAMILIES, Family
+from robot_offload.runtime.metrics import Metrics
 
 _HEAD: Final = """\
-<!-- Generated from reporter/families.py and process/metrics.py by `make generate`; changes here are lost. -->
+<!-- Generated from reporter/families.py and runtime/metrics.py by `make generate`; changes here are lost. -->
 # Metrics
 
 Prometheus reads two kinds of pods: the reporter beside each cloud agent, one a robot, and the operator. Nothing reads a

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robot_offload.kube.kinds import DEPLOYMENT, ROBOT_OFFLOAD, USES
-from robot_offload.process.settings import from_environment
+from robot_offload.runtime.settings import from_environment
 from robot_offload_lab.cluster.commands import Helm
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.chart import CHART, OPERATOR, RELEASE, of_kind, rendered, with_values

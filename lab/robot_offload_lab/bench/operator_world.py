@@ -47,7 +47,7 @@ class Operator:
         self._log = log
         with log.open("wb") as output:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "robot_offload.process.main"], env=environment, stdout=output, stderr=output
+                [sys.executable, "-m", "robot_offload", "operator"], env=environment, stdout=output, stderr=output
             )
 
     def port(self) -> int:

@@ -21,14 +21,15 @@ from robot_offload.kube.errors import (
     UnauthorizedError,
     UnreachableError,
 )
-from robot_offload.kube.kinds import CERTIFICATE, DEPLOYMENT, JOB, SECRET, STATEFUL_SET, kind_of
+from robot_offload.kube.kinds import CERTIFICATE, DEPLOYMENT, JOB, ROLE_BINDING, SECRET, STATEFUL_SET, kind_of
 from robot_offload.kube.port import KubeApi, Manifest
 
 AT_ONCE: Final = 8
 """Writes of one pass that are under way at the same time."""
 _NO_USE_TO_GO_ON: Final = (UnreachableError, TooManyError, UnauthorizedError)
-_PODS_FOLLOW: Final = (DEPLOYMENT, STATEFUL_SET, JOB)
-"""What pods come from is written last: policies, rights and files are there when they start."""
+_WAVES: Final = ((ROLE_BINDING,), (DEPLOYMENT, STATEFUL_SET, JOB))
+"""What waits for everything before it. The API server looks up the Role of a RoleBinding. What pods come from is
+written last: policies, rights and files are there when they start."""
 _Step = TypeVar("_Step")
 
 
@@ -102,12 +103,19 @@ async def carry_out(
         live.pop(key_of(child), None)
         history.forget(key_of(child))
 
-    first = [step for step in plan.applies if kind_of(step.manifest) not in _PODS_FOLLOW]
-    last = [step for step in plan.applies if kind_of(step.manifest) in _PODS_FOLLOW]
-    for steps in (first, last):
+    for steps in _in_waves(plan.applies):
         await _all(apply, steps, lambda step: step.manifest, done)
     await _all(delete, plan.deletes, lambda child: child, done)
     return done
+
+
+def _in_waves(steps: Sequence[Apply]) -> list[list[Apply]]:
+    """Returns the steps in groups, each of which needs that the ones before it were written."""
+    waves: list[list[Apply]] = [[] for _ in range(len(_WAVES) + 1)]
+    for step in steps:
+        kind = kind_of(step.manifest)
+        waves[next((index for index, kinds in enumerate(_WAVES, 1) if kind in kinds), 0)].append(step)
+    return waves
 
 
 async def _all(

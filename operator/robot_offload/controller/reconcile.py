@@ -11,7 +11,7 @@ the Services of the discovery servers, the rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -39,8 +39,6 @@ from robot_offload.objects.names import ROBOT, child_name
 
 Name: TypeAlias = tuple[str, str]
 """Namespace and name of a RobotOffload."""
-Watcher: TypeAlias = Callable[[Name, Sequence[tuple[str, float]], bool], None]
-"""Takes a pass: its steps, each with the steady time at which it began, and whether one of them broke."""
 DEFAULTS: Final = Policy()
 PATIENCE: Final = 3
 """Passes in a row that a passing trouble of the API server may break off before the status says so."""
@@ -63,11 +61,7 @@ class Result:
 
 
 class Controller:
-    """Keeps every RobotOffload as declared.
-
-    Attributes:
-        watcher: is called after each pass that was not broken off for good; None: nobody watches.
-    """
+    """Keeps every RobotOffload as declared."""
 
     def __init__(
         self,
@@ -82,7 +76,6 @@ class Controller:
         self._tools = Tools(api, known, images, clock or Clock(), policy, budget)
         self.memories: dict[Name, Memory] = {}
         self._readers: dict[tuple[str, str], set[Name]] = {}
-        self.watcher: Watcher | None = None
 
     async def reconcile(self, name: Name) -> Result:
         """Makes one pass. Calls for the same name must not overlap; the queue sees to that."""
@@ -96,7 +89,7 @@ class Controller:
         left_s = memory.due_s - self._tools.clock.steady_s()
         if based_on is not None and memory.unchanged == based_on and left_s > 0:
             return Result(again_s=None if math.isinf(left_s) else left_s)
-        found = Findings(self._tools.clock.steady_s)
+        found = Findings()
         try:
             offload = parse_object(raw, "/".join(name), unknown="ignore", rules=CLUSTER_CHECKS)
             warnings = (*check(offload.spec, CLUSTER_CHECKS), *pinned.findings(offload))
@@ -110,8 +103,6 @@ class Controller:
         except Exception as error:
             self._note_failure(error, found, memory, subject)
         result = await self._publish(subject, found, memory)
-        if self.watcher is not None:
-            self.watcher(name, [(step.name.lower(), at_s) for step, at_s in found.begun], found.broken)
         for config in memory.configs:
             self._readers.setdefault((name[0], config), set()).add(name)
         quiet = not (result.writes or result.failed or found.watchless)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -70,12 +70,10 @@ class Findings:
         again_s: seconds after which time alone may change something; None: never.
         however_s: the same, however the robot's Lease moves meanwhile.
         broken: whether a step was broken off.
-        begun: the steps so far, each with the time at which it began, in seconds on the steady clock.
+        step: which step is under way.
     """
 
-    def __init__(self, now: Callable[[], float] = lambda: 0.0) -> None:
-        self._now = now
-        self.begun: list[tuple[Step, float]] = []
+    def __init__(self) -> None:
         self.step = Step.READ
         self.verdicts: dict[str, Verdict] = {}
         self.applied = Applied()
@@ -85,15 +83,6 @@ class Findings:
         self.again_s: float | None = None
         self.however_s: float | None = None
         self.broken = False
-
-    @property
-    def step(self) -> Step:
-        """Which step is under way."""
-        return self.begun[-1][0]
-
-    @step.setter
-    def step(self, step: Step) -> None:
-        self.begun.append((step, self._now()))
 
 
 class Pass:
@@ -253,8 +242,8 @@ class Pass:
         manifests, live, uid = list(wanted), self._snapshot.live, self._subject.uid
         history, now_s, may_go = self._memory.history, self._clock.steady_s(), frozenset(prunable)
         steps = plan(manifests, live, uid, prunable=may_go, history=history, now_s=now_s)
-        if steps.touched:
-            await self._observer.confirm(self._snapshot, steps.touched)
+        if steps.doubtful:
+            await self._observer.confirm(self._snapshot, steps.doubtful)
             steps = plan(manifests, live, uid, prunable=may_go, history=history, now_s=now_s)
             steps = self._in_turn(steps)
         applied = await carry_out(self._api, self._store, steps, live, history, self._clock)

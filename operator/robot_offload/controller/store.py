@@ -1,8 +1,11 @@
 """The children of all RobotOffloads as the watches bring them, so that a pass over what has not changed asks nobody.
 
 Objects are kept packed: a parsed Deployment takes some 30 KiB, a packed one less than one. Secrets are kept without
-their content. What is here may be old by the time that an event needs to arrive; so whatever a pass would write is read
-once more from the API server before it is written.
+their content. What is here may be old by the time that an event needs to arrive; so whatever a pass would write, and
+whatever is in its way, is read once more from the API server before that counts.
+
+The answer to a write may arrive after the news that the object is gone. The uids of what has gone are kept for a while,
+so that such an answer does not bring a ghost back.
 """
 
 from __future__ import annotations
@@ -21,6 +24,8 @@ from robot_offload.objects import labels
 
 _KEPT_OF_PODS: Final = ("phase", "conditions", "initContainerStatuses", "containerStatuses")
 _LEVEL: Final = 1
+_REMEMBERED: Final = 10_000
+"""Uids of objects that have gone: far more than there are writes under way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,14 +62,17 @@ class Store:
         """ConfigMaps that are not ours: their resourceVersions by namespace and name."""
         self._entries: dict[tuple[Kind, str, str], Entry] = {}
         self._instances: dict[tuple[str, str], set[Key]] = {}
+        self._gone: dict[str, None] = {}
 
     def __len__(self) -> int:
         """Returns how many objects there are."""
         return len(self._entries)
 
     def put(self, kind: Kind, manifest: Manifest) -> bool:
-        """Takes in an object; returns whether that is news: not an older version, nor the same."""
+        """Takes in an object; returns whether that is news: not known in this version or a newer one, and not gone."""
         metadata = manifest["metadata"]
+        if str(metadata["uid"]) in self._gone:
+            return False
         place = (kind, str(metadata.get("namespace") or ""), str(metadata["name"]))
         before = self._entries.get(place)
         if before is not None and not older(before.version, str(metadata["resourceVersion"])):
@@ -82,10 +90,13 @@ class Store:
 
     def drop(self, kind: Kind, namespace: str, name: str, uid: str = "") -> bool:
         """Drops an object, if it is the one with this uid (empty: whichever); returns whether it was there."""
+        if uid:
+            self._bury(uid)
         place = (kind, namespace, name)
         before = self._entries.get(place)
         if before is None or (uid and before.uid != uid):
             return False
+        self._bury(before.uid)
         self._forget(place)
         return True
 
@@ -101,7 +112,8 @@ class Store:
             and place[1:] not in there
             and older(entry.version, version)
         ]
-        for place, _ in gone:
+        for place, entry in gone:
+            self._bury(entry.uid)
             self._forget(place)
         return [(place[1], place[2] if kind == ROBOT_OFFLOAD else entry.instance) for place, entry in gone]
 
@@ -149,6 +161,12 @@ class Store:
         keys = self._instances.get((namespace, instance), ())
         entries = ((key, self._entries[key[0], namespace, key[1]]) for key in keys if key[0] not in left_out)
         return frozenset((key, entry.uid, entry.version) for key, entry in entries)
+
+    def _bury(self, uid: str) -> None:
+        """Notes that an object has gone for good: its uid never comes back."""
+        self._gone[uid] = None
+        if len(self._gone) > _REMEMBERED:
+            del self._gone[next(iter(self._gone))]
 
     def _forget(self, place: tuple[Kind, str, str]) -> None:
         entry = self._entries.pop(place, None)

@@ -51,13 +51,15 @@ class Obstacle:
         reason: one CamelCase word.
         message: whose the name is, and what to do.
         passing: whether it goes away by itself.
-        recheck_s: seconds after which to try again though nothing happens; None: an event will tell.
+        recheck_s: seconds after which to try again though nothing happens; None: an event will follow.
+        key: the object that is in the way; None: none is.
     """
 
     reason: str
     message: str
     passing: bool
     recheck_s: float | None = None
+    key: Key | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +80,11 @@ class Plan:
     def touched(self) -> tuple[Key, ...]:
         """Returns the children that the plan would write."""
         return (*(key_of(step.manifest) for step in self.applies), *map(key_of, self.deletes))
+
+    @property
+    def doubtful(self) -> tuple[Key, ...]:
+        """Returns the objects to read once more before the plan counts: what it would write, and what is in the way."""
+        return (*self.touched, *(one.key for one in self.obstacles if one.key is not None))
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,12 +168,15 @@ def plan(
 
 def _fought_over(there: Manifest, contest: Contest, now_s: float) -> Obstacle:
     verdict = contested(there, contest)
-    return Obstacle(verdict.reason, verdict.message, False, contest.waits_s(now_s))
+    return Obstacle(verdict.reason, verdict.message, False, contest.waits_s(now_s), key_of(there))
 
 
 def _leaving(there: Manifest) -> Obstacle:
     return Obstacle(
-        "WaitingForDeletion", f"{described(there)} is being deleted; it is made again when it is gone", True
+        "WaitingForDeletion",
+        f"{described(there)} is being deleted; it is made again when it is gone",
+        True,
+        key=key_of(there),
     )
 
 
@@ -178,10 +188,12 @@ def _taken(there: Manifest, wanted: Manifest) -> Obstacle:
             f"{described(there)} belongs to an earlier {ours.get('kind')} of this name; it is made again when it is "
             "gone",
             True,
+            key=key_of(there),
         )
     return Obstacle(
         "NameTaken",
         f"{described(there)} exists and {owner_described(there)}; it is left alone. Delete or rename it, or give this "
         f"{ours.get('kind', 'object')} another name",
         False,
+        key=key_of(there),
     )

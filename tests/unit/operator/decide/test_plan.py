@@ -105,6 +105,13 @@ def test_a_child_on_its_way_out_is_waited_for_and_not_deleted_twice() -> None:
     assert not planned([], [leaving]).touched
 
 
+def test_what_is_in_the_way_is_read_once_more_like_what_would_be_written() -> None:
+    leaving = live(child(), deletionTimestamp="2026-11-21T12:00:00Z")
+    assert planned([child()], [leaving]).doubtful == (key_of(leaving),)
+    assert planned([child()], [child(uid="u-0")]).doubtful == (key_of(child()),)
+    assert planned([child()], []).doubtful == (key_of(child()),)
+
+
 def test_only_what_may_be_pruned_is_pruned() -> None:
     there = live(child())
     assert not plan([], {key_of(there): there}, UID).touched

@@ -6,7 +6,7 @@ import pytest
 
 from robot_offload.errors import InputError
 from robot_offload.objects.facts import BUILDER
-from robot_offload.process.settings import from_environment
+from robot_offload.runtime.settings import from_environment
 
 NEEDED = {
     "AGENT_IMAGE": "a:1",

@@ -10,7 +10,7 @@ from robot_offload.controller.store import Store
 from robot_offload.kube.errors import ConflictError, ServerFailedError, SilentError
 from robot_offload.kube.kinds import CONFIG_MAP, SECRET, Kind
 from robot_offload.kube.port import Change, Manifest, Selection
-from robot_offload.process.informer import Informer
+from robot_offload.runtime.informer import Informer
 
 
 def config(name: str, version: int, uid: str = "", **data: str) -> Manifest:

@@ -1,4 +1,4 @@
-"""The operator as a process: `python -m robot_offload.process.main`, settings from the environment.
+"""The operator as a process: `python -m robot_offload.runtime.main`, settings from the environment.
 
 First it waits for its kind and for leadership; then it watches, works and renews until it is stopped, or until one of
 its parts ends. Nothing is repaired inside a process that has lost a part: it ends, and the kubelet starts it anew.
@@ -28,23 +28,22 @@ from robot_offload.kube.errors import KubeError, NotFoundError, NotLeaderError
 from robot_offload.kube.kinds import ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi, Manifest, Selection
 from robot_offload.kube.retry import RetryPolicy
-from robot_offload.process import logs, triggers
-from robot_offload.process.collector import Collector
-from robot_offload.process.health import Limit, WatchSight
-from robot_offload.process.http import serving
-from robot_offload.process.informer import Informer
-from robot_offload.process.leadership import Leadership, LeadersOnly, Terms
-from robot_offload.process.metrics import Metrics
-from robot_offload.process.queue import Queue
-from robot_offload.process.settings import Settings, from_environment
-from robot_offload.process.traces import Traces
-from robot_offload.process.triggers import SETTLE_S, OthersConfigMaps, Triggers
+from robot_offload.runtime import logs, triggers
+from robot_offload.runtime.collector import Collector
+from robot_offload.runtime.health import Limit, WatchSight
+from robot_offload.runtime.http import serving
+from robot_offload.runtime.informer import Informer
+from robot_offload.runtime.leadership import Leadership, LeadersOnly, Terms
+from robot_offload.runtime.metrics import Metrics
+from robot_offload.runtime.queue import Queue
+from robot_offload.runtime.settings import Settings, from_environment
+from robot_offload.runtime.triggers import SETTLE_S, OthersConfigMaps, Triggers
 
 FEED_S: Final = 30.0
 """Seconds after which passes begin although not everything is listed: one kind that cannot be read holds up nothing."""
 _BLIND_LIMIT: Final = 2.5
 """How long the watch may miss something, in times of silence after which it is opened again."""
-_log = structlog.get_logger("robot_offload.process.main")
+_log = structlog.get_logger("robot_offload.runtime.main")
 
 
 class PartEndedError(RobotOffloadError):
@@ -52,7 +51,7 @@ class PartEndedError(RobotOffloadError):
 
 
 class Operator:
-    """One operator process: the parts and how they hold together."""
+    """One operator.runtime: the parts and how they hold together."""
 
     def __init__(
         self, settings: Settings, api: KubeApi, leadership: Leadership, guard: LeadersOnly, clock: Clock | None = None
@@ -67,9 +66,6 @@ class Operator:
         )
         self._controller = Controller(self._api, settings.images, self._clock, self._store, policy)
         self.metrics = Metrics()
-        self._traces = Traces(settings.traces)
-        if settings.traces:
-            self._controller.watcher = self._traces.passed
         self._queue: Queue[Name] = Queue(self._clock.steady_s, waited=self.metrics.waited.observe)
         self._sight = WatchSight()
         self._collector = Collector(api, self._store, settings.watch_namespaces, settings.pod_namespace)
@@ -153,7 +149,6 @@ class Operator:
         parts.append(asyncio.create_task(self._feed(informers)))
         parts.append(asyncio.create_task(self._probe()))
         parts.append(asyncio.create_task(self._resync()))
-        parts.append(asyncio.create_task(self._traces.run()))
         parts.append(asyncio.create_task(self._collector.run(self._settings.resync_s)))
         self._watching = True
 

@@ -10,7 +10,7 @@ from robot_offload.controller.reconcile import Controller
 from robot_offload.decide import presence
 from robot_offload.kube.port import KubeApi
 from robot_offload.objects.facts import default_images
-from robot_offload.process.queue import Queue
+from robot_offload.runtime.queue import Queue
 
 NAME = ("fleet", "walker")
 

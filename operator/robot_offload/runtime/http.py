@@ -9,8 +9,8 @@ import structlog
 from aiohttp import web
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 
-from robot_offload.process.health import Signs, healthy
-from robot_offload.process.settings import Settings
+from robot_offload.runtime.health import Signs, healthy
+from robot_offload.runtime.settings import Settings
 
 _log = structlog.get_logger("robot_offload.http")
 

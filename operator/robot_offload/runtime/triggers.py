@@ -16,9 +16,9 @@ from robot_offload.decide import authorities
 from robot_offload.kube.kinds import CHILD_KINDS, CONFIG_MAP, LEASE, POD, ROBOT_OFFLOAD, SECRET, Kind
 from robot_offload.kube.port import KubeApi, Manifest, Selection
 from robot_offload.objects import labels
-from robot_offload.process.health import WatchSight
-from robot_offload.process.informer import Informer, Sink
-from robot_offload.process.queue import Queue
+from robot_offload.runtime.health import WatchSight
+from robot_offload.runtime.informer import Informer, Sink
+from robot_offload.runtime.queue import Queue
 
 SETTLE_S: Final = 0.1
 """Seconds for which the pass after an event of a child waits for its siblings' events."""

@@ -9,7 +9,7 @@ from typing import Final
 
 import structlog
 
-from robot_offload.process.settings import LogFormat
+from robot_offload.runtime.settings import LogFormat
 
 _LAST: Final[Mapping[LogFormat, tuple[structlog.typing.Processor, ...]]] = {
     "json": (structlog.processors.format_exc_info, structlog.processors.JSONRenderer()),

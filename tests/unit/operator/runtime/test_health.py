@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot_offload.process.health import Limit, WatchSight, healthy
+from robot_offload.runtime.health import Limit, WatchSight, healthy
 
 
 def roff(version: int, uid: str = "u") -> dict[str, dict[str, str]]:

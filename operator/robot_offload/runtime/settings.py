@@ -38,7 +38,6 @@ class Settings:
         max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
-        traces: where traces of passes are sent, OTLP over HTTP; empty: nowhere.
     """
 
     images: Images
@@ -58,7 +57,6 @@ class Settings:
     max_rolling: int = AT_ONCE
     load_balancer_node_ports: bool = True
     network: Network = field(default_factory=Network)
-    traces: str = ""
 
 
 def from_environment(environment: Mapping[str, str]) -> Settings:
@@ -119,20 +117,10 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
             metrics_from=_words(environment.get("METRICS_NAMESPACES", "")),
             api_server_from=_networks("API_SERVER_SOURCES", environment, problems),
         ),
-        traces=_address("TRACES_ENDPOINT", environment, problems),
     )
     if problems:
         raise InputError("\n".join(problems))
     return settings
-
-
-def _address(name: str, environment: Mapping[str, str], problems: list[str]) -> str:
-    value = environment.get(name, "")
-    if value and not value.startswith(("http://", "https://")):
-        problems.append(
-            f"{name} must be an address such as http://collector.monitoring:4318/v1/traces, found {value!r}"
-        )
-    return value
 
 
 def _words(text: str) -> tuple[str, ...]:

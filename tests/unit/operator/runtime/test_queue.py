@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 
-from robot_offload.process.queue import LONGEST_BACKOFF_S, Queue
+from robot_offload.runtime.queue import LONGEST_BACKOFF_S, Queue
 
 
 class Clock:

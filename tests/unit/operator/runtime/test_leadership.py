@@ -21,7 +21,7 @@ from robot_offload.kube.errors import (
     ServerFailedError,
 )
 from robot_offload.kube.kinds import CONFIG_MAP, Kind
-from robot_offload.process.leadership import Leadership, LeadersOnly, Terms
+from robot_offload.runtime.leadership import Leadership, LeadersOnly, Terms
 
 
 class OneLease:

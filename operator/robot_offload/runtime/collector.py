@@ -20,7 +20,7 @@ from robot_offload.kube.port import KubeApi, Selection
 
 _SETTLE_S = 1.0
 """Seconds for which a sweep waits for further RobotOffloads to go."""
-_log = structlog.get_logger("robot_offload.process.collector")
+_log = structlog.get_logger("robot_offload.runtime.collector")
 
 
 class Collector:
