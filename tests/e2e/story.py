@@ -35,6 +35,7 @@ RESTRICTED: Final = {"pod-security.kubernetes.io/enforce": "restricted"}
 """The strictest level of Kubernetes: a namespace in which our pods must be able to run."""
 READY: Final = (
     "SpecValid", "ResourcesApplied", "DiscoveryReady", "WorkloadsAvailable", "CertificatesReady",
+    "AddressesReady",
 )  # fmt: skip
 """The conditions that are true as soon as the cloud's side stands, with no robot yet."""
 CONNECTED: Final = (*READY, "Connected", "ConfigCurrent", "Ready")

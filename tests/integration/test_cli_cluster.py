@@ -215,6 +215,12 @@ def test_without_an_address_the_bundle_waits_and_then_says_why(place: Place, run
     assert "AddressPending" in done.stderr
     assert "Waiting (AddressPending)" in done.stderr
     assert not (tmp_path / "out").exists()
+    assert "offload explain" not in done.stderr.partition("Next:")[2]
+    assert place.wait_condition("Ready", "False", "AddressPending")["message"].startswith("AddressesReady: ")
+    explained = run("explain", "walker")
+    assert explained.exit_code == 1
+    assert "AddressPending" in explained.stdout
+    assert "offload bundle" not in explained.stdout
 
 
 def test_the_bundle_comes_as_soon_as_the_load_balancer_answers(place: Place, run: Run, tmp_path: Path) -> None:

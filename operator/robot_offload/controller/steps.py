@@ -20,7 +20,18 @@ from robot_offload.controller.failures import Step
 from robot_offload.controller.memory import Memory
 from robot_offload.controller.subject import Subject
 from robot_offload.controller.tools import Tools
-from robot_offload.decide import agent, authors, builds, presence, presented, rollouts, status, trail, workloads
+from robot_offload.decide import (
+    addresses,
+    agent,
+    authors,
+    builds,
+    presence,
+    presented,
+    rollouts,
+    status,
+    trail,
+    workloads,
+)
 from robot_offload.decide.ownership import Key, key_of
 from robot_offload.decide.plan import Plan, plan
 from robot_offload.decide.verdicts import Verdict
@@ -305,6 +316,7 @@ class Pass:
         )
         self._found.verdicts |= {
             **workloads.conditions(self._offload, self._found.status.live, pods, wanted.nodes, wanted.verdict),
+            "AddressesReady": addresses.addresses_ready(self._offload, endpoints),
             "Connected": robot.verdict,
             "ConfigCurrent": agent.config_current(
                 state, generation, connected=robot.connected, dials=dials, endpoints=endpoints

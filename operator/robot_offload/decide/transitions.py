@@ -10,7 +10,7 @@ from robot_offload.decide.trail import restarted
 
 _TOLD: Final = (
     *("SpecValid", "ResourcesApplied", "ImageBuilt", "Connected", "ConfigCurrent", "CertificatesReady"),
-    *("CertificateCurrent", "Ready"),
+    *("AddressesReady", "CertificateCurrent", "Ready"),
 )
 """DiscoveryReady and WorkloadsAvailable are told by Ready: pods come and go for many reasons."""
 _MAX_MESSAGE: Final = 1024

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from robot_offload.api.agent_state import AgentState
 from robot_offload.api.v1alpha1.status import PROGRESS_TYPES, ROBOT_TYPES
 from robot_offload.insight import in_flight
 from robot_offload.insight.handover import handover
-from robot_offload.insight.next_steps import Advice, advice
+from robot_offload.insight.next_steps import advice, asks_for_bundle
 from robot_offload.insight.observed import READY, Condition, Observed, ago, time_of
 from robot_offload.insight.timing import timing
 
 EVENTS: Final = 5
+BUNDLE_NEEDS: Final = ("SpecValid", "CertificatesReady", "AddressesReady")
+"""Without them `bundle` waits, so its advice would come back to `explain`."""
+FIRST_THE_ABOVE: Final = "Mend what stands above first: until then no bundle can be written."
 EPOCH: Final = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 
 
@@ -100,9 +103,11 @@ def _problems(offload: Observed, deleting: bool, now: datetime.datetime) -> Iter
         return
     if offload.outdated:
         yield _own("InProgress", offload, "")
+    bundled = all(found is None or found.holds for found in map(offload.condition, BUNDLE_NEEDS))
     for condition in offload.conditions:
         if not condition.holds and condition.type != READY and condition.type not in PROGRESS_TYPES:
-            yield _problem(condition, offload, now)
+            problem = _problem(condition, offload, now)
+            yield problem if bundled or not asks_for_bundle(problem.step) else replace(problem, step=FIRST_THE_ABOVE)
     # An operator that says no more than that.
     summary = offload.condition(READY)
     others = [each for each in offload.conditions if each.type not in (READY, *ROBOT_TYPES, *PROGRESS_TYPES)]
@@ -112,7 +117,7 @@ def _problems(offload: Observed, deleting: bool, now: datetime.datetime) -> Iter
 
 def _own(reason: str, offload: Observed, since: str) -> Problem:
     found = advice(READY, reason)
-    return Problem(READY, reason, "", since, found.meaning, _filled(found, offload))
+    return Problem(READY, reason, "", since, found.meaning, found.at(offload.namespace, offload.name))
 
 
 def _problem(condition: Condition, offload: Observed, now: datetime.datetime) -> Problem:
@@ -123,12 +128,8 @@ def _problem(condition: Condition, offload: Observed, now: datetime.datetime) ->
         message=condition.message,
         since=ago(condition.since, now),
         meaning=found.meaning,
-        step=_filled(found, offload),
+        step=found.at(offload.namespace, offload.name),
     )
-
-
-def _filled(found: Advice, offload: Observed) -> str:
-    return found.step.replace("{name}", offload.name).replace("{namespace}", offload.namespace)
 
 
 def _notes(offload: Observed) -> Iterator[str]:

@@ -27,6 +27,10 @@ class Advice:
     meaning: str
     step: str = ""
 
+    def at(self, namespace: str, name: str) -> str:
+        """Return the step for one RobotOffload."""
+        return self.step.replace("{name}", name).replace("{namespace}", namespace)
+
 
 GOOD: Final[dict[str, Advice]] = {
     "Valid": Advice("The specification can be carried out."),
@@ -44,6 +48,7 @@ GOOD: Final[dict[str, Advice]] = {
     "Built": Advice("The images of all nodes with a build block are in the registry."),
     "Connected": Advice("The robot's agent is connected."),
     "Current": Advice("The robot runs the settings of the present generation."),
+    "Known": Advice("The cluster has given every address that the robot needs."),
     "Issued": Advice("Certificates of cloud and robot are there and valid."),
     "IssuedByIssuer": Advice("Your own issuer has delivered the certificates and renews them."),
     "Wanted": Advice("The nodes in the cloud should have pods."),
@@ -146,6 +151,7 @@ ROBOT: Final[dict[str, Advice]] = {
 """Reasons around the robot: Connected, ConfigCurrent, placement."""
 
 CERTIFICATES: Final[dict[str, Advice]] = {
+    "CertificatesPending": Advice("The operator has not made the certificates of cloud and robot yet.", OPERATOR_LOG),
     "WaitingForIssuer": Advice(
         "cert-manager has not delivered the certificates yet.",
         "kubectl describe certificate -n {namespace} -l app.kubernetes.io/instance={name}",
@@ -187,7 +193,7 @@ CLUSTER: Final[dict[str, Advice]] = {
     "AddressPending": Advice(
         "The cluster has not given the Services an address yet.",
         "kubectl get services -n {namespace} -l app.kubernetes.io/instance={name}; without a load balancer write "
-        "spec.transport.expose.type: NodePort, or give an address in expose.address or expose.host.",
+        "spec.transport.expose.type: NodePort.",
     ),
     "NameTaken": Advice(
         "An object with the name of one of ours exists and belongs to somebody else; it is left alone.",
@@ -256,6 +262,11 @@ INVALID: Final = Advice(
     "Correct every line of the message and apply again; kubectl offload validate --cluster FILE checks it before.",
 )
 """For SpecValid=False, whose reason is that of the first problem."""
+
+
+def asks_for_bundle(step: str) -> bool:
+    """Return whether a step begins with writing a bundle."""
+    return "kubectl offload bundle" in step
 
 
 def advice(condition: str, reason: str) -> Advice:

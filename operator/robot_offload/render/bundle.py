@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -12,7 +11,6 @@ import yaml
 from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.errors import RobotOffloadError
-from robot_offload.objects.facts import Endpoint, Purpose
 from robot_offload.objects.parent import Parent
 from robot_offload.objects.pod import TMP
 from robot_offload.render import bundle_texts as texts
@@ -69,11 +67,11 @@ def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -
         AddressPendingError: an address of the cloud is not known yet.
         CertificatesPendingError: the transport needs certificates and there are none yet.
     """
-    missing = missing_purposes(parent.offload, parent.facts.endpoints)
+    missing = transport.missing_purposes(parent.offload, parent.facts.endpoints)
     if missing:
         raise AddressPendingError(
-            f"{parent.name}: the cluster has given no address yet for {', '.join(missing)}; wait for the "
-            "load balancer, or set spec.transport.expose (see `kubectl get services`)"
+            f"{parent.name}: the cluster has given no address yet for {', '.join(missing)}; "
+            "see the condition AddressesReady"
         )
     if transport.needs_certificates(parent.spec) and secrets is None:
         raise CertificatesPendingError(
@@ -100,13 +98,6 @@ def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -
     files["compose.yaml"] = _compose(parent, place).encode()
     files["README.md"] = texts.readme(parent.offload, place, [*files, "README.md"]).encode()
     return dict(sorted(files.items()))
-
-
-def missing_purposes(offload: RobotOffload, endpoints: tuple[Endpoint, ...]) -> tuple[Purpose, ...]:
-    """For what the robot needs an address that is not known yet."""
-    wanted = Counter(transport.of(offload.spec).purposes(offload))
-    known = Counter(endpoint.purpose for endpoint in endpoints)
-    return tuple(purpose for purpose, count in wanted.items() if known[purpose] < count)
 
 
 def robot_site(parent: Parent, folder: str) -> AgentSite:

@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
 from robot_offload.api.v1alpha1 import RobotOffload, RobotOffloadSpec, TransportType
 from robot_offload.kube.port import Manifest
-from robot_offload.objects.facts import Endpoint
+from robot_offload.objects.facts import Endpoint, Purpose
 from robot_offload.transport.base import Transport
 from robot_offload.transport.dds_router import DDSRouter
 from robot_offload.transport.discovery_server import DiscoveryServer
@@ -24,6 +25,7 @@ __all__ = [
     "Transport",
     "agent_ports",
     "discovery_servers",
+    "missing_purposes",
     "needs_certificates",
     "observed_endpoints",
     "of",
@@ -70,3 +72,10 @@ def observed_endpoints(
         nodes: the cluster's nodes; only looked at for Services of type NodePort.
     """
     return of(offload.spec).observed_endpoints(offload, services, nodes)
+
+
+def missing_purposes(offload: RobotOffload, endpoints: Sequence[Endpoint]) -> tuple[Purpose, ...]:
+    """Return for what the robot needs an address that is not known yet."""
+    wanted = Counter(of(offload.spec).purposes(offload))
+    known = Counter(endpoint.purpose for endpoint in endpoints)
+    return tuple(purpose for purpose, count in wanted.items() if known[purpose] < count)

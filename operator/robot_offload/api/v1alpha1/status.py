@@ -15,6 +15,7 @@ CLOUD_TYPES: Final = (
     "DiscoveryReady",
     "WorkloadsAvailable",
     "CertificatesReady",
+    "AddressesReady",
 )
 """What `Ready` sums up, in the order in which it becomes true: whether the cloud can serve the robot."""
 ROBOT_TYPES: Final = ("Connected", "ConfigCurrent", "CertificateCurrent")
@@ -36,8 +37,8 @@ class Condition(Model):
 
     type: Annotated[str, Field(max_length=316)] = Field(
         description="SpecValid, ResourcesApplied, ImageBuilt, DiscoveryReady, WorkloadsAvailable, "
-        "CertificatesReady, or their sum Ready; Connected, ConfigCurrent and CertificateCurrent, about the robot; "
-        "Reconciling or Stalled while it is not Ready."
+        "CertificatesReady, AddressesReady, or their sum Ready; Connected, ConfigCurrent and CertificateCurrent, about "
+        "the robot; Reconciling or Stalled while it is not Ready."
     )
     status: Literal["True", "False", "Unknown"] = Field(description="True, False or Unknown.")
     reason: Annotated[str, Field(min_length=1, max_length=1024)] = Field(
@@ -145,8 +146,8 @@ class RobotOffloadStatus(Model):
         default=(),
         max_length=16,
         description="What is true about the object: SpecValid, ResourcesApplied, ImageBuilt, "
-        "DiscoveryReady, WorkloadsAvailable, CertificatesReady and their sum Ready; Connected, ConfigCurrent and "
-        "CertificateCurrent, about the robot; Reconciling or Stalled while it is not Ready.",
+        "DiscoveryReady, WorkloadsAvailable, CertificatesReady, AddressesReady and their sum Ready; Connected, "
+        "ConfigCurrent and CertificateCurrent, about the robot; Reconciling or Stalled while it is not Ready.",
         json_schema_extra=map_list("type"),
     )
     placement: Literal["Robot", "Cloud", "Unknown"] = Field(

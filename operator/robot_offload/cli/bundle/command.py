@@ -30,6 +30,7 @@ from robot_offload.cli.cluster import Context, Kubeconfig, Name, Namespace, Targ
 from robot_offload.cli.own_images import images_in_use
 from robot_offload.decide.certificates import LEAVES, REVOKE, REVOKED, secret_name
 from robot_offload.errors import InputError, RobotOffloadError
+from robot_offload.insight.next_steps import NEXT_STEPS
 from robot_offload.insight.observed import Observed, observe
 from robot_offload.kube.errors import ForbiddenError
 from robot_offload.kube.kinds import DEPLOYMENT, SECRET
@@ -43,7 +44,6 @@ from robot_offload.render.bundle import (
     BundleSecrets,
     bundle,
     default_folder,
-    missing_purposes,
 )
 
 EXAMPLES = (
@@ -140,7 +140,7 @@ def waiting_for(material: Material) -> tuple[str, str]:
             return "CertificatesPending", "the revoked certificates are being replaced"
         if material.secrets is None:
             return "CertificatesPending", "the robot's certificate is not made yet"
-    missing = missing_purposes(material.offload, observed.endpoints)
+    missing = transport.missing_purposes(material.offload, observed.endpoints)
     if missing:
         return "AddressPending", f"the cluster has given no address yet for {', '.join(missing)}"
     return "", ""
@@ -166,7 +166,7 @@ async def _wait(api: KubeApi, where: str, name: str, limit_s: float, say: Callab
         if not reason:
             return material
         if time.monotonic() >= end_s:
-            raise AddressPendingError(f"{name}: {reason}: {message}. Next: kubectl offload explain {name} -n {where}")
+            raise AddressPendingError(f"{name}: {reason}: {message}. Next: {NEXT_STEPS[reason].at(where, name)}")
         say(f"Waiting ({reason}): {message}")
         await asyncio.sleep(min(LOOK_EVERY_S, max(0.05, end_s - time.monotonic())))
 

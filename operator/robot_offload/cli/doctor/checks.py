@@ -8,10 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias
 
+from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.cli.cluster import INSTALL, Live
+from robot_offload.insight.next_steps import NEXT_STEPS
 from robot_offload.insight.observed import Observed, time_of
-from robot_offload.render.bundle import missing_purposes
 
 Level: TypeAlias = Literal["ok", "warning", "error", "unknown"]
 
@@ -155,14 +156,13 @@ def clocks(live: Live, now: datetime.datetime) -> Finding:
 
 def addresses(offload: RobotOffload, observed: Observed) -> Finding:
     """Whether the robot's addresses are known."""
-    missing = missing_purposes(offload, observed.endpoints)
+    missing = transport.missing_purposes(offload, observed.endpoints)
     if missing:
         return Finding(
             "Addresses",
             "error",
             f"AddressPending: the cluster has given no address yet for {', '.join(missing)}",
-            f"kubectl get services -n {observed.namespace}; without a load balancer set spec.transport.expose.type: "
-            "NodePort, or expose.address or expose.host.",
+            NEXT_STEPS["AddressPending"].at(observed.namespace, observed.name),
         )
     if not observed.endpoints:
         return Finding("Addresses", "ok", "this transport needs none")

@@ -27,6 +27,7 @@ CONDITIONS = {
     "Connected": ("True", "Connected", "connected"),
     "ConfigCurrent": ("True", "Current", "The robot runs generation 3"),
     "CertificatesReady": ("True", "Issued", "fine"),
+    "AddressesReady": ("True", "Known", "fine"),
     "Ready": ("True", "Ready", "The cloud can act for the robot"),
 }
 

@@ -41,6 +41,7 @@ def test_conditions_are_in_the_order_in_which_they_become_true() -> None:
         "DiscoveryReady",
         "WorkloadsAvailable",
         "CertificatesReady",
+        "AddressesReady",
         "Connected",
         "ConfigCurrent",
         "Ready",
