@@ -30,6 +30,7 @@ _NO_USE_TO_GO_ON: Final = (UnreachableError, TooManyError, UnauthorizedError)
 _WAVES: Final = ((ROLE_BINDING,), (DEPLOYMENT, STATEFUL_SET, JOB))
 """What waits for everything before it. The API server looks up the Role of a RoleBinding. What pods come from is
 written last: policies, rights and files are there when they start."""
+ADDED: Final = "All fields of ours are as declared, and others have added to the objects"
 _Step = TypeVar("_Step")
 
 
@@ -42,12 +43,14 @@ class Applied:
         obstacles: children that could not be tried.
         stopped: whether the rest was left out, because the API server is in trouble.
         writes: how many writes succeeded.
+        additions: what others have added to children, in words.
     """
 
     errors: list[KubeError] = field(default_factory=list)
     obstacles: list[Obstacle] = field(default_factory=list)
     stopped: bool = False
     writes: int = 0
+    additions: list[str] = field(default_factory=list)
 
     @property
     def complete(self) -> bool:
@@ -71,6 +74,8 @@ class Applied:
             return no((lasting or self.obstacles)[0].reason, "; ".join(messages))
         if self.errors:
             return no(self.errors[0].reason, "; ".join(messages))
+        if self.additions:
+            return yes("AppliedWithAdditions", f"{ADDED}: {'; '.join(self.additions)}")
         return yes("Applied", "All objects in the cluster are as declared")
 
     def add(self, other: Applied) -> None:
@@ -79,6 +84,7 @@ class Applied:
         self.obstacles += other.obstacles
         self.stopped = self.stopped or other.stopped
         self.writes += other.writes
+        self.additions += other.additions
 
 
 async def carry_out(
@@ -88,7 +94,7 @@ async def carry_out(
 
     What stands in one line of the plan's order is written at once: an object waits for one answer instead of twenty.
     """
-    done = Applied(obstacles=list(plan.obstacles))
+    done = Applied(obstacles=list(plan.obstacles), additions=list(plan.additions))
 
     async def apply(step: Apply) -> None:
         answer = await _write(api, step)

@@ -1,8 +1,10 @@
 """Whether a live object still is what we want. Decides about writes, so that a steady state needs none.
 
 We own fields, not objects. A child is as wanted when every field of the wanted manifest has its value in it; what
-others add beside that (defaults, a status, an injected annotation) is theirs. Fields that we no longer want are
-found by the digest of the whole wanted manifest, which is itself one of the wanted fields: an annotation.
+others add beside that (defaults, a status, an injected annotation) is theirs. Fields that Kubernetes declares atomic
+have one owner as a whole, so an entry that others add to a selector or to subjects is a change of ours. Fields that
+we no longer want are found by the digest of the whole wanted manifest, which is itself one of the wanted fields: an
+annotation.
 
 The API server writes some values in its own form (quantities, times). What it made of a manifest right after we applied
 it is remembered, and counts as wanted from then on.
@@ -21,6 +23,14 @@ from robot_offload.kube.port import Manifest
 
 _LIST_KEYS: Final = (("containerPort", "protocol"), ("port", "protocol"), ("name",), ("ip",), ("uid",), ("mountPath",))
 """By what entries of lists of mappings are told apart, as in the API server's own schema."""
+ATOMIC: Final = frozenset(
+    {
+        *("selector", "nodeSelector", "podSelector", "namespaceSelector", "labelSelector"),
+        *("subjects", "roleRef", "rules", "ingress", "egress", "tolerations"),
+        *("secretKeyRef", "configMapKeyRef", "fieldRef", "loadBalancerSourceRanges", "resourceNames"),
+    }
+)
+"""Fields of our children that are atomic in the API server's own schema (x-kubernetes-map-type, -list-type)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +74,13 @@ def settle(wanted: Manifest, answer: Manifest) -> Settled | None:
 
 
 def projection(wanted: Any, live: Any) -> Any:
-    """The live values of exactly those fields that `wanted` names; missing ones are left out."""
+    """Return the live values of exactly those fields that `wanted` names, atomic ones whole, without missing ones."""
     if isinstance(wanted, Mapping) and isinstance(live, Mapping):
-        return {key: projection(value, live[key]) for key, value in wanted.items() if key in live}
+        return {
+            key: live[key] if key in ATOMIC else projection(value, live[key])
+            for key, value in wanted.items()
+            if key in live
+        }
     if isinstance(wanted, list | tuple) and isinstance(live, list):
         return _list_projection(list(wanted), live)
     return live

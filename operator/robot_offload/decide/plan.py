@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from robot_offload.decide.additions import additions
 from robot_offload.decide.contests import Contest, contested, other_manager
 from robot_offload.decide.drift import Settled, digest, in_place, settle, stamped
 from robot_offload.decide.ownership import (
@@ -70,11 +71,13 @@ class Plan:
         applies: children to make or to put right.
         deletes: children that are no longer wanted, as they are live.
         obstacles: children that cannot be made.
+        additions: what others have added to children, in words.
     """
 
     applies: tuple[Apply, ...] = ()
     deletes: tuple[Manifest, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
+    additions: tuple[str, ...] = ()
 
     @property
     def touched(self) -> tuple[Key, ...]:
@@ -142,11 +145,14 @@ def plan(
     applies: list[Apply] = []
     obstacles: list[Obstacle] = []
     names: set[Key] = set()
+    added: list[str] = []
     for manifest in wanted:
         key = key_of(manifest)
         names.add(key)
         stamp = stamped(manifest, uid)
         there = live.get(key)
+        if there is not None and belongs(there, uid):
+            added.append(additions(manifest, there))
         if there is None:
             applies.append(Apply(stamp, force=False))
         elif being_deleted(there):
@@ -163,7 +169,7 @@ def plan(
                 applies.append(Apply(stamp, force=True, uid=there["metadata"]["uid"], rival=rival))
     doomed = [live[key] for key in prunable if key in live and key not in names]
     deletes = [child for child in doomed if belongs(child, uid) and not being_deleted(child)]
-    return Plan(tuple(applies), tuple(deletes), tuple(obstacles))
+    return Plan(tuple(applies), tuple(deletes), tuple(obstacles), tuple(filter(None, added)))
 
 
 def _fought_over(there: Manifest, contest: Contest, now_s: float) -> Obstacle:

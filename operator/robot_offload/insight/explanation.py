@@ -148,6 +148,9 @@ def _notes(offload: Observed) -> Iterator[str]:
         yield f"It acts on side {offload.placement}: {offload.placement_reason}, {offload.placement_message}"
     yield from timing(offload.spec)
     yield from handover(offload.spec)
+    applied = offload.condition("ResourcesApplied")
+    if applied is not None and applied.reason == "AppliedWithAdditions":
+        yield f"{applied.message}."
     warned = offload.condition("SpecValid")
     if warned is not None and warned.reason == "ValidWithWarnings":
         yield from (f"Warning: {line}" for line in warned.message.splitlines())

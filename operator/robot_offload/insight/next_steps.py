@@ -39,6 +39,10 @@ GOOD: Final[dict[str, Advice]] = {
         "Read the message; kubectl offload validate --cluster FILE says the same before you apply.",
     ),
     "Applied": Advice("Every object in the cluster is as it should be."),
+    "AppliedWithAdditions": Advice(
+        "Every field of ours is as it should be; others have added containers, variables, files or ports.",
+        "Read the message; kubectl get it with -o yaml --show-managed-fields names who has added it.",
+    ),
     "Available": Advice("All pods that are wanted are ready."),
     "NotNeeded": Advice("This RobotOffload does without."),
     "Degraded": Advice(

@@ -67,6 +67,44 @@ def test_a_changed_field_is_taken_back_on_exactly_that_object() -> None:
     assert "uid" not in step.manifest["metadata"]
 
 
+def test_an_entry_added_to_an_atomic_field_is_taken_back() -> None:
+    service = {**child(), "kind": "Service", "spec": {"selector": {"app": "ours"}}}
+    binding = {
+        **child(),
+        "apiVersion": "rbac.authorization.k8s.io/v1",
+        "kind": "RoleBinding",
+        "subjects": [{"kind": "ServiceAccount", "name": "ours", "namespace": "fleet"}],
+    }
+    there = [live(service), live(binding)]
+    there[0]["spec"]["selector"]["app.kubernetes.io/name"] = "evil"
+    there[1]["subjects"].append({"kind": "User", "name": "eve", "apiGroup": "rbac.authorization.k8s.io"})
+    steps = planned([service, binding], there).applies
+    assert [(step.manifest["kind"], step.force) for step in steps] == [("Service", True), ("RoleBinding", True)]
+
+
+def test_what_others_add_with_power_over_a_pod_is_named() -> None:
+    pod = {"containers": [{"name": "agent", "image": "agent:1", "env": [{"name": "HOME", "value": "/tmp"}]}]}
+    workload = {**child(), "apiVersion": "apps/v1", "kind": "Deployment", "spec": {"template": {"spec": pod}}}
+    there = live(workload)
+    seen = there["spec"]["template"]["spec"]
+    seen |= {"dnsPolicy": "ClusterFirst", "restartPolicy": "Always", "securityContext": {}, "schedulerName": "x"}
+    seen["containers"][0] |= {"imagePullPolicy": "Always", "terminationMessagePath": "/x", "resources": {}}
+    assert planned([workload], [there]) == Plan()
+    seen["hostNetwork"] = True
+    seen["containers"].append({"name": "evil", "image": "evil:1"})
+    seen["containers"][0]["env"].append({"name": "LD_PRELOAD", "value": "/evil.so"})
+    seen["containers"][0]["command"] = ["sh"]
+    (added,) = planned([workload], [there]).additions
+    assert added.startswith("Deployment settings: hostNetwork, container evil, command of container agent, ")
+    assert added.endswith("variable LD_PRELOAD of container agent")
+
+
+def test_foreign_keys_of_files_are_named() -> None:
+    there = live(child())
+    there["data"]["more"] = "of theirs"
+    assert planned([child()], [there]).additions == ("ConfigMap settings: key more",)
+
+
 def test_a_field_that_is_no_longer_wanted_needs_a_write_too() -> None:
     assert planned([child(data={})], [live(child())]).applies
 
