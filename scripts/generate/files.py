@@ -16,8 +16,9 @@ from scripts.generate.reasons import reasons
 from scripts.generate.reference import reference
 from scripts.generate.support import support
 
-CRD_FILE: Final = f"manifests/crd/{PLURAL}.{GROUP}.yaml"
-CHART_CRD_FILE: Final = "charts/robot-offload/files/crd.yaml"
+CRD_FILE: Final = "charts/robot-offload/files/crd.yaml"
+CRD_LINK: Final = f"manifests/crd/{PLURAL}.{GROUP}.yaml"
+"""A link to the chart's file: for `kubectl apply -f manifests/crd`."""
 REFERENCE_FILE: Final = "docs/reference/robotoffload.md"
 REASONS_FILE: Final = "docs/reference/reasons.md"
 IMAGES_FILE: Final = "manifests/images.txt"
@@ -37,7 +38,7 @@ def generated_files() -> Mapping[str, str]:
         SUPPORT_FILE: support(),
         METRICS_FILE: metrics(),
     }
-    return {CRD_FILE: text, CHART_CRD_FILE: text, IMAGES_FILE: _images(), **pages, **dashboards()}
+    return {CRD_FILE: text, IMAGES_FILE: _images(), **pages, **dashboards()}
 
 
 def _images() -> str:

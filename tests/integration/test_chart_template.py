@@ -280,10 +280,10 @@ def test_the_install_manifest_is_what_the_chart_renders(cluster_programs: object
 
 def test_the_install_manifest_can_be_applied_and_deleted(bare_control_plane: ControlPlane) -> None:
     kubectl = bare_control_plane.kubectl("robot-offload-system")
-    manifest = str(ROOT / "manifests" / "install.yaml")
+    manifests = ("-f", str(ROOT / "manifests" / "crd"), "-f", str(ROOT / "manifests" / "install.yaml"))
     kinds = "namespaces,clusterroles,clusterrolebindings,customresourcedefinitions"
     before = kubectl.names(kinds)
-    kubectl("apply", "--server-side", "-f", manifest)
+    kubectl("apply", "--server-side", *manifests)
     kubectl("wait", "--for=create", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=110s")
-    kubectl("delete", "-f", manifest, "--timeout=110s")
+    kubectl("delete", *manifests, "--timeout=110s")
     assert set(kubectl.names(kinds)) <= set(before)  # a namespace of another test may have gone meanwhile

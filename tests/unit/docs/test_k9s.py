@@ -24,7 +24,7 @@ def plugins() -> dict[str, Any]:
 
 def definition() -> dict[str, Any]:
     """The definition of RobotOffloads."""
-    objects = yaml.safe_load_all((ROOT / "manifests" / "install.yaml").read_text())
+    objects = yaml.safe_load_all((ROOT / "manifests" / "crd" / "robotoffloads.robotoffload.dev.yaml").read_text())
     found: dict[str, Any] = next(
         one["spec"] for one in objects if one and one["kind"] == "CustomResourceDefinition"
         and one["spec"]["names"]["kind"] == "RobotOffload"
