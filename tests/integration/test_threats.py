@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import json
 import secrets
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,9 @@ from typing import Any
 import pytest
 import yaml
 
+from robot_offload.api.v1alpha1.parsing import parse_object
+from robot_offload.decide import admission
+from robot_offload.decide.admission import REACH
 from robot_offload_lab.cluster.commands import Helm, Kubectl
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from robot_offload_lab.cluster.errors import CommandError
@@ -181,6 +185,52 @@ def test_who_asks_for_more_needs_the_right_to_it(
     assert f"you need the right to {right[2]} {right[1]}" in rob.writes(manifest)
     rob.allow(*right)
     assert rob.writes(manifest) == ""
+
+
+@pytest.mark.parametrize(("what", "manifest", "right"), ASKED, ids=[what for what, *_ in ASKED])
+def test_the_operator_knows_what_the_policy_guards(
+    what: str, manifest: dict[str, Any], right: tuple[str, str, str]
+) -> None:
+    assert admission.asks(parse_object(manifest, what))
+    assert not admission.asks(parse_object(sample(), "plain"))
+
+
+def test_what_was_written_without_a_policy_acts_when_somebody_with_the_rights_vouches_for_it(
+    control_plane: ControlPlane, tmp_path: Path
+) -> None:
+    kubectl = control_plane.kubectl(control_plane.new_namespace(f"gap-{secrets.token_hex(3)}"))
+    rob, seen = Rob(kubectl), Place(control_plane, kubectl.namespace)
+    thief = with_node(env=[{"name": "KEY", "valueFrom": {"secretKeyRef": {"name": "w-cloud", "key": "tls.key"}}}])
+    kubectl("create", *rob.identity, "-f", "-", stdin=json.dumps(thief))
+    objects = rendered(control_plane.helm(kubectl.namespace), {"watchNamespaces": [kubectl.namespace]})
+    policies = [each for kind in POLICIES for each in of_kind(objects, kind)]
+    name = policies[0]["metadata"]["name"]
+    operator = Operator.start(
+        control_plane.kubeconfig, tmp_path / "log", WATCH_NAMESPACE=kubectl.namespace, ADMISSION_POLICY=name
+    )
+    robot = thief["metadata"]["name"]
+    try:
+        assert name in seen.wait_condition("SpecValid", "False", "NotAdmitted", name=robot)["message"]
+        time.sleep(REACH.total_seconds())  # as late as an administrator
+        kubectl("apply", "--server-side", "-f", "-", stdin=yaml.safe_dump_all(policies))
+        uid = kubectl.json("get", "validatingadmissionpolicy", name)["metadata"]["uid"]
+        vouch = ("annotate", "roff", robot, "--overwrite", f"{admission.ADMITTED}={uid}")
+        eventually(lambda: "right to get secrets" in refused(kubectl, *vouch, *rob.identity), "the policy to count")
+        assert seen.children(robot) == {}
+        kubectl(*vouch)
+        seen.wait_condition("ResourcesApplied", "True", name=robot)
+    finally:
+        operator.stop()
+        kubectl("delete", "--ignore-not-found", "-f", "-", stdin=yaml.safe_dump_all(policies))
+
+
+def refused(kubectl: Kubectl, *arguments: str) -> str:
+    """What a dry run is refused with; empty: it is not."""
+    try:
+        kubectl(*arguments, "--dry-run=server")
+    except CommandError as error:
+        return str(error)
+    return ""
 
 
 def test_nothing_is_built_where_the_administrator_has_not_allowed_it(rob: Rob) -> None:

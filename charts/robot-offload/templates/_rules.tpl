@@ -55,4 +55,9 @@ What the operator does, as rules of a Role. The tests compare them with robot_of
 - apiGroups: [""]
   resources: [nodes]
   verbs: [list]
+# Since when writers of RobotOffloads are asked for their rights: what was written before is checked before it acts.
+- apiGroups: [admissionregistration.k8s.io]
+  resources: [validatingadmissionpolicies, validatingadmissionpolicybindings]
+  resourceNames: [{{ include "robot-offload.clustername" . }}]
+  verbs: [get]
 {{- end }}

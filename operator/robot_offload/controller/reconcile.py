@@ -20,6 +20,7 @@ import structlog
 from robot_offload.api.v1alpha1 import pinned
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
+from robot_offload.controller.admission import Admission, NotAdmittedError
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.failures import verdict_of
 from robot_offload.controller.memory import Memory, summary
@@ -74,6 +75,7 @@ class Controller:
         known = Store() if store is None else store
         budget: rollouts.Budget[Name] = rollouts.Budget(policy.max_rolling)
         self._tools = Tools(api, known, images, clock or Clock(), policy, budget)
+        self._admission = Admission(api, self._tools.clock, policy.admission)
         self.memories: dict[Name, Memory] = {}
         self._readers: dict[tuple[str, str], set[Name]] = {}
 
@@ -92,12 +94,14 @@ class Controller:
         found = Findings()
         try:
             offload = parse_object(raw, "/".join(name), unknown="ignore", rules=CLUSTER_CHECKS)
+            await self._admission.check(raw, offload, "/".join(name))
             warnings = (*check(offload.spec, CLUSTER_CHECKS), *pinned.findings(offload))
             found.verdicts["SpecValid"] = conditions.spec_valid((), warnings)
             await Pass(self._tools, subject, offload, memory, found).run()
         except SpecError as error:
             # Every problem is reported, nothing is touched, and the next pass waits for a change.
             found.verdicts["SpecValid"] = conditions.spec_valid(error.findings)
+            found.watchless = isinstance(error, NotAdmittedError)
         except NotLeaderError:
             raise
         except Exception as error:

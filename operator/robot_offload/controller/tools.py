@@ -21,12 +21,14 @@ class Policy:
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
         home: the operator's own namespace; the keys of the robots' authorities are there.
+        admission: the name of the admission policy and of its binding; empty: what was written is not checked again.
     """
 
     max_rolling: int = rollouts.AT_ONCE
     load_balancer_node_ports: bool = True
     network: Network = field(default_factory=Network)
     home: str = HOME
+    admission: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -199,6 +199,10 @@ CLUSTER: Final[dict[str, Advice]] = {
         "kubectl get services -n {namespace} -l app.kubernetes.io/instance={name}; without a load balancer write "
         "spec.transport.expose.type: NodePort.",
     ),
+    "NotAdmitted": Advice(
+        "It may have been written while no admission policy asked its writer for rights, so it does not act.",
+        "Whoever has the rights to what it names runs the command in the message.",
+    ),
     "NameTaken": Advice(
         "An object with the name of one of ours exists and belongs to somebody else; it is left alone.",
         "The message names it: delete or rename it, or give the RobotOffload another name.",

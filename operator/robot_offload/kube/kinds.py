@@ -57,6 +57,18 @@ CERTIFICATE: Final = Kind("cert-manager.io/v1", "Certificate", "certificates")
 JOB: Final = Kind("batch/v1", "Job", "jobs")
 POD: Final = Kind("v1", "Pod", "pods")
 NODE: Final = Kind("v1", "Node", "nodes", namespaced=False)
+ADMISSION_POLICY: Final = Kind(
+    "admissionregistration.k8s.io/v1",
+    "ValidatingAdmissionPolicy",
+    "validatingadmissionpolicies",
+    namespaced=False,
+)
+ADMISSION_BINDING: Final = Kind(
+    "admissionregistration.k8s.io/v1",
+    "ValidatingAdmissionPolicyBinding",
+    "validatingadmissionpolicybindings",
+    namespaced=False,
+)
 EVENT: Final = Kind("v1", "Event", "events")
 NAMESPACE: Final = Kind("v1", "Namespace", "namespaces", namespaced=False)
 ENDPOINTS: Final = Kind("v1", "Endpoints", "endpoints")
@@ -90,6 +102,8 @@ _KINDS: Final = {
         CERTIFICATE,
         POD,
         NODE,
+        ADMISSION_POLICY,
+        ADMISSION_BINDING,
         EVENT,
         NAMESPACE,
         ENDPOINTS,
@@ -137,6 +151,8 @@ USES: Final[tuple[Use, ...]] = (
     ),
     Use(POD, ("list", "watch"), reason="says why a workload is not available"),
     Use(NODE, ("list",), reason="addresses of a Service of type NodePort"),
+    Use(ADMISSION_POLICY, ("get",), reason="since when writers of RobotOffloads are asked for their rights"),
+    Use(ADMISSION_BINDING, ("get",), reason="the same"),
     Use(EVENT, ("create",), reason="reports transitions"),
     Use(
         CERTIFICATE,

@@ -21,7 +21,6 @@ import structlog
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.reconcile import Controller, Name
 from robot_offload.controller.store import Store
-from robot_offload.controller.tools import Policy
 from robot_offload.errors import RobotOffloadError
 from robot_offload.kube.configuration import connect
 from robot_offload.kube.errors import KubeError, NotFoundError, NotLeaderError
@@ -61,10 +60,7 @@ class Operator:
         self._leadership = leadership
         self._api = api
         self._store = Store()
-        policy = Policy(
-            settings.max_rolling, settings.load_balancer_node_ports, settings.network, settings.pod_namespace
-        )
-        self._controller = Controller(self._api, settings.images, self._clock, self._store, policy)
+        self._controller = Controller(self._api, settings.images, self._clock, self._store, settings.policy)
         self.metrics = Metrics()
         self._queue: Queue[Name] = Queue(self._clock.steady_s, waited=self.metrics.waited.observe)
         self._sight = WatchSight()

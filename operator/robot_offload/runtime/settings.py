@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
+from robot_offload.controller.tools import Policy
 from robot_offload.decide.rollouts import AT_ONCE
 from robot_offload.errors import InputError
 from robot_offload.objects.facts import BUILDER, Images, Network
@@ -38,6 +39,7 @@ class Settings:
         max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
+        admission: the name of the admission policy; empty: what was written is not checked again.
     """
 
     images: Images
@@ -57,6 +59,18 @@ class Settings:
     max_rolling: int = AT_ONCE
     load_balancer_node_ports: bool = True
     network: Network = field(default_factory=Network)
+    admission: str = ""
+
+    @property
+    def policy(self) -> Policy:
+        """Return what holds for all RobotOffloads."""
+        return Policy(
+            max_rolling=self.max_rolling,
+            load_balancer_node_ports=self.load_balancer_node_ports,
+            network=self.network,
+            home=self.pod_namespace,
+            admission=self.admission,
+        )
 
 
 def from_environment(environment: Mapping[str, str]) -> Settings:
@@ -108,6 +122,7 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
         ),
         request_s=number("REQUEST_TIMEOUT_SECONDS", 15.0, 0.1),
         workers=int(number("WORKERS", 4, 1)),
+        admission=environment.get("ADMISSION_POLICY", ""),
         max_rolling=int(number("MAX_ROLLING", AT_ONCE, 1)),
         load_balancer_node_ports=_truth("LOAD_BALANCER_NODE_PORTS", environment, problems),
         network=Network(
