@@ -63,7 +63,7 @@ fmt: venv ## Rewrite in the project's format
 	.venv/bin/ruff format .
 
 ##@ Measure
-.PHONY: bench bench-switch bench-handover bench-hot bench-weight bench-links bench-operator bench-see bench-sedia bench-install bench-e2e
+.PHONY: bench bench-switch bench-handover bench-hot bench-weight bench-links bench-operator bench-e2e
 bench: venv ## A short form of every measurement; refreshes docs/benchmarks.md (some 15 minutes, idle machine); ARGS="--resume"
 	$(PYTHON) -m robot_offload_lab.bench all --quick --docs docs $(ARGS)
 
@@ -84,15 +84,6 @@ bench-weight: venv ## Processor time and memory of both agents; ARGS="--seconds 
 
 bench-links: venv ## What links carry of images and point clouds (root); ARGS="--full --resume"
 	$(PYTHON) -m robot_offload_lab.bench links --docs docs $(ARGS)
-
-bench-see: venv ## What it costs to see a robot: console, recordings, black box; ARGS="--part recording"
-	$(PYTHON) -m robot_offload_lab.bench.see $(ARGS)
-
-bench-sedia: venv ## The whole robot: change of its navigation stack, processor time against the robot alone; ARGS="--docs"
-	$(PYTHON) -m robot_offload_lab.bench.sedia $(ARGS)
-
-bench-install: venv ## From a clean root to a running agent, by pip, colcon and a container (root); ARGS="pip --docs"
-	$(PYTHON) -m robot_offload_lab.bench.install $(ARGS)
 
 bench-operator: venv ## 200 RobotOffloads on a real API server; ARGS="--objects 50"
 	$(PYTHON) -m robot_offload_lab.bench.operator_scale $(ARGS)
