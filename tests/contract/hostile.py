@@ -57,6 +57,14 @@ def _registry(repository: str) -> tuple[str, Any]:
 
 
 HOSTILE: tuple[Hostile, ...] = (
+    Hostile("pod-host", "spec.cloud.podSpec", {"hostNetwork": True}, "hostNetwork is not a field", by_server=False),
+    Hostile(
+        "pod-host-path",
+        f"{_CONTROLLER}.podSpec",
+        {"volumes": [{"name": "etc", "hostPath": {"path": "/etc"}}]},
+        "hostPath is not a field",
+        by_server=False,
+    ),
     Hostile("expose-host-long-label", _EXPOSE, {"host": "a" * 64 + ".example"}, "at most 63"),
     Hostile("expose-host-zero", _EXPOSE, {"host": "0.0.0.0"}, "IP address of one machine"),
     Hostile("expose-host-no-address", _EXPOSE, {"host": "999.1.1.1"}, "IP address of one machine"),

@@ -26,6 +26,11 @@ PEER = {"namespaceSelector": {"matchLabels": {"name": "monitoring"}}}
 CASES: dict[str, Values] = {
     "defaults": {"crds.install": True},
     "another registry": {"images.registry": "mirror.example:5000/ros", "images.tag": "1.2.3", "images.agent": DIGEST},
+    "private registry for robots": {"images.robotPullSecrets": [{"name": "registry"}]},
+    "what holds for all pods": {
+        "robotPodSpec": {"containers": [{"name": "agent", "resources": {"limits": {"cpu": 1}}}]},
+    },
+    "a part of another chart": {"enabled": True},
     "private registry": {"images.pullSecrets": [{"name": "registry"}], "images.pullPolicy": "Always"},
     "more to read": {"logLevel": "debug"},
     "cert-manager": {"certManager.enabled": True},
@@ -71,6 +76,9 @@ CASES: dict[str, Values] = {
 }  # fmt: skip
 
 WRONG: dict[str, tuple[Values, str]] = {
+    "a registry with a scheme": ({"images.registry": "https://reg.corp/robots/"}, "registry"),
+    "an image with a scheme": ({"images.agent": "https://reg.corp/robots/agent:1"}, "agent"),
+    "a host for pods": ({"robotPodSpec": {"hostNetwork": True}}, "hostNetwork"),
     "an unknown key": ({"imagse": {}}, "imagse"),
     "an unknown key further down": ({"images.registyr": "x"}, "registyr"),
     "text for a number": ({"runAsUser": "1000"}, "runAsUser"),

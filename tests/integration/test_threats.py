@@ -168,6 +168,12 @@ ASKED: tuple[tuple[str, dict[str, Any], tuple[str, str, str]], ...] = (
         ("", "pods", "create"),
     ),
     ("a node's node", with_node(nodeSelector={"kubernetes.io/hostname": "a"}), ("", "pods", "create")),
+    ("a priority", changed(cloud={"podSpec": {"priorityClassName": "high"}}), ("", "pods", "create")),
+    (
+        "a claim on storage",
+        with_node(podSpec={"volumes": [{"name": "maps", "persistentVolumeClaim": {"claimName": "maps"}}]}),
+        ("", "pods", "create"),
+    ),
     ("a runtime class", with_node(runtimeClassName="privileged"), ("", "pods", "create")),
 )
 
@@ -176,6 +182,8 @@ def test_a_plain_robot_needs_no_further_right(rob: Rob) -> None:
     assert rob.writes(sample()) == ""
     gpu = changed(cloud={"tolerations": [{"key": "nvidia.com/gpu", "operator": "Exists"}]})
     assert rob.writes(gpu) == ""
+    limits = {"containers": [{"name": "agent", "resources": {"limits": {"cpu": "1"}}}]}
+    assert rob.writes(changed(cloud={"podSpec": limits})) == ""
 
 
 @pytest.mark.parametrize(("what", "manifest", "right"), ASKED, ids=[what for what, *_ in ASKED])

@@ -203,6 +203,8 @@ class Pass:
             user_configs=self._snapshot.config_texts,
             load_balancer_node_ports=self._policy.load_balancer_node_ports,
             network=self._policy.network,
+            pull_secrets=self._policy.pull_secrets,
+            pod_spec=self._policy.pod_spec,
             home=self._policy.home,
             author=authors.author(self._subject.raw["metadata"], self._hold),
         )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.preread import Preread
@@ -21,6 +23,8 @@ class Policy:
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
         home: the operator's own namespace; the keys of the robots' authorities are there.
+        pull_secrets: names of Secrets with which images of all robots are fetched.
+        pod_spec: what is said about all pods of robots, laid under what a RobotOffload says.
         admission: the name of the admission policy and of its binding; empty: what was written is not checked again.
     """
 
@@ -28,6 +32,8 @@ class Policy:
     load_balancer_node_ports: bool = True
     network: Network = field(default_factory=Network)
     home: str = HOME
+    pull_secrets: tuple[str, ...] = ()
+    pod_spec: Mapping[str, Any] = field(default_factory=dict)
     admission: str = ""
 
 

@@ -50,6 +50,7 @@ def asks(offload: RobotOffload) -> bool:
         cloud.image_pull_secrets,
         registry is not None and (registry.push_secret or registry.pull_secret),
         cloud.tolerations,
+        cloud.pod_spec,
         cloud.node_selector,
         transport.certificates.issuer_ref,
         expose.address,
@@ -63,7 +64,9 @@ def asks(offload: RobotOffload) -> bool:
 def _node_asks(node: Node) -> bool:
     from_file = node.run is not None and node.run.parameters_from is not None
     from_elsewhere = any(one.value_from is not None for one in node.env)
-    return bool(from_file or from_elsewhere or node.build or node.node_selector or node.runtime_class_name)
+    return bool(
+        from_file or from_elsewhere or node.build or node.node_selector or node.runtime_class_name or node.pod_spec
+    )
 
 
 def finding(raw: Manifest, offload: RobotOffload, name: str, policy: InForce | None) -> Finding | None:

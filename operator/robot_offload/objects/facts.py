@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 BUILDER: Final = "quay.io/buildah/stable:v1.42.2"
 """buildah as its makers publish it, with a user of its own (uid 1000) that may use further user ids."""
@@ -105,6 +105,8 @@ class Facts:
         network: what is decided about network policies.
         home: the operator's own namespace; the keys of the robots' authorities are there.
         author: who changed the specification last, and when, for the robots' audit trails; empty: nobody knows.
+        pull_secrets: names of Secrets in the namespace with which images of all robots are fetched.
+        pod_spec: what whoever runs the cluster says about all pods.
         built: the images of nodes that are built in the cluster, by node; one that is not there yet is missing.
     """
 
@@ -125,6 +127,8 @@ class Facts:
     home: str = HOME
     built: Mapping[str, str] = field(default_factory=dict)
     author: str = ""
+    pull_secrets: tuple[str, ...] = ()
+    pod_spec: Mapping[str, Any] = field(default_factory=dict)
 
     def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:
         """The known addresses of these purposes, in the order of `purposes`."""

@@ -11,6 +11,7 @@ from robot_offload.kube.port import Manifest
 from robot_offload.objects import hashes
 from robot_offload.objects.labels import labels
 from robot_offload.objects.parent import Parent, Part
+from robot_offload.objects.pod_spec import laid_over
 
 TMP: Final = "/tmp"  # noqa: S108 - an emptyDir of the pod's own, mounted because the root file system is read-only
 CERTIFICATES_DIR: Final = "/etc/robot-offload/certificates"
@@ -25,6 +26,7 @@ def pod_template(
     grace_s: int,
     volumes: Sequence[Manifest] = (),
     extra: Mapping[str, Any] | None = None,
+    own: Mapping[str, Any] | None = None,
 ) -> Manifest:
     """Returns the template of a pod.
 
@@ -36,6 +38,7 @@ def pod_template(
         grace_s: seconds between the wish to stop it and the kill.
         volumes: beside the one for /tmp.
         extra: further fields of the pod's specification; a `nodeSelector` is laid over that of spec.cloud.
+        own: what a user says about this pod alone, laid over what is said about all of them.
     """
     cloud = parent.spec.cloud
     further = dict(extra or {})
@@ -54,14 +57,15 @@ def pod_template(
         spec["nodeSelector"] = node_selector
     if cloud.tolerations:
         spec["tolerations"] = [_toleration(one) for one in cloud.tolerations]
-    if cloud.image_pull_secrets:
-        spec["imagePullSecrets"] = [{"name": one.name} for one in cloud.image_pull_secrets]
+    pull_secrets = dict.fromkeys((*(one.name for one in cloud.image_pull_secrets), *parent.facts.pull_secrets))
+    if pull_secrets:
+        spec["imagePullSecrets"] = [{"name": name} for name in pull_secrets]
     return {
         "metadata": {
             "labels": {**labels(parent.offload, part.component), **part.own},
             "annotations": {hashes.ANNOTATION: read},
         },
-        "spec": spec,
+        "spec": laid_over(spec, parent.facts.pod_spec, cloud.pod_spec, own or {}),
     }
 
 

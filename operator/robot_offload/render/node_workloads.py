@@ -78,6 +78,7 @@ def _deployment(parent: Parent, node: Node, image: str, files: Mapping[str, Rena
         grace_s=handover.GRACE_S,
         volumes=[*volumes, *dds_profile.volumes(parent.offload)],
         extra=placed,
+        own=node.pod_spec,
     )
     return pod.deployment(parent, part, template, replicas=replicas(parent.spec, node, parent.facts))
 

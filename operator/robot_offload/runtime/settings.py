@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ipaddress
+import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
+from robot_offload.api.v1alpha1.pod_spec import check_pod_spec
 from robot_offload.controller.tools import Policy
 from robot_offload.decide.rollouts import AT_ONCE
 from robot_offload.errors import InputError
@@ -39,6 +41,8 @@ class Settings:
         max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
+        pull_secrets: names of Secrets with which images of all robots are fetched.
+        pod_spec: what is said about all pods of robots.
         admission: the name of the admission policy; empty: what was written is not checked again.
     """
 
@@ -59,6 +63,8 @@ class Settings:
     max_rolling: int = AT_ONCE
     load_balancer_node_ports: bool = True
     network: Network = field(default_factory=Network)
+    pull_secrets: tuple[str, ...] = ()
+    pod_spec: Mapping[str, Any] = field(default_factory=dict)
     admission: str = ""
 
     @property
@@ -69,6 +75,8 @@ class Settings:
             load_balancer_node_ports=self.load_balancer_node_ports,
             network=self.network,
             home=self.pod_namespace,
+            pull_secrets=self.pull_secrets,
+            pod_spec=self.pod_spec,
             admission=self.admission,
         )
 
@@ -122,6 +130,8 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
         ),
         request_s=number("REQUEST_TIMEOUT_SECONDS", 15.0, 0.1),
         workers=int(number("WORKERS", 4, 1)),
+        pull_secrets=_words(environment.get("ROBOT_PULL_SECRETS", "")),
+        pod_spec=_pod_spec("ROBOT_POD_SPEC", environment, problems),
         admission=environment.get("ADMISSION_POLICY", ""),
         max_rolling=int(number("MAX_ROLLING", AT_ONCE, 1)),
         load_balancer_node_ports=_truth("LOAD_BALANCER_NODE_PORTS", environment, problems),
@@ -161,6 +171,15 @@ def _networks(name: str, environment: Mapping[str, str], problems: list[str]) ->
             ipaddress.ip_network(word)
         except ValueError as error:
             problems.append(f"{name} must be networks such as 10.96.0.10/32, separated by commas: {error}")
+    return found
+
+
+def _pod_spec(name: str, environment: Mapping[str, str], problems: list[str]) -> Mapping[str, Any]:
+    try:
+        found: Mapping[str, Any] = check_pod_spec(json.loads(environment.get(name) or "{}"))
+    except ValueError as error:
+        problems.append(f"{name}: {error}")
+        return {}
     return found
 
 

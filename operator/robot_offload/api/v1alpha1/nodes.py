@@ -23,6 +23,7 @@ from robot_offload.api.v1alpha1.names import (
     VariableName,
 )
 from robot_offload.api.v1alpha1.outputs import Output
+from robot_offload.api.v1alpha1.pod_spec import PodSpec
 from robot_offload.api.v1alpha1.resources import Resources
 from robot_offload.api.v1alpha1.served import Action, Service, State, UsedAction, UsedService, Uses
 
@@ -321,6 +322,11 @@ class Node(Model):
     runtime_class_name: ObjectName | None = Field(
         default=None,
         description="The RuntimeClass of its replica in the cloud, e.g. nvidia. Default: the cluster's own.",
+    )
+    pod_spec: PodSpec = Field(
+        default_factory=dict,
+        description="The same as podSpec of spec.cloud for the pod of its replica alone, laid over it; its "
+        "container is called node. Default: none.",
     )
     outputs: tuple[Output, ...] = Field(
         default=(),

@@ -21,6 +21,7 @@ from robot_offload.api.v1alpha1.names import (
 )
 from robot_offload.api.v1alpha1.nodes import Node
 from robot_offload.api.v1alpha1.outputs import Output
+from robot_offload.api.v1alpha1.pod_spec import PodSpec
 from robot_offload.api.v1alpha1.quantities import DomainID, Duration, Size, UpTo, Within
 from robot_offload.api.v1alpha1.switching import Switching
 from robot_offload.api.v1alpha1.topics import Topics
@@ -147,6 +148,13 @@ class CloudSide(Model):
         default=(),
         max_length=16,
         description="Taints of the cluster's nodes that the pods put up with, at most 16. Default: none.",
+    )
+    pod_spec: PodSpec = Field(
+        default_factory=dict,
+        description="Fields of the pods' specifications in Kubernetes' own words, for all pods: affinity, "
+        "containers (resources and volumeMounts by name: agent, reporter, discovery, router, tunnel, node), dnsConfig, "
+        "priorityClassName, resourceClaims, schedulerName, tolerations, topologySpreadConstraints, volumes. Laid over "
+        "those that the operator makes. Default: none.",
     )
     run_as_user: Annotated[int, Field(ge=1, le=2_147_483_647)] | None = Field(
         default=1000,
