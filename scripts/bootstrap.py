@@ -29,7 +29,7 @@ Install it in one of these ways, then run the same command again:
 
 
 def find_python():
-    """Returns the path of a working CPython 3.12, or None."""
+    """Return the path of a working CPython 3.12, or None."""
     homes = [os.environ.get("PYENV_ROOT", ""), str(Path.home() / ".pyenv"), "/opt/pyenv"]
     candidates = [os.environ.get("PYTHON312", ""), shutil.which("python3.12") or "", sys.executable]
     for home in filter(None, homes):
@@ -47,7 +47,7 @@ def find_python():
 
 
 def fingerprint():
-    """Changes when a pin or a package's metadata changes."""
+    """Change when a pin or a package's metadata changes."""
     digest = hashlib.sha256(REQUIREMENTS.read_bytes())
     for package in PACKAGES:
         for name in ("pyproject.toml", "setup.py", "package.xml"):
@@ -58,7 +58,7 @@ def fingerprint():
 
 
 def uv_on_path():
-    """Returns the uv on PATH that runs, or None: a shim of pyenv is found there too, and may have no uv behind it."""
+    """Return the uv on PATH that runs, or None: a shim of pyenv is found there too, and may have no uv behind it."""
     uv = shutil.which("uv")
     try:
         runs = uv is not None and subprocess.run([uv, "--version"], capture_output=True, check=False).returncode == 0
@@ -68,7 +68,7 @@ def uv_on_path():
 
 
 def own_uv(python):
-    """Returns the path of a uv in the cache; one checkout after the other makes it, once for each version."""
+    """Return the path of a uv in the cache; one checkout after the other makes it, once for each version."""
     cache = Path.home() / ".cache" / "robot-offload"
     tools = cache / UV.replace("==", "-")
     uv = tools / "bin" / "uv"
@@ -82,7 +82,7 @@ def own_uv(python):
 
 
 def install(uv):
-    """Installs the pins and the packages into VENV with the program `uv`."""
+    """Install the pins and the packages into VENV with the program `uv`."""
     env = dict(os.environ, VIRTUAL_ENV=str(VENV))
     subprocess.run(
         [uv, "pip", "sync", "--compile-bytecode", "--require-hashes", str(REQUIREMENTS)], check=True, env=env, cwd=ROOT
@@ -93,7 +93,7 @@ def install(uv):
 
 
 def main():
-    """Makes or refreshes the environment; returns the exit code."""
+    """Make or refresh the environment; return the exit code."""
     stamp = VENV / "robot-offload.stamp"
     if stamp.exists() and stamp.read_text() == fingerprint():
         return 0

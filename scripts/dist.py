@@ -26,7 +26,7 @@ _LEFT_OUT: Final = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Builds the wheels; returns the exit code."""
+    """Build the wheels; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m scripts.dist", description=__doc__)
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder to write to (default: dist)")
     output = parser.parse_args(arguments).output.resolve()
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def wheel(package: Path, output: Path) -> None:
-    """Builds one package with the setuptools of this environment, from a copy: the sources stay as they are."""
+    """Build one package with the setuptools of this environment, from a copy: the sources stay as they are."""
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / package.name
         shutil.copytree(package, source, ignore=_LEFT_OUT)
@@ -53,14 +53,14 @@ def wheel(package: Path, output: Path) -> None:
 
 
 def committed_at() -> str:
-    """Returns the time of the last commit in seconds; outside a checkout 1980, the oldest that a wheel can hold."""
+    """Return the time of the last commit in seconds; outside a checkout 1980, the oldest that a wheel can hold."""
     command = ["git", "-C", str(ROOT), "log", "-1", "--format=%ct"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return done.stdout.strip() or "315532800"
 
 
 def constraints(requirements: str) -> str:
-    """Returns the tested versions without their hashes: what pip installs beside the wheels is then what was tested.
+    """Return the tested versions without their hashes: what pip installs beside the wheels is then what was tested.
 
     PyYAML is left out, because on a robot it comes with ROS.
     """

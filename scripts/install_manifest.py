@@ -50,7 +50,7 @@ def rendered(helm: Path, values: Mapping[str, str] = MappingProxyType({}), *, de
 
 
 def main() -> int:
-    """Writes the file, or with --check say whether it is up to date."""
+    """Write the file, or with --check say whether it is up to date."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="change nothing; fail when the file is not up to date")
     text = rendered(programs.ensure(_say, {"helm": programs.CONTROL_PLANE["helm"]}).path("helm"), definition=False)

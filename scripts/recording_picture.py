@@ -11,7 +11,7 @@ SITES = {0: "robot", 1: "cloud"}
 
 
 def read(file: Path) -> dict[str, list[tuple[float, Any]]]:
-    """Returns (seconds since the beginning, message) of each topic."""
+    """Return (seconds since the beginning, message) of each topic."""
     found: dict[str, list[tuple[float, Any]]] = {}
     with AnyReader([file]) as bag:
         for connection, at_ns, raw in bag.messages():
@@ -21,7 +21,7 @@ def read(file: Path) -> dict[str, list[tuple[float, Any]]]:
 
 
 def draw(topics: dict[str, list[tuple[float, Any]]], out: Path) -> None:
-    """Draws round trips, who acts, whose messages pass, and the reasons."""
+    """Draw round trips, who acts, whose messages pass, and the reasons."""
     figure, (above, below) = plt.subplots(2, 1, figsize=(10, 5), sharex=True, height_ratios=(3, 2))
     trips = topics["/offload/round_trip_ms"]
     above.plot([at for at, _ in trips], [message.data for _, message in trips], linewidth=0.8)

@@ -221,7 +221,7 @@ class RobotStatePublisher(Managed):
         self._tf = self.create_publisher(TFMessage, "tf_static", LATCHED)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publishes the transforms."""
+        """Publish the transforms."""
         fixed = [transform("base_link", name, Place(0.2)) for name in ("laser", "camera")]
         self._tf.publish(TFMessage(transforms=fixed))
         return super().on_activate(state)

@@ -28,7 +28,7 @@ class MapServer(Managed):
         self._map = self.create_publisher(OccupancyGrid, "map", LATCHED)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publishes the map."""
+        """Publish the map."""
         cells = grid()
         message = OccupancyGrid(data=cells.ravel().tolist())
         message.header.frame_id = "map"
@@ -61,12 +61,12 @@ class Amcl(StatefulNode):
         self.create_timer(0.1, self._tell)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Goes on with the newest state of the replica that acted before, or begins clean."""
+        """Go on with the newest state of the replica that acted before, or begin clean."""
         self._correction, self._restored_age_s = Place(), None
         return super().on_activate(state)
 
     def take_state(self, version: int, data: bytes) -> None:
-        """Takes the correction that the replica on the other side knew."""
+        """Take the correction that the replica on the other side knew."""
         if version != VERSION or len(data) != STATE.size:
             raise ValueError(f"{len(data)} bytes of version {version}")
         *where, made_s = STATE.unpack(data)

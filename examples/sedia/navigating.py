@@ -57,7 +57,7 @@ class Step:
         return self.status == GoalStatus.STATUS_SUCCEEDED
 
     def drop(self) -> None:
-        """Cancels it; what becomes of it is of no interest any more."""
+        """Cancel it; what becomes of it is of no interest any more."""
         self._unwanted = True
         if self._handle is not None and self.status is None:
             self._handle.cancel_goal_async()
@@ -92,7 +92,7 @@ class BtNavigator(Located):
         self._recoveries, self._late, self._planned_s = 0, 0, -math.inf
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begins without a step under way."""
+        """Begin without a step under way."""
         self._steps.clear()
         return super().on_activate(state)
 
@@ -120,7 +120,7 @@ class BtNavigator(Located):
             self._follow()
 
     def _forget_late(self, now_s: float) -> None:
-        """Drops what was not acknowledged in time, and plans again soon."""
+        """Drop what was not acknowledged in time, and plan again soon."""
         if any(step.acknowledged for step in self._steps.values()):
             self._late = 0
         for name in [name for name, step in self._steps.items() if step.late]:
@@ -167,7 +167,7 @@ class BtNavigator(Located):
             self._recover("the path could not be followed")
 
     def _recovering(self) -> bool:
-        """Whether it is getting free; ends that when it has ended."""
+        """Return whether it is getting free; end that when it has ended."""
         for name in RECOVERIES:
             step = self._steps.get(name)
             if step is not None:

@@ -24,18 +24,18 @@ class Grid:
     origin: Point
 
     def cell(self, point: Point) -> tuple[int, int]:
-        """Returns row and column of a point, at the edge where the point lies outside."""
+        """Return row and column of a point, at the edge where the point lies outside."""
         column, row = ((at - low) / self.cell_m for at, low in zip(point, self.origin, strict=True))
         rows, columns = self.cells.shape
         return min(max(int(row), 0), rows - 1), min(max(int(column), 0), columns - 1)
 
     def point(self, row: int, column: int) -> Point:
-        """Returns the middle of a cell."""
+        """Return the middle of a cell."""
         return self.origin[0] + (column + 0.5) * self.cell_m, self.origin[1] + (row + 0.5) * self.cell_m
 
 
 def costs(grid: Grid) -> NDArray[np.float64]:
-    """Returns what a step onto each cell costs: 1 far from everything, more beside walls, infinite too close."""
+    """Return what a step onto each cell costs: 1 far from everything, more beside walls, infinite too close."""
     occupied = grid.cells >= OCCUPIED
     reach = math.ceil(COMFORT_M / grid.cell_m)
     distance = np.full(grid.cells.shape, COMFORT_M)
@@ -49,7 +49,7 @@ def costs(grid: Grid) -> NDArray[np.float64]:
 
 
 def find(grid: Grid, cost: NDArray[np.float64], start: Point, goal: Point) -> list[Point]:
-    """Returns the way from start to goal, a point per cell; empty when none leads there.
+    """Return the way from start to goal, a point per cell; empty when none leads there.
 
     Cells that are too close to something cost much, but can be left: a robot that stands in one is not lost.
     """
@@ -82,7 +82,7 @@ def find(grid: Grid, cost: NDArray[np.float64], start: Point, goal: Point) -> li
 
 
 def steer_for(path: Sequence[Point], here: Point, ahead_m: float) -> tuple[Point, float]:
-    """Returns the point of a path some way ahead of its nearest one, and how much of the path is left."""
+    """Return the point of a path some way ahead of its nearest one, and how much of the path is left."""
     nearest = min(range(len(path)), key=lambda index: math.dist(path[index], here))
     left_m = sum(math.dist(path[index], path[index + 1]) for index in range(nearest, len(path) - 1))
     gone_m, index = 0.0, nearest

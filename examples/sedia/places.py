@@ -8,19 +8,19 @@ from place import Place  # type: ignore[import-not-found]  # of the wheelchair
 
 
 def place(pose: object) -> Place:
-    """Returns the place in a geometry_msgs/Pose."""
+    """Return the place in a geometry_msgs/Pose."""
     at, turned = pose.position, pose.orientation  # type: ignore[attr-defined]  # ROS messages have no types
     return Place(at.x, at.y, 2.0 * math.atan2(turned.z, turned.w))
 
 
 def moved(transform: object) -> Place:
-    """Returns the place in a geometry_msgs/Transform."""
+    """Return the place in a geometry_msgs/Transform."""
     at, turned = transform.translation, transform.rotation  # type: ignore[attr-defined]  # ROS messages have no types
     return Place(at.x, at.y, 2.0 * math.atan2(turned.z, turned.w))
 
 
 def posed(where: Place, stamp: Time, frame: str = "map") -> PoseStamped:
-    """Returns a place as a message."""
+    """Return a place as a message."""
     message = PoseStamped()
     message.header.stamp, message.header.frame_id = stamp, frame
     message.pose.position.x, message.pose.position.y = float(where.x_m), float(where.y_m)
@@ -29,7 +29,7 @@ def posed(where: Place, stamp: Time, frame: str = "map") -> PoseStamped:
 
 
 def transform(parent: str, child: str, where: Place) -> TransformStamped:
-    """Returns where the frame `child` is, seen from `parent`."""
+    """Return where the frame `child` is, seen from `parent`."""
     made = TransformStamped(child_frame_id=child)
     made.header.frame_id = parent
     made.transform.translation.x, made.transform.translation.y = float(where.x_m), float(where.y_m)

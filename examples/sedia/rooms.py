@@ -28,7 +28,7 @@ BEAMS = 60
 
 
 def walls() -> NDArray[np.float64]:
-    """Returns the walls as segments, a row each: x and y of both ends."""
+    """Return the walls as segments, a row each: x and y of both ends."""
     half = WIDTH_M / 2
     rows = [
         (0, -half, LENGTH_M, -half),
@@ -46,7 +46,7 @@ def walls() -> NDArray[np.float64]:
 
 
 def posts(seed: int) -> list[Obstacle]:
-    """Returns what stands in the corridor unseen until one comes close: a post on each side of the dock."""
+    """Return what stands in the corridor unseen until one comes close: a post on each side of the dock."""
     dice = random.Random(seed)
     return [
         Obstacle(x_m + dice.uniform(-0.3, 0.3), -2.0 + side * dice.uniform(0.55, 0.7), 0.15, 2.0)
@@ -68,7 +68,7 @@ class Building(World):
         self._hidden = posts(seed)
 
     def step(self, dt_s: float, speed_mps: float, yaw_rate_radps: float) -> None:
-        """Advances by `dt_s` towards the wanted speeds, and notes where the wheelchair has been."""
+        """Advance by `dt_s` towards the wanted speeds, and note where the wheelchair has been."""
         super().step(dt_s, speed_mps, yaw_rate_radps)
         here = (self.x_m, self.y_m)
         slow = abs(self.speed_mps) < SLOW_MPS
@@ -76,7 +76,7 @@ class Building(World):
         self.goal_reached = len(self.visited) == len(ROOMS) and slow and math.dist(DOCK, here) < VISITED_M
 
     def scan(self) -> NDArray[np.float64]:
-        """Returns the distances along `beam_angles`; `inf` where nothing is within range."""
+        """Return the distances along `beam_angles`; `inf` where nothing is within range."""
         directions = self.beam_angles + self.yaw_rad
         cosines, sines = np.cos(directions)[:, None], np.sin(directions)[:, None]
         ax, ay, bx, by = (self.walls[:, column] for column in range(4))
@@ -115,7 +115,7 @@ class CeilingMarks:
         self._below: tuple[float, float] | None = None
 
     def passed(self, x_m: float, y_m: float) -> bool:
-        """Returns whether a mark was reached since the last call."""
+        """Return whether a mark was reached since the last call."""
         below = next((mark for mark in MARKS if math.dist(mark, (x_m, y_m)) < BELOW_M), None)
         reached = below is not None and below != self._below
         self._below = below
@@ -123,7 +123,7 @@ class CeilingMarks:
 
 
 def distances(segments: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns how far each point is from the nearest segment."""
+    """Return how far each point is from the nearest segment."""
     start, along = segments[None, :, :2], segments[None, :, 2:] - segments[None, :, :2]
     share = ((points[:, None, :] - start) * along).sum(axis=2) / np.maximum((along**2).sum(axis=2), 1e-12)
     nearest = start + np.clip(share, 0.0, 1.0)[:, :, None] * along
@@ -132,7 +132,7 @@ def distances(segments: NDArray[np.float64], points: NDArray[np.float64]) -> NDA
 
 
 def grid() -> NDArray[np.int8]:
-    """Returns the map: rows along y from the lowest, cells of `CELL_M`, 100 where a wall is."""
+    """Return the map: rows along y from the lowest, cells of `CELL_M`, 100 where a wall is."""
     columns, rows = round(LENGTH_M / CELL_M), round(WIDTH_M / CELL_M)
     x_m, y_m = np.meshgrid((np.arange(columns) + 0.5) * CELL_M, (np.arange(rows) + 0.5) * CELL_M - WIDTH_M / 2)
     far = distances(walls(), np.stack((x_m.ravel(), y_m.ravel()), axis=1)).reshape(rows, columns)

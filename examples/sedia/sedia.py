@@ -42,7 +42,7 @@ NODES = {
 
 
 def maker(name: str) -> Callable[[], Node]:
-    """Returns what makes the node of that name."""
+    """Return what makes the node of that name."""
     module, _, kind = NODES[name].partition(":")
     made: Callable[[], Node] = getattr(importlib.import_module(module), kind)
     return made

@@ -32,7 +32,7 @@ class Located(Server):
         self.create_subscription(Odometry, "pose", self._on_pose, NEWEST)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forgets: the localiser slept too, its last pose is an old one."""
+        """Forget: the localiser slept too, its last pose is an old one."""
         self.here = None
         return super().on_activate(state)
 
@@ -84,7 +84,7 @@ class Driving(Located):
         self._commands = self.create_publisher(TwistStamped, topic, COMMANDS)
 
     def command(self, speed_mps: float, turn_radps: float) -> None:
-        """Publishes one command."""
+        """Publish one command."""
         self._sequence += 1
         said = TwistStamped()
         said.header.stamp, said.header.frame_id = self.wall.now().to_msg(), f"{self.get_name()}#{self._sequence}"
@@ -153,7 +153,7 @@ class BehaviorServer(Driving):
         self._begun, self._turned = None, 0.0
 
     def _since(self) -> tuple[Place, float] | None:
-        """Where and when it began, once that is known."""
+        """Return where and when it began, once that is known."""
         if self._begun is None and self.here is not None:
             self._begun = (self.here, time.monotonic())
         return self._begun

@@ -28,17 +28,17 @@ class Managed(LifecycleNode):
         self.wall = Clock(clock_type=ClockType.SYSTEM_TIME)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begins to act."""
+        """Begin to act."""
         self.acting = True
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stops acting."""
+        """Stop acting."""
         self.acting = False
         return super().on_deactivate(state)
 
     def every(self, period_s: float, act: Callable[[], None]) -> None:
-        """Calls a function periodically while the node is Active."""
+        """Call a function periodically while the node is Active."""
         self.create_timer(period_s, lambda: act() if self.acting else None)
 
 
@@ -55,7 +55,7 @@ class Goals:
         begin: Callable[[Any], None] = lambda _: None,
         end: Callable[[], None] = lambda: None,
     ) -> None:
-        """Serves from now on; `work` is called every `period_s` while there is a goal."""
+        """Serve from now on; `work` is called every `period_s` while there is a goal."""
         self._kind = kind
         self._goal: ServerGoalHandle | None = None
         self._ended: dict[bytes, Future] = {}
@@ -78,16 +78,16 @@ class Goals:
         return self._goal is not None
 
     def say(self, **feedback: Any) -> None:
-        """Publishes feedback of the goal."""
+        """Publish feedback of the goal."""
         if self._goal is not None:
             self._goal.publish_feedback(self._kind.Feedback(**feedback))
 
     def succeed(self, **result: Any) -> None:
-        """Ends the goal well."""
+        """End the goal well."""
         self._end("succeed", result)
 
     def abort(self) -> None:
-        """Ends the goal, if there is one, because it cannot be reached or nobody shall go on with it here."""
+        """End the goal, if there is one, because it cannot be reached or nobody shall go on with it here."""
         self._end("abort", {})
 
     def _accepted(self, goal: ServerGoalHandle) -> None:
@@ -129,12 +129,12 @@ class Server(Managed):
         self._served: list[Goals] = []
 
     def serve(self, *action: Any, **calls: Any) -> Goals:
-        """Returns the goals of a new action; for the arguments see `Goals`."""
+        """Return the goals of a new action; for the arguments see `Goals`."""
         self._served.append(Goals(self, *action, **calls))
         return self._served[-1]
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ends all goals and refuses others."""
+        """End all goals and refuse others."""
         for goals in self._served:
             goals.abort()
         return super().on_deactivate(state)

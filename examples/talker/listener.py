@@ -25,7 +25,7 @@ class Listener(Node):
 
 
 def main() -> None:
-    """Runs the node until SIGINT or SIGTERM."""
+    """Run the node until SIGINT or SIGTERM."""
     stop = False
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:

@@ -40,7 +40,7 @@ class Controller(LifecycleNode):
         self._heard_s = {"scan": -math.inf, "odom": -math.inf}
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Creates the inputs, the output and the timer, which runs from now on in every state."""
+        """Create the inputs, the output and the timer, which runs from now on in every state."""
         rate_hz = self.get_parameter("rate_hz").value
         self._planner = Planner(rate_hz, self.get_parameter("max_speed").value)
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -58,18 +58,18 @@ class Controller(LifecycleNode):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Takes goals. The localiser slept too: its last pose is an old one."""
+        """Take goals. The localiser slept too: its last pose is an old one."""
         self._pose = None
         self._drive_to.activate()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ends its goal."""
+        """End its goal."""
         self._drive_to.deactivate()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Undoes on_configure."""
+        """Undo on_configure."""
         self.destroy_timer(self._timer)
         self.destroy_lifecycle_publisher(self._output)
         for subscription in self._inputs:
@@ -114,7 +114,7 @@ class Controller(LifecycleNode):
 
 
 def make() -> Controller:
-    """Returns the node, Active when nobody else manages it (`autostart`)."""
+    """Return the node, Active when nobody else manages it (`autostart`)."""
     node = Controller()
     if node.get_parameter("autostart").value:
         node.trigger_configure()

@@ -50,16 +50,16 @@ class DriveTo:
         return None if self._goal is None else (self._goal.request.order / 100.0, 0.0)
 
     def activate(self) -> None:
-        """Takes goals from now on."""
+        """Take goals from now on."""
         self._active = True
 
     def deactivate(self) -> None:
-        """Ends the goal and refuses others."""
+        """End the goal and refuse others."""
         self._active = False
         self._end("abort")
 
     def drove(self, x_m: float, y_m: float, arrived_m: float) -> None:
-        """Publishes how far the goal is, and ends it when the place is at most `arrived_m` from it, or on a cancel."""
+        """Publish how far the goal is, and end it when the place is at most `arrived_m` from it, or on a cancel."""
         if self._goal is None or self.target is None:
             return
         left_m = math.dist((x_m, y_m), self.target)

@@ -78,14 +78,14 @@ class Errands:
         return goals[-1] if goals and not goals[-1].ending else None
 
     def begin(self) -> Errand:
-        """Notes that a goal is being sent."""
+        """Note that a goal is being sent."""
         errand = Errand(len(self.account.goals) + 1)
         self.account.goals.append(errand)
         self._sent_s, self._last = time.monotonic(), (0, 0)
         return errand
 
     def answered(self, errand: Errand, *, accepted: bool) -> None:
-        """Notes the answer to a goal."""
+        """Note the answer to a goal."""
         if not accepted:
             errand.ending = "rejected"
             return
@@ -93,7 +93,7 @@ class Errands:
         errand.accepted_ms = round((self._heard_s - self._sent_s) * 1e3, 1)
 
     def heard(self, errand: Errand, process: int, tick: int, x_m: float, y_m: float) -> None:
-        """Notes feedback: of which process, the how manieth there, and where the server believes to be."""
+        """Note feedback: of which process, the how manieth there, and where the server believes to be."""
         last_process, last_tick = self._last
         errand.servers += process != last_process
         errand.backwards += process == last_process and tick <= last_tick
@@ -104,12 +104,12 @@ class Errands:
         self._heard_s = time.monotonic()
 
     def ended(self, errand: Errand, status: int) -> None:
-        """Notes a result."""
+        """Note a result."""
         errand.results += 1
         errand.ending = errand.ending or ENDINGS.get(status, f"status {status}")
 
     def text(self) -> str:
-        """Returns the account as JSON, and counts silence anew."""
+        """Return the account as JSON, and count silence anew."""
         errand = self.present
         if errand is not None:
             self._note_silence(errand)

@@ -46,12 +46,12 @@ class Localiser(StatefulNode):
         self.create_timer(0.1, self._tell)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Takes the newest state of the replica that acted before, or begins clean."""
+        """Take the newest state of the replica that acted before, or begin clean."""
         self._correction, self._restored_age_s = Place(), None
         return super().on_activate(state)
 
     def take_state(self, version: int, data: bytes) -> None:
-        """Takes the correction that the replica on the other side knew."""
+        """Take the correction that the replica on the other side knew."""
         if version != VERSION or len(data) != STATE.size:
             raise ValueError(f"{len(data)} bytes of version {version}")
         *place, made_s = STATE.unpack(data)

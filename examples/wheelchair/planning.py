@@ -35,7 +35,7 @@ class Pose:
 
 
 def look_ahead_m(rate_hz: float) -> float:
-    """How far ahead is planned: a faster computer affords longer paths. 1.6 m at 20 Hz, 2.2 m at 50 Hz."""
+    """Return how far ahead is planned: a faster computer affords longer paths. 1.6 m at 20 Hz, 2.2 m at 50 Hz."""
     return min(1.2 + 0.02 * rate_hz, 3.0)
 
 
@@ -58,7 +58,7 @@ class Planner:
         self._shifts_m = self._offsets_m[:, None] * (3.0 * u**2 - 2.0 * u**3)[None, :]
 
     def plan(self, ranges: Floats, angles: Floats, pose: Pose, goal: tuple[float, float]) -> tuple[float, float]:
-        """The wanted speed [m/s] and yaw rate [rad/s] for one scan.
+        """Return the wanted speed [m/s] and yaw rate [rad/s] for one scan.
 
         Args:
             ranges: distances of the beams in metres; `inf` means nothing there.
@@ -93,7 +93,7 @@ class Planner:
         return 0.0, self._turn_to_open(ranges, angles, bearing_rad)
 
     def _clearances(self, ranges: Floats, angles: Floats, slope_m: float) -> Floats:
-        """Distance from each point of each path to the nearest scan point, shape (paths, steps).
+        """Return distance from each point of each path to the nearest scan point, shape (paths, steps).
 
         `angles` are relative to the direction of the goal, along which the paths are laid.
         """
@@ -109,7 +109,7 @@ class Planner:
         return np.sqrt(squares.min(axis=2)).astype(np.float64)
 
     def _costs(self, clearances: Floats, free_m: Floats, curvatures: Floats, pose: Pose) -> Floats:
-        """One number per path: blocked early, close to something, away from the goal, a jerk of the wheel."""
+        """Return one number per path: blocked early, close to something, away from the goal, a jerk of the wheel."""
         ahead = self._along_m[None, :] <= free_m[:, None]
         closeness = np.exp(-(clearances - FOOTPRINT_M) / COMFORT_M) * ahead
         close = closeness.sum(axis=1) / np.maximum(ahead.sum(axis=1), 1.0)
@@ -120,7 +120,7 @@ class Planner:
 
     @staticmethod
     def _turn_to_open(ranges: Floats, angles: Floats, bearing_rad: float) -> float:
-        """The yaw rate towards the nearest heading with 0.8 m of free way, best near the goal's direction."""
+        """Return the yaw rate towards the nearest heading with 0.8 m of free way, best near the goal's direction."""
         headings = np.linspace(-1.6, 1.6, 33)
         capped = np.minimum(ranges, 3.0)
         relative = angles[None, :] - headings[:, None]

@@ -11,7 +11,7 @@ from rclpy.signals import SignalHandlerOptions
 
 
 def run(*make_nodes: Callable[[], Node]) -> None:
-    """Makes nodes, one after the other, and spins them until SIGINT or SIGTERM."""
+    """Make nodes, one after the other, and spin them until SIGINT or SIGTERM."""
     stop = False
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:

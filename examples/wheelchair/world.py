@@ -49,7 +49,7 @@ class Obstacle:
 
 
 def place_obstacles(seed: int, length_m: float, width_m: float) -> tuple[Obstacle, ...]:
-    """Obstacles along the corridor, each leaving one side at least 1.1 m wide in a 2.4 m corridor.
+    """Return obstacles along the corridor, each leaving one side at least 1.1 m wide in a 2.4 m corridor.
 
     They are at least 3.5 m apart and appear at least 2.6 m ahead, so that a controller that is at most 0.4 s behind
     can still go round each of them at 0.9 m/s.
@@ -85,7 +85,7 @@ class World:
         self.beam_angles: NDArray[np.float64] = np.linspace(-FIELD_OF_VIEW_RAD / 2, FIELD_OF_VIEW_RAD / 2, BEAMS)
 
     def step(self, dt_s: float, speed_mps: float, yaw_rate_radps: float) -> None:
-        """Advances by `dt_s` (at most about 50 ms for a sound integration) towards the wanted speeds."""
+        """Advance by `dt_s` (at most about 50 ms for a sound integration) towards the wanted speeds."""
         speed = _clamp(speed_mps, MAX_SPEED_MPS)
         braking = abs(speed) < abs(self.speed_mps) or speed * self.speed_mps < 0.0
         change = (BRAKING_MPS2 if braking else ACCELERATION_MPS2) * dt_s
@@ -110,7 +110,7 @@ class World:
             self.goal_reached = True
 
     def scan(self) -> NDArray[np.float64]:
-        """Distances along `beam_angles` (relative to the heading); `inf` where nothing is within range."""
+        """Return distances along `beam_angles` (relative to the heading); `inf` where nothing is within range."""
         directions = self.beam_angles + self.yaw_rad
         cosines, sines = np.cos(directions), np.sin(directions)
         with np.errstate(divide="ignore"):
@@ -130,7 +130,7 @@ class World:
         return ranges
 
     def _clearance_m(self, x_m: float, y_m: float) -> float:
-        """Room between the wheelchair's circle at that place and the nearest wall or post; negative in it."""
+        """Return room between the wheelchair's circle at that place and the nearest wall or post; negative in it."""
         room_m = min(self.width_m / 2 - abs(y_m), x_m, self.length_m - x_m)
         for post in self.visible:
             room_m = min(room_m, math.hypot(post.x_m - x_m, post.y_m - y_m) - post.radius_m)
@@ -153,7 +153,7 @@ class WheelOdometry:
         self._drift = drift
 
     def follow(self, world: World) -> None:
-        """Counts the way since the last call."""
+        """Count the way since the last call."""
         x_m, y_m, yaw_rad = self._true
         self._true = world.x_m, world.y_m, world.yaw_rad
         moved_m = (world.x_m - x_m) * math.cos(world.yaw_rad) + (world.y_m - y_m) * math.sin(world.yaw_rad)
@@ -171,7 +171,7 @@ class Markers:
         self._next_m = FIRST_MARKER_M
 
     def passed(self, x_m: float) -> bool:
-        """Returns whether a marker was passed since the last call."""
+        """Return whether a marker was passed since the last call."""
         if x_m < self._next_m:
             return False
         self._next_m += MARKER_EVERY_M
@@ -193,11 +193,11 @@ class Driver:
         self._braking = False
 
     def command(self, now_s: float, speed_mps: float, yaw_rate_radps: float) -> None:
-        """Takes a command that arrived at `now_s` on the caller's steady clock."""
+        """Take a command that arrived at `now_s` on the caller's steady clock."""
         self._command, self._command_s = (speed_mps, yaw_rate_radps), now_s
 
     def wanted(self, now_s: float, speed_mps: float) -> tuple[float, float]:
-        """The speed and yaw rate the wheels shall aim for, given their present speed; counts the stops."""
+        """Return the speed and yaw rate the wheels shall aim for, given their present speed; count the stops."""
         if not self.inhibited and now_s - self._command_s <= self._timeout_s:
             self._braking = False
             return self._command

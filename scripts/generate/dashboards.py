@@ -224,7 +224,7 @@ FOLDER: Final = "charts/robot-offload/files/dashboards"
 
 
 def dashboards() -> dict[str, str]:
-    """Returns path below the repository -> JSON, of each dashboard."""
+    """Return path below the repository -> JSON, of each dashboard."""
     return {
         f"{FOLDER}/{name}.json": json.dumps(_board(name, title, panels, source, many), indent=1) + "\n"
         for name, (title, panels, source, many) in BOARDS.items()
@@ -270,7 +270,7 @@ def _source() -> dict[str, str]:
 
 
 def _placed(panels: tuple[Panel, ...]) -> list[dict[str, Any]]:
-    """Places panels from left to right, in rows of equal height."""
+    """Place panels from left to right, in rows of equal height."""
     found, x, y, height = [], 0, 0, 0
     for number, panel in enumerate(panels, 1):
         if x + panel.width > WIDTH:

@@ -29,7 +29,7 @@ _HEAD: Final = "# Generated from the models in operator/robot_offload/api by `ma
 
 
 def generated_files() -> Mapping[str, str]:
-    """Path below the repository -> text, of every generated file."""
+    """Return path below the repository -> text, of every generated file."""
     definition = crd()
     text = _HEAD + yaml.dump(definition, Dumper=_PlainDumper, sort_keys=False, width=110, allow_unicode=True)
     pages = {
@@ -42,7 +42,7 @@ def generated_files() -> Mapping[str, str]:
 
 
 def _images() -> str:
-    """Every image that this release runs in a cluster, one a line: what a registry without the internet needs."""
+    """Return each image that this release runs in a cluster, one a line, for registries without internet."""
     return "".join(f"{image}\n" for image in sorted(set(asdict(default_images()).values())))
 
 

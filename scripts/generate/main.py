@@ -22,7 +22,7 @@ class OutOfDateError(RobotOffloadError):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command line; returns 0 when all is well, 1 when files are out of date, 2 for a wrong folder."""
+    """Run the command line; return 0 when all is well, 1 when files are out of date, 2 for a wrong folder."""
     parser = argparse.ArgumentParser(prog="python -m scripts.generate", description=__doc__)
     parser.add_argument("--check", action="store_true", help="write nothing; say what is out of date, end with 1")
     parser.add_argument("--root", type=Path, default=Path(), help="the repository (default: this folder)")
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(root: Path, *, check: bool) -> None:
-    """Writes all generated files below `root`, or compares them.
+    """Write all generated files below `root`, or compare them.
 
     Raises:
         InputError: `root` is not this repository.

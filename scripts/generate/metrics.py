@@ -45,7 +45,7 @@ but where `name` is a label.
 
 
 def metrics() -> str:
-    """Returns the page as Markdown."""
+    """Return the page as Markdown."""
     rows = [_family(family) for family in FAMILIES]
     total = sum(family.series for family in FAMILIES)
     return "\n".join([_HEAD + "\n".join(rows), _SUM.format(total=total) + "\n".join(_operator()), ""])
@@ -57,7 +57,7 @@ def _family(family: Family) -> str:
 
 
 def _operator() -> Iterator[str]:
-    """Yields the rows of the operator's own metrics, as an operator without objects declares them."""
+    """Yield the rows of the operator's own metrics, as an operator without objects declares them."""
     declared = Metrics()
     declared.show(lambda: (), dict, lambda: 0, lambda: 0.0, lambda: False)
     for collector in dict.fromkeys(declared.registry._collector_to_names):

@@ -42,7 +42,7 @@ class Names:
     calls: set[str] = field(default_factory=set)
 
     def add(self, other: Names) -> None:
-        """Takes in what another class does."""
+        """Take in what another class does."""
         self.publishes |= other.publishes
         self.hears |= other.hears
         self.serves |= other.serves
@@ -50,7 +50,7 @@ class Names:
 
 
 def with_nodes(root: Path) -> str:
-    """Returns the page with the picture of today's nodes.
+    """Return the page with the picture of today's nodes.
 
     Raises:
         NoPlaceError: the page lacks the two comment lines.
@@ -88,7 +88,7 @@ def _arrows(names: Mapping[str, Names]) -> Mapping[tuple[str, str], set[str]]:
 
 
 def _names(node: Node, folder: Path) -> Names:
-    """Returns what a node does, by its class and its entry in the RobotOffload."""
+    """Return what a node does, by its class and its entry in the RobotOffload."""
     nodes = ast.parse((folder / "sedia.py").read_text(encoding="utf-8"))
     table = next(
         it.value for it in ast.walk(nodes) if isinstance(it, ast.Assign) and ast.unparse(it.targets[0]) == "NODES"
@@ -132,7 +132,7 @@ def _of_class(name: str, classes: Mapping[str, ast.ClassDef]) -> Names:
 
 
 def _words(argument: ast.expr, loops: Mapping[str, ast.expr]) -> set[str]:
-    """Returns the texts that an argument can be."""
+    """Return the texts that an argument can be."""
     if isinstance(argument, ast.Constant) and isinstance(argument.value, str):
         return {argument.value.lstrip("/")}
     if isinstance(argument, ast.Name) and argument.id in loops:

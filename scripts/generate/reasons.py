@@ -35,7 +35,7 @@ _KINDS: Final = {Kind.LIMIT: "**hard limit**", Kind.VETO: "**veto**"}
 
 
 def reasons() -> str:
-    """Returns the page as Markdown."""
+    """Return the page as Markdown."""
     bases = {limit.reason: limit.basis for limit in reversed(LIMITS)}
     head = ["| Reason | What it is | Cause | Next step |", "|---|---|---|---|"]
     rows = [

@@ -40,7 +40,7 @@ more, before anything is sent: topics that two nodes publish, topics that cross 
 
 
 def reference(definition: Schema) -> str:
-    """Returns the page as Markdown.
+    """Return the page as Markdown.
 
     Args:
         definition: the CustomResourceDefinition.
@@ -60,7 +60,7 @@ def reference(definition: Schema) -> str:
 
 
 def _unbuilt() -> str:
-    """Returns the words that are described above and refused all the same."""
+    """Return the words that are described above and refused all the same."""
     if not not_yet.NOT_YET:
         return "Every word of this page does what its description says."
     words = [f"- `{word.path}.{word.field}`: {_text(word.meanwhile)}." for word in not_yet.NOT_YET.values()]
@@ -73,7 +73,7 @@ def _of(part: Schema, field: str) -> Schema:
 
 
 def _objects(path: str, part: Schema) -> Iterator[tuple[str, Schema]]:
-    """Yields every object with fields of its own, outer ones first, as (path, schema)."""
+    """Yield every object with fields of its own, outer ones first, as (path, schema)."""
     if part.get("properties"):
         yield path, part
     for name, field in part.get("properties", {}).items():
@@ -83,7 +83,7 @@ def _objects(path: str, part: Schema) -> Iterator[tuple[str, Schema]]:
 
 
 def _rules(path: str, part: Schema) -> Iterator[tuple[str, Schema]]:
-    """Yields the rules between fields; a range of one field stands in its own description already."""
+    """Yield the rules between fields; a range of one field stands in its own description already."""
     if part.get("properties"):
         for rule in part.get("x-kubernetes-validations", ()):
             yield path, rule
@@ -105,7 +105,7 @@ def _section(path: str, part: Schema) -> str:
 
 
 def _kind(field: Schema) -> str:
-    """Returns what a value looks like, in a word or two."""
+    """Return what a value looks like, in a word or two."""
     if "x-kubernetes-int-or-string" in field:
         return "quantity"
     kind = field.get("type", "object")
@@ -120,5 +120,5 @@ def _kind(field: Schema) -> str:
 
 
 def _text(text: str) -> str:
-    """Returns one line that Markdown does not take apart."""
+    """Return one line that Markdown does not take apart."""
     return re.sub(r"([|<*_])", r"\\\1", " ".join(text.split()))

@@ -24,7 +24,7 @@ class NoPlaceError(ValueError):
 
 
 def with_rooms(page: str) -> str:
-    """Returns the page with the picture of today's imports.
+    """Return the page with the picture of today's imports.
 
     Raises:
         NoPlaceError: the page lacks the two comment lines.
@@ -37,7 +37,7 @@ def with_rooms(page: str) -> str:
 
 
 def _pictures() -> Iterator[str]:
-    """Yields the lines of one picture of the packages and one for each package's rooms."""
+    """Yield the lines of one picture of the packages and one for each package's rooms."""
     graph = grimp.build_graph(*PACKAGES, cache_dir=None)
     imports = [
         (source, target) for source in graph.modules for target in graph.find_modules_directly_imported_by(source)
@@ -53,7 +53,7 @@ def _is_in(module: str, package: str) -> bool:
 
 
 def _arrows(imports: list[tuple[str, str]], depth: int) -> Arrows:
-    """Returns room -> rooms it imports; a room is named by the first `depth` parts of a module's name."""
+    """Return room -> rooms it imports; a room is named by the first `depth` parts of a module's name."""
     arrows: dict[str, set[str]] = {}
     for source, target in imports:
         here, there = (".".join(module.split(".")[:depth]) for module in (source, target))
@@ -65,7 +65,7 @@ def _arrows(imports: list[tuple[str, str]], depth: int) -> Arrows:
 
 
 def _reduced(arrows: Arrows) -> Arrows:
-    """Returns the arrows without those that follow from others. The import contracts see to it that none goes round."""
+    """Return the arrows without those that follow from others. The import contracts see to it that none goes round."""
     return {
         room: {there for there in targets if not any(there in _reach(arrows, other) for other in targets - {there})}
         for room, targets in arrows.items()
@@ -73,7 +73,7 @@ def _reduced(arrows: Arrows) -> Arrows:
 
 
 def _reach(arrows: Arrows, room: str) -> set[str]:
-    """Returns everything that a room imports, directly or not."""
+    """Return everything that a room imports, directly or not."""
     found: set[str] = set()
     waiting = [room]
     while waiting:
@@ -84,7 +84,7 @@ def _reach(arrows: Arrows, room: str) -> set[str]:
 
 
 def _picture(title: str, arrows: Arrows) -> Iterator[str]:
-    """Yields the lines of one Mermaid picture."""
+    """Yield the lines of one Mermaid picture."""
     yield from ("", f"{title}:", "", "```mermaid", "flowchart TD")
     names = {room: room.rpartition(".")[2] for room in arrows}
     for room in sorted(arrows, key=names.__getitem__):
@@ -96,5 +96,5 @@ def _picture(title: str, arrows: Arrows) -> Iterator[str]:
 
 
 def _id(name: str) -> str:
-    """Returns a name that is no word of Mermaid's own (`link`, `graph`, `end` are)."""
+    """Return a name that is no word of Mermaid's own (`link`, `graph`, `end` are)."""
     return f"room_{name}"

@@ -73,7 +73,7 @@ PYTHONS: Final = {
 
 
 def support() -> str:
-    """Returns the page as Markdown."""
+    """Return the page as Markdown."""
     rows = (
         f"| {row.ros} | {row.ubuntu} | {row.python} | {row.setuptools} | {row.core} | {row.package} | {row.agent} |\n"
         for row in ROWS

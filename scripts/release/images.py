@@ -20,7 +20,7 @@ class DigestsError(Exception):
 
 
 def digests(path: Path | None) -> dict[str, str]:
-    """Returns digests by the image's name, from what `make images` has written; empty: nothing was pushed yet.
+    """Return digests by the image's name, from what `make images` has written; empty: nothing was pushed yet.
 
     Raises:
         DigestsError: a line is not `NAME sha256:...`.
@@ -37,7 +37,7 @@ def digests(path: Path | None) -> dict[str, str]:
 
 
 def references(registry: str, version: str, known: Mapping[str, str]) -> dict[str, str]:
-    """Returns the complete reference of each image by name: by digest where that is known, else by tag."""
+    """Return the complete reference of each image by name: by digest where that is known, else by tag."""
     ours = {name: f"{registry}/{name}" for name in OURS} | {
         f"examples/{name}": f"{registry}/examples/{name}" for name in EXAMPLES
     }
@@ -46,7 +46,7 @@ def references(registry: str, version: str, known: Mapping[str, str]) -> dict[st
 
 
 def values(registry: str, version: str, known: Mapping[str, str]) -> dict[str, str]:
-    """Returns the chart values (dotted names) that make a cluster run exactly these images."""
+    """Return the chart values (dotted names) that make a cluster run exactly these images."""
     found = {"images.registry": registry}
     if not known:
         return found

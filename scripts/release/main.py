@@ -29,7 +29,7 @@ URL: Final = "https://robotoffload.dev/releases/v{version}"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Makes the release; returns the exit code."""
+    """Make the release; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m scripts.release", description=__doc__)
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder to write to (default: dist)")
     parser.add_argument("--registry", default=REGISTRY, help=f"where the images are (default: {REGISTRY})")
@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def release(output: Path, registry: str, url: str, known: dict[str, str]) -> None:
-    """Writes everything but the wheels, which are there already, and their checksums at last."""
+    """Write everything but the wheels, which are there already, and their checksums at last."""
     version = chart_version()
     epoch_s = int(dist.committed_at())
     helm = programs.ensure(_say, {"helm": programs.CONTROL_PLANE["helm"]}).path("helm")
@@ -75,13 +75,13 @@ def release(output: Path, registry: str, url: str, known: dict[str, str]) -> Non
 
 
 def chart_version() -> str:
-    """Returns the version that the chart installs."""
+    """Return the version that the chart installs."""
     lines = (CHART / "Chart.yaml").read_text(encoding="utf-8").splitlines()
     return next(line.split(":", 1)[1].strip().strip('"') for line in lines if line.startswith("appVersion:"))
 
 
 def nested(values: dict[str, str]) -> dict[str, object]:
-    """Returns dotted chart values as the blocks that `helm --values` reads."""
+    """Return dotted chart values as the blocks that `helm --values` reads."""
     found: dict[str, object] = {}
     for key, value in values.items():
         block = found
@@ -95,7 +95,7 @@ def nested(values: dict[str, str]) -> dict[str, object]:
 
 
 def checksums(folder: Path) -> str:
-    """Returns the SHA-256 of every file of a folder, as `sha256sum --check` reads them."""
+    """Return the SHA-256 of every file of a folder, as `sha256sum --check` reads them."""
     paths = [path for path in sorted(folder.iterdir()) if path.is_file() and path.name not in (CHECKSUMS, DIGESTS)]
     return "".join(f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in paths)
 

@@ -27,12 +27,12 @@ class Pin:
 
 
 def normalised(name: str) -> str:
-    """Returns a library's name as indexes compare names."""
+    """Return a library's name as indexes compare names."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def read(requirements: str) -> dict[str, Pin]:
-    """Returns the pins of a requirements file by name."""
+    """Return the pins of a requirements file by name."""
     found: dict[str, Pin] = {}
     for block in re.split(r"\n(?=\S)", requirements):
         pin = _PIN.match(block)

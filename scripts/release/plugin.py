@@ -64,7 +64,7 @@ CAVEATS: Final = "Needs Python 3.12. The cluster needs the operator of Robot Off
 
 
 def archive(folder: Path, operator: Path, license_file: Path, epoch_s: int) -> Path:
-    """Writes the archive for this platform into a folder; returns its path.
+    """Write the archive for this platform into a folder; return its path.
 
     Args:
         folder: where to.
@@ -94,7 +94,7 @@ def archive(folder: Path, operator: Path, license_file: Path, epoch_s: int) -> P
 
 
 def libraries() -> Sequence[str]:
-    """Returns what the plugin needs, with all that follows, as far as this platform has it."""
+    """Return what the plugin needs, with all that follows, as far as this platform has it."""
     wanted, found = [*needed("robot-offload"), *EXTRAS], dict[str, None]()
     while wanted:
         name = normalised(wanted.pop())
@@ -117,14 +117,14 @@ def _files(library: Distribution) -> Iterable[tuple[str, bytes]]:
 
 
 def _own_metadata(ours: Distribution) -> Iterable[tuple[str, bytes, int]]:
-    """`--version` reads it."""
+    """Return the metadata of our own package, which `--version` reads."""
     version = ours.version
     text = f"Metadata-Version: 2.1\nName: robot-offload\nVersion: {version}\nLicense-Expression: Apache-2.0\n"
     return [(f"lib/robot_offload-{version}.dist-info/METADATA", text.encode(), 0o644)]
 
 
 def manifest(folder: Path, version: str, url: str) -> str:
-    """Returns krew's manifest for all archives in a folder.
+    """Return krew's manifest for all archives in a folder.
 
     Args:
         folder: with the archives.

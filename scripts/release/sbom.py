@@ -28,7 +28,7 @@ _REQUIREMENT: Final = re.compile(r"^\s*([A-Za-z0-9][A-Za-z0-9._-]*)")
 def sbom(
     version: str, wheels: Iterable[Path], images: Mapping[str, str], pins: Mapping[str, Pin], made: datetime
 ) -> str:
-    """Returns the document as JSON. The same release gives the same bytes.
+    """Return the document as JSON. The same release gives the same bytes.
 
     Args:
         version: of the release.
@@ -57,7 +57,7 @@ def sbom(
 
 
 def needed(name: str) -> list[str]:
-    """Returns what a library asks for by its own metadata, extras left out; empty: it is not installed here."""
+    """Return what a library asks for by its own metadata, extras left out; empty: it is not installed here."""
     try:
         asked = requires(name) or []
     except PackageNotFoundError:

@@ -35,7 +35,7 @@ class StatefulNode(LifecycleNode):
         self._restore = self.create_subscription(UInt8MultiArray, RESTORE, self._arrived, _KEPT)
 
     def take_state(self, version: int, data: bytes) -> None:
-        """Takes what the replica on the other side knew; to be overridden.
+        """Take what the replica on the other side knew; to be overridden.
 
         Args:
             version: what that replica gave to `publish_state`.
@@ -44,19 +44,19 @@ class StatefulNode(LifecycleNode):
         raise NotImplementedError
 
     def publish_state(self, version: int, data: bytes) -> None:
-        """Publishes what a replica has to know; does nothing while the node is not Active."""
+        """Publish what a replica has to know; does nothing while the node is not Active."""
         if self._acting:
             self._said = True
             self._state.publish(UInt8MultiArray(data=array("B", pack(version, data))))
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Takes the newest snapshot, if there is one."""
+        """Take the newest snapshot, if there is one."""
         self._acting, self._said, self._taken = True, False, False
         self._take()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stops publishing state."""
+        """Stop publishing state."""
         self._acting = False
         return super().on_deactivate(state)
 

@@ -18,12 +18,12 @@ class SnapshotError(ValueError):
 
 
 def pack(version: int, data: bytes) -> bytes:
-    """Returns a snapshot; `version` is of the node's own format, 0 to 2**32 - 1."""
+    """Return a snapshot; `version` is of the node's own format, 0 to 2**32 - 1."""
     return HEADER.pack(MAGIC, FORMAT, version, len(data), zlib.crc32(data)) + data
 
 
 def unpack(snapshot: bytes) -> tuple[int, bytes]:
-    """Returns version and data of a snapshot; raises SnapshotError for bytes that are none or not whole."""
+    """Return version and data of a snapshot; raise SnapshotError for bytes that are none or not whole."""
     if len(snapshot) < HEADER.size:
         raise SnapshotError(f"{len(snapshot)} bytes are less than a header")
     magic, version_of_header, version, size, checksum = HEADER.unpack_from(snapshot)

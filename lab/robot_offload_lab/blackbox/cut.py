@@ -11,7 +11,7 @@ from robot_offload_lab.blackbox import ring
 
 
 def cut(lines: Iterable[str], from_wall_s: float, to_wall_s: float) -> Iterator[str]:
-    """Returns the lines from the last key frames before `from_wall_s` on, up to `to_wall_s` (system time, seconds)."""
+    """Return the lines from the last key frames before `from_wall_s` on, up to `to_wall_s` (system time, seconds)."""
     before = _Before()
     offset_s, begun = 0.0, False
     for text in lines:

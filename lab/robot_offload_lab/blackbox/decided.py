@@ -49,7 +49,7 @@ class Totals:
 
 
 def moments(lines: Iterable[str], totals: Totals) -> Iterator[DecidedMoment]:
-    """Replays lines and gives out what was decided; adds to `totals` on the way."""
+    """Replay lines and give out what was decided; add to `totals` on the way."""
     to_wall_s, ours = 0.0, ring.digest_of_core()
     for found in blackbox.replay(lines):
         if isinstance(found, Header):
@@ -99,7 +99,7 @@ def _kind(decision: Any) -> str:
 
 
 def said(decision: Any) -> str:
-    """Returns a decision in words: its own reason and message, else its fields; a broken rule is said as it is."""
+    """Return a decision in words: its own reason and message, else its fields; a broken rule is said as it is."""
     if isinstance(decision, str):
         return decision
     verdict = getattr(decision, "verdict", decision)
@@ -112,7 +112,7 @@ def said(decision: Any) -> str:
 
 
 def changed(before: Any, after: Any) -> dict[str, tuple[str, str]]:
-    """Returns the fields of a state that a step has changed."""
+    """Return the fields of a state that a step has changed."""
     pairs = ((one.name, getattr(before, one.name), getattr(after, one.name)) for one in dataclasses.fields(before))
     return {
         name: (_word(old), _word(new)) for name, old, new in pairs if old != new and name not in ("levels", "levels_s")

@@ -15,7 +15,7 @@ PATTERN = "box-*.log"
 
 
 def lines(place: Path) -> list[str]:
-    """Returns the lines of a file, or of all files of a folder, the oldest first.
+    """Return the lines of a file, or of all files of a folder, the oldest first.
 
     Raises:
         InputError: there is no black box.
@@ -33,18 +33,18 @@ def lines(place: Path) -> list[str]:
 
 
 def digest_of_core() -> str:
-    """Returns the name of this installation's core."""
+    """Return the name of this installation's core."""
     root = Path(robot_offload_core.__file__).parent
     return blackbox.digest((file.relative_to(root).as_posix(), file.read_bytes()) for file in root.rglob("*.py"))
 
 
 def clock(wall_s: float) -> str:
-    """Returns the time of day of this machine's time zone, with milliseconds."""
+    """Return the time of day of this machine's time zone, with milliseconds."""
     return f"{time.strftime('%H:%M:%S', time.localtime(wall_s))}.{int(wall_s % 1 * 1000):03d}"
 
 
 def moment(text: str, near_wall_s: float) -> float:
-    """Returns the system time, seconds, of a time of day on the day of `near_wall_s`, or the day before.
+    """Return the system time, seconds, of a time of day on the day of `near_wall_s`, or the day before.
 
     Raises:
         InputError: `text` is no time of day.
@@ -61,13 +61,13 @@ def moment(text: str, near_wall_s: float) -> float:
 
 
 def offset_s(header: Header, before_s: float) -> float:
-    """Returns what is added to the steady clock for the system clock, from a file's first line."""
+    """Return what is added to the steady clock for the system clock, from a file's first line."""
     value = header.facts.get("to_wall_s", before_s)
     return float(value) if isinstance(value, int | float) else before_s
 
 
 def last_wall_s(found: Iterable[str]) -> float:
-    """Returns the system time of the newest step, seconds; 0 when there is none."""
+    """Return the system time of the newest step, seconds; 0 when there is none."""
     newest_s = to_wall_s = 0.0
     for text in found:
         record = blackbox.parse(text)

@@ -70,7 +70,7 @@ class Story:
 
 
 def made(name: str, title: str, lines: Sequence[str], wrong_at: str = "") -> Story:
-    """Returns a test of lines of a box.
+    """Return a test of lines of a box.
 
     Args:
         name: of the test, an identifier.
@@ -91,17 +91,17 @@ def made(name: str, title: str, lines: Sequence[str], wrong_at: str = "") -> Sto
 
 
 def steps(box: Path) -> int:
-    """Returns how many steps of a box this core can read."""
+    """Return how many steps of a box this core can read."""
     return len(_taken(ring.lines(box)))
 
 
 def broken_rules(box: Path) -> list[str]:
-    """Returns the rules that steps of a box break when they are run again, each with its machine and event."""
+    """Return the rules that steps of a box break when they are run again, each with its machine and event."""
     return _broken(ring.lines(box))
 
 
 def decided_in_steps(box: Path) -> list[tuple[str, float, str]]:
-    """Returns all decisions of a replay: machine, time of the step (as in the box), decision without its message."""
+    """Return all decisions of a replay: machine, time of the step (as in the box), decision without its message."""
     return [
         (step.machine.value, step.now_s, _short(decision))
         for step in blackbox.replay(ring.lines(box))
@@ -111,7 +111,7 @@ def decided_in_steps(box: Path) -> list[tuple[str, float, str]]:
 
 
 def decided(box: Path) -> list[str]:
-    """Returns all decisions of a replay: seconds since the first step, machine, what was decided."""
+    """Return all decisions of a replay: seconds since the first step, machine, what was decided."""
     return _decided(ring.lines(box))
 
 
@@ -125,7 +125,7 @@ def _not_again(name: str, title: str, lines: Sequence[str], wrong_at: str) -> St
 
 
 def _written(lines: Sequence[str]) -> Iterator[tuple[int, float, list[Did]]]:
-    """Gives out what was decided in each step, with the number of lines up to there and the clock's offset."""
+    """Give out what was decided in each step, with the number of lines up to there and the clock's offset."""
     group: list[Did] = []
     to_wall_s = 0.0
     for at, line in enumerate([*lines, ""]):

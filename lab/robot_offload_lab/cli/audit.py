@@ -28,7 +28,7 @@ Seen = Annotated[str, typer.Option("--head", metavar="NUMBER:DIGEST", help="An e
 
 
 def add_to(parent: typer.Typer) -> None:
-    """Adds the commands to `parent`."""
+    """Add the commands to `parent`."""
     parent.add_typer(app, name="audit")
 
 

@@ -8,5 +8,5 @@ from robot_offload_lab.bench import main
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the commands to `app`."""
+    """Add the commands to `app`."""
     app.add_typer(main.app, name="bench")

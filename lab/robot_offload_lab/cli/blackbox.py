@@ -37,7 +37,7 @@ After = Annotated[float, typer.Option("--after", metavar="SECONDS", help="How mu
 
 
 def add_to(parent: typer.Typer) -> None:
-    """Adds the commands to `parent`."""
+    """Add the commands to `parent`."""
     parent.add_typer(app, name="blackbox")
 
 

@@ -54,12 +54,12 @@ class LinkOption(StrEnum):
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("demo", epilog=example_text(EXAMPLES))(demo)
 
 
 def _transport(link: LinkOption | None) -> str:
-    """Returns the transport type that a value of `--link` means; empty: the specification's."""
+    """Return the transport type that a value of `--link` means; empty: the specification's."""
     if link is LinkOption.ROUTER and not routed.binary():
         raise InputError(f"--link router: set {routed.VARIABLE} to the path of a DDS Router 3.4.0")
     return {
@@ -68,7 +68,7 @@ def _transport(link: LinkOption | None) -> str:
 
 
 def _option(name: str, metavar: str, text: str) -> Any:
-    """Returns an option with a value; its default stands in the signature."""
+    """Return an option with a value; its default stands in the signature."""
     return typer.Option(f"--{name}", metavar=metavar, help=text)
 
 
@@ -202,7 +202,7 @@ def demo(
 
 
 def _run(options: DemoOptions, console: Console, ui: bool) -> DemoResult:
-    """Runs one mode and says what came out."""
+    """Run one mode and report what came out."""
     view = _view(console, options, ui)
     result = run(options, view)
     for line in summary(result.report, options.out):
@@ -213,7 +213,7 @@ def _run(options: DemoOptions, console: Console, ui: bool) -> DemoResult:
 
 
 def _compare(results: Mapping[str, DemoResult], out: Path, console: Console) -> None:
-    """Writes what the modes have to do with each other, and shows the table."""
+    """Write what the modes have to do with each other, and show the table."""
     from robot_offload_lab.judge import compare  # noqa: PLC0415 - matplotlib would make every start a second longer
 
     runs = {name: (result.report, recording.read(result.recording)) for name, result in results.items()}
@@ -223,7 +223,7 @@ def _compare(results: Mapping[str, DemoResult], out: Path, console: Console) -> 
 
 
 def _found(spec: Path | None, example: str = "") -> Path:
-    """Returns the specification, or else that of an example of the repository that this runs in or comes from.
+    """Return the specification, or else that of an example of the repository that this runs in or comes from.
 
     Raises:
         InputError: both are named, there is no such example, or there is no repository.
@@ -253,7 +253,7 @@ def _duration_s(given: float | None) -> float | None:
 
 
 def _phases(given: Sequence[str] | None, default: str) -> tuple[str, ...]:
-    """Returns the phases of an option that can be given more than once; `none` is none."""
+    """Return the phases of an option that can be given more than once; `none` is none."""
     wanted = [default] if given is None and default else given or ()
     return tuple(text for text in wanted if text != NONE)
 

@@ -24,14 +24,14 @@ class ConsolePages:
         self._view: ConsoleView | None = None
 
     def show(self, view: View, system: System) -> View:
-        """Begins to serve, and returns the view that feeds terminal and pages."""
+        """Begin to serve, and return the view that feeds terminal and pages."""
         offset_s = time.clock_gettime(time.CLOCK_REALTIME) - steady_s()
         source = DemoSource(manifest(system.offload), Path(system.state_file), offset_s, system.settings_file)
         self._view = ConsoleView(view, self._port, source)
         return self._view
 
     def linger(self, terminal: Console) -> None:
-        """Serves the finished run until Ctrl-C or SIGTERM."""
+        """Serve the finished run until Ctrl-C or SIGTERM."""
         if self._view is None:
             return
         terminal.print("The run is over; the console shows it until Ctrl-C", markup=False, highlight=False)

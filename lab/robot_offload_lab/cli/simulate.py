@@ -27,12 +27,12 @@ EXAMPLES = (
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("simulate", epilog=example_text(EXAMPLES))(simulate)
 
 
 def _option(name: str, metavar: str, text: str) -> Any:
-    """Returns an option with a value; its default stands in the signature."""
+    """Return an option with a value; its default stands in the signature."""
     return typer.Option(f"--{name}", metavar=metavar, help=text)
 
 
@@ -135,7 +135,7 @@ def simulate(
 
 
 def _work() -> ModuleType:
-    """Returns what needs numpy and matplotlib, which are an extra of this package, loaded only when it is wanted."""
+    """Return what needs numpy and matplotlib, which are an extra of this package, loaded only when it is wanted."""
     try:
         return importlib.import_module("robot_offload_lab.replay.command")
     except ModuleNotFoundError as error:

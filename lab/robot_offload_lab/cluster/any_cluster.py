@@ -38,43 +38,43 @@ class AnyNode(Protocol):
         ...
 
     def power_off(self) -> None:
-        """Cuts the power: everything on the node is gone at once, without a word to anybody."""
+        """Cut the power: everything on the node is gone at once, without a word to anybody."""
         ...
 
     def power_on(self) -> None:
-        """Starts it; `wait_ready` waits until the node works."""
+        """Start it; `wait_ready` waits until the node works."""
         ...
 
     def partition(self) -> None:
-        """Cuts it off the network: it runs on, nobody reaches it, it reaches nobody."""
+        """Cut it off the network: it runs on, nobody reaches it, it reaches nobody."""
         ...
 
     def heal(self) -> None:
-        """Puts it back on the network."""
+        """Put it back on the network."""
         ...
 
     def wait_ready(self) -> None:
-        """Waits until it has reported since it was switched on or healed, and Kubernetes counts on it."""
+        """Wait until it has reported since it was switched on or healed, and Kubernetes counts on it."""
         ...
 
     def is_ready(self) -> bool:
-        """Returns whether Kubernetes counts on it; it takes a while to notice that it should not."""
+        """Return whether Kubernetes counts on it; it takes a while to notice that it should not."""
         ...
 
     def has_power(self) -> bool:
-        """Returns whether it is switched on."""
+        """Return whether it is switched on."""
         ...
 
     def enforces_policies(self) -> bool:
-        """Returns whether our rules for NetworkPolicies hold for its pods."""
+        """Return whether our rules for NetworkPolicies hold for its pods."""
         ...
 
     def import_images(self, archives: Sequence[Path]) -> None:
-        """Imports OCI archives."""
+        """Import OCI archives."""
         ...
 
     def reap(self) -> None:
-        """Waits for what is left of it after everything was killed."""
+        """Wait for what is left of it after everything was killed."""
         ...
 
 
@@ -119,15 +119,15 @@ class AnyCluster:
         return self.plane.kubeconfig
 
     def kubectl(self, namespace: str = "default") -> Kubectl:
-        """Runs kubectl as the administrator."""
+        """Run kubectl as the administrator."""
         return self.plane.kubectl(namespace)
 
     def helm(self, namespace: str = "default") -> Helm:
-        """Runs helm as the administrator."""
+        """Run helm as the administrator."""
         return self.plane.helm(namespace)
 
     def down(self) -> Leftovers:
-        """Ends it and removes all of it; images that are kept stay for the next cluster of this number.
+        """End it and remove all of it; images that are kept stay for the next cluster of this number.
 
         Returns:
             What is left: nothing.
@@ -145,14 +145,14 @@ class AnyCluster:
         return ownership.leftovers(self.layout)
 
     def import_images(self, *archives: Path) -> None:
-        """Imports OCI archives into every node, unless it has them already."""
+        """Import OCI archives into every node, unless it has them already."""
         paths = [each.resolve() for each in archives]
         # A thread per node: unpacking keeps one core busy. Nothing that is to stay is started in them.
         with ThreadPoolExecutor() as pool:
             list(pool.map(lambda node: node.import_images(paths), self.nodes.values()))
 
     def robot(self, name: str, *, realtime: bool = True) -> RobotHost:
-        """Returns a machine outside, behind a wire and NAT: it reaches load balancer addresses, nobody reaches it.
+        """Return a machine outside, behind a wire and NAT: it reaches load balancer addresses, nobody reaches it.
 
         Args:
             name: Up to 20 of a-z, 0-9 and -.
@@ -161,7 +161,7 @@ class AnyCluster:
         return self._add_host(NatRobot, name, realtime=realtime)
 
     def neighbour(self, name: str, *, realtime: bool = True) -> RobotHost:
-        """Returns a machine in the cluster's own network, behind a wire: it reaches pods and pods reach it.
+        """Return a machine in the cluster's own network, behind a wire: it reaches pods and pods reach it.
 
         Args:
             name: Up to 20 of a-z, 0-9 and -.
@@ -171,7 +171,7 @@ class AnyCluster:
 
     @contextmanager
     def without_api(self) -> Iterator[None]:
-        """Takes the API server down for the block; all that runs runs on."""
+        """Take the API server down for the block; all that runs runs on."""
         self.plane.stop_api()
         try:
             yield

@@ -43,7 +43,7 @@ class Attendant:
         self._loaded: dict[str, tuple[int, str]] = {}
 
     def run(self) -> None:
-        """Attends until killed."""
+        """Attend until killed."""
         for watch in self._watches.values():
             watch.start()
         while True:
@@ -76,7 +76,7 @@ class Attendant:
             self._routes = wanted
 
     def _enforce(self) -> None:
-        """Loads each node's rules when they changed, or when the node has come back without any."""
+        """Load each node's rules when they changed, or when the node has come back without any."""
         seen = self._seen("nodes", "policies", "pods", "namespaces")
         if seen is None:
             return
@@ -93,13 +93,13 @@ class Attendant:
                 self._loaded[node] = (identity, rules)
 
     def _seen(self, *names: str) -> list[list[Object]] | None:
-        """Returns all objects of these kinds; None until all have been listed once."""
+        """Return all objects of these kinds; None until all have been listed once."""
         found = [self._watches[name].objects() for name in names]
         return None if any(each is None for each in found) else [each for each in found if each is not None]
 
 
 def main() -> None:
-    """Attends one cluster."""
+    """Attend one cluster."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--marker", required=True, type=Path, help="the cluster's marker file")
     chosen = parser.parse_args()

@@ -19,13 +19,13 @@ NUMERIC = ("delay_ms", "jitter_ms", "loss_pct", "rate_kbit")
 
 
 def find(home: Path, say: programs.Say) -> Cluster | None:
-    """Returns the cluster with nodes that was started under a name; None when there is none."""
+    """Return the cluster with nodes that was started under a name; None when there is none."""
     layout = ownership.by_hand(home)
     return None if layout is None else Cluster.of(layout, say)
 
 
 def needed(home: Path, say: programs.Say) -> Cluster:
-    """Returns the same, where it must be there."""
+    """Return the same, where it must be there."""
     cluster = find(home, say)
     if cluster is None:
         raise ClusterError(
@@ -35,7 +35,7 @@ def needed(home: Path, say: programs.Say) -> Cluster:
 
 
 def up(home: Path, nodes: int, number: int | None, say: programs.Say) -> Cluster:
-    """Starts one that runs until `down`."""
+    """Start one that runs until `down`."""
     if (there := ownership.by_hand(home)) is not None:
         raise ClusterError(
             f"It is running already, as cluster {there.number}. Next: python -m robot_offload_lab.cluster down"
@@ -44,7 +44,7 @@ def up(home: Path, nodes: int, number: int | None, say: programs.Say) -> Cluster
 
 
 def down(home: Path, say: programs.Say) -> bool:
-    """Ends the one of this name, also after a crash, and sweeps what killed runs have left; whether there was one."""
+    """End the one of this name, also after a crash, and sweep what killed runs have left; whether there was one."""
     layout = ownership.by_hand(home)
     if layout is not None:
         ownership.remove(layout)
@@ -56,7 +56,7 @@ def down(home: Path, say: programs.Say) -> bool:
 
 
 def status() -> list[str]:
-    """Returns one line for each cluster with nodes on this machine."""
+    """Return one line for each cluster with nodes on this machine."""
     lines = []
     for layout in ownership.known():
         state = "in use" if ownership.is_alive(layout) else "left by a run that was killed; next: down"
@@ -66,7 +66,7 @@ def status() -> list[str]:
 
 
 def node(cluster: Cluster, name: str, what: str) -> None:
-    """Switches a node on or off, cuts it off or heal it."""
+    """Switch a node on or off, cut it off or heal it."""
     if name not in cluster.nodes:
         raise ClusterError(f"There is no node {name!r}, but: {', '.join(cluster.nodes)}")
     chosen = cluster.nodes[name]
@@ -97,7 +97,7 @@ def robot(cluster: Cluster, name: str, what: str, rest: Sequence[str]) -> str:
 
 
 def link(words: Sequence[str]) -> dict[str, Any]:
-    """Settings of a wire from words like `delay_ms=10` and `cut=both`; `cut=` heals."""
+    """Return settings of a wire from words like `delay_ms=10` and `cut=both`; `cut=` heals."""
     found: dict[str, Any] = {}
     for word in words:
         key, _, value = word.partition("=")
@@ -111,7 +111,7 @@ def link(words: Sequence[str]) -> dict[str, Any]:
 
 
 def clean() -> list[Path]:
-    """Forgets the images that stay between clusters, of all that do not run; where they were."""
+    """Forget the images that stay between clusters, of all that do not run; where they were."""
     running = {layout.number for layout in ownership.known()}
     kept = [Layout(number).kept for number in NUMBERS if number not in running]
     there = [path for path in kept if path.exists()]
@@ -121,12 +121,12 @@ def clean() -> list[Path]:
 
 
 def environment() -> Mapping[str, str]:
-    """Ours, for a program that talks to a cluster."""
+    """Return ours, for a program that talks to a cluster."""
     return processes.without_proxies(os.environ)
 
 
 def _become(netns: str, command: Sequence[str]) -> NoReturn:
-    """Turns into a program on a robot."""
+    """Turn into a program on a robot."""
     if not command:
         raise ClusterError("What is to run there? For example: robot NAME run ip address")
     words = [*into(netns), *command]

@@ -28,11 +28,11 @@ class Authority:
         (directory / "ca.crt").write_bytes(_pem(own.sign(self._key, hashes.SHA256())))
 
     def client(self, name: str, user: str, groups: Sequence[str] = ()) -> None:
-        """Issues a certificate with which a client of the API server is this user."""
+        """Issue a certificate with which a client of the API server is this user."""
         self._issue(name, _name(user, groups), x509.ExtendedKeyUsage([ExtendedKeyUsageOID.CLIENT_AUTH]))
 
     def server(self, name: str, addresses: Sequence[str], names: Sequence[str] = ()) -> None:
-        """Issues a certificate for a server at these IP addresses and names."""
+        """Issue a certificate for a server at these IP addresses and names."""
         places: list[x509.GeneralName] = [x509.IPAddress(ipaddress.ip_address(each)) for each in addresses]
         places += [x509.DNSName(each) for each in names]
         self._issue(name, _name(name), x509.SubjectAlternativeName(places))

@@ -12,7 +12,7 @@ NEEDED = {"cpu", "cpuset", "memory", "pids"}
 
 
 def unified() -> bool:
-    """Returns whether the machine has cgroup v2 only."""
+    """Return whether the machine has cgroup v2 only."""
     return (ROOT / "cgroup.controllers").exists()
 
 
@@ -23,14 +23,14 @@ def _hierarchies() -> list[Path]:
 
 
 def missing() -> set[str]:
-    """Controllers that a kubelet needs and this machine does not have."""
+    """Return controllers that a kubelet needs and this machine does not have."""
     if unified():
         return NEEDED - set((ROOT / "cgroup.controllers").read_text().split())
     return {name for name in NEEDED if not (ROOT / name / "tasks").exists()} if ROOT.is_dir() else NEEDED
 
 
 def make(name: str) -> None:
-    """Makes the group in every hierarchy."""
+    """Make the group in every hierarchy."""
     for hierarchy in _hierarchies():
         group = hierarchy / name
         group.mkdir(exist_ok=True)
@@ -47,12 +47,12 @@ def make(name: str) -> None:
 
 
 def left(prefix: str) -> list[Path]:
-    """Groups whose name begins like this."""
+    """Return groups whose name begins like this."""
     return [group for hierarchy in _hierarchies() for group in hierarchy.glob(f"{prefix}*") if group.is_dir()]
 
 
 def remove(prefix: str, patience: float = 60.0) -> None:
-    """Removes the groups whose name begins like this; their processes are gone or about to go.
+    """Remove the groups whose name begins like this; their processes are gone or about to go.
 
     Args:
         prefix: Of their names.

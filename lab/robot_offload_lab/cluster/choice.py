@@ -34,14 +34,14 @@ class Choice:
         return f"cluster: {'of kind' if self.kind else 'our own'}, because {self.why}"
 
     def prepare(self, say: Say) -> None:
-        """Builds the programs that it needs."""
+        """Build the programs that it needs."""
         if self.kind:
             kind_cluster.prepare(say)
         else:
             programs.everything(say)
 
     def up(self, *, nodes: int, say: Say) -> AnyCluster:
-        """Starts one and returns when its nodes and its DNS are ready."""
+        """Start one and return when its nodes and its DNS are ready."""
         say(str(self))
         if self.kind:
             return KindCluster.up(nodes=nodes, say=say)
@@ -49,7 +49,7 @@ class Choice:
 
 
 def choose() -> Choice:
-    """Returns what the environment asks for, or what this machine can do.
+    """Return what the environment asks for, or what this machine can do.
 
     Raises:
         ClusterError: The environment asks for something else.

@@ -46,7 +46,7 @@ class Cluster(AnyCluster):
         by_hand: Path | None = None,
         say: programs.Say,
     ) -> Cluster:
-        """Starts one and returns when its nodes and its DNS are ready: some ten seconds once the programs are built.
+        """Start one and return when its nodes and its DNS are ready: some ten seconds once the programs are built.
 
         Args:
             nodes: How many.
@@ -76,7 +76,7 @@ class Cluster(AnyCluster):
 
     @classmethod
     def of(cls, layout: Layout, say: programs.Say) -> Cluster:
-        """Returns the cluster that another process has started by hand.
+        """Return the cluster that another process has started by hand.
 
         Raises:
             ClusterError: There is none.

@@ -28,7 +28,7 @@ class Command:
     """Seconds after which a command counts as hung."""
 
     def __call__(self, *arguments: str, stdin: str | None = None) -> str:
-        """Runs it and returns what it printed.
+        """Run it and return what it printed.
 
         Raises:
             CommandError: It failed; the message holds the command and its error output.
@@ -39,7 +39,7 @@ class Command:
         return done.stdout
 
     def refuses(self, *arguments: str, stdin: str | None = None) -> str:
-        """Runs it, expects it to fail, and returns its error output."""
+        """Run it, expects it to fail, and return its error output."""
         done = self._run(arguments, stdin)
         if not done.returncode:
             raise CommandError(f"{self.program.name} {' '.join(arguments)} should fail, but it printed: {done.stdout}")
@@ -64,23 +64,23 @@ class Kubectl(Command):
     """kubectl."""
 
     def within(self, namespace: str) -> Kubectl:
-        """Returns the same for another namespace."""
+        """Return the same for another namespace."""
         return replace(self, namespace=namespace)
 
     def json(self, *arguments: str) -> Any:
-        """Runs it with `-o json` and returns the parsed answer."""
+        """Run it with `-o json` and return the parsed answer."""
         return json.loads(self(*arguments, "-o", "json"))
 
     def apply(self, *manifests: Manifest, options: tuple[str, ...] = ("--server-side",)) -> str:
-        """Applies objects; server-side by default."""
+        """Apply objects; server-side by default."""
         return self("apply", *options, "-f", "-", stdin=documents(*manifests))
 
     def apply_refused(self, *manifests: Manifest, options: tuple[str, ...] = ("--server-side",)) -> str:
-        """Applies objects, expects the API server to refuse them, and returns why."""
+        """Apply objects, expects the API server to refuse them, and return why."""
         return self.refuses("apply", *options, "-f", "-", stdin=documents(*manifests))
 
     def names(self, kinds: str, *arguments: str) -> list[str]:
-        """`kind/name` of every object of these kinds, sorted."""
+        """Return `kind/name` of every object of these kinds, sorted."""
         return sorted(self("get", kinds, "-o", "name", *arguments).split())
 
 
@@ -90,7 +90,7 @@ class Helm(Command):
 
 
 def documents(*manifests: Manifest) -> str:
-    """Objects in the form that `kubectl apply -f -` reads.
+    """Return objects in the form that `kubectl apply -f -` reads.
 
     Not as one `List`: kubectl would leave the server's validation out and only do its own.
     """

@@ -75,11 +75,11 @@ class ControlPlane:
 
     @classmethod
     def of_directory(cls, directory: Path, programs: Programs) -> ControlPlane:
-        """Returns the control plane that another process started there."""
+        """Return the control plane that another process started there."""
         return cls(directory, programs).attached()
 
     def attached(self) -> Self:
-        """Returns this one, with what is needed to talk to it, which the process that started it has written down."""
+        """Return this one, with what is needed to talk to it, which the process that started it has written down."""
         try:
             config = json.loads(self.kubeconfig.read_text())
         except FileNotFoundError:
@@ -91,7 +91,7 @@ class ControlPlane:
         return self
 
     def start(self, definitions: Sequence[Path] = (), *, die_with_us: bool = True) -> Self:
-        """Starts everything and returns when a Deployment would be served.
+        """Start everything and return when a Deployment would be served.
 
         Args:
             definitions: CustomResourceDefinition files. They are applied before kube-controller-manager starts: its
@@ -119,27 +119,27 @@ class ControlPlane:
             self.stop()
 
     def stop(self) -> None:
-        """Ends every process of this directory, whoever started it, and removes the directory."""
+        """End every process of this directory, whoever started it, and remove the directory."""
         self._kill()
         shutil.rmtree(self.directory, ignore_errors=True)
 
     def kubectl(self, namespace: str = "default") -> Kubectl:
-        """Runs kubectl as the administrator."""
+        """Run kubectl as the administrator."""
         return Kubectl(self.programs.path("kubectl"), self.kubeconfig, namespace)
 
     def helm(self, namespace: str = "default") -> Helm:
-        """Runs helm as the administrator."""
+        """Run helm as the administrator."""
         return Helm(self.programs.path("helm"), self.kubeconfig, namespace)
 
     def kubeconfig_of(self, namespace: str, service_account: str) -> Path:
-        """Returns a kubeconfig with the rights of a ServiceAccount, and no others."""
+        """Return a kubeconfig with the rights of a ServiceAccount, and no others."""
         token = self.kubectl(namespace)("create", "token", service_account, "--duration=1h").strip()
         path = self.directory / f"kubeconfig-{namespace}-{service_account}"
         self._write_kubeconfig(path, token, namespace)
         return path
 
     def new_namespace(self, name: str, pod_security: str = "") -> str:
-        """Makes a namespace and waits until a Pod could be made in it.
+        """Make a namespace and wait until a Pod could be made in it.
 
         Args:
             name: Of the namespace.
@@ -154,24 +154,24 @@ class ControlPlane:
         return name
 
     def wait_served(self, definition: Mapping[str, Any]) -> None:
-        """Waits until the API server serves the kind of a CustomResourceDefinition."""
+        """Wait until the API server serves the kind of a CustomResourceDefinition."""
         spec = definition["spec"]
         plural, version = spec["names"]["plural"], spec["versions"][0]["name"]
         self._wait(f"{plural} to be served", partial(self._exists, f"/apis/{spec['group']}/{version}/{plural}"))
 
     def audit(self) -> Iterator[dict[str, Any]]:
-        """Yields what the API server was asked, oldest first: audit.k8s.io/v1 events with metadata only."""
+        """Yield what the API server was asked, oldest first: audit.k8s.io/v1 events with metadata only."""
         with (self.directory / "audit.jsonl").open() as lines:
             for line in lines:
                 if line.endswith("\n"):  # the last one may still be in the making
                     yield json.loads(line)
 
     def get(self, path: str) -> str:
-        """GET a path of the API server as the administrator."""
+        """Get a path of the API server as the administrator."""
         return self.request("GET", path)
 
     def request(self, verb: str, path: str, body: Any = None, content_type: str = "application/json") -> str:
-        """Sends any request as the administrator; raises HTTPError when it is refused."""
+        """Send any request as the administrator; raise HTTPError when it is refused."""
         request = urllib.request.Request(
             self.url + path,
             method=verb,
@@ -182,7 +182,7 @@ class ControlPlane:
             return str(answer.read().decode())
 
     def opener(self) -> urllib.request.OpenerDirector:
-        """Opens requests to this API server and to nobody in between."""
+        """Open requests to this API server and to nobody in between."""
         trust = ssl.create_default_context(cafile=str(self.ca_file))
         direct = urllib.request.ProxyHandler({})
         return urllib.request.build_opener(direct, urllib.request.HTTPSHandler(context=trust))
@@ -191,7 +191,7 @@ class ControlPlane:
         return bool(self.get(path))
 
     def _start_api(self, *, die_with_us: bool, attempts: int = 3) -> None:
-        """Starts etcd and kube-apiserver; again with other ports when somebody was faster to take one."""
+        """Start etcd and kube-apiserver; again with other ports when somebody was faster to take one."""
         for attempt in range(1, attempts + 1):
             shutil.rmtree(self.directory, ignore_errors=True)
             self.directory.mkdir(parents=True, mode=0o700)
@@ -222,7 +222,7 @@ class ControlPlane:
         (self.directory / "service-accounts.key").write_bytes(key)
 
     def _ports(self) -> list[int]:
-        """Returns where etcd and the API server listen."""
+        """Return where etcd and the API server listen."""
         return processes.free_ports(2)
 
     def _etcd_settings(self, port: int) -> dict[str, str]:

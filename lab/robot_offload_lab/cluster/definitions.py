@@ -8,5 +8,5 @@ DIRECTORY = Path(__file__).parents[3] / "manifests" / "crd"
 
 
 def definitions() -> list[Path]:
-    """Their files, in a fixed order."""
+    """Return their files, in a fixed order."""
     return sorted(DIRECTORY.glob("*.yaml"))

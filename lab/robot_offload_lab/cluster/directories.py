@@ -18,7 +18,7 @@ PREFIX = "robot-offload-cluster-"
 
 
 def named(name: str) -> Path:
-    """Returns the directory of a cluster that was started by hand.
+    """Return the directory of a cluster that was started by hand.
 
     Raises:
         ClusterError: The name is no plain word.
@@ -29,14 +29,14 @@ def named(name: str) -> Path:
 
 
 def all_named() -> Path:
-    """Returns the directory that holds one directory per named cluster."""
+    """Return the directory that holds one directory per named cluster."""
     base = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return Path(base) / "robot-offload" / "clusters"
 
 
 @contextmanager
 def of_this_run() -> Iterator[Path]:
-    """Yields a directory that goes with the test run; what a killed run left goes when the next one begins."""
+    """Yield a directory that goes with the test run; what a killed run left goes when the next one begins."""
     programs.cache().mkdir(parents=True, exist_ok=True)
     with (programs.cache() / "runs.lock").open("w") as gate:
         fcntl.flock(gate, fcntl.LOCK_EX)  # nobody sweeps between the next two lines of another run
@@ -53,7 +53,7 @@ def of_this_run() -> Iterator[Path]:
 
 
 def sweep(parent: Path) -> list[Path]:
-    """Removes the directories, and any process, of test runs that are no more.
+    """Remove the directories, and any process, of test runs that are no more.
 
     Args:
         parent: Where runs keep their directories.

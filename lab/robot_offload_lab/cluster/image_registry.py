@@ -63,7 +63,7 @@ class ImageRegistry:
             self._process.wait()
 
     def has(self, repository: str, reference: str) -> bool:
-        """Returns whether an image is there.
+        """Return whether an image is there.
 
         Args:
             repository: Without the registry's address.

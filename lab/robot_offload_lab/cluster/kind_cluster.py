@@ -37,7 +37,7 @@ _NOT_FOR_ROBOTS = ("containerd", "ctr", "runc")
 
 
 def missing() -> str | None:
-    """Returns why kind cannot make a cluster on this machine, and the next step; None when it can."""
+    """Return why kind cannot make a cluster on this machine, and the next step; None when it can."""
     if os.geteuid() != 0:
         return "Robots are namespaces of this machine, for which one must be root. Next: run it with sudo."
     if why := kind_docker.silent():
@@ -52,7 +52,7 @@ def missing() -> str | None:
 
 
 def prepare(say: Say) -> tuple[Path, Programs, Programs]:
-    """Kind, the programs that talk to a cluster, and that which tests its network; built where they are missing."""
+    """Return kind and the programs that talk to a cluster and test its network; build what is missing."""
     installed = shutil.which("kind")
     kind = Path(installed) if installed else programs.ensure(say, programs.KIND, programs.KIND_MODULE).path("kind")
     tester = {"tester": programs.PODS["tester"]}
@@ -73,7 +73,7 @@ class KindCluster(AnyCluster):
 
     @classmethod
     def up(cls, *, nodes: int = 2, number: int | None = None, fast_failure: bool = True, say: Say) -> KindCluster:
-        """Starts one and returns when its nodes and its DNS are ready: half a minute once Docker has the image.
+        """Start one and return when its nodes and its DNS are ready: half a minute once Docker has the image.
 
         Args:
             nodes: How many, beside the control plane.
@@ -101,7 +101,7 @@ class KindCluster(AnyCluster):
         return cluster
 
     def enforce_policies(self, enforce: bool) -> None:
-        """Kind's own network enforces them by itself and has no switch; with another one it is done as ever."""
+        """Enforce policies or not; kind's own network enforces them by itself and has no switch."""
         if not self._kindnet:
             super().enforce_policies(enforce)
         elif not enforce:
@@ -129,7 +129,7 @@ class KindCluster(AnyCluster):
         report("DNS ready")
 
     def _build_network(self) -> None:
-        """Docker's network is the cluster's; ours is one more machine in it, the router to the robots' side."""
+        """Join Docker's network, which is the cluster's, with the router to the robots' side."""
         layout = self.layout
         network.refuse_overlap(layout)
         kind_docker.refuse_strangers(layout)
@@ -143,7 +143,7 @@ class KindCluster(AnyCluster):
         )
 
     def _create(self, kind: Path, text: str) -> None:
-        """Lets kind make the containers and Kubernetes in them."""
+        """Let kind make the containers and Kubernetes in them."""
         layout = self.layout
         layout.registries.mkdir(exist_ok=True)
         layout.plane.mkdir(exist_ok=True)
@@ -166,7 +166,7 @@ class KindCluster(AnyCluster):
         self.plane.adopt(kubeconfig)
 
     def _know_nodes(self) -> None:
-        """Sets up the nodes, and the ways between their pods, the router and them."""
+        """Set up the nodes, and the ways between their pods, the router and them."""
         layout, found = self.layout, {}
         for each in self.kubectl("").json("get", "nodes")["items"]:
             name = str(each["metadata"]["name"])

@@ -14,7 +14,7 @@ REGISTRIES = "/etc/containerd/certs.d"
 
 
 def configuration(layout: KindLayout, nodes: int, *, fast_failure: bool) -> str:
-    """Returns the file; a JSON text is a YAML text as well.
+    """Return the file; a JSON text is a YAML text as well.
 
     Args:
         layout: Names and addresses.
@@ -43,7 +43,7 @@ def configuration(layout: KindLayout, nodes: int, *, fast_failure: bool) -> str:
 
 
 def _kubelet(*, fast_failure: bool) -> Mapping[str, Any]:
-    """As the kubelets of our own nodes, as far as stories notice."""
+    """Return settings like those of the kubelets of our own nodes, as far as stories notice."""
     settings: dict[str, Any] = {
         "kind": "KubeletConfiguration",
         "maxPods": 60,

@@ -20,7 +20,7 @@ _PATIENCE = 20.0  # seconds until a Docker that says nothing counts as one that 
 
 
 def silent() -> str:
-    """Returns why Docker cannot be used; empty when it answers."""
+    """Return why Docker cannot be used; empty when it answers."""
     if shutil.which("docker") is None:
         return "there is no command docker"
     try:
@@ -41,7 +41,7 @@ def silent() -> str:
 
 
 def run(*arguments: str, stdin: IO[bytes] | None = None, limit: float = 300.0) -> str:
-    """Runs docker and returns what it printed.
+    """Run docker and return what it printed.
 
     Args:
         arguments: Of the command.
@@ -63,23 +63,23 @@ def run(*arguments: str, stdin: IO[bytes] | None = None, limit: float = 300.0) -
 
 
 def inside(container: str, *command: str) -> str:
-    """Runs a command in a container and returns what it printed."""
+    """Run a command in a container and return what it printed."""
     return run("exec", container, *command)
 
 
 def address(container: str, network: str) -> str:
-    """Returns the address of a container in a network."""
+    """Return the address of a container in a network."""
     template = f'{{{{(index .NetworkSettings.Networks "{network}").IPAddress}}}}'
     return run("inspect", "--format", template, container).strip()
 
 
 def running(container: str) -> bool:
-    """Returns whether a container runs."""
+    """Return whether a container runs."""
     return container in run("ps", "--filter", f"name=^{container}$", "--format", "{{.Names}}").split()
 
 
 def make_network(layout: KindLayout) -> None:
-    """Makes the network of a cluster; from now on `remove` looks after Docker as well."""
+    """Make the network of a cluster; from now on `remove` looks after Docker as well."""
     _note(layout).touch()
     kept = [word for n, each in enumerate(layout.kept_from_docker) for word in ("--aux-address", f"kept{n}={each}")]
     run(
@@ -90,22 +90,22 @@ def make_network(layout: KindLayout) -> None:
 
 
 def containers(layout: KindLayout) -> list[str]:
-    """Returns the containers of a cluster, running or not."""
+    """Return the containers of a cluster, running or not."""
     return run("ps", "--all", "--filter", f"label={LABEL}={layout.kind}", "--format", "{{.Names}}").split()
 
 
 def networks(layout: KindLayout) -> list[str]:
-    """Returns the networks of a cluster."""
+    """Return the networks of a cluster."""
     return run("network", "ls", "--filter", f"label={LABEL}={layout.kind}", "--format", "{{.Name}}").split()
 
 
 def uses(layout: Layout) -> bool:
-    """Returns whether a cluster has, or had until it was killed, something in Docker."""
+    """Return whether a cluster has, or had until it was killed, something in Docker."""
     return _note(layout).exists()
 
 
 def refuse_strangers(layout: KindLayout) -> None:
-    """Refuses to make what somebody else has made already.
+    """Refuse to make what somebody else has made already.
 
     Raises:
         ClusterError: There is something of our names.
@@ -118,7 +118,7 @@ def refuse_strangers(layout: KindLayout) -> None:
 
 
 def remove(layout: Layout) -> None:
-    """Removes the containers of a cluster with their volumes, and its network; no matter how it ended.
+    """Remove the containers of a cluster with their volumes, and its network; no matter how it ended.
 
     Raises:
         ClusterError: Docker does not answer, so that nobody can say what it still has.
@@ -136,7 +136,7 @@ def remove(layout: Layout) -> None:
 
 
 def left(layout: Layout) -> int:
-    """Returns how many containers and networks of a cluster there still are."""
+    """Return how many containers and networks of a cluster there still are."""
     if not uses(layout):
         return 0
     ours = KindLayout(layout.number)

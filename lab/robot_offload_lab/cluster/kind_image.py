@@ -71,7 +71,7 @@ _STORAGE: Final = {
 
 
 def provide(say: Say) -> str:
-    """Returns the name of the image; made where Docker does not have it.
+    """Return the name of the image; made where Docker does not have it.
 
     Raises:
         ClusterError: It cannot be made here.
@@ -97,7 +97,7 @@ def provide(say: Say) -> str:
 
 
 def kind_source() -> Path:
-    """Returns the source of the pinned kind, from the cache of Go."""
+    """Return the source of the pinned kind, from the cache of Go."""
     command = ["go", "mod", "download", "-json", "sigs.k8s.io/kind"]
     done = subprocess.run(command, cwd=programs.KIND_MODULE, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -111,7 +111,7 @@ def _missing() -> str:
 
 
 def _key(*parts: Programs | Path) -> str:
-    """Returns a name for what it is made of: programs and sources are named by their versions."""
+    """Return a name for what it is made of: programs and sources are named by their versions."""
     digest = hashlib.sha256(" ".join(str(each) for each in parts).encode())
     for path in (Path(__file__), _NETWORK, _RUNC):
         digest.update(path.read_bytes())
@@ -126,7 +126,7 @@ def _debian(root: Path) -> None:
 
 
 def _furnish(root: Path, source: Path, servers: Programs, kubeadm: Programs) -> None:
-    """Does what the Dockerfile of kind's base image does, and what kind's build of a node's image adds."""
+    """Do what the Dockerfile of kind's base image does, and what kind's build of a node's image adds."""
     _copy_files(source / "images" / "base" / "files", root)
     for pattern in _UNWANTED:
         for path in root.glob(pattern):
@@ -163,7 +163,7 @@ def _remove(path: Path) -> None:
 
 
 def _copy_files(files: Path, root: Path) -> None:
-    """As the Dockerfile copies them: programs can be run, nothing can be written; Go's cache allows neither."""
+    """Copy files as the Dockerfile does: programs can be run, nothing can be written."""
     for path in sorted(each for each in files.rglob("*") if each.is_file()):
         place = path.relative_to(files)
         (root / place).parent.mkdir(parents=True, exist_ok=True)
@@ -172,7 +172,7 @@ def _copy_files(files: Path, root: Path) -> None:
 
 
 def _containers(root: Path) -> None:
-    """Settings of containerd: kind's, with the hook of its Dockerfile, and for a root that may less."""
+    """Write containerd's settings: kind's, with the hook of its Dockerfile, and for a root that may less."""
     specification = json.loads(_run("chroot", str(root), "ctr", "oci", "spec"))
     specification["hooks"] = {"createContainer": [{"path": "/kind/bin/mount-product-files.sh"}]}
     del specification["process"]["rlimits"]
@@ -195,7 +195,7 @@ def _version(kubeadm: Programs) -> str:
 
 
 def _images(root: Path, folder: Path, servers: Programs, inside: Programs, kubeadm: Programs) -> list[Path]:
-    """Archives of all that kubeadm asks for, under the names by which it asks."""
+    """Return archives of all that kubeadm asks for, under the names by which it asks."""
     command = (str(kubeadm.path("kubeadm")), "config", "images", "list", "--kubernetes-version", _version(kubeadm))
     wanted = _run(*command).split()
     sandbox = re.search(r'sandbox_image\s*=\s*"(.+)"', (root / "etc/containerd/config.toml").read_text())
@@ -215,7 +215,7 @@ def _images(root: Path, folder: Path, servers: Programs, inside: Programs, kubea
 
 
 def _with_libraries(root: Path, program: str) -> Mapping[str, Path]:
-    """Returns a program of Debian and the libraries that it loads."""
+    """Return a program of Debian and the libraries that it loads."""
     found = re.findall(r"(/\S+) \(0x", _run("chroot", str(root), "ldd", f"/{program}"))
     return {place: root / place for place in (program, *(each.lstrip("/") for each in found))}
 
@@ -224,7 +224,7 @@ def _with_libraries(root: Path, program: str) -> Mapping[str, Path]:
 
 
 def _import(root: Path) -> str:
-    """Builds an image of these files; returns its name."""
+    """Build an image of these files; return its name."""
     changes = ("ENV container=docker", 'ENTRYPOINT ["/usr/local/bin/entrypoint", "/sbin/init"]')
     options = [word for change in changes for word in ("--change", change)]
     with subprocess.Popen(["tar", "-C", str(root), "--numeric-owner", "-c", "."], stdout=subprocess.PIPE) as packing:
@@ -233,7 +233,7 @@ def _import(root: Path) -> str:
 
 
 def _carry(base: str, archives: list[Path], name: str) -> None:
-    """Lets the containerd of the image take the archives, and keeps the result under a name."""
+    """Let the containerd of the image take the archives, and keep the result under a name."""
     with _started(base) as container:
         for archive in archives:
             with archive.open("rb") as content:
@@ -247,7 +247,7 @@ def _carry(base: str, archives: list[Path], name: str) -> None:
 
 @contextmanager
 def _started(image: str) -> Iterator[str]:
-    """Yields the name of a container in which only containerd runs."""
+    """Yield the name of a container in which only containerd runs."""
     script = "mkdir -p /run/containerd && containerd > /run/containerd.log 2>&1 & sleep infinity"
     name = "rofkind-making"
     kind_docker.run("run", "--detach", "--privileged", "--name", name, "--entrypoint", "sh", image, "-c", script)

@@ -40,49 +40,49 @@ class KindNode:
         return self._layout.netns(self.name)
 
     def connect(self) -> None:
-        """Gives its network a name among ours, and the node the way to robots; Docker knows only the way to here."""
+        """Give its network a name among ours, and the node the way to robots; Docker knows only the way to here."""
         self.address = kind_docker.address(self.name, self._layout.kind)
         netns.attach(self.netns, int(kind_docker.run("inspect", "--format", "{{.State.Pid}}", self.name)))
         netns.ip(f"route replace {self._layout.everything} via {self._layout.router}", netns=self.netns)
 
     def power_on(self) -> None:
-        """Starts it; `wait_ready` waits until the node works."""
+        """Start it; `wait_ready` waits until the node works."""
         self._since = dt.datetime.now(dt.UTC)
         kind_docker.run("start", self.name)
         self.connect()
 
     def power_off(self) -> None:
-        """Cuts the power: everything on the node is gone at once, without a word to anybody."""
+        """Cut the power: everything on the node is gone at once, without a word to anybody."""
         kind_docker.run("kill", self.name)
         netns.remove(self.netns)
 
     def partition(self) -> None:
-        """Cuts it off the network: it runs on, nobody reaches it, it reaches nobody."""
+        """Cut it off the network: it runs on, nobody reaches it, it reaches nobody."""
         netns.ip(f"link set {self._port()} nomaster")
 
     def heal(self) -> None:
-        """Puts it back on the network."""
+        """Put it back on the network."""
         self._since = dt.datetime.now(dt.UTC)
         netns.ip(f"link set {self._port()} master {self._layout.kind}")
 
     def wait_ready(self) -> None:
-        """Waits until it has reported since it was switched on or healed, and Kubernetes counts on it."""
+        """Wait until it has reported since it was switched on or healed, and Kubernetes counts on it."""
         self._wait(lambda: self._plane.node_reported_after(self.name, self._since) and self.is_ready())
 
     def is_ready(self) -> bool:
-        """Returns whether Kubernetes counts on it; it takes a while to notice that it should not."""
+        """Return whether Kubernetes counts on it; it takes a while to notice that it should not."""
         return self._plane.node_is_ready(self.name)
 
     def has_power(self) -> bool:
-        """Returns whether it is switched on."""
+        """Return whether it is switched on."""
         return kind_docker.running(self.name)
 
     def enforces_policies(self) -> bool:
-        """Returns whether our rules for NetworkPolicies hold for its pods."""
+        """Return whether our rules for NetworkPolicies hold for its pods."""
         return policies.in_force(self.netns)
 
     def import_images(self, archives: Sequence[Path]) -> None:
-        """Imports OCI archives unless it has them already."""
+        """Import OCI archives unless it has them already."""
         for archive in archives:
             status = archive.stat()
             version = (status.st_mtime_ns, status.st_size)
@@ -93,10 +93,10 @@ class KindNode:
                 self._imported[archive] = version
 
     def reap(self) -> None:
-        """Nothing of it is a child of ours."""
+        """Do nothing: none of its processes is a child of ours."""
 
     def _port(self) -> str:
-        """Returns this machine's end of its cable."""
+        """Return this machine's end of its cable."""
         wanted = json.loads(netns.run("ip", "-json", "link", "show", "eth0", netns=self.netns))[0]["link_index"]
         for port in json.loads(netns.run("ip", "-json", "link", "show")):
             if port["ifindex"] == wanted:

@@ -30,7 +30,7 @@ class KindPlane(NodesPlane):
         self._network = layout.kind
 
     def adopt(self, written_by_kind: Path) -> Self:
-        """Knows the cluster of a kubeconfig; everybody here uses a token, which no certificate must go with.
+        """Know the cluster of a kubeconfig; everybody here uses a token, which no certificate must go with.
 
         And the address of the container: kind's own one is Docker's proxy, which answers also without an API server.
         """
@@ -47,7 +47,7 @@ class KindPlane(NodesPlane):
         return self
 
     def stop_api(self) -> None:
-        """Takes its manifest away, so that its kubelet does not start it again, and kills it."""
+        """Take its manifest away, so that its kubelet does not start it again, and kill it."""
         kind_docker.inside(self._container, "mv", _MANIFEST, _ASIDE)
         deadline = time.monotonic() + PATIENCE
         # Until the kubelet has seen that the manifest is gone it may start another one.
@@ -60,6 +60,6 @@ class KindPlane(NodesPlane):
             time.sleep(0.1)
 
     def start_api(self) -> None:
-        """Puts its manifest back and waits until it answers."""
+        """Put its manifest back and wait until it answers."""
         kind_docker.inside(self._container, "mv", _ASIDE, _MANIFEST)
         self._wait("the API server to be ready", lambda: self.get("/readyz") == "ok")

@@ -41,7 +41,7 @@ class Layout:
 
     @property
     def marker(self) -> Path:
-        """Says that all of this is ours, and since which boot of the machine."""
+        """Report that all of this is ours, and since which boot of the machine."""
         return self.home / "marker.json"
 
     @property
@@ -115,15 +115,15 @@ class Layout:
         return self._address(128, 10)
 
     def netns(self, word: str) -> str:
-        """Returns a network namespace."""
+        """Return a network namespace."""
         return f"{self.name}-{word}"
 
     def node(self, index: int) -> str:
-        """Address of a node; the first has index 1."""
+        """Return address of a node; the first has index 1."""
         return self._address(0, 10 + index)
 
     def node_pods(self, index: int) -> str:
-        """Addresses of the pods on one node."""
+        """Return addresses of the pods on one node."""
         return f"{self._address(16 + index, 0)}/24"
 
     @property
@@ -132,15 +132,15 @@ class Layout:
         return tuple(f"route add {self.node_pods(each)} via {self.node(each)}" for each in range(1, MOST_NODES + 1))
 
     def neighbour(self, index: int) -> str:
-        """Address of a machine in the cluster's network that is no node."""
+        """Return address of a machine in the cluster's network that is no node."""
         return self._address(0, 100 + index)
 
     def gateway(self, index: int, turn: int = 0) -> str:
-        """Address of a robot's NAT gateway on the side of the cluster; another one each turn."""
+        """Return address of a robot's NAT gateway on the side of the cluster; another one each turn."""
         return self._address(2, 10 + index + 100 * (turn % 2))
 
     def balancer(self, index: int) -> str:
-        """Returns one of the load balancer addresses."""
+        """Return one of the load balancer addresses."""
         return self._address(1, index)
 
     def _address(self, third: int, last: int) -> str:

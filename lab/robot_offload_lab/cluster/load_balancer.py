@@ -14,20 +14,20 @@ _NOT_BY = "node.kubernetes.io/exclude-from-external-load-balancers"
 
 
 def ingress(service: Object) -> str | None:
-    """Returns the address that a Service has already."""
+    """Return the address that a Service has already."""
     given = service.get("status", {}).get("loadBalancer", {}).get("ingress") or [{}]
     address = given[0].get("ip")
     return None if address is None else str(address)
 
 
 def is_balanced(service: Object) -> bool:
-    """Returns whether a Service asks for an address of ours."""
+    """Return whether a Service asks for an address of ours."""
     wanted: bool = service["spec"].get("type") == "LoadBalancer" and "deletionTimestamp" not in service["metadata"]
     return wanted and not service["spec"].get("loadBalancerClass")
 
 
 def missing_addresses(services: Iterable[Object], layout: Layout) -> list[tuple[Object, str]]:
-    """Returns the Services without an address, and the one that each gets."""
+    """Return the Services without an address, and the one that each gets."""
     balanced = sorted(filter(is_balanced, services), key=lambda each: str(each["metadata"]["creationTimestamp"]))
     taken = {ingress(each) for each in balanced}
     found = []
@@ -50,7 +50,7 @@ def routes(
     present: Mapping[str, str],
     layout: Layout,
 ) -> dict[str, str]:
-    """Loads balancer address -> address of the node that takes its traffic; without one it is unreachable.
+    """Load balancer address -> address of the node that takes its traffic; without one it is unreachable.
 
     A way that still works stays: connections would break without need.
 
@@ -78,13 +78,13 @@ def routes(
 
 
 def is_ready(node: Object) -> bool:
-    """Returns whether a node works."""
+    """Return whether a node works."""
     conditions = node.get("status", {}).get("conditions", [])
     return any(each["type"] == "Ready" and each["status"] == "True" for each in conditions)
 
 
 def _able(service: Object, slices: Sequence[Object], alive: Sequence[str]) -> list[str]:
-    """Nodes that may take a Service's traffic: all, or with `Local` those that have a pod of it."""
+    """Return nodes that may take a Service's traffic: all, or with `Local` those that have a pod of it."""
     if service["spec"].get("externalTrafficPolicy") != "Local":
         return list(alive)
     metadata = service["metadata"]

@@ -24,7 +24,7 @@ TIDY = (
 
 
 def into(netns: str) -> tuple[str, ...]:
-    """Command that runs another one in there.
+    """Return command that runs another one in there.
 
     Not `ip netns exec`, which mounts /sys anew and so hides the cgroups.
     """
@@ -32,7 +32,7 @@ def into(netns: str) -> tuple[str, ...]:
 
 
 def run(*command: str, netns: str = "", stdin: str | None = None) -> str:
-    """Runs a command, in a network namespace if one is named, and returns its output.
+    """Run a command, in a network namespace if one is named, and return its output.
 
     Raises:
         ClusterError: It failed.
@@ -45,17 +45,17 @@ def run(*command: str, netns: str = "", stdin: str | None = None) -> str:
 
 
 def ip(*lines: str, netns: str = "") -> None:
-    """Runs several `ip` commands at once, without the word `ip`."""
+    """Run several `ip` commands at once, without the word `ip`."""
     run("ip", "-batch", "-", netns=netns, stdin="\n".join(lines) + "\n")
 
 
 def nft(rules: str, netns: str) -> None:
-    """Loads rules; all of them or, when one is wrong, none."""
+    """Load rules; all of them or, when one is wrong, none."""
     run("nft", "-f", "-", netns=netns, stdin=rules)
 
 
 def make(netns: str, *, forwards: bool = False) -> None:
-    """Makes a namespace with its loopback interface up."""
+    """Make a namespace with its loopback interface up."""
     run("ip", "netns", "add", netns)
     settings = [*TIDY, f"net.ipv4.ip_forward={int(forwards)}"]
     run("sysctl", "-q", "-w", *settings, netns=netns)
@@ -63,24 +63,24 @@ def make(netns: str, *, forwards: bool = False) -> None:
 
 
 def attach(netns: str, pid: int) -> None:
-    """Gives the namespace of a process a name; in place of what had this name before."""
+    """Give the namespace of a process a name; in place of what had this name before."""
     if exists(netns):
         run("ip", "netns", "del", netns)
     run("ip", "netns", "attach", netns, str(pid))
 
 
 def exists(netns: str) -> bool:
-    """Returns whether there is one of this name."""
+    """Return whether there is one of this name."""
     return (NAMED / netns).exists()
 
 
 def named(prefix: str) -> list[str]:
-    """Namespaces whose name begins like this."""
+    """Return namespaces whose name begins like this."""
     return sorted(path.name for path in NAMED.glob(f"{prefix}*")) if NAMED.is_dir() else []
 
 
 def inhabitants(netns: str) -> list[int]:
-    """Processes that are in a namespace."""
+    """Return processes that are in a namespace."""
     try:
         wanted = (NAMED / netns).stat().st_ino
     except FileNotFoundError:
@@ -96,7 +96,7 @@ def inhabitants(netns: str) -> list[int]:
 
 
 def empty(netns: str, patience: float = 60.0) -> int:
-    """Kills every process in a namespace of ours; how many there were.
+    """Kill every process in a namespace of ours; how many there were.
 
     Args:
         netns: The namespace.
@@ -114,7 +114,7 @@ def empty(netns: str, patience: float = 60.0) -> int:
 
 
 def signal_all(pids: Iterable[int], number: signal.Signals = signal.SIGKILL) -> None:
-    """Sends a signal to processes of which some may be gone already."""
+    """Send a signal to processes of which some may be gone already."""
     for pid in pids:
         try:
             os.kill(pid, number)
@@ -123,7 +123,7 @@ def signal_all(pids: Iterable[int], number: signal.Signals = signal.SIGKILL) -> 
 
 
 def remove(netns: str) -> None:
-    """Removes a namespace with all that is in it; no matter when there is none."""
+    """Remove a namespace with all that is in it; no matter when there is none."""
     if not exists(netns):
         return
     empty(netns)

@@ -13,7 +13,7 @@ LAN, OUTSIDE = "lan", "outside"
 
 
 def build(layout: Layout) -> None:
-    """Makes everything but nodes and robots.
+    """Make everything but nodes and robots.
 
     Three namespaces: `net` holds the bridge of the cluster, the bridge on the robots' side and routes between the two;
     `wires` only holds the ends of wires and has no address; `plane` is for the control plane.
@@ -29,7 +29,7 @@ def build(layout: Layout) -> None:
 
 
 def switchboard(layout: Layout) -> None:
-    """Makes `net` and `wires`, and a cable from the bridge of the cluster to an interface of this machine."""
+    """Make `net` and `wires`, and a cable from the bridge of the cluster to an interface of this machine."""
     net = layout.netns("net")
     netns.make(net, forwards=True)
     netns.make(layout.netns("wires"))
@@ -53,7 +53,7 @@ def switchboard(layout: Layout) -> None:
 
 
 def refuse_overlap(layout: Layout) -> None:
-    """Refuses addresses that this machine knows already.
+    """Refuse addresses that this machine knows already.
 
     Raises:
         ClusterError: It does.
@@ -68,7 +68,7 @@ def refuse_overlap(layout: Layout) -> None:
 
 
 def plug(layout: Layout, place: str, address: str, port: str) -> None:
-    """Connects a namespace to the bridge of the cluster.
+    """Connect a namespace to the bridge of the cluster.
 
     Args:
         layout: Of the cluster.
@@ -84,17 +84,17 @@ def plug(layout: Layout, place: str, address: str, port: str) -> None:
 
 
 def unplug(layout: Layout, port: str) -> None:
-    """Pulls the cable of a port out; the link light stays on."""
+    """Pull the cable of a port out; the link light stays on."""
     netns.ip(f"link set {port} nomaster", netns=layout.netns("net"))
 
 
 def replug(layout: Layout, port: str) -> None:
-    """Puts the cable back."""
+    """Put the cable back."""
     netns.ip(f"link set {port} master {LAN}", netns=layout.netns("net"))
 
 
 def remove(layout: Layout) -> None:
-    """Removes every namespace of the cluster and its interface on this machine."""
+    """Remove every namespace of the cluster and its interface on this machine."""
     for each in netns.named(f"{layout.name}-"):
         netns.remove(each)
     if (netns.INTERFACES / layout.name).exists():

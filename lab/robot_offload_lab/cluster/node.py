@@ -47,19 +47,19 @@ class ClusterNode:
         return self._files.layout.netns(self.name)
 
     def install(self) -> None:
-        """Writes its files and issues its certificates, as is done once for a machine."""
+        """Write its files and issue its certificates, as is done once for a machine."""
         shutil.rmtree(self._files.home, ignore_errors=True)
         self._files.write()
         self._plane.node_certificates(self.name, self.address)
         self._plane.kubeconfig_with(f"{self.name}-client", self._files.home / "kubelet.kubeconfig")
 
     def power_on(self) -> None:
-        """Starts the node; `wait_ready` waits until it works. For the main thread only: a node ends with its thread."""
+        """Start the node; `wait_ready` waits until it works. For the main thread only: a node ends with its thread."""
         self.boot()
         self.start_kubelet()
 
     def boot(self) -> None:
-        """Starts it as far as it comes by itself; several nodes do so at the same time."""
+        """Start it as far as it comes by itself; several nodes do so at the same time."""
         self._since = dt.datetime.now(dt.UTC)
         # The socket of the last time would look as if containerd answered.
         shutil.rmtree(self._files.home / "run", ignore_errors=True)
@@ -72,7 +72,7 @@ class ClusterNode:
         self._process = processes.spawn(command, home / "init.log", die_with_us=self._die_with_us, favoured=True)
 
     def start_kubelet(self) -> None:
-        """Lets it start what needs images, once it has them."""
+        """Let it start what needs images, once it has them."""
         self._wait(f"containerd of {self.name}", self._containerd_answers)
         known = self._files.home / "booted-before"
         # Images stay from the last cluster, its containers do not.
@@ -83,7 +83,7 @@ class ClusterNode:
         (self._files.home / "images-ready").touch()
 
     def power_off(self) -> None:
-        """Cuts the power: everything on the node is gone at once, without a word to anybody."""
+        """Cut the power: everything on the node is gone at once, without a word to anybody."""
         # Its first process goes with `unshare`, and everything else with its first process.
         netns.signal_all(processes.running(self._files.home))
         self.reap()
@@ -92,39 +92,39 @@ class ClusterNode:
         cgroups.remove(self._files.cgroup)
 
     def reap(self) -> None:
-        """Waits for its first process, which has been killed."""
+        """Wait for its first process, which has been killed."""
         if self._process is not None:
             self._process.wait()
             self._process = None
 
     def wait_ready(self) -> None:
-        """Waits until it has reported since it was switched on or healed, and Kubernetes counts on it."""
+        """Wait until it has reported since it was switched on or healed, and Kubernetes counts on it."""
         reported = self._plane.node_reported_after
         self._wait(f"{self.name} to be ready", lambda: reported(self.name, self._since) and self.is_ready())
 
     def is_ready(self) -> bool:
-        """Returns whether Kubernetes counts on it; it takes a while to notice that it should not."""
+        """Return whether Kubernetes counts on it; it takes a while to notice that it should not."""
         return self._plane.node_is_ready(self.name)
 
     def has_power(self) -> bool:
-        """Returns whether it is switched on."""
+        """Return whether it is switched on."""
         return netns.exists(self.netns)
 
     def enforces_policies(self) -> bool:
-        """Returns whether NetworkPolicies hold for its pods."""
+        """Return whether NetworkPolicies hold for its pods."""
         return policies.in_force(self.netns)
 
     def partition(self) -> None:
-        """Cuts it off the network: it runs on, nobody reaches it, it reaches nobody."""
+        """Cut it off the network: it runs on, nobody reaches it, it reaches nobody."""
         network.unplug(self._files.layout, self.name)
 
     def heal(self) -> None:
-        """Puts it back on the network."""
+        """Put it back on the network."""
         self._since = dt.datetime.now(dt.UTC)
         network.replug(self._files.layout, self.name)
 
     def import_images(self, archives: Sequence[Path]) -> None:
-        """Imports OCI archives unless it has them already; ours whose archive is no more go, or the disk would fill."""
+        """Import OCI archives unless it has them already; ours whose archive is no more go, or the disk would fill."""
         self._files.kept.mkdir(parents=True, exist_ok=True)
         stamp = self._files.kept / "imported.json"
         imported = json.loads(stamp.read_text()) if stamp.exists() else {}
@@ -146,7 +146,7 @@ class ClusterNode:
             self._ctr("images", "rm", *old)
 
     def log(self, program: str) -> str:
-        """Returns what containerd, kubelet or kube-proxy said last."""
+        """Return what containerd, kubelet or kube-proxy said last."""
         path = self._files.home / "log" / f"{program}.log"
         return path.read_text(errors="replace")[-3000:] if path.exists() else ""
 

@@ -48,7 +48,7 @@ class NodeFiles:
         return f"{self.layout.name}-{self.name}"
 
     def write(self) -> None:
-        """Writes all of them."""
+        """Write all of them."""
         self.home.mkdir(parents=True, exist_ok=True)
         (self.home / "cni").mkdir(exist_ok=True)
         (self.home / "containerd.toml").write_text(self._containerd())
@@ -148,7 +148,7 @@ oom_score = 0
         }
 
     def _init(self) -> str:
-        """Returns the first process of the node. bash collects the shims whose parent is gone.
+        """Return the first process of the node. bash collects the shims whose parent is gone.
 
         What programs keep at fixed places (/run, /var/lib, /var/log) is the node's own: two kubelets that share
         /var/log/pods delete each other's logs. `/` is shared for pods that propagate mounts. A kubelet ends when

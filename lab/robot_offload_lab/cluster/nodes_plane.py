@@ -38,7 +38,7 @@ class NodesPlane(ControlPlane):
         self._die_with_us = True
 
     def start(self, definitions: Sequence[Path] = (), *, die_with_us: bool = True) -> Self:
-        """Starts everything, the scheduler last."""
+        """Start everything, the scheduler last."""
         self._die_with_us = die_with_us
         super().start(definitions, die_with_us=die_with_us)
         settings = {"kubeconfig": str(self._user_file("scheduler")), "leader-elect": "false", "secure-port": "0"}
@@ -46,13 +46,13 @@ class NodesPlane(ControlPlane):
         return self
 
     def stop_api(self) -> None:
-        """Kills the API server; everything else stays and asks in vain."""
+        """Kill the API server; everything else stays."""
         server = self._servers.pop("kube-apiserver")
         server.kill()
         server.wait()
 
     def start_api(self) -> None:
-        """Starts the API server again, with all that it knew."""
+        """Start the API server again, with all that it knew."""
         self._spawn("kube-apiserver", self._api_settings(API_PORT, ETCD_PORT), die_with_us=self._die_with_us)
         self._wait("the API server to be ready", lambda: self.get("/readyz") == "ok")
 
@@ -63,17 +63,17 @@ class NodesPlane(ControlPlane):
         self.authority.client(f"{name}-client", f"system:node:{name}", ["system:nodes"])
 
     def node_is_ready(self, name: str) -> bool:
-        """Returns whether Kubernetes counts on a node; it takes a while to notice that it should not."""
+        """Return whether Kubernetes counts on a node; it takes a while to notice that it should not."""
         node = json.loads(self.get(f"/api/v1/nodes/{name}"))
         return any(each["type"] == "Ready" and each["status"] == "True" for each in node["status"]["conditions"])
 
     def node_reported_after(self, name: str, moment: dt.datetime) -> bool:
-        """Returns whether the kubelet of a node has reported since a moment."""
+        """Return whether the kubelet of a node has reported since a moment."""
         lease = json.loads(self.get(f"/apis/coordination.k8s.io/v1/namespaces/kube-node-lease/leases/{name}"))
         return dt.datetime.fromisoformat(lease["spec"]["renewTime"]) > moment
 
     def kubeconfig_with(self, certificate: str, path: Path) -> Path:
-        """Writes a kubeconfig for the user of a certificate."""
+        """Write a kubeconfig for the user of a certificate."""
         name = "robot-offload-test"
         user = {
             "client-certificate": str(self.certificates / f"{certificate}.crt"),

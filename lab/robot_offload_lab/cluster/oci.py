@@ -25,7 +25,7 @@ def write(
     user: str = NOBODY,
     more: Mapping[str, Path] = {},  # never changed
 ) -> None:
-    """Writes an image that holds a static program and starts it.
+    """Write an image that holds a static program and start it.
 
     Args:
         archive: The tar file to write; it appears whole or not at all.
@@ -65,7 +65,7 @@ def write(
 
 
 def names(archive: Path) -> list[str]:
-    """Returns the names of the images in an archive."""
+    """Return the names of the images in an archive."""
     with tarfile.open(archive) as tar:
         index = tar.extractfile("index.json")
         assert index is not None

@@ -39,7 +39,7 @@ class Leftovers:
 
 
 def claim(number: int | None, by_hand: Path | None) -> tuple[Layout, IO[str]]:
-    """Takes a number, the lowest free one unless one is named; what a killed run left under it is removed.
+    """Take a number, the lowest free one unless one is named; what a killed run left under it is removed.
 
     Args:
         number: 0 to 9, or None.
@@ -74,7 +74,7 @@ def claim(number: int | None, by_hand: Path | None) -> tuple[Layout, IO[str]]:
 
 
 def remove(layout: Layout) -> None:
-    """Removes everything of a cluster, whoever started it and however that ended.
+    """Remove everything of a cluster, whoever started it and however that ended.
 
     Raises:
         ClusterError: There is something of this name that no cluster of ours has made.
@@ -97,7 +97,7 @@ def remove(layout: Layout) -> None:
 
 
 def leftovers(layout: Layout) -> Leftovers:
-    """Counts what is there of a cluster."""
+    """Count what is there of a cluster."""
     places = (f"{layout.home}/", f"{layout.kept}/")
     names = netns.named(f"{layout.name}-")
     others = any(Layout(each).marker.exists() for each in NUMBERS if each != layout.number)
@@ -115,18 +115,18 @@ def leftovers(layout: Layout) -> Leftovers:
 
 
 def known() -> list[Layout]:
-    """Clusters that are there, running or left by a killed run."""
+    """Return clusters that are there, running or left by a killed run."""
     return [Layout(each) for each in NUMBERS if Layout(each).marker.exists()]
 
 
 def by_hand(directory: Path) -> Layout | None:
-    """Returns the cluster that was started by hand and is known by a directory."""
+    """Return the cluster that was started by hand and is known by a directory."""
     found = (layout for layout in known() if _marked(layout).get("by_hand") == str(directory))
     return next(found, None)
 
 
 def sweep() -> list[Layout]:
-    """Removes what killed runs have left; which clusters that were."""
+    """Remove what killed runs have left; which clusters that were."""
     swept = []
     for layout in known():
         lock = None if _marked(layout).get("by_hand") else _lock(layout)
@@ -138,7 +138,7 @@ def sweep() -> list[Layout]:
 
 
 def is_alive(layout: Layout) -> bool:
-    """Returns whether a cluster is in use: by a living run, or started by hand since the machine was booted."""
+    """Return whether a cluster is in use: by a living run, or started by hand since the machine was booted."""
     if _marked(layout).get("by_hand"):
         return True
     lock = _lock(layout)
@@ -149,7 +149,7 @@ def is_alive(layout: Layout) -> bool:
 
 
 def _lock(layout: Layout) -> IO[str] | None:
-    """Holds a number, if nobody else does for longer than a glance takes."""
+    """Hold a number, if nobody else does for longer than a glance takes."""
     lock = (STATE / f"{layout.number}.lock").open("a")
     for _ in range(5):
         try:
@@ -163,7 +163,7 @@ def _lock(layout: Layout) -> IO[str] | None:
 
 
 def _marked(layout: Layout) -> dict[str, Any]:
-    """Returns what the marker says; nothing when it is of an earlier boot: then only files can be left."""
+    """Return what the marker says; nothing when it is of an earlier boot: then only files can be left."""
     try:
         marker: dict[str, Any] = json.loads(layout.marker.read_text())
     except (FileNotFoundError, ValueError):
@@ -172,7 +172,7 @@ def _marked(layout: Layout) -> dict[str, Any]:
 
 
 def _mark(layout: Layout, by_hand: Path | None) -> None:
-    """Says that all that follows is ours, before there is anything."""
+    """Report that all that follows is ours, before there is anything."""
     name = str(by_hand) if by_hand else None
     marker = {"number": layout.number, "boot": _BOOT.read_text().strip(), "by_hand": name}
     with _machine_lock():
@@ -192,14 +192,14 @@ def _prepare_state() -> None:
 
 @contextmanager
 def _machine_lock() -> Iterator[None]:
-    """Nobody else starts or ends a cluster meanwhile."""
+    """Hold the lock with which one process at a time starts or ends a cluster."""
     with (STATE / "lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
 
 def _remove_files(home: Path) -> None:
-    """Removes a directory; mounts in it go a moment after the namespace that they are in."""
+    """Remove a directory; mounts in it go a moment after the namespace that they are in."""
     deadline = time.monotonic() + PATIENCE
     while home.exists():
         shutil.rmtree(home, ignore_errors=time.monotonic() < deadline)

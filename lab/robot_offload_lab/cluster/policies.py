@@ -17,7 +17,7 @@ _ADDRESS = {"in": "saddr", "out": "daddr"}  # where the other end's address stan
 
 
 def ruleset(node: str, policies: Iterable[Object], pods: Iterable[Object], namespaces: Iterable[Object]) -> str:
-    """Returns all rules of one node, to be loaded at once.
+    """Return all rules of one node, to be loaded at once.
 
     Args:
         node: Its name.
@@ -52,17 +52,17 @@ def ruleset(node: str, policies: Iterable[Object], pods: Iterable[Object], names
 
 
 def removal() -> str:
-    """Rules that take all of ours away, whether there are any or not."""
+    """Return rules that take all of ours away, whether there are any or not."""
     return f"add table inet {TABLE}\ndelete table inet {TABLE}\n"
 
 
 def in_force(place: str) -> bool:
-    """Returns whether rules of ours are loaded in a network namespace."""
+    """Return whether rules of ours are loaded in a network namespace."""
     return f"table inet {TABLE}\n" in netns.run("nft", "list", "tables", netns=place)
 
 
 def selects(selector: Object, labels: Mapping[str, str]) -> bool:
-    """Returns whether a label selector selects what has these labels; an empty one selects everything."""
+    """Return whether a label selector selects what has these labels; an empty one selects everything."""
     if any(labels.get(key) != value for key, value in (selector.get("matchLabels") or {}).items()):
         return False
     return all(_holds(each, labels) for each in selector.get("matchExpressions") or [])
@@ -89,7 +89,7 @@ def _has_address(pod: Object) -> bool:
 def _rules(
     way: str, pod: Object, policies: Sequence[Object], pods: Sequence[Object], namespaces: Mapping[str, Any]
 ) -> list[str] | None:
-    """Returns what is allowed for one pod one way; None when no policy closes that way."""
+    """Return what is allowed for one pod one way; None when no policy closes that way."""
     kind, section = ("Ingress", "ingress") if way == "in" else ("Egress", "egress")
     found: list[str] | None = None
     for policy in policies:
@@ -111,7 +111,7 @@ def _types(spec: Object) -> Sequence[str]:
 
 
 def _peers(way: str, rule: Object, own: str, pods: Sequence[Object], namespaces: Mapping[str, Any]) -> Iterator[str]:
-    """Conditions on the other end; one of them must hold."""
+    """Return conditions on the other end; one of them must hold."""
     peers = rule.get("from" if way == "in" else "to") or []
     where = f"ip {_ADDRESS[way]}"
     if not peers:
@@ -140,7 +140,7 @@ def _selected(peer: Object, own: str, pods: Sequence[Object], namespaces: Mappin
 
 
 def _ports(way: str, rule: Object, pod: Object) -> Iterator[str]:
-    """Conditions on the port; one of them must hold."""
+    """Return conditions on the port; one of them must hold."""
     ports = rule.get("ports") or []
     if not ports:
         yield ""

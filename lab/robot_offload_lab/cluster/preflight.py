@@ -28,7 +28,7 @@ BRIDGE_FILTER = Path("/proc/sys/net/bridge/bridge-nf-call-iptables")
 
 
 def preflight() -> str | None:
-    """Returns why nodes cannot run on this machine, and the next step; None when they can."""
+    """Return why nodes cannot run on this machine, and the next step; None when they can."""
     if not sys.platform.startswith("linux"):
         return "Nodes are made of Linux namespaces, and this is no Linux. Next: use a Linux machine."
     if os.geteuid() != 0:
@@ -65,7 +65,7 @@ def _kernel() -> str | None:
 
 
 def _can_overlay() -> bool:
-    """Returns whether the file system of the cache takes what containerd does: not, for example, inside a container."""
+    """Return whether the file system of the cache takes what containerd does: not, for example, inside a container."""
     programs.cache().mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="overlay-", dir=programs.cache()) as place:
         for each in ("lower", "upper", "work", "whole"):

@@ -12,7 +12,7 @@ LONG_AGO = "2026-01-01T00:00:00Z"  # ready for longer than any minReadySeconds
 
 
 def report_ready(plane: ControlPlane, namespace: str, *, ready: bool = True) -> list[str]:
-    """Reports every Pod of a namespace as running and ready, or as running and not ready.
+    """Report every Pod of a namespace as running and ready, or as running and not ready.
 
     Returns:
         The names of those Pods, without those that have gone meanwhile.
@@ -24,7 +24,7 @@ def report_ready(plane: ControlPlane, namespace: str, *, ready: bool = True) -> 
 def report_ended(
     plane: ControlPlane, namespace: str, job: str, messages: dict[str, str], failing: str = ""
 ) -> list[str]:
-    """Reports the Pods of a Job as ended.
+    """Report the Pods of a Job as ended.
 
     Args:
         plane: the control plane.
@@ -46,7 +46,7 @@ def report_ended(
 
 
 def _reported(plane: ControlPlane, namespace: str, pod: dict[str, Any], status: dict[str, Any]) -> bool:
-    """Writes the status of a Pod; returns whether the Pod is still there."""
+    """Write the status of a Pod; return whether the Pod is still there."""
     path = f"/api/v1/namespaces/{namespace}/pods/{pod['metadata']['name']}/status"
     try:
         plane.request("PATCH", path, {"status": status}, "application/merge-patch+json")

@@ -22,12 +22,12 @@ _BOND = '[ "$PPID" = "$0" ] && exec "$@"'
 
 
 def bond(die_with_us: bool) -> list[str]:
-    """Returns what comes before a program that the kernel is to kill when the thread that starts it ends."""
+    """Return what comes before a program that the kernel is to kill when the thread that starts it ends."""
     return ["setpriv", "--pdeathsig", "KILL", "sh", "-c", _BOND, str(os.getpid())] if die_with_us else []
 
 
 def spawn(arguments: Sequence[str], log: Path, *, die_with_us: bool, favoured: bool = False) -> subprocess.Popen[bytes]:
-    """Starts a server with its output in a file.
+    """Start a server with its output in a file.
 
     Args:
         arguments: Program and arguments. One of them must name the cluster's directory: it is how `running` finds it.
@@ -54,12 +54,12 @@ def spawn(arguments: Sequence[str], log: Path, *, die_with_us: bool, favoured: b
 
 
 def without_proxies(environment: Mapping[str, str]) -> dict[str, str]:
-    """Returns an environment in which nothing is sent through a proxy: the cluster's addresses mean nothing to it."""
+    """Return an environment in which nothing is sent through a proxy: the cluster's addresses mean nothing to it."""
     return {name: value for name, value in environment.items() if not name.lower().endswith("_proxy")}
 
 
 def running(directory: Path) -> dict[int, str]:
-    """Process ids and names of the servers whose arguments name this cluster's directory."""
+    """Return process ids and names of the servers whose arguments name this cluster's directory."""
     found = {}
     needle = f"{directory}/".encode()
     for entry in Path("/proc").iterdir():
@@ -76,7 +76,7 @@ def running(directory: Path) -> dict[int, str]:
 
 
 def kill(directory: Path, patience: float = 60.0) -> None:
-    """Kills the servers of this cluster. Nothing is worth saving; asked politely the API server takes seconds.
+    """Kill the servers of this cluster. Nothing is worth saving; asked politely the API server takes seconds.
 
     Args:
         directory: The cluster's.
@@ -95,7 +95,7 @@ def kill(directory: Path, patience: float = 60.0) -> None:
 
 
 def free_ports(count: int) -> list[int]:
-    """TCP ports of the loopback interface that nobody uses at this moment."""
+    """Return TCP ports of the loopback interface that nobody uses at this moment."""
     sockets = [socket.socket() for _ in range(count)]
     try:
         for each in sockets:

@@ -71,18 +71,18 @@ class Programs:
     directory: Path
 
     def path(self, name: str) -> Path:
-        """Returns where a program is."""
+        """Return where a program is."""
         return self.directory / name
 
 
 def cache() -> Path:
-    """Returns where built programs are kept; shared by all checkouts of this user."""
+    """Return where built programs are kept; shared by all checkouts of this user."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(base) / "robot-offload" / "cluster"
 
 
 def ensure(say: Say, wanted: Mapping[str, str] = CONTROL_PLANE, module: Path = MODULE) -> Programs:
-    """Returns the programs, building those that are missing.
+    """Return the programs, building those that are missing.
 
     Args:
         say: Receives one line of progress at a time.
@@ -111,17 +111,17 @@ def ensure(say: Say, wanted: Mapping[str, str] = CONTROL_PLANE, module: Path = M
 
 
 def everything(say: Say) -> tuple[Programs, Programs]:
-    """Returns the programs of a cluster with nodes, and those that run in its pods."""
+    """Return the programs of a cluster with nodes, and those that run in its pods."""
     return ensure(say, {**CONTROL_PLANE, **NODES}), ensure(say, PODS, POD_MODULE)
 
 
 def built() -> bool:
-    """Returns whether a cluster with nodes needs nothing to be built."""
+    """Return whether a cluster with nodes needs nothing to be built."""
     return bool(_find({**CONTROL_PLANE, **NODES}, MODULE) and _find(PODS, POD_MODULE))
 
 
 def _find(wanted: Mapping[str, str], module: Path) -> Programs | None:
-    """Returns the newest complete set for these pins, of the installed Go version or of any without Go."""
+    """Return the newest complete set for these pins, of the installed Go version or of any without Go."""
     version = _go_version() if shutil.which("go") else "*"
     complete = [home for home in cache().glob(_key(version, module)) if all((home / name).exists() for name in wanted)]
     return Programs(max(complete, key=lambda home: home.stat().st_mtime)) if complete else None
@@ -143,7 +143,7 @@ def _go_version() -> str:
 
 @contextmanager
 def _only_one_builds(say: Say) -> Iterator[None]:
-    """Holds the build lock: a second run waits, then finds everything done."""
+    """Hold the build lock: a second run waits, then find everything done."""
     cache().mkdir(parents=True, exist_ok=True)
     with (cache() / "lock").open("w") as lock:
         try:
@@ -198,7 +198,7 @@ def _run_go(missing: Mapping[str, str], module: Path, target: Path, say: Say) ->
 
 
 def _link_flags() -> str:
-    """Versions that the programs report; kubectl, helm and the API server compare them with each other."""
+    """Return versions that the programs report; kubectl, helm and the API server compare them with each other."""
     kubernetes, helm = _pinned("k8s.io/kubernetes"), _pinned("helm.sh/helm/v3")
     major, minor, _ = kubernetes.removeprefix("v").split(".")
     component = "k8s.io/component-base/version"
@@ -224,7 +224,7 @@ def _pinned(module: str) -> str:
 
 
 def _output_name(package: str) -> str:
-    """Returns the file name that Go gives to a package's program: its last part that is no version."""
+    """Return the file name that Go gives to a package's program: its last part that is no version."""
     parts = package.split("/")
     return parts[-2] if re.fullmatch(r"v\d+", parts[-1]) else parts[-1]
 

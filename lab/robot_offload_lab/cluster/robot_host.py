@@ -101,7 +101,7 @@ class RobotHost(ABC):
         piped: bool = False,
         priority: int = 0,
     ) -> subprocess.Popen[bytes]:
-        """Starts a program on this machine. It ends with the thread that called this, or by `Program.kill`.
+        """Start a program on this machine. It ends with the thread that called this, or by `Program.kill`.
 
         Args:
             argv: Program and arguments.
@@ -133,7 +133,7 @@ class RobotHost(ABC):
         return child
 
     def _files(self) -> subprocess.Popen[bytes]:
-        """Returns the process that keeps this machine's own files mounted; started anew after the power was off."""
+        """Return the process that keeps this machine's own files mounted; started anew after the power was off."""
         if self._own is None or self._own.poll() is not None:
             bond = processes.bond(self._die_with_us)
             private = ["unshare", "--mount", "--propagation", "private", "sh", "-c", _OWN]
@@ -155,7 +155,7 @@ class RobotHost(ABC):
         return self._own
 
     def run(self, *argv: str) -> str:
-        """Runs a short command in its network, but among our files, and returns the output.
+        """Run a short command in its network, but among our files, and return the output.
 
         Raises:
             ClusterError: It failed.
@@ -163,7 +163,7 @@ class RobotHost(ABC):
         return netns.run(*argv, netns=self.netns)
 
     def power_off(self) -> int:
-        """Kills every process on it at once; how many there were. The next `start` is a cold boot."""
+        """Kill every process on it at once; how many there were. The next `start` is a cold boot."""
         there = netns.empty(self.netns)
         if self._own is not None:
             self._own.wait()
@@ -171,7 +171,7 @@ class RobotHost(ABC):
 
     @abstractmethod
     def build(self, *, realtime: bool) -> None:
-        """Makes it.
+        """Make it.
 
         Args:
             realtime: Its wire runs with real-time priority.
@@ -179,14 +179,14 @@ class RobotHost(ABC):
 
     @abstractmethod
     def change_address(self) -> str:
-        """Gives it another address, as on its way from one access point to the next; returns the new one."""
+        """Give it another address, as on its way from one access point to the next; return the new one."""
 
     @abstractmethod
     def block_udp(self, block: bool) -> None:
-        """Lets no UDP pass, as some firewalls do; or lets it pass again."""
+        """Let no UDP pass, as some firewalls do; or let it pass again."""
 
     def remove(self) -> None:
-        """Takes it away with everything that runs on it."""
+        """Take it away with everything that runs on it."""
         netns.remove(self.netns)
         if self._own is not None:
             self._own.wait()
@@ -199,13 +199,13 @@ class RobotHost(ABC):
         self._gone(self.name)
 
     def reap(self) -> None:
-        """Waits for its helpers, which have been killed."""
+        """Wait for its helpers, which have been killed."""
         self.wire.reap()
         if self._own is not None:
             self._own.wait()
 
     def _lay_wire(self, far: str, far_name: str, *, realtime: bool) -> None:
-        """Connects it: its eth0 - wire - an interface in another namespace."""
+        """Connect it: its eth0 - wire - an interface in another namespace."""
         netns.make(self.netns)
         # One frame is one packet: otherwise the kernel hands over 64 kB of a stream at once, and one loss is 40.
         single = "gso_max_segs 1"
@@ -222,7 +222,7 @@ class RobotHost(ABC):
         )
 
     def _take_address(self, address: str, *routes: str) -> None:
-        """Changes to an address of a /24 network, and with it everything that depends on it."""
+        """Change to an address of a /24 network, and with it everything that depends on it."""
         old = [f"addr del {self.address}/24 dev eth0"] if self.address else ["link set eth0 up"]
         netns.ip(*old, f"addr add {address}/24 dev eth0", *routes, netns=self.netns)
         self.address = address
@@ -230,7 +230,7 @@ class RobotHost(ABC):
         (self._control.parent / _FACTS).write_text(json.dumps(facts))
 
     def recall(self, facts: Mapping[str, Any]) -> None:
-        """Knows what another process has written down about it."""
+        """Know what another process has written down about it."""
         self.address, self._turn = facts["address"], facts["turn"]
 
 
@@ -238,7 +238,7 @@ class NatRobot(RobotHost):
     """It reaches load balancer addresses and node ports; nobody reaches it."""
 
     def build(self, *, realtime: bool) -> None:
-        """Makes it with its gateway and its wire."""
+        """Make it with its gateway and its wire."""
         netns.make(self.gateway, forwards=True)
         self._lay_wire(self.gateway, "lan", realtime=realtime)
         net, port = self._layout.netns("net"), f"gw{self.index}"
@@ -259,17 +259,17 @@ class NatRobot(RobotHost):
         return self._layout.gateway(self.index, self._turn)
 
     def change_address(self) -> str:
-        """Another address for it and for its gateway; what its gateway knew of connections is gone."""
+        """Return another address for it and for its gateway; what its gateway knew of connections is gone."""
         self._move(self._turn + 1)
         return self.address
 
     def block_udp(self, block: bool) -> None:
-        """Its gateway lets no UDP pass any more, either way; or again."""
+        """Block UDP at its gateway, both ways, or let it pass again."""
         rule = "add rule ip gateway blocked meta l4proto udp drop\n" if block else ""
         netns.nft(f"flush chain ip gateway blocked\n{rule}", self.gateway)
 
     def remove(self) -> None:
-        """Takes it away with its gateway."""
+        """Take it away with its gateway."""
         super().remove()
         netns.remove(self.gateway)
 
@@ -314,19 +314,19 @@ class Neighbour(RobotHost):
     """In the cluster's network, with a wire but without NAT: it reaches pods and pods reach it."""
 
     def build(self, *, realtime: bool) -> None:
-        """Makes it with its wire."""
+        """Make it with its wire."""
         net, port = self._layout.netns("net"), f"nb{self.index}"
         self._lay_wire(net, port, realtime=realtime)
         netns.ip(f"link set {port} master {network.LAN} up", netns=net)
         self._move(0)
 
     def change_address(self) -> str:
-        """Another address in the same network."""
+        """Return another address in the same network."""
         self._move(self._turn + 1)
         return self.address
 
     def block_udp(self, block: bool) -> None:
-        """It takes and sends no UDP any more; or again."""
+        """Block UDP to and from it, or let it pass again."""
         rules = "add table inet blocked\ndelete table inet blocked\n"
         if block:
             chains = (
@@ -344,7 +344,7 @@ class Neighbour(RobotHost):
 
 
 def of(layout: Layout, name: str, **bonds: Unpack[Bonds]) -> RobotHost:
-    """Returns the machine of this name that another process has made."""
+    """Return the machine of this name that another process has made."""
     facts = json.loads((layout.home / "wires" / name / _FACTS).read_text())
     kind = NatRobot if facts["kind"] == NatRobot.__name__ else Neighbour
     host = kind(layout, name, facts["index"], **bonds)

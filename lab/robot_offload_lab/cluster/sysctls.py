@@ -33,7 +33,7 @@ def keep_and_raise() -> None:
 
 
 def put_back() -> None:
-    """Sets them as they were before the first cluster."""
+    """Set them as they were before the first cluster."""
     if not _KEPT.exists():
         return
     for name, value in json.loads(_KEPT.read_text()).items():
@@ -42,7 +42,7 @@ def put_back() -> None:
 
 
 def changed() -> list[str]:
-    """Names of those that are not as they were before the first cluster."""
+    """Return names of those that are not as they were before the first cluster."""
     if not _KEPT.exists():
         return []
     return [

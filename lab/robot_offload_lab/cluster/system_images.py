@@ -17,12 +17,12 @@ IMAGES: Mapping[str, str] = {"pause": PAUSE, "coredns": "localhost/coredns:1", "
 
 
 def archives(programs: Programs) -> Sequence[Path]:
-    """Their OCI archives, made beside the programs when they are missing."""
+    """Return their OCI archives, made beside the programs when they are missing."""
     return [archive(programs, program) for program in IMAGES]
 
 
 def archive(programs: Programs, program: str) -> Path:
-    """Returns the OCI archive of one of them."""
+    """Return the OCI archive of one of them."""
     found = programs.directory / f"{program}.tar"
     if not found.exists():
         oci.write(found, IMAGES[program], programs.path(program))

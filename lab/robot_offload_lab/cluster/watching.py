@@ -27,12 +27,12 @@ class ObjectWatch(threading.Thread):
         self._lock = threading.Lock()
 
     def objects(self) -> list[Object] | None:
-        """Returns all that are known; None until they have been listed once."""
+        """Return all that are known; None until they have been listed once."""
         with self._lock:
             return None if self._objects is None else list(self._objects.values())
 
     def run(self) -> None:
-        """Follows until the process ends."""
+        """Follow until the process ends."""
         while True:
             try:
                 version = self._list()

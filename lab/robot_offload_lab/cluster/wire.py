@@ -34,7 +34,7 @@ class RobotWire:
     def start(
         cls, control: Path, place: str, robot: str, cloud: str, *, realtime: bool, die_with_us: bool
     ) -> RobotWire:
-        """Starts the process.
+        """Start the process.
 
         Args:
             control: Path of the socket over which it is steered.
@@ -70,7 +70,7 @@ class RobotWire:
         rate_kbit: float | None = None,
         cut: Cut | Literal["keep"] | None = "keep",
     ) -> None:
-        """Changes the link from now on; what is not named stays, and a recording that plays ends.
+        """Change the link from now on; what is not named stays, and a recording that plays ends.
 
         On a link that is followed, what is named counts instead of that link's, until `follow` is called again.
 
@@ -88,7 +88,7 @@ class RobotWire:
         self._ask({"set": order})
 
     def play(self, trace: Path) -> float:
-        """Plays a recorded link from its beginning; afterwards the values of `set` hold again.
+        """Play a recorded link from its beginning; afterwards the values of `set` hold again.
 
         A round trip counts half for each way. What is sent during a stall arrives at its end, both ways.
 
@@ -109,7 +109,7 @@ class RobotWire:
         return length_s
 
     def follow(self, link: LinkOptions) -> None:
-        """Behaves as this link usually does, without its outages and slow phases, until `start_schedule`.
+        """Behave as this link usually does, without its outages and slow phases, until `start_schedule`.
 
         Raises:
             WireError: the options cannot be understood.
@@ -118,20 +118,20 @@ class RobotWire:
         self._ask({"follow": dataclasses.asdict(link)})
 
     def start_schedule(self) -> float:
-        """Starts the schedule of the link that is followed; the moment, in seconds of the steady clock."""
+        """Start the schedule of the link that is followed; the moment, in seconds of the steady clock."""
         return float(self._ask({"start": True})["started_s"])
 
     def state(self) -> dict[str, Any]:
-        """Its settings, whether a recording plays, and the frames [passed, dropped] of each way."""
+        """Return its settings, whether a recording plays, and the frames [passed, dropped] of each way."""
         return self._ask({})
 
     def stop(self) -> None:
-        """Ends the process; nothing passes any more."""
+        """End the process; nothing passes any more."""
         processes.kill(self._control.parent)
         self.reap()
 
     def reap(self) -> None:
-        """Waits for the process, which has been killed."""
+        """Wait for the process, which has been killed."""
         if self._process is not None:
             self._process.wait()
 

@@ -47,7 +47,7 @@ class WireSettings:
     cut: str | None = None
 
     def constant(self, *, recorded: bool = False) -> Constant:
-        """Returns both directions; with a recording, which has the delays, without delay and jitter of its own."""
+        """Return both directions; with a recording, which has the delays, without delay and jitter of its own."""
         if self.cut not in CUTS:
             raise WireError(f"cut must be both, to_cloud, to_robot or null, found {self.cut!r}")
         same = LinkConditions(
@@ -71,12 +71,12 @@ class Steering:
         self._followed = False
 
     def settle(self, now_s: float) -> None:
-        """Gives the link back to the settings when a recording is over."""
+        """Give the link back to the settings when a recording is over."""
         if self._over_s is not None and now_s >= self._over_s:
             self._follow(Schedule((self.settings.constant(),)))
 
     def obey(self, order: Mapping[str, Any], now_s: float) -> dict[str, Any]:
-        """Changes what the order names.
+        """Change what the order names.
 
         Raises:
             WireError, TypeError: the order makes no sense.
@@ -134,7 +134,7 @@ class FrameRelay:
         self._loop.watch(self._control, READ, lambda _: self._answer())
 
     def run(self) -> None:
-        """Carries frames until killed."""
+        """Carry frames until killed."""
         while True:
             self._loop.run_once()
 
@@ -168,7 +168,7 @@ class FrameRelay:
 
 
 def open_interface(name: str) -> socket.socket:
-    """Returns a socket that sees all frames that come in at an interface, and none that go out."""
+    """Return a socket that sees all frames that come in at an interface, and none that go out."""
     opened = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
     opened.setsockopt(SOL_PACKET, PACKET_VNET_HDR, 1)  # carries unfinished checksums across
     opened.setsockopt(SOL_PACKET, PACKET_IGNORE_OUTGOING, 1)
@@ -182,7 +182,7 @@ def open_interface(name: str) -> socket.socket:
 
 
 def main() -> None:
-    """Runs one wire."""
+    """Run one wire."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--control", required=True, help="path of the socket over which the link is steered")
     parser.add_argument("--robot", required=True, help="interface on the robot's side")

@@ -25,7 +25,7 @@ _RULE: Final = ("latency", "profile", "heartbeatPeriod", "lossTimeout", "holdDow
 
 
 def judge(points: Sequence[Point], switching: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Returns what each rule would have done on this stretch; see `robot_offload.console.other_rules.Replay`."""
+    """Return what each rule would have done on this stretch; see `robot_offload.console.other_rules.Replay`."""
     settings = _settings(switching)
     link = StudiedLink(_beats(points, settings), settings, Weights())
     judged = [study.outcome(policy, link) for policy in POLICIES.values()]
@@ -55,7 +55,7 @@ def _settings(switching: Mapping[str, Any]) -> Settings:
 
 
 def _beats(points: Sequence[Point], settings: Settings) -> Heartbeats:
-    """Returns the heartbeats of a link that was at each moment as it was last seen."""
+    """Return the heartbeats of a link that was at each moment as it was last seen."""
     if not points or points[-1].t_s - points[0].t_s < LEAST_S:
         raise InputError(f"other rules: nothing can be judged before {LEAST_S:.0f} s of the link have been seen")
     times_s = np.array([point.t_s - points[0].t_s for point in points])

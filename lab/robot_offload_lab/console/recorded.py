@@ -55,7 +55,7 @@ class RecordedSource(Unchangeable):
         return Fleet(self._title, recorded=True)
 
     async def run(self, publish: Publish) -> None:
-        """Publishes the whole recording."""
+        """Publish the whole recording."""
         key = Key("", str(self._manifest["metadata"]["name"]))
         publish(Declared(key, self._manifest))
         run = self._recording.run
@@ -80,7 +80,7 @@ class RecordedSource(Unchangeable):
 
 
 def _records(found: Recording) -> Iterator[Record]:
-    """Yields all records but the run's own, in the order of time."""
+    """Yield all records but the run's own, in the order of time."""
     streams: list[tuple[Any, ...]] = [
         *found.outputs.values(), found.placements, found.link, found.inhibits, found.goals, found.calls, found.restored,
     ]  # fmt: skip
@@ -88,7 +88,7 @@ def _records(found: Recording) -> Iterator[Record]:
 
 
 def _manifest(file: Path, found: Recording) -> Mapping[str, Any]:
-    """Returns the resource that ran: as the demo wrote it, or what the recording itself says of it."""
+    """Return the resource that ran: as the demo wrote it, or what the recording itself says of it."""
     with contextlib.suppress(OSError, ValueError):
         read: Any = json.loads(file.read_text(encoding="utf-8"))
         if isinstance(read, dict) and isinstance(read.get("metadata"), dict) and read["metadata"].get("name"):

@@ -53,13 +53,13 @@ class DemoSource:
         return Fleet("demo")
 
     async def run(self, publish: Publish) -> None:
-        """Publishes what `tell` brings, until cancelled."""
+        """Publish what `tell` brings, until cancelled."""
         publish(Declared(self._key, self._wishes.manifest))
         self._loop, self._publish = asyncio.get_running_loop(), publish
         await asyncio.Event().wait()
 
     def tell(self, watch: LiveRun, now_s: float) -> None:
-        """Takes the state of the run; called on the demo's thread."""
+        """Take the state of the run; called on the demo's thread."""
         loop, publish = self._loop, self._publish
         if loop is None or publish is None or now_s < self._told_s + TELL_S:
             return
@@ -71,7 +71,7 @@ class DemoSource:
             loop.call_soon_threadsafe(_publish_all, publish, events)
 
     async def may(self, key: Key, action: Action) -> Permission:
-        """Returns whether the run can hear a wish."""
+        """Return whether the run can hear a wish."""
         del key, action
         return self._wishes.may()
 
@@ -81,12 +81,12 @@ class DemoSource:
         return self._wishes.act(action, connected=self._connected)
 
     def watching(self, key: Key) -> contextlib.AbstractContextManager[None]:
-        """Needs nothing."""
+        """Need nothing."""
         del key
         return contextlib.nullcontext()
 
     def over(self) -> None:
-        """Takes the end of the run."""
+        """Take the end of the run."""
         self._wishes.over()
 
     def _declare(self, manifest: Mapping[str, Any]) -> None:
@@ -151,21 +151,21 @@ class ConsoleView:
             ready.set()
 
     def say(self, text: str) -> None:
-        """Shows the line on the terminal."""
+        """Show the line on the terminal."""
         self._view.say(text)
 
     def show(self, watch: LiveRun, now_s: float) -> None:
-        """Shows the state of the run in both places."""
+        """Show the state of the run in both places."""
         self._source.tell(watch, now_s)
         self._view.show(watch, now_s)
 
     def close(self) -> None:
-        """Ends the picture; the pages go on until `end`."""
+        """End the picture; the pages go on until `end`."""
         self._source.over()
         self._view.close()
 
     def end(self) -> None:
-        """Ends the pages."""
+        """End the pages."""
         with contextlib.suppress(RuntimeError):
             self._stop()
         self._thread.join(START_S)

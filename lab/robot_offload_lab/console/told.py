@@ -25,7 +25,7 @@ class Teller:
         self._told: dict[float, float | None] = {}
 
     def tell(self, watch: LiveRun, now_s: float, cloud: Live | None = None) -> Iterator[Event]:
-        """Yields what has happened since the last call, and how things are now; `cloud` is its agent's own word."""
+        """Yield what has happened since the last call, and how things are now; `cloud` is its agent's own word."""
         for switch in watch.switches:
             if switch.t_s not in self._told or self._told[switch.t_s] != switch.gap_ms:
                 self._told[switch.t_s] = switch.gap_ms
@@ -35,7 +35,7 @@ class Teller:
 
 
 def live(watch: LiveRun, cloud: Live | None = None) -> Live:
-    """Returns the state of a run; `cloud` adds what only the cloud's agent knows."""
+    """Return the state of a run; `cloud` adds what only the cloud's agent knows."""
     change, link = watch.placement, watch.link
     cut = link is not None and link.rtt_ms is None
     scheduled_ms = link.rtt_ms if link is not None else None

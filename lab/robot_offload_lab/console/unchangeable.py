@@ -16,16 +16,16 @@ class Unchangeable:
         self._reason = reason
 
     async def may(self, key: Key, action: Action) -> Permission:
-        """Nobody may."""
+        """Return False: no user may change this."""
         del key, action
         return Permission(False, self._reason)
 
     async def act(self, key: Key, action: Action) -> str:
-        """Refuses."""
+        """Refuse."""
         del key, action
         raise InputError(self._reason)
 
     def watching(self, key: Key) -> contextlib.AbstractContextManager[None]:
-        """Needs nothing."""
+        """Need nothing."""
         del key
         return contextlib.nullcontext()

@@ -44,15 +44,15 @@ class Wishes:
             self._write()
 
     def over(self) -> None:
-        """Takes the end of the run: nobody hears a wish any more."""
+        """Take the end of the run: nobody hears a wish any more."""
         self.refusal = self.refusal or OVER
 
     def may(self) -> Permission:
-        """Returns whether anything can be changed now."""
+        """Return whether anything can be changed now."""
         return Permission(not self.refusal, self.refusal)
 
     def act(self, action: Action, *, connected: bool) -> str:
-        """Does it and returns what was done; a pin for some time is let go by a timer here.
+        """Do it and return what was done; a pin for some time is let go by a timer here.
 
         Raises:
             InputError: nothing can be changed now.
@@ -75,7 +75,7 @@ class Wishes:
             self._patch(actions.patch(Action(actions.Want.AUTO), "", datetime.datetime.now(datetime.UTC)))
 
     def _patch(self, body: Mapping[str, Any]) -> None:
-        """Takes a change as the API server would, and offers it."""
+        """Take a change as the API server would, and offer it."""
         metadata, spec = dict(self.manifest["metadata"]), dict(self.manifest["spec"])
         spec["switching"] = {**(spec.get("switching") or {}), **body["spec"]["switching"]}
         if "annotations" in body["metadata"]:
@@ -87,7 +87,7 @@ class Wishes:
         self._changed(self.manifest)
 
     def _write(self) -> None:
-        """Writes the settings of the next generation as a whole."""
+        """Write the settings of the next generation as a whole."""
         assert self._file is not None
         self._generation += 1
         switching = self.manifest["spec"].get("switching") or {}

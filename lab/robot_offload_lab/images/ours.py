@@ -56,12 +56,12 @@ class OwnImage:
 
     @property
     def compiles(self) -> bool:
-        """Returns whether interface packages are made for it, which takes compilers."""
+        """Return whether interface packages are made for it, which takes compilers."""
         return not self.over and (ROOT / "examples" / self.example / "interfaces").is_dir()
 
     @property
     def folder(self) -> Path:
-        """Returns where its Dockerfile is."""
+        """Return where its Dockerfile is."""
         name = "agent" if self.over else self.name
         if self.example and not self.over:
             name = "example-interfaces" if self.compiles else "example"
@@ -107,7 +107,7 @@ class BuildSettings:
 def request(
     image: OwnImage, settings: BuildSettings, base: str | None = None, build_base: str | None = None
 ) -> Request:
-    """Returns how one of our images is built.
+    """Return how one of our images is built.
 
     Args:
         image: which.
@@ -207,7 +207,7 @@ def build(
 
 
 def stand_in(image: OwnImage, wheels: bool) -> str | None:
-    """Returns the base of wheels for an image; None: the base that its Dockerfile names, or another one of ours."""
+    """Return the base of wheels for an image; None: the base that its Dockerfile names, or another one of ours."""
     return wheels_base.tag(image.wheels_stage) if wheels and image.wheels_stage and not image.over else None
 
 
@@ -217,7 +217,7 @@ def _stages(images: Sequence[OwnImage]) -> set[wheels_base.Stage]:
 
 
 def registry_digest(tool: Tool, tag: str) -> str:
-    """Returns the digest by which a registry has an image that was pushed just now.
+    """Return the digest by which a registry has an image that was pushed just now.
 
     Raises:
         BuildError: it cannot be found out.
@@ -284,7 +284,7 @@ def _base(text: str) -> tuple[str, str]:
 
 
 def _revision() -> str:
-    """Returns the commit that is checked out; `unknown` outside of a repository."""
+    """Return the commit that is checked out; `unknown` outside of a repository."""
     asked = subprocess.run(
         ("git", "-C", str(ROOT), "rev-parse", "HEAD"), capture_output=True, text=True, check=False, timeout=60.0
     )
@@ -292,7 +292,7 @@ def _revision() -> str:
 
 
 def main() -> None:
-    """Runs `build` as a program; our own errors end as lines and an exit code."""
+    """Run `build` as a program; our own errors end as lines and an exit code."""
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command()(build)
     try:

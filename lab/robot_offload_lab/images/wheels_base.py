@@ -46,7 +46,7 @@ _NOT_OF_PYTHON: Final = re.compile(
 
 
 def tag(stage: Stage) -> str:
-    """Returns the name of a stage's image; it belongs to this machine."""
+    """Return the name of a stage's image; it belongs to this machine."""
     return f"{_name(stage)}:jazzy"
 
 
@@ -61,7 +61,7 @@ def build(
     stages: Iterable[Stage] = STAGES,
     environment: Mapping[str, str] | None = None,
 ) -> None:
-    """Builds stages; what has not changed comes from the builder's cache.
+    """Build stages; what has not changed comes from the builder's cache.
 
     Args:
         tool: the builder.
@@ -94,7 +94,7 @@ def build(
 
 
 def _lend_headers(folder: Path) -> None:
-    """Copies the interpreter's own headers: those of the system belong to another version."""
+    """Copy the interpreter's own headers: those of the system belong to another version."""
     headers = Path(sysconfig.get_path("include"))
     folder.mkdir()
     if headers.is_dir():  # without them only the stage with compilers is of no use
@@ -102,7 +102,7 @@ def _lend_headers(folder: Path) -> None:
 
 
 def fingerprint(context: Path, kept: Iterable[Path]) -> str:
-    """Changes when a file of the context does, or when an archive is made anew."""
+    """Change when a file of the context does, or when an archive is made anew."""
     digest = hashlib.sha256()
     for path in sorted(path for path in context.rglob("*") if path.is_file()):
         digest.update(str(path.relative_to(context)).encode() + b"\0" + path.read_bytes())
@@ -113,14 +113,14 @@ def fingerprint(context: Path, kept: Iterable[Path]) -> str:
 
 
 def _is_there(tool: Tool, image: str, environment: Mapping[str, str] | None) -> bool:
-    """Returns whether an image is there already: having the builder look at the archives again takes longer."""
+    """Return whether an image is there already: having the builder look at the archives again takes longer."""
     command = (tool, "images", "--quiet", image)
     asked = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60.0, env=environment)
     return asked.returncode == 0 and bool(asked.stdout.strip())
 
 
 def lent(tool: Tool) -> tuple[str, ...]:
-    """Builder arguments that lend a build what this machine trusts, and ask for no user namespace.
+    """Return builder arguments that lend a build what this machine trusts, and ask for no user namespace.
 
     A proxy that intercepts has certificates of its own, which the machine knows and the base does not. docker can
     lend no file: it takes the proxy from its own settings.
@@ -132,12 +132,12 @@ def lent(tool: Tool) -> tuple[str, ...]:
 
 
 def constraints(requirements: str) -> str:
-    """Returns the pinned versions without hashes and conditions: pip takes hashes for everything or for nothing."""
+    """Return the pinned versions without hashes and conditions: pip takes hashes for everything or for nothing."""
     return "".join(f"{pin}\n" for pin in re.findall(r"^[A-Za-z0-9_.-]+==[^\s;\\]+", requirements, re.MULTILINE))
 
 
 def archives(folder: Path) -> tuple[Path, Path]:
-    """Returns the archives of the system and of CPython, made if they are not in `folder` yet.
+    """Return the archives of the system and of CPython, made if they are not in `folder` yet.
 
     Raises:
         InputError: this is not CPython 3.12, or root or debootstrap are missing.
@@ -154,7 +154,7 @@ def archives(folder: Path) -> tuple[Path, Path]:
 
 
 def archives_are_kept() -> bool:
-    """Returns whether both archives are there, so that debootstrap is not needed."""
+    """Return whether both archives are there, so that debootstrap is not needed."""
     return all(path.exists() for path in _paths(cache_folder()))
 
 
@@ -174,13 +174,13 @@ def _write_system(path: Path) -> None:
 
 
 def pack(folder: Path, path: Path, chosen: Callable[[tarfile.TarInfo], tarfile.TarInfo | None]) -> None:
-    """Writes what is chosen of a folder into an archive."""
+    """Write what is chosen of a folder into an archive."""
     with tarfile.open(path, "w") as archive:
         archive.add(folder, arcname="", filter=chosen)
 
 
 def of_system(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
-    """Returns all of Debian but caches, logs and manuals."""
+    """Return all of Debian but caches, logs and manuals."""
     return None if _NOT_OF_SYSTEM.fullmatch(member.name) else member
 
 
@@ -194,7 +194,7 @@ def _write_python(path: Path) -> None:
 
 
 def of_python(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
-    """Returns the interpreter and its library, as they will stand in /usr/local, owned by root."""
+    """Return the interpreter and its library, as they will stand in /usr/local, owned by root."""
     kept = member.name in ("", "bin") or _OF_PYTHON.fullmatch(member.name)
     if not kept or _NOT_OF_PYTHON.fullmatch(member.name):
         return None
@@ -205,6 +205,6 @@ def of_python(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
 
 
 def cache_folder() -> Path:
-    """Returns where the archives are kept."""
+    """Return where the archives are kept."""
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(home) / "robot-offload" / "images"

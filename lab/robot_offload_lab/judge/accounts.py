@@ -40,13 +40,13 @@ class Account:
     calls: Calls
 
     def records(self) -> Iterator[Errand | Calls]:
-        """Yields everything; what is the same as before is for the reader to see."""
+        """Yield everything; what is the same as before is for the reader to see."""
         yield from self.goals
         yield self.calls
 
 
 def account(t_s: float, text: str) -> Account | None:
-    """Returns the account of a client as it was heard at `t_s`; None when it is none."""
+    """Return the account of a client as it was heard at `t_s`; None when it is none."""
     try:
         said = json.loads(text)
         return Account(tuple(_errand(t_s, goal) for goal in said["goals"]), _calls(t_s, said["calls"]))
@@ -80,7 +80,7 @@ def _number(value: Any) -> float | None:
 
 
 def restored(t_s: float, text: str, steady: Callable[[float], float]) -> Restored | None:
-    """Returns the account of a node with state as it was heard at `t_s`; None when it is none.
+    """Return the account of a node with state as it was heard at `t_s`; None when it is none.
 
     Args:
         t_s: on the steady clock.

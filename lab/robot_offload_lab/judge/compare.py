@@ -39,7 +39,7 @@ Mode = str
 
 
 def figures(report: Mapping[str, Any], recording: Recording) -> dict[str, float]:
-    """Returns the figures of one run.
+    """Return the figures of one run.
 
     `robot_percent` is of the application and its agent on the robot, the simulator of an example included.
     """
@@ -58,7 +58,7 @@ def figures(report: Mapping[str, Any], recording: Recording) -> dict[str, float]
 
 
 def write(runs: Mapping[Mode, tuple[Mapping[str, Any], Recording]], out: Path) -> Mapping[Mode, Mapping[str, float]]:
-    """Writes `compare.json` and `compare.png` into `out`; returns the figures by mode.
+    """Write `compare.json` and `compare.png` into `out`; return the figures by mode.
 
     Args:
         runs: report and recording of each mode.
@@ -76,14 +76,14 @@ def write(runs: Mapping[Mode, tuple[Mapping[str, Any], Recording]], out: Path) -
 
 
 def lines(found: Mapping[Mode, Mapping[str, float]]) -> Sequence[str]:
-    """Returns a table for a terminal."""
+    """Return a table for a terminal."""
     head = f"{'':28}" + "".join(f"{mode:>12}" for mode in found)
     rows = [f"{words:28}" + "".join(f"{of[key]:12g}" for of in found.values()) for key, words in FIGURES]
     return [head, *rows]
 
 
 def picture(recordings: Mapping[Mode, Recording], found: Mapping[Mode, Mapping[str, float]]) -> Figure:
-    """Draws how far each drive came, and a small picture for each figure."""
+    """Draw how far each drive came, and a small picture for each figure."""
     with style():
         figure = Figure(figsize=(10.0, 6.2), layout="constrained")
         grid = figure.add_gridspec(2, len(FIGURES), height_ratios=(3, 2))
@@ -101,7 +101,7 @@ def picture(recordings: Mapping[Mode, Recording], found: Mapping[Mode, Mapping[s
 
 
 def draw_progress(axes: Axes, recordings: Mapping[Mode, Recording]) -> None:
-    """Draws the way driven over time, a line for each mode; outages of the link are hatched."""
+    """Draw the way driven over time, a line for each mode; outages of the link are hatched."""
     for mode, recording in recordings.items():
         times, ways, way_m = [0.0], [0.0], 0.0
         for before, after in itertools.pairwise(recording.path):

@@ -29,7 +29,7 @@ _DPI: Final = 120
 
 
 def style() -> AbstractContextManager[None]:
-    """Returns our settings for the time of one drawing or saving; matplotlib's own stay as they were."""
+    """Return our settings for the time of one drawing or saving; matplotlib's own stay as they were."""
     return mpl.rc_context(
         {
             "font.size": 10,
@@ -44,7 +44,7 @@ def style() -> AbstractContextManager[None]:
 
 
 def svg(figure: Figure) -> str:
-    """Returns a figure as an `<svg>` element that scales to the page; the same input gives the same text."""
+    """Return a figure as an `<svg>` element that scales to the page; the same input gives the same text."""
     text = io.StringIO()
     with style():
         figure.savefig(text, format="svg", metadata={"Date": None})
@@ -52,7 +52,7 @@ def svg(figure: Figure) -> str:
 
 
 def png(figure: Figure) -> bytes:
-    """Returns a figure as a PNG file."""
+    """Return a figure as a PNG file."""
     data = io.BytesIO()
     with style():
         figure.savefig(data, format="png", dpi=_DPI, metadata={"Software": None})

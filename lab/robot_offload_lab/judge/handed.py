@@ -72,7 +72,7 @@ class Taking:
 
 
 def goals(recording: Recording) -> tuple[GoalFigures, ...]:
-    """Returns the figures of each goal, in the order of their numbers."""
+    """Return the figures of each goal, in the order of their numbers."""
     by_goal: dict[int, list[Errand]] = {}
     for errand in recording.goals:
         if errand.t_s <= recording.end_s or errand.ending:
@@ -88,7 +88,7 @@ def _figures(recording: Recording, number: int, said: Sequence[Errand]) -> GoalF
 
 
 def _error_m(path: Sequence[PathPoint], errand: Errand) -> float | None:
-    """Returns how far the belief is from the way around that moment: the account comes some ten milliseconds late."""
+    """Return the distance in metres between the estimated and the true position near that time."""
     if errand.x_m is None or errand.y_m is None or errand.ending:
         return None
     near = [point for point in path if abs(point.t_s - errand.t_s) <= 0.2]
@@ -96,12 +96,12 @@ def _error_m(path: Sequence[PathPoint], errand: Errand) -> float | None:
 
 
 def calls(recording: Recording) -> Calls | None:
-    """Returns the last word about calls; None: nobody calls."""
+    """Return the last word about calls; None: nobody calls."""
     return recording.calls[-1] if recording.calls else None
 
 
 def takings(recording: Recording) -> tuple[Taking, ...]:
-    """Returns the state with which each side began that took over, where a node says so before the next switch.
+    """Return the state with which each side began that took over, where a node says so before the next switch.
 
     What a node said while its side was still getting ready may pass after the switch. It is no witness of the stay: the
     node may have been given the state since.
@@ -119,14 +119,14 @@ def takings(recording: Recording) -> tuple[Taking, ...]:
 
 
 def _begun_s(restored: Restored, change: PlacementChange) -> float:
-    """Returns when a word was said; one without a time counts as said in the stay in which it was heard."""
+    """Return when a word was said; one without a time counts as said in the stay in which it was heard."""
     if restored.made_s is not None:
         return restored.made_s
     return restored.t_s + _ANNOUNCED_S if restored.t_s < change.t_s else restored.t_s
 
 
 def _passed_s(recording: Recording, change: PlacementChange, last_s: float) -> float:
-    """Returns when a side first passed in a stay: the announcement comes a little before or after the messages.
+    """Return when a side first passed in a stay: the announcement comes a little before or after the messages.
 
     Args:
         recording: of the run.
@@ -151,7 +151,7 @@ _ANNOUNCED_S: Final = 0.3
 def broken(
     recording: Recording, limit_ms: float, held: Iterable[tuple[float, float]]
 ) -> Iterator[tuple[float, str, str]]:
-    """Yields (steady clock, kind, sentence) of each broken promise about goals, calls and state.
+    """Yield (steady clock, kind, sentence) of each broken promise about goals, calls and state.
 
     Args:
         recording: of the run.
@@ -174,7 +174,7 @@ def broken(
 
 
 def _had_state(recording: Recording, change: PlacementChange) -> bool:
-    """Returns whether a node of the other side had said before a switch that it acted, so that it had state."""
+    """Return whether a node of the other side had said before a switch that it acted, so that it had state."""
     waits = _REASONS.get(change.reason) not in (Kind.LIMIT, Kind.NEED)
     by_s = change.t_s if waits else change.t_s - AGAIN_S  # what was lost on its way is said again then
     return any(it.site != change.site and it.t_s < by_s for it in recording.restored)

@@ -52,7 +52,7 @@ class _Preparation:
     over: bool = False
 
     def excuses(self, arrival: Arrival) -> bool:
-        """Takes a message of the side that is not in charge; returns whether it may be one of this preparation."""
+        """Take a message of the side that is not in charge; return whether it may be one of this preparation."""
         within = self.start_s <= arrival.t_s <= self.end_s + ANNOUNCEMENT_LAG_S
         if self.over or arrival.site != self.site or not within:
             return False
@@ -71,7 +71,7 @@ class _Listener:
     heard: dict[int, list[Arrival]] = field(default_factory=dict)
 
     def hear(self, arrival: Arrival, index: int) -> None:
-        """Judges a message; `index`: of the newest announcement when it passed."""
+        """Judge a message; `index`: of the newest announcement when it passed."""
         stay = _stay(self.placements, index)
         if arrival.site == self.placements[stay].site:
             self.begun.setdefault(stay, arrival)
@@ -87,7 +87,7 @@ class _Listener:
             self.heard.setdefault(stay, []).append(arrival)
 
     def _announced(self, arrival: Arrival, index: int) -> int | None:
-        """Returns which announcement of its side follows in time, if only that side is heard until then."""
+        """Return which announcement of its side follows in time, if only that side is heard until then."""
         following = range(index + 1, len(self.placements))
         announced = next((i for i in following if self.placements[i].site == arrival.site), None)
         if announced is None:
@@ -100,7 +100,7 @@ class _Listener:
 
 
 def interleavings(arrivals: Sequence[Arrival], placements: Sequence[PlacementChange]) -> Iterator[Interleaving]:
-    """Yields one for each stay in which the other side was heard after the one in charge had begun.
+    """Yield one for each stay in which the other side was heard after the one in charge had begun.
 
     Args:
         arrivals: of one output, in the order of time.
@@ -118,14 +118,14 @@ def interleavings(arrivals: Sequence[Arrival], placements: Sequence[PlacementCha
 
 
 def _stay(placements: Sequence[PlacementChange], index: int) -> int:
-    """Returns the announcement with which the present stay began (later ones may only repeat the side)."""
+    """Return the announcement with which the present stay began (later ones may only repeat the side)."""
     while index > 0 and placements[index - 1].site == placements[index].site:
         index -= 1
     return index
 
 
 def _preparations(placements: Sequence[PlacementChange]) -> list[_Preparation]:
-    """Returns the preparations after which another epoch was named, or by another control."""
+    """Return the preparations after which another epoch was named, or by another control."""
     found = []
     prepared: PlacementChange | None = None
     for before, change in itertools.pairwise(placements):

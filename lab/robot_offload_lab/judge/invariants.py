@@ -63,7 +63,7 @@ class Violation:
 
 
 def violations(measures: Measures) -> tuple[Violation, ...]:
-    """Returns every broken promise of a run, in the order of time."""
+    """Return every broken promise of a run, in the order of time."""
     found: list[Violation] = []
     for stream in measures.streams.values():
         found += _duplicates(measures, stream)
@@ -79,7 +79,7 @@ def violations(measures: Measures) -> tuple[Violation, ...]:
 
 
 def gap_limit_ms(recording: Recording) -> float:
-    """Returns the longest silence of an output that the run's settings explain."""
+    """Return the longest silence of an output that the run's settings explain."""
     run = recording.run
     slower_ms = max(run.robot_period_ms, run.cloud_period_ms)
     return run.loss_timeout_ms + run.activation_deadline_ms + slower_ms + GAP_MARGIN_MS
@@ -124,7 +124,7 @@ def _stale(measures: Measures, stream: Stream) -> Iterator[Violation]:
 
 
 def _interleaved(measures: Measures, stream: Stream) -> Iterator[Violation]:
-    """Yields one violation per stay in which the other side was heard after the new one."""
+    """Yield one violation per stay in which the other side was heard after the new one."""
     for found in interleaving.interleavings(stream.arrivals, measures.recording.placements):
         first, site = found.heard[0], found.stay.site
         t_s, begun_s = (_since_start(measures, arrival.t_s) for arrival in (first, found.begun))
@@ -160,7 +160,7 @@ def _gaps(measures: Measures, stream: Stream) -> Iterator[Violation]:
 
 
 def inhibited(recording: Recording) -> list[Interval]:
-    """Returns when the driver held the wheels because no core node was able to steer."""
+    """Return when the driver held the wheels because no core node was able to steer."""
     intervals: list[Interval] = []
     since_s: float | None = None
     for change in recording.inhibits:
@@ -175,7 +175,7 @@ def inhibited(recording: Recording) -> list[Interval]:
 
 
 def _unexplained_ms(gap: Gap, held: Sequence[Interval]) -> float:
-    """Returns the longest part of a gap in which the driver was not inhibited."""
+    """Return the longest part of a gap in which the driver was not inhibited."""
     longest_s, since_s = 0.0, gap.start_s
     for interval in held:
         if interval.end_s <= gap.start_s or interval.start_s >= gap.end_s:
@@ -225,7 +225,7 @@ def _epochs(measures: Measures) -> Iterator[Violation]:
 
 
 def _unused(measures: Measures) -> Iterator[Violation]:
-    """Yields what kept the cloud out for the whole run when that is a mistake of the specification.
+    """Yield what kept the cloud out for the whole run when that is a mistake of the specification.
 
     An input that was heard for a while and grew old on the way is a matter of the link.
     """

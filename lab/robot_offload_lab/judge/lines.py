@@ -32,12 +32,12 @@ class Lines(Generic[R]):
         self._names = {kind: name for name, kind in kinds.items()}
 
     def encode(self, record: R) -> str:
-        """Returns a record as one line, without the newline."""
+        """Return a record as one line, without the newline."""
         name = self._names[type(record)]
         return json.dumps({"kind": name, **self._kinds[name].dump_python(record)}, separators=(",", ":"))
 
     def decode(self, line: str) -> R:
-        """Returns the record of one line.
+        """Return the record of one line.
 
         Raises:
             ValueError: the message says what is wrong with the line.
@@ -56,7 +56,7 @@ class Lines(Generic[R]):
 
 
 def _problem(kind: str, detail: ErrorDetails) -> str:
-    """Returns what is wrong with a line of a kind, in words."""
+    """Return what is wrong with a line of a kind, in words."""
     field = ".".join(map(str, detail["loc"]))
     if detail["type"] == _MISSING:
         return f"lacks the field {field} of kind {kind}"

@@ -38,7 +38,7 @@ class Interval:
         return max(0.0, self.end_s - self.start_s)
 
     def overlap_s(self, other: Interval) -> float:
-        """Returns how long both last together."""
+        """Return how long both last together."""
         return Interval(max(self.start_s, other.start_s), min(self.end_s, other.end_s)).length_s
 
 
@@ -103,7 +103,7 @@ class Measures:
 
 
 def measure(recording: Recording) -> Measures:
-    """Computes every figure of a run."""
+    """Compute every figure of a run."""
     run, end_s = recording.run, recording.end_s
     departures = _departures(recording)
     streams = {
@@ -131,18 +131,18 @@ def measure(recording: Recording) -> Measures:
 
 
 def is_good(sample: LinkSample, threshold_ms: float) -> bool:
-    """Returns whether the link sustains the cloud at that moment."""
+    """Return whether the link sustains the cloud at that moment."""
     return sample.rtt_ms is not None and sample.rtt_ms <= threshold_ms
 
 
 def link_was_good(recording: Recording, start_s: float, end_s: float) -> bool:
-    """Returns whether no sample from `start_s` to `end_s` was bad; false when there is none."""
+    """Return whether no sample from `start_s` to `end_s` was bad; false when there is none."""
     samples = [sample for sample in recording.link if start_s <= sample.t_s <= end_s]
     return bool(samples) and all(is_good(sample, recording.run.threshold_ms) for sample in samples)
 
 
 def median_period_ms(stream: Stream) -> float | None:
-    """Returns the usual distance of two messages of an output."""
+    """Return the usual distance of two messages of an output."""
     return quantile([gap.length_ms for gap in stream.gaps if gap.after is not None], 0.5)
 
 
@@ -164,7 +164,7 @@ def _switches(recording: Recording, streams: Mapping[str, Stream]) -> Iterator[S
 
 
 def _departures(recording: Recording) -> dict[Site, list[float]]:
-    """By side, when the other side was announced to be in charge."""
+    """Return by side, when the other side was announced to be in charge."""
     found: dict[Site, list[float]] = {site: [] for site in SITES}
     for before, change in itertools.pairwise(recording.placements):
         if before.site != change.site:
@@ -186,7 +186,7 @@ def _count(arrivals: Iterable[Arrival], window: Interval) -> int:
 
 
 def _stays(recording: Recording) -> Iterator[tuple[Site, Interval]]:
-    """Yields who was in charge when, from the first announcement to the end; neighbours of one side are joined."""
+    """Yield who was in charge when, from the first announcement to the end; neighbours of one side are joined."""
     changes = [change for change in recording.placements if change.t_s <= recording.end_s]
     start_s, end_s = recording.run.start_s, recording.end_s
     site: Site | None = None
@@ -210,7 +210,7 @@ def _shares(stays: Iterable[tuple[Site, Interval]]) -> dict[Site, float]:
 
 
 def _cloud_share(stays: Iterable[tuple[Site, Interval]], good: tuple[Interval, ...]) -> float | None:
-    """Returns the share of the good time, as far as the placement is known, in which the cloud was in charge."""
+    """Return the share of the good time, as far as the placement is known, in which the cloud was in charge."""
     times = dict.fromkeys(SITES, 0.0)
     for site, stay in stays:
         times[site] += sum(stay.overlap_s(interval) for interval in good)
@@ -219,7 +219,7 @@ def _cloud_share(stays: Iterable[tuple[Site, Interval]], good: tuple[Interval, .
 
 
 def _link_intervals(recording: Recording, chosen: Callable[[LinkSample], bool]) -> Iterator[Interval]:
-    """Yields the stretches of chosen link samples. A sample holds until the next one."""
+    """Yield the stretches of chosen link samples. A sample holds until the next one."""
     start_s: float | None = None
     for sample in recording.link:
         if sample.t_s >= recording.end_s:
@@ -234,7 +234,7 @@ def _link_intervals(recording: Recording, chosen: Callable[[LinkSample], bool]) 
 
 
 def _alarms(recording: Recording) -> Iterator[float]:
-    """Yields when the robot's own verdict fell from good to bad."""
+    """Yield when the robot's own verdict fell from good to bad."""
     up = False
     for status in recording.network_status:
         if status.side != "robot" or status.t_s > recording.end_s:

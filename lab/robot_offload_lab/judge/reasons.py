@@ -21,7 +21,7 @@ Stretch = tuple[float, float, str]
 
 
 def of_robot(recording: Recording) -> tuple[Stretch, ...]:
-    """Returns from when to when (steady clock) the robot acted for which reason, in words; neighbours are joined."""
+    """Return from when to when (steady clock) the robot acted for which reason, in words; neighbours are joined."""
     changes = [change for change in recording.placements if change.t_s <= recording.end_s]
     found: list[Stretch] = []
     for index, change in enumerate(changes):
@@ -37,12 +37,12 @@ def of_robot(recording: Recording) -> tuple[Stretch, ...]:
 
 
 def in_words(reason: str) -> str:
-    """Returns a reason such as `HeartbeatLost` in words: heartbeat lost."""
+    """Return a reason such as `HeartbeatLost` in words: heartbeat lost."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", reason).lower()
 
 
 def draw(axes: Axes, stretches: tuple[Stretch, ...], start_s: float, lane: int) -> None:
-    """Draws them as a lane of the time line, with their words below the axis."""
+    """Draw them as a lane of the time line, with their words below the axis."""
     words = list(dict.fromkeys(word for _, _, word in stretches))
     for number, word in enumerate(words):
         spans = [(since_s - start_s, until_s - since_s) for since_s, until_s, its in stretches if its == word]

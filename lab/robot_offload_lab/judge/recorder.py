@@ -66,7 +66,7 @@ class ConsumerRecorder:
     def __init__(
         self, path: Path, topics: dict[str, str], schedule: Schedule | None, commands: int, said: accounts.Topics
     ) -> None:
-        """Subscribes to everything that is known already.
+        """Subscribe to everything that is known already.
 
         Args:
             path: the recording, written from the start on.
@@ -100,7 +100,7 @@ class ConsumerRecorder:
         threading.Thread(target=self._read, args=(commands,), name="commands", daemon=True).start()
 
     def run(self) -> None:
-        """Records until the command `end`."""
+        """Record until the command `end`."""
         executor = SingleThreadedExecutor()
         executor.add_node(self._node)
         due_s = steady_s()
@@ -114,7 +114,7 @@ class ConsumerRecorder:
     # -- what is heard ------------------------------------------------------------------------------------------------
 
     def _resolve(self) -> None:
-        """Subscribes to the outputs whose types are known by now."""
+        """Subscribe to the outputs whose types are known by now."""
         for topic, declared in list(self._unresolved.items()):
             found = {info.topic_type for info in self._node.get_publishers_info_by_topic(topic)}
             name = declared or (found.pop() if len(found) == 1 else "")
@@ -153,7 +153,7 @@ class ConsumerRecorder:
         self._take(t_s, NetworkStatus(t_s, "robot", message.data == 1))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Only what the start waits for and the live view shows; no figure of the report comes from the agents."""
+        """Take what the start waits for and the live view shows; no figure of the report comes from the agents."""
         found = {status.name.removeprefix(DIAGNOSTICS): status for status in message.status}
         if "link" not in found:
             return  # somebody else's
@@ -200,7 +200,7 @@ class ConsumerRecorder:
 
     @staticmethod
     def _say(line: str) -> None:
-        """To the live view. It must never hold up the recording, so what finds no room is left out."""
+        """Send to the live view; what finds no room is left out, so that the recording is never held up."""
         data = line.encode() + b"\n"
         if len(data) <= select.PIPE_BUF:  # such a write is all or nothing
             with suppress(OSError):
@@ -209,14 +209,14 @@ class ConsumerRecorder:
     # -- commands -----------------------------------------------------------------------------------------------------
 
     def _read(self, commands: int) -> None:
-        """Runs in its own thread, because reading waits."""
+        """Run in its own thread, because reading waits."""
         with open(commands, encoding="utf-8") as lines:
             for line in lines:
                 self._commands.put(json.loads(line))
         self._commands.put({"end": None})
 
     def _attend(self) -> None:
-        """Commands, and the link's schedule up to now."""
+        """Carry out commands, and the link's schedule up to now."""
         now_s = steady_s()
         with suppress(queue.Empty):
             while True:
@@ -235,7 +235,7 @@ class ConsumerRecorder:
             self.end(steady_s() if command["end"] is None else float(command["end"]))
 
     def _begin(self, run: RunInfo) -> None:
-        """Opens the recording: the state at the start first, then what was heard since."""
+        """Open the recording: the state at the start first, then what was heard since."""
         if self._drive is not None:
             run = dataclasses.replace(
                 run,
@@ -258,7 +258,7 @@ class ConsumerRecorder:
         self._recent.clear()
 
     def end(self, t_s: float) -> None:
-        """Closes the recording with the outcome."""
+        """Close the recording with the outcome."""
         if self._writer is not None and not self.ended:
             drive = self._drive
             outcome = (drive.collisions, drive.stops, drive.goal_reached) if drive else (None, None, None)
@@ -267,7 +267,7 @@ class ConsumerRecorder:
 
 
 def message_class(name: str) -> Any:
-    """Returns the class of a message type such as `geometry_msgs/msg/TwistStamped`.
+    """Return the class of a message type such as `geometry_msgs/msg/TwistStamped`.
 
     Raises:
         SystemExit: it is not installed.
@@ -280,27 +280,27 @@ def message_class(name: str) -> Any:
 
 
 def _received_s(info: Any) -> float:
-    """Returns when the middleware received a message, on the steady clock: it does not wait for this process's turn."""
+    """Return when the middleware received a message, on the steady clock: it does not wait for this process's turn."""
     return _steady(info["received_timestamp"] / 1e9)
 
 
 def _passed_s(info: Any) -> float:
-    """Returns when a message was published, as the publisher's middleware stamped it, on the steady clock."""
+    """Return when a message was published, as the publisher's middleware stamped it, on the steady clock."""
     return _steady(info["source_timestamp"] / 1e9)
 
 
 def _made_s(stamp: Any) -> float:
-    """Returns a message's stamp on the steady clock."""
+    """Return a message's stamp on the steady clock."""
     return _steady(stamp.sec + stamp.nanosec / 1e9)
 
 
 def _steady(system_s: float) -> float:
-    """Returns a moment of this host's system clock, which stamps messages, on its steady clock."""
+    """Return a moment of this host's system clock, which stamps messages, on its steady clock."""
     return system_s - (time.clock_gettime(time.CLOCK_REALTIME) - steady_s())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the recorder until its standard input ends, `end` comes, or SIGTERM."""
+    """Run the recorder until its standard input ends, `end` comes, or SIGTERM."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.judge.recorder", description=__doc__)
     parser.add_argument("output", type=Path, help="the recording to write")
     parser.add_argument("--topic", action="append", default=[], metavar="TOPIC=TYPE", help="an output; TYPE or nothing")

@@ -57,7 +57,7 @@ class RunInfo(Record):
 
 
 def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunInfo:
-    """Returns the setting of a run of this specification; the others as in `RunInfo`."""
+    """Return the setting of a run of this specification; the others as in `RunInfo`."""
     switching = spec.switching
     return RunInfo(
         mode=mode,
@@ -75,12 +75,12 @@ def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunI
 
 
 def unrated(spec: RobotOffloadSpec) -> tuple[str, ...]:
-    """Returns the outputs that are published when there is something to say."""
+    """Return the outputs that are published when there is something to say."""
     return tuple(output.topic for _, output in spec.collected_outputs if output.rate_hz is None)
 
 
 def silent_at_times(spec: RobotOffloadSpec) -> tuple[str, ...]:
-    """Returns the outputs whose silence is no fault: without a rate, or judged only while something is done."""
+    """Return the outputs whose silence is no fault: without a rate, or judged only while something is done."""
     outputs = [output for _, output in spec.collected_outputs]
     return tuple(output.topic for output in outputs if output.rate_hz is None or output.while_ is not None)
 
@@ -319,7 +319,7 @@ class Recording:
 
 
 def parse(lines: Iterable[str], source: str) -> Recording:
-    """Returns a recording from its lines. An unfinished last line (the recorder was killed) is left out.
+    """Return a recording from its lines. An unfinished last line (the recorder was killed) is left out.
 
     Raises:
         RecordingError: naming `source` and the line.
@@ -338,7 +338,7 @@ def parse(lines: Iterable[str], source: str) -> Recording:
 
 
 def assemble(records: Iterable[Record], source: str = "recording") -> Recording:
-    """Returns a recording from single records, sorted by time.
+    """Return a recording from single records, sorted by time.
 
     Raises:
         RecordingError: the run's own record does not come first, or comes twice.
@@ -371,7 +371,7 @@ def assemble(records: Iterable[Record], source: str = "recording") -> Recording:
 
 
 def read(path: Path) -> Recording:
-    """Returns the recording in a file.
+    """Return the recording in a file.
 
     Raises:
         RecordingError: it cannot be read or is no recording.
@@ -391,6 +391,6 @@ class RecordingWriter:
         self.write(run)
 
     def write(self, record: Record) -> None:
-        """Appends one record and hands it to the operating system."""
+        """Append one record and hand it to the operating system."""
         self._stream.write(LINES.encode(record) + "\n")
         self._stream.flush()

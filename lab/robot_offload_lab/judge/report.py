@@ -34,7 +34,7 @@ class ReportFiles:
 
 
 def write(recording: Recording, directory: Path, processor: Mapping[str, float] | None = None) -> ReportFiles:
-    """Writes `report.json`, `report.html` and `run.png` into `directory`, which is made if needed.
+    """Write `report.json`, `report.html` and `run.png` into `directory`, which is made if needed.
 
     Args:
         recording: of the run.
@@ -55,7 +55,7 @@ def write(recording: Recording, directory: Path, processor: Mapping[str, float] 
 
 
 def build(measures: Measures, processor: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """Returns the report as plain values, ready for JSON; `processor` as in `write`."""
+    """Return the report as plain values, ready for JSON; `processor` as in `write`."""
     recording = measures.recording
     outcome = recording.outcome
     return {
@@ -86,7 +86,7 @@ def build(measures: Measures, processor: Mapping[str, float] | None = None) -> d
 
 
 def html(report: Mapping[str, Any], measures: Measures) -> str:
-    """Returns the report as one HTML page without references to anything outside."""
+    """Return the report as one HTML page without references to anything outside."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
         autoescape=True,
@@ -193,5 +193,5 @@ def _round(value: float | None, digits: int = 3) -> float | None:
 
 
 def _number(value: float | None, digits: int = 1) -> str:
-    """Returns a figure for people; a dash where there is none."""
+    """Return a figure for people; a dash where there is none."""
     return "\N{EN DASH}" if value is None else f"{value:.{digits}f}"

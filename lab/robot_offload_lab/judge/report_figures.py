@@ -36,7 +36,7 @@ MAX_LABELS: Final = 20
 
 
 def link_and_placement(measures: Measures) -> Figure:
-    """Loop latency over time with outages shaded, and below it who was in charge."""
+    """Return loop latency over time with outages shaded, and below it who was in charge."""
     with style():
         figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
@@ -46,7 +46,7 @@ def link_and_placement(measures: Measures) -> Figure:
 
 
 def gaps_per_switch(measures: Measures) -> Figure:
-    """Returns the longest silence of each output at each switch."""
+    """Return the longest silence of each output at each switch."""
     with style():
         figure = Figure(figsize=(WIDTH_IN, 2.8), layout="constrained")
         draw_gaps(figure.subplots(), measures)
@@ -54,7 +54,7 @@ def gaps_per_switch(measures: Measures) -> Figure:
 
 
 def path(measures: Measures) -> Figure:
-    """Draws the way of the robot, coloured by who steered."""
+    """Draw the way of the robot, coloured by who steered."""
     with style():
         figure = Figure(figsize=(WIDTH_IN, 0.8 * _path_height(measures)), layout="constrained")
         draw_path(figure.subplots(), measures)
@@ -62,7 +62,7 @@ def path(measures: Measures) -> Figure:
 
 
 def run(measures: Measures) -> Figure:
-    """Draws everything in one picture, for a README."""
+    """Draw everything in one picture, for a README."""
     with_path = bool(measures.recording.path)
     heights = (3.2, 2.0, 2.8, _path_height(measures)) if with_path else (3.2, 2.0, 2.8)
     with style():
@@ -81,7 +81,7 @@ def run(measures: Measures) -> Figure:
 
 
 def draw_latency(axes: Axes, measures: Measures) -> None:
-    """Loop latency by the link's schedule; outages are hatched, the threshold is a dashed line."""
+    """Draw the loop latency; outages are hatched, the threshold is a dashed line."""
     recording = measures.recording
     start_s, threshold_ms = recording.run.start_s, recording.run.threshold_ms
     if not recording.link:
@@ -106,7 +106,7 @@ def draw_latency(axes: Axes, measures: Measures) -> None:
 
 
 def _note(axes: Axes, height: float, text: str) -> None:
-    """Writes a small word at the right end of a horizontal line."""
+    """Write a small word at the right end of a horizontal line."""
     axes.annotate(
         text,
         (1.0, height),
@@ -120,7 +120,7 @@ def _note(axes: Axes, height: float, text: str) -> None:
 
 
 def draw_placement(axes: Axes, measures: Measures) -> None:
-    """Draws who was in charge when as a band; outages are hatched, crosses mark where the driver held the wheels."""
+    """Draw who was in charge when as a band; outages are hatched, crosses mark where the driver held the wheels."""
     start_s = measures.recording.run.start_s
     for site, stay in measures.stays:
         axes.broken_barh(
@@ -147,7 +147,7 @@ def draw_placement(axes: Axes, measures: Measures) -> None:
 
 
 def _draw_goals(axes: Axes, measures: Measures) -> list[str]:
-    """Draws a lane for the goals on their way and the age of the state at each switch; returns the lane's name."""
+    """Draw a lane for the goals on their way and the age of the state at each switch; return the lane's name."""
     recording = measures.recording
     figures = handed.goals(recording)
     start_s = recording.run.start_s
@@ -169,7 +169,7 @@ def _draw_goals(axes: Axes, measures: Measures) -> list[str]:
 
 
 def _band(site: Site) -> tuple[float, float]:
-    """Lower edge and height of a side's lane."""
+    """Return lower edge and height of a side's lane."""
     return (SITES.index(site) + 0.1, 0.8)
 
 
@@ -187,7 +187,7 @@ def _shade(axes: Axes, interval: Interval, start_s: float) -> None:
 
 
 def draw_gaps(axes: Axes, measures: Measures) -> None:
-    """Draws a bar per switch and output: the longest silence, in the colour of the side that took over."""
+    """Draw a bar per switch and output: the longest silence, in the colour of the side that took over."""
     unrated = measures.recording.run.unrated
     switches, topics = measures.switches, [topic for topic in measures.streams if topic not in unrated]
     width = 0.8 / max(1, len(topics))
@@ -228,12 +228,12 @@ def draw_gaps(axes: Axes, measures: Measures) -> None:
 
 
 def _legend(axes: Axes, handles: Sequence[Artist]) -> None:
-    """Draws a legend in one row above the picture, where it hides nothing; the left is for a title."""
+    """Draw a legend in one row above the picture, where it hides nothing; the left is for a title."""
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1, 1), ncols=len(handles), fontsize=8)
 
 
 def draw_path(axes: Axes, measures: Measures) -> None:
-    """Draws the corridor or the rooms from above: obstacles, and the way in the colour of the side that steered."""
+    """Draw the corridor or the rooms from above: obstacles, and the way in the colour of the side that steered."""
     recording = measures.recording
     length_m, width_m = recording.run.corridor_length_m, recording.run.corridor_width_m
     for post in recording.obstacles:
@@ -271,12 +271,12 @@ def draw_path(axes: Axes, measures: Measures) -> None:
 
 
 def _path_height(measures: Measures) -> float:
-    """Returns the height of that picture, as a share: rooms are drawn to scale, a corridor is stretched."""
+    """Return the height of that picture, as a share: rooms are drawn to scale, a corridor is stretched."""
     return 5.4 if measures.recording.run.walls else 2.4
 
 
 def _mark_ends(axes: Axes, measures: Measures) -> None:
-    """Words at the beginning and at the end of the way."""
+    """Write words at the beginning and at the end of the way."""
     path_points = measures.recording.path
     if not path_points:
         return

@@ -81,7 +81,7 @@ def examine(
     max_age_ms: float,
     departures: Mapping[Site, Sequence[float]] = NO_DEPARTURES,
 ) -> Stream:
-    """Finds everything in the arrivals of one output.
+    """Find everything in the arrivals of one output.
 
     Args:
         topic: the output.
@@ -105,7 +105,7 @@ def examine(
 
 
 def quantile(values: Sequence[float], share: float) -> float | None:
-    """Returns the `share` quantile (0..1) of `values`, linear between neighbours; None without values."""
+    """Return the `share` quantile (0..1) of `values`, linear between neighbours; None without values."""
     ordered = sorted(values)
     if not ordered:
         return None
@@ -116,7 +116,7 @@ def quantile(values: Sequence[float], share: float) -> float | None:
 
 
 def _lives(arrivals: Sequence[Arrival]) -> tuple[int, ...]:
-    """For each arrival, which life of its producer it belongs to (0, 1, ...)."""
+    """Return for each arrival which life of its producer it belongs to (0, 1, ...)."""
     highest: dict[str, Arrival] = {}
     life: dict[str, int] = {}
     lives = []
@@ -132,7 +132,7 @@ def _lives(arrivals: Sequence[Arrival]) -> tuple[int, ...]:
 
 
 def _order(arrivals: Sequence[Arrival], lives: Sequence[int]) -> tuple[tuple[Arrival, ...], tuple[Arrival, ...]]:
-    """Returns the duplicates and the reordered messages."""
+    """Return the duplicates and the reordered messages."""
     passed: set[tuple[str, int, int]] = set()
     highest: dict[tuple[str, int], int] = {}
     duplicates, reordered = [], []
@@ -162,7 +162,7 @@ def _stays(
 
 
 def _holes(stay: Sequence[Arrival]) -> list[Hole]:
-    """Missing numbers of one stay; messages that came late (reordered) are not missing."""
+    """Return missing numbers of one stay; messages that came late (reordered) are not missing."""
     first_arrivals: dict[int, Arrival] = {}
     for arrival in stay:
         first_arrivals.setdefault(arrival.sequence, arrival)
@@ -175,7 +175,7 @@ def _holes(stay: Sequence[Arrival]) -> list[Hole]:
 
 
 def _gaps(arrivals: Sequence[Arrival], end_s: float) -> tuple[Gap, ...]:
-    """Returns every silence, the one from the last arrival to the end included."""
+    """Return every silence, the one from the last arrival to the end included."""
     gaps = [Gap(before, after, after.t_s) for before, after in itertools.pairwise(arrivals)]
     if arrivals:
         gaps.append(Gap(arrivals[-1], None, end_s))

@@ -42,7 +42,7 @@ class Arrivals:
     _last_s: float = -math.inf
 
     def delivered_s(self, received_s: float) -> float:
-        """Returns when a message was delivered that was received then.
+        """Return when a message was delivered that was received then.
 
         A reliable reader hands messages over in the order of their writer. A message that was lost on the way and sent
         again is received after its successors, which wait for it: they are delivered with it, not before it.
@@ -51,7 +51,7 @@ class Arrivals:
         return self._last_s
 
     def stamped(self, t_s: float, frame_id: str, made_s: float, passed_s: float | None = None) -> Arrival:
-        """Returns a message with a header; `made_s` is its stamp, `passed_s` its publication, on the clock of `t_s`."""
+        """Return a message with a header; `made_s` is its stamp, `passed_s` its publication, on the clock of `t_s`."""
         match = _STAMPED.fullmatch(frame_id)
         if match is None:
             return self.other(t_s)
@@ -59,7 +59,7 @@ class Arrivals:
         return Arrival(self.topic, t_s, producer, sequence, made_s, site_of(producer), passed_s)
 
     def text(self, t_s: float, text: str) -> Arrival:
-        """Returns a text. It carries no time of making: it counts as made when it was first heard.
+        """Return a text. It carries no time of making: it counts as made when it was first heard.
 
         Without a time a repeated message and a producer that counts anew differ only in how far the count falls
         back: to less than half is taken for a restart.
@@ -75,18 +75,18 @@ class Arrivals:
         return Arrival(self.topic, t_s, producer, sequence, made_s, site_of(producer))
 
     def other(self, t_s: float) -> Arrival:
-        """Returns a message that does not name who made it."""
+        """Return a message that does not name who made it."""
         self.unknown += 1
         return Arrival(self.topic, t_s, self.acting, self.unknown, t_s, self.acting)
 
 
 def site_of(producer: str) -> Site:
-    """Returns the side of a replica: those of the cloud are called remote_NAME."""
+    """Return the side of a replica: those of the cloud are called remote_NAME."""
     return "cloud" if producer.startswith(REMOTE_PREFIX) else "robot"
 
 
 def placement(t_s: float, text: str) -> PlacementChange | None:
-    """Reads an announcement on /offload/placement; returns None when it cannot be read."""
+    """Read an announcement on /offload/placement; return None when it cannot be read."""
     try:
         said = json.loads(text)
         silent_ms, since_s = said["silent_ms"], said.get("since_s")
@@ -132,7 +132,7 @@ class Drive:
     walls: tuple[tuple[float, float, float, float], ...] = ()
 
     def records(self, before: Drive | None) -> Iterator[PathPoint | Obstacle | Inhibit]:
-        """Yields what is new since the account before."""
+        """Yield what is new since the account before."""
         yield PathPoint(self.t_s, self.x_m, self.y_m, self.speed_mps)
         for obstacle in self.obstacles:
             if before is None or obstacle not in before.obstacles:
@@ -142,7 +142,7 @@ class Drive:
 
 
 def drive(t_s: float, text: str) -> Drive | None:
-    """Returns the account as published; None when it is none."""
+    """Return the account as published; None when it is none."""
     try:
         said: Mapping[str, Any] = json.loads(text)
         corridor = said["corridor"]
@@ -166,7 +166,7 @@ def drive(t_s: float, text: str) -> Drive | None:
 
 
 def link_samples(schedule: Schedule, start_s: float, from_s: float, to_s: float) -> Iterator[LinkSample]:
-    """Yields what the schedule does from `from_s` up to, not including, `to_s`, in the order of time.
+    """Yield what the schedule does from `from_s` up to, not including, `to_s`, in the order of time.
 
     Args:
         schedule: of the emulated link.

@@ -39,7 +39,7 @@ class TraceBuilder:
         return self.now_s < self.duration_s
 
     def answer(self, rtt_ms: float) -> None:
-        """Adds a request that is answered after `rtt_ms`."""
+        """Add a request that is answered after `rtt_ms`."""
         rtt_ms = round(max(0.5, rtt_ms), 1)
         self.times_s.append(round(self.now_s, 4))
         self.rtts_ms.append(rtt_ms)
@@ -52,11 +52,11 @@ class TraceBuilder:
             self.answer(base_ms + self.rng.expovariate(1 / jitter_ms))
 
     def stall(self, length_s: float) -> None:
-        """Adds a time in which everything is held, and released at the end."""
+        """Add a time in which everything is held, and released at the end."""
         self.answer(length_s * 1e3)
 
     def cut(self, length_s: float) -> None:
-        """Adds a time in which everything is lost."""
+        """Add a time in which everything is lost."""
         until_s = self.now_s + length_s
         while self.now_s < until_s and self.running:
             self.times_s.append(round(self.now_s, 4))
@@ -64,7 +64,7 @@ class TraceBuilder:
             self.now_s += min(LOST_S, max(PACE_S, until_s - self.now_s))
 
     def trace(self) -> Trace:
-        """Returns what was written down."""
+        """Return what was written down."""
         return Trace(self.name, tuple(self.times_s), tuple(self.rtts_ms), self.now_s)
 
 
@@ -73,7 +73,7 @@ def _lognormal(rng: random.Random, median: float, spread: float) -> float:
 
 
 def mobile(out: TraceBuilder) -> None:
-    """4G: a slow swell, short stalls every few seconds or minutes, sometimes a change of the cell."""
+    """Make 4G: a slow swell, short stalls every few seconds or minutes, sometimes a change of the cell."""
     rng = out.rng
     base_ms, jitter_ms = rng.uniform(30, 65), rng.uniform(4, 14)
     stall_every_s, stall_s = rng.uniform(4, 40), rng.uniform(0.15, 0.4)
@@ -88,7 +88,7 @@ def mobile(out: TraceBuilder) -> None:
 
 
 def roaming(out: TraceBuilder) -> None:
-    """Adds a robot driving through Wi-Fi cells: it gets slower, then nothing comes for a while."""
+    """Add a robot driving through Wi-Fi cells: it gets slower, then nothing comes for a while."""
     rng = out.rng
     base_ms, jitter_ms = rng.uniform(5, 14), rng.uniform(1, 5)
     every_s, outage_s = rng.uniform(8, 45), rng.uniform(0.3, 6.0)
@@ -102,7 +102,7 @@ def roaming(out: TraceBuilder) -> None:
 
 
 def periodic(out: TraceBuilder) -> None:
-    """Adds the same outage again and again, as in the thesis: 4 s every 20 s."""
+    """Add the same outage again and again, as in the thesis: 4 s every 20 s."""
     rng = out.rng
     every_s, outage_s = rng.choice([(20.0, 4.0), (20.0, 4.0), (10.0, 1.0), (30.0, 6.0), (5.0, 0.5)])
     base_ms = rng.uniform(5, 25)
@@ -112,7 +112,7 @@ def periodic(out: TraceBuilder) -> None:
 
 
 def repeater(out: TraceBuilder) -> None:
-    """Adds a Wi-Fi repeater: minutes of calm, minutes of jitter around the limit with bursts of long round trips."""
+    """Add a Wi-Fi repeater: minutes of calm, minutes of jitter around the limit with bursts of long round trips."""
     rng = out.rng
     base_ms, rough_ms = rng.uniform(15, 40), rng.uniform(20, 70)
     calm_s, rough_s = rng.uniform(20, 200), rng.uniform(20, 200)
@@ -127,7 +127,7 @@ def repeater(out: TraceBuilder) -> None:
 
 
 def fibre(out: TraceBuilder) -> None:
-    """Cable and fibre: hardly anything happens, a stall every few minutes."""
+    """Make cable and fibre: hardly anything happens, a stall every few minutes."""
     rng = out.rng
     base_ms, every_s = rng.uniform(4, 20), rng.uniform(40, 400)
     while out.running:
@@ -136,7 +136,7 @@ def fibre(out: TraceBuilder) -> None:
 
 
 def evening(out: TraceBuilder) -> None:
-    """Adds a line shared with others: queues fill within seconds and empty again, over the limit for a while."""
+    """Add a line shared with others: queues fill within seconds and empty again, over the limit for a while."""
     rng = out.rng
     base_ms, full_ms = rng.uniform(12, 30), rng.uniform(80, 220)
     idle_s, busy_s, ramp_s = rng.uniform(5, 60), rng.uniform(1, 20), rng.uniform(0.3, 4)
@@ -152,7 +152,7 @@ def evening(out: TraceBuilder) -> None:
 
 
 def tunnel(out: TraceBuilder) -> None:
-    """Long stretches without any link, and a frayed edge before and after each."""
+    """Make long stretches without any link, with a frayed edge before and after each."""
     rng = out.rng
     base_ms, open_s, dark_s = rng.uniform(20, 50), rng.uniform(30, 240), rng.uniform(8, 60)
     while out.running:
@@ -167,7 +167,7 @@ def tunnel(out: TraceBuilder) -> None:
 
 
 def diurnal(out: TraceBuilder) -> None:
-    """Adds a link whose load swings slowly: stalls are rare at one time and frequent at another."""
+    """Add a link whose load swings slowly: stalls are rare at one time and frequent at another."""
     rng = out.rng
     base_ms, day_s = rng.uniform(10, 35), rng.uniform(200, 900)
     rare_s, frequent_s, stall_s = rng.uniform(30, 120), rng.uniform(0.7, 4), rng.uniform(0.1, 0.6)
@@ -179,7 +179,7 @@ def diurnal(out: TraceBuilder) -> None:
 
 
 def interference(out: TraceBuilder) -> None:
-    """Wi-Fi beside other senders: spells in which it stands still several times a second."""
+    """Make Wi-Fi beside other senders: spells in which it stands still several times a second."""
     rng = out.rng
     base_ms = rng.uniform(4, 12)
     quiet_s, loud_s = rng.uniform(1, 40), rng.uniform(0.5, 20)
@@ -193,7 +193,7 @@ def interference(out: TraceBuilder) -> None:
 
 
 def satellite(out: TraceBuilder) -> None:
-    """Low orbit: a new path every 15 s with another delay, a short gap or some slow tenths of a second between."""
+    """Make low orbit: every 15 s a new path with another delay, after a short gap or some slow tenths of a second."""
     rng = out.rng
     gap_s, slow_s, dark = rng.uniform(0.08, 0.4), rng.uniform(0.0, 1.0), rng.uniform(0.0, 0.1)
     while out.running:
@@ -206,7 +206,7 @@ def satellite(out: TraceBuilder) -> None:
 
 
 def two_states(out: TraceBuilder) -> None:
-    """Good and bad spells whose lengths scatter widely (Gilbert and Elliott's channel with heavy tails)."""
+    """Make good and bad spells whose lengths scatter widely (Gilbert and Elliott's channel with heavy tails)."""
     rng = out.rng
     base_ms = rng.uniform(8, 40)
     good_s, bad_s = (
@@ -224,7 +224,7 @@ def two_states(out: TraceBuilder) -> None:
 
 
 def lossy(out: TraceBuilder) -> None:
-    """Radio at its range: single losses all the time, runs of losses when something is in the way."""
+    """Make radio at its range: single losses all the time, runs of losses when something is in the way."""
     rng = out.rng
     base_ms, share = rng.uniform(8, 40), rng.uniform(0.002, 0.04)
     shade_every_s, shade_s = rng.uniform(5, 60), rng.uniform(0.3, 5)
@@ -271,14 +271,14 @@ FAMILIES: Final[Mapping[str, Family]] = {
 
 
 def made(family: str, seed: int, duration_s: float) -> Trace:
-    """Returns a link of the family; the same seed gives the same link."""
+    """Return a link of the family; the same seed gives the same link."""
     out = TraceBuilder(f"{family}-{seed}", random.Random(f"{family} {seed}"), duration_s)
     FAMILIES[family].make(out)
     return out.trace()
 
 
 def corridor_wifi(seed: int, duration_s: float) -> str:
-    """Returns the link of a robot driving through a building on Wi-Fi, in the text format.
+    """Return the link of a robot driving through a building on Wi-Fi, in the text format.
 
     About 11 ms with a long tail; every 15-25 s the robot changes to the next access point: the link stands
     still for 0.15-0.9 s, and for some seconds before that it gets slower.
@@ -302,7 +302,7 @@ def corridor_wifi(seed: int, duration_s: float) -> str:
 
 
 def yard_4g(seed: int, duration_s: float) -> str:
-    """Returns the link of a robot in a yard on 4G, in the CSV format, ten requests a second.
+    """Return the link of a robot in a yard on 4G, in the CSV format, ten requests a second.
 
     40-60 ms in a slow swell with a long tail; 1 % of the requests are lost alone, and about every 40 s a
     change of the cell loses all for 0.5-2.5 s.
@@ -328,7 +328,7 @@ def yard_4g(seed: int, duration_s: float) -> str:
 
 
 def as_csv(trace: Trace, origin: str) -> str:
-    """Returns the text of a recording, its origin in the first line."""
+    """Return the text of a recording, its origin in the first line."""
     lines = [origin, CSV_HEADER]
     for t_s, rtt_ms in zip(trace.times_s, trace.rtts_ms, strict=True):
         lines.append(f"{t_s:g}," if rtt_ms is None else f"{t_s:g},{rtt_ms:g}")
@@ -336,7 +336,7 @@ def as_csv(trace: Trace, origin: str) -> str:
 
 
 def text(kind: str, seed: int, duration_s: float) -> str:
-    """Returns the text of a link of a family, or of a scene; the same seed gives the same text."""
+    """Return the text of a link of a family, or of a scene; the same seed gives the same text."""
     if kind in SCENES:
         return SCENES[kind](seed, duration_s)
     return as_csv(made(kind, seed, duration_s), _origin(kind, seed, duration_s))
@@ -351,7 +351,7 @@ def _origin(kind: str, seed: int, duration_s: float, meaning: str = "") -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command line: `KIND --seed N --duration S FILE`; returns 0 when the file is written."""
+    """Run the command line: `KIND --seed N --duration S FILE`; return 0 when the file is written."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.links.made_up", description="Made-up links.")
     parser.add_argument("kind", choices=sorted((*FAMILIES, *SCENES)))
     parser.add_argument("--seed", type=int, default=1, help="another number is another link of the kind (default 1)")

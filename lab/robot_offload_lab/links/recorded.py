@@ -80,7 +80,7 @@ class Trace:
         return tuple(itertools.accumulate(ends_s, max))
 
     def one_way_ms(self, t_s: float) -> float | None:
-        """Returns what a packet suffers that is sent at `t_s`, in either direction.
+        """Return what a packet suffers that is sent at `t_s`, in either direction.
 
         Half of the round-trip time of that moment. During a stall a packet is held until the stall's end, and
         none sent later arrives before that. A lost request means no link until the next request. Between the
@@ -104,7 +104,7 @@ class Trace:
 
 
 def load_trace(path: Path) -> Trace:
-    """Reads a trace in either format.
+    """Read a trace in either format.
 
     Raises:
         TraceError: the file cannot be read or is no trace; names file and line.
@@ -118,7 +118,7 @@ def load_trace(path: Path) -> Trace:
 
 
 def parse_trace(text: str, *, name: str, source: str | None = None) -> Trace:
-    """Parses the text of a trace in either format.
+    """Parse the text of a trace in either format.
 
     Args:
         text: the content of the file.

@@ -35,7 +35,7 @@ class CertificatePaths:
 
 
 def client_paths(directory: Path, name: str) -> SidePaths:
-    """Returns where `make_certificates` writes what a client of that name dials the cloud with."""
+    """Return where `make_certificates` writes what a client of that name dials the cloud with."""
     return SidePaths(directory / "server-ca.pem", directory / f"{name}.pem", directory / f"{name}.key")
 
 
@@ -48,7 +48,7 @@ def make_certificates(
     days: int = 30,
     clients: Sequence[str] = (),
 ) -> CertificatePaths:
-    """Makes new certificates for both sides and writes them to `directory`, replacing older ones.
+    """Make new certificates for both sides and write them to `directory`, replacing older ones.
 
     The keys of the two authorities are not written: nothing can be signed by them any more. Who needs another
     certificate makes a whole new set.
@@ -86,7 +86,7 @@ def make_certificates(
 
 
 def _write(path: Path, content: bytes, *, mode: int) -> None:
-    """Replaces the file at once, so that nobody reads half a key, and never with wider permissions in between."""
+    """Replace the file at once, so that nobody reads half a key, and never with wider permissions in between."""
     fresh = path.with_name(path.name + ".new")
     fresh.unlink(missing_ok=True)
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)

@@ -124,7 +124,7 @@ class StoppedEarlyError(RobotOffloadError):
 
 
 def run(options: DemoOptions, view: View) -> DemoResult:
-    """Runs it and writes the report.
+    """Run it and write the report.
 
     Raises:
         InputError: the specification or an option is wrong; nothing was started.
@@ -161,13 +161,13 @@ def run(options: DemoOptions, view: View) -> DemoResult:
 
 
 def manifest(offload: RobotOffload) -> dict[str, Any]:
-    """Returns a resource as its YAML has it, defaults included."""
+    """Return a resource as its YAML has it, defaults included."""
     written: dict[str, Any] = offload.model_dump(mode="json", by_alias=True, exclude_none=True)
     return written
 
 
 def _made(folder: Path, said: Showcase, view: View) -> tuple[Path, ...]:
-    """Makes the interface packages of an example, once for all runs; returns where they are."""
+    """Make the interface packages of an example, once for all runs; return where they are."""
     if not said.interfaces:
         return ()
     from robot_offload_lab.run import interfaces  # noqa: PLC0415 - the generators are slow to import
@@ -202,7 +202,7 @@ def _system(
 
 
 def write_report(system: System, processor: Mapping[str, float] | None = None) -> Mapping[str, Any]:
-    """Writes report.json, report.html and run.png; returns the first. `processor`: see `usage.percent`."""
+    """Write report.json, report.html and run.png; return the first. `processor`: see `usage.percent`."""
     from robot_offload_lab.judge import report  # noqa: PLC0415 - matplotlib would make every start a second longer
 
     files = report.write(recording.read(system.recording), system.out, processor)
@@ -211,7 +211,7 @@ def write_report(system: System, processor: Mapping[str, float] | None = None) -
 
 
 def agent_errors(system: System) -> Iterator[str]:
-    """Yields what the agents called errors, such as a process that died: one line for each agent that had any."""
+    """Yield what the agents called errors, such as a process that died: one line for each agent that had any."""
     for side in system.sides:
         log = system.logs / f"{side}-agent.log"
         errors = [line for line in log.read_text(errors="replace").splitlines() if " ERROR " in line]
@@ -234,7 +234,7 @@ class StopRequest:
 
 @contextmanager
 def stop_requests() -> Iterator[StopRequest]:
-    """Takes Ctrl-C, SIGTERM and a closed terminal as a request to end in order; a second Ctrl-C ends at once."""
+    """Take Ctrl-C, SIGTERM and a closed terminal as a request to end in order; a second Ctrl-C ends at once."""
     request = StopRequest()
 
     def on_signal(number: int, _frame: FrameType | None) -> None:
@@ -257,7 +257,7 @@ def stop_requests() -> Iterator[StopRequest]:
 
 
 def _claim(out: Path, stack: ExitStack) -> None:
-    """Makes the folder and keeps other runs out of it."""
+    """Make the folder and keep other runs out of it."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(out, os.O_RDONLY | os.O_DIRECTORY)
@@ -271,7 +271,7 @@ def _claim(out: Path, stack: ExitStack) -> None:
 
 
 def _clear(system: System) -> None:
-    """Removes what an earlier run has left, and nothing else."""
+    """Remove what an earlier run has left, and nothing else."""
     for name in (
         "report.json",
         "report.html",
@@ -306,7 +306,7 @@ class Demo:
         """Share of one core that each program used from the start of the schedule to the end, percent."""
 
     def go(self, duration_s: float | None, longest_s: float) -> str:
-        """Starts, watches and ends; returns what went wrong on the way, empty when nothing did."""
+        """Start, watch and end; return what went wrong on the way, empty when nothing did."""
         with ExitStack() as stack:
             if self._system.wired and not self._system.joined_by_dds_wire:
                 self._wire = stack.enter_context(EmulatedWire(wire_config(self._system), self._system.temporary))
@@ -332,7 +332,7 @@ class Demo:
             self._programs.start(program)
 
     def _await_up(self) -> None:
-        """Waits until every output is heard, the robot's nodes are configured and the two agents have met."""
+        """Wait until every output is heard, the robot's nodes are configured and the two agents have met."""
         began_s = steady_s()
         give_up_s = began_s + START_TIMEOUT_S
         while self._missing():
@@ -343,7 +343,7 @@ class Demo:
         self._view.say(f"Up after {steady_s() - began_s:.1f} s")
 
     def _missing(self) -> str:
-        """Returns what is not up yet, in words; empty when all is."""
+        """Return what is not up yet, in words; empty when all is."""
         watch = self._watch
         missing = [f"nothing was heard on {topic}" for topic in watch.missing()]
         if watch.placement is None:
@@ -355,7 +355,7 @@ class Demo:
         return ", ".join(missing)
 
     def _begin(self) -> None:
-        """Starts the link's schedule; from here on the recording counts."""
+        """Start the link's schedule; from here on the recording counts."""
         start_s = self._wire.start_schedule() if self._wire else steady_s()
         self._watch.start_s = start_s
         if self._system.joined_by_dds_wire:
@@ -363,7 +363,7 @@ class Demo:
         self._programs.command(RECORDER, {"start": dataclasses.asdict(run_info(self._system, start_s))})
 
     def _drive(self, duration_s: float | None, longest_s: float) -> str:
-        """Follows the run until the goal, the duration, a signal or the death of a process; returns the last."""
+        """Follow the run until the goal, the duration, a signal or the death of a process; return the last."""
         assert self._watch.start_s is not None
         end_s = self._watch.start_s + (longest_s if duration_s is None else duration_s)
         resting, ended_s = False, 0.0
@@ -381,7 +381,7 @@ class Demo:
         return ""
 
     def _look(self) -> None:
-        """Takes in what the recorder prints, for a short while, and shows the state of the run."""
+        """Take in what the recorder prints, for a short while, and show the state of the run."""
         self._programs.look(_LOOK_S)
         now_s = steady_s()
         self._watch.attend(now_s)

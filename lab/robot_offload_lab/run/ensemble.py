@@ -41,7 +41,7 @@ class Ensemble:
     """Programs that run together. Needs `Processes`, which ends them when it is left."""
 
     def __init__(self, processes: Processes, logs: Path, on_line: Callable[[str, str], None]) -> None:
-        """Prepares; starts nothing.
+        """Prepare; start nothing.
 
         Args:
             processes: starts and ends them.
@@ -58,7 +58,7 @@ class Ensemble:
         return name in self.pids
 
     def start(self, program: Program) -> subprocess.Popen[bytes]:
-        """Starts a program, and follows it if it is piped.
+        """Start a program, and follow it if it is piped.
 
         Raises:
             ProcessError: the program cannot be started.
@@ -70,11 +70,11 @@ class Ensemble:
         return child
 
     def command(self, name: str, command: Mapping[str, object]) -> None:
-        """Writes a line of JSON to a program."""
+        """Write a line of JSON to a program."""
         self._pipes.command(name, command)
 
     def until(self, condition: Callable[[], bool], what: str, patience_s: float, words_of: Sequence[str] = ()) -> None:
-        """Waits for a condition on what the programs print.
+        """Wait for a condition on what the programs print.
 
         Args:
             condition: asked after each look.
@@ -92,7 +92,7 @@ class Ensemble:
             self.check(what, f"not seen within {patience_s:.0f} s" if late else None, words_of)
 
     def check(self, what: str, missing: str | None = None, words_of: Sequence[str] = ()) -> None:
-        """Makes sure that the run can go on.
+        """Make sure that the run can go on.
 
         Args:
             what: what the run waits for, in words.
@@ -111,18 +111,18 @@ class Ensemble:
             raise StartError(f"Waited in vain until {what}: {missing}", words, self._logs)
 
     def rest(self, seconds: float) -> None:
-        """Lets time pass, following what the programs print."""
+        """Let time pass, following what the programs print."""
         end_s = steady_s() + seconds
         while (left_s := end_s - steady_s()) > 0:
             self.look(min(left_s, LOOK_S))
 
     def look(self, seconds: float) -> None:
-        """Takes in what was printed; waits up to `seconds` for something."""
+        """Take in what was printed; wait up to `seconds` for something."""
         for name, line in self._pipes.look(seconds):
             self._on_line(name, line)
 
     def finish(self, name: str, last: Mapping[str, object] | None, grace_s: float) -> None:
-        """Ends one program: by a last command and the end of its standard input, by SIGKILL after `grace_s`."""
+        """End one program: by a last command and the end of its standard input, by SIGKILL after `grace_s`."""
         self.look(0.0)
         if last is not None:
             self.command(name, last)

@@ -24,7 +24,7 @@ _PORTS: Final = range(20_000, 32_000)
 
 
 def free_ports() -> tuple[tuple[int, int], tuple[int, int]]:
-    """Returns two pairs of loopback ports that no program uses, neither with UDP nor with TCP.
+    """Return two pairs of loopback ports that no program uses, neither with UDP nor with TCP.
 
     Raises:
         RobotOffloadError: there are too few.
@@ -40,7 +40,7 @@ def free_ports() -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 def _is_free(port: int, stack: ExitStack) -> bool:
-    """Returns whether both protocols can be bound; `stack` keeps the sockets until all ports are found."""
+    """Return whether both protocols can be bound; `stack` keeps the sockets until all ports are found."""
     for kind in (socket.SOCK_DGRAM, socket.SOCK_STREAM):
         sock = stack.enter_context(socket.socket(socket.AF_INET, kind))
         try:
@@ -51,7 +51,7 @@ def _is_free(port: int, stack: ExitStack) -> bool:
 
 
 def free_domains() -> tuple[int, int]:
-    """Returns two ROS domains that no process of this machine uses, and reserves them while this process lives.
+    """Return two ROS domains that no process of this machine uses, and reserves them while this process lives.
 
     Raises:
         RobotOffloadError: there are none.
@@ -72,7 +72,7 @@ _claims: dict[int, socket.socket] = {}
 
 
 def _claim(domain: int) -> bool:
-    """Claims a domain; returns False if another process has done so. An abstract name ends with its process."""
+    """Claim a domain; return False if another process has done so. An abstract name ends with its process."""
     if domain not in _claims:
         sock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
@@ -93,7 +93,7 @@ def _bound_udp_ports() -> Iterable[int]:
 
 
 def parse_domains(text: str) -> tuple[int, int] | None:
-    """Reads the option `--domains ROBOT/CLOUD`; returns None for an empty text.
+    """Read the option `--domains ROBOT/CLOUD`; return None for an empty text.
 
     Raises:
         InputError: the text is not two different ROS domains.

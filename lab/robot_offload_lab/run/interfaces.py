@@ -41,7 +41,7 @@ from robot_offload.errors import RobotOffloadError
 
 
 def _prefix() -> Path:
-    """Returns where ROS 2 itself is: of a sourced installation, or with the wheels of this environment."""
+    """Return where ROS 2 itself is: of a sourced installation, or with the wheels of this environment."""
     sourced = [Path(text) for text in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if text]
     return next((path for path in sourced if (path / "include" / "rosidl_runtime_c").is_dir()), Path(sys.prefix))
 
@@ -67,7 +67,7 @@ class Package:
     interfaces: dict[str, str]
 
     def sources(self) -> dict[str, str]:
-        """Returns which sources go into which library."""
+        """Return which sources go into which library."""
         return {
             "rosidl_generator_c": f"{self.name}/*/detail/*.c",
             "rosidl_typesupport_fastrtps_c": f"{self.name}/*/detail/*__type_support_c.cpp",
@@ -92,7 +92,7 @@ module tf2_msgs { module msg {
 
 
 def read(folder: Path) -> Package:
-    """Returns the package in a folder of its name, with `.msg`, `.srv` and `.action` files as anywhere in ROS 2.
+    """Return the package in a folder of its name, with `.msg`, `.srv` and `.action` files as anywhere in ROS 2.
 
     Raises:
         InterfacesError: a file has no definition that can be read, or there is none.
@@ -114,7 +114,7 @@ def read(folder: Path) -> Package:
 
 
 def cached(package: Package) -> Path:
-    """Returns what has to be on the search paths, from the user's cache, where a package is made once.
+    """Return what has to be on the search paths, from the user's cache, where a package is made once.
 
     Raises:
         InterfacesError: there is no compiler, or the compiler refuses.
@@ -132,7 +132,7 @@ def cached(package: Package) -> Path:
 
 
 def is_cached(package: Package) -> bool:
-    """Returns whether the package is in the user's cache already."""
+    """Return whether the package is in the user's cache already."""
     return (_place(package) / "made").exists()
 
 
@@ -142,14 +142,14 @@ def _place(package: Package) -> Path:
 
 
 def _fingerprint(package: Package) -> str:
-    """Returns what tells packages apart: definitions, and the versions that decide what is made of them."""
+    """Return what tells packages apart: definitions, and the versions that decide what is made of them."""
     versions = sorted(f"{it.name} {it.version}" for it in importlib.metadata.distributions() if "rosidl" in it.name)
     text = repr((package, versions, sys.version))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def make(folder: Path, package: Package) -> Path:
-    """Builds a package below a folder; returns what has to be on the search paths. Takes some seconds.
+    """Build a package below a folder; return what has to be on the search paths. Take some seconds.
 
     Raises:
         InterfacesError: there is no compiler, or the compiler refuses.
@@ -177,19 +177,19 @@ def make(folder: Path, package: Package) -> Path:
 
 
 def load(made: Path, package: Package) -> None:
-    """Lets this process find the package's libraries: it began before LD_LIBRARY_PATH could say where they are."""
+    """Let this process find the package's libraries: it began before LD_LIBRARY_PATH could say where they are."""
     for kind in LIBRARIES:
         ctypes.CDLL(str(made / f"lib{package.name}__{kind}.so"))
 
 
 def environment(*made: Path) -> dict[str, str]:
-    """Returns the variables of a process that finds the packages."""
+    """Return the variables of a process that finds the packages."""
     paths = ":".join(map(str, made))
     return {name: f"{paths}:{os.environ.get(name, '')}".strip(":") for name in ("PYTHONPATH", "LD_LIBRARY_PATH")}
 
 
 def _generate(package: Package, folder: Path, source: Path, introspection: Path) -> None:
-    """Writes all sources. The generators read their input relative to the working folder; two write the same names."""
+    """Write all sources. The generators read their input relative to the working folder; two write the same names."""
     name = package.name
     for file, text in package.interfaces.items():
         path = folder / "idl" / name / file
@@ -244,7 +244,7 @@ def _run(command: Sequence[str]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Makes packages as an image holds them; returns the exit code."""
+    """Make packages as an image holds them; return the exit code."""
     target, *folders = map(Path, sys.argv[1:] if arguments is None else arguments)
     made = []
     for folder in folders:

@@ -28,7 +28,7 @@ _LOOK_S = 0.05
 
 
 def find(run: str, mark: str = MARK) -> tuple[int, ...]:
-    """Returns the living processes that carry the mark of a run, without this one.
+    """Return the living processes that carry the mark of a run, without this one.
 
     Args:
         run: its name.
@@ -45,7 +45,7 @@ def find(run: str, mark: str = MARK) -> tuple[int, ...]:
 
 
 def named(pids: Iterable[int]) -> list[str]:
-    """Returns each process's number and command line, for people who must find out what was left behind."""
+    """Return each process's number and command line, for people who must find out what was left behind."""
     return [f"{pid}: {_command(pid)}" for pid in pids]
 
 
@@ -56,7 +56,7 @@ def _command(pid: int) -> str:
 
 
 def end(run: str, grace_s: float = GRACE_S) -> None:
-    """Ends the processes of a run: asks them, waits, then kills, until none is left or the kernel gives none up."""
+    """End the processes of a run: ask them, wait, then kill, until none is left or the kernel gives none up."""
     _signal(run, signal.SIGTERM)
     _signal(run, signal.SIGCONT)  # a stopped process could not obey
     asked_s = time.monotonic()
@@ -67,14 +67,14 @@ def end(run: str, grace_s: float = GRACE_S) -> None:
 
 
 def start_warden(run: str, *folders: Path) -> subprocess.Popen[bytes]:
-    """Starts the warden of a run; it removes these folders at the end."""
+    """Start the warden of a run; it removes these folders at the end."""
     command = [sys.executable, "-m", "robot_offload_lab.run.marked", run, *map(str, folders)]
     silent = subprocess.DEVNULL
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=silent, stderr=silent, start_new_session=True)
 
 
 def dismiss(warden: subprocess.Popen[bytes]) -> None:
-    """Lets a warden do its work now, and waits for it."""
+    """Let a warden do its work now, and wait for it."""
     if warden.stdin is not None:
         warden.stdin.close()
     warden.wait()
@@ -87,7 +87,7 @@ def _signal(run: str, number: signal.Signals) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Returns the warden."""
+    """Return the warden."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     while sys.stdin.buffer.read(1024):

@@ -19,7 +19,7 @@ class NotInstalledError(InputError):
 
 
 def executable(package: str, name: str, environment: Mapping[str, str]) -> Path:
-    """Returns the program of a package: `lib/PACKAGE/NAME` under the first prefix whose index has the package.
+    """Return the program of a package: `lib/PACKAGE/NAME` under the first prefix whose index has the package.
 
     Args:
         package: the ROS package, e.g. nav2_controller.

@@ -23,13 +23,13 @@ class Pipes:
         return name in self._children
 
     def add(self, name: str, child: subprocess.Popen[bytes]) -> None:
-        """Follows a child whose standard input and output are pipes."""
+        """Follow a child whose standard input and output are pipes."""
         assert child.stdout is not None
         os.set_blocking(child.stdout.fileno(), False)
         self._children[name] = child
 
     def close(self, name: str) -> None:
-        """Ends a child's standard input, and follows it no more."""
+        """End a child's standard input, and follow it no more."""
         child = self._children.pop(name)
         self._unread.pop(name, None)
         if child.stdin is not None:
@@ -37,7 +37,7 @@ class Pipes:
                 child.stdin.close()
 
     def command(self, name: str, command: Mapping[str, object]) -> None:
-        """Writes one command. A child that has ended takes none, which `Ensemble.check` reports."""
+        """Write one command. A child that has ended takes none, which `Ensemble.check` reports."""
         pipe = self._children[name].stdin
         assert pipe is not None
         with suppress(BrokenPipeError):
@@ -45,7 +45,7 @@ class Pipes:
             pipe.flush()
 
     def look(self, seconds: float) -> Iterator[tuple[str, str]]:
-        """Yields (name, line) of what has come; waits up to `seconds` for something."""
+        """Yield (name, line) of what has come; wait up to `seconds` for something."""
         found = {child.stdout.fileno(): name for name, child in self._children.items() if child.stdout is not None}
         for descriptor in select.select(list(found), [], [], seconds)[0]:
             name = found[descriptor]

@@ -69,7 +69,7 @@ class Ended:
     log: Path
 
     def describe(self) -> str:
-        """Returns how it ended, in words."""
+        """Return how it ended, in words."""
         how = f"by signal {signal.Signals(-self.code).name}" if self.code < 0 else f"with exit code {self.code}"
         return f"{self.name} ended {how}"
 
@@ -78,7 +78,7 @@ class Processes:
     """Starts programs, each in a session and process group of its own, and ends them all when it is left."""
 
     def __init__(self, run: str, logs: Path, temporary: Path) -> None:
-        """Prepares; starts nothing.
+        """Prepare; start nothing.
 
         Args:
             run: marks the environment of all processes of this run.
@@ -101,7 +101,7 @@ class Processes:
         self.stop()
 
     def start(self, program: Program) -> subprocess.Popen[bytes]:
-        """Starts a program.
+        """Start a program.
 
         Raises:
             ProcessError: there is no such program, or it may not be run.
@@ -132,11 +132,11 @@ class Processes:
         return child
 
     def log(self, name: str) -> Path:
-        """Returns where a program writes."""
+        """Return where a program writes."""
         return self._logs / f"{name}.log"
 
     def last_lines(self, name: str) -> tuple[str, ...]:
-        """Returns the end of a program's log."""
+        """Return the end of a program's log."""
         try:
             text = self.log(name).read_bytes()[-_MAX_TAIL_BYTES:].decode(errors="replace")
         except OSError:
@@ -144,7 +144,7 @@ class Processes:
         return tuple(line for line in text.splitlines() if line.strip())[-_LAST_LINES:]
 
     def first_ended(self) -> Ended | None:
-        """Returns a process that ended although nobody has stopped it; None while all run."""
+        """Return a process that ended although nobody has stopped it; None while all run."""
         for name, child in self._children.items():
             code = child.poll()
             if code is not None:
@@ -152,12 +152,12 @@ class Processes:
         return None
 
     def end(self, name: str, grace_s: float) -> None:
-        """Asks a program to end by SIGTERM, and kills it after `grace_s`; forgets it."""
+        """Ask a program to end by SIGTERM, and kill it after `grace_s`; forget it."""
         _signal_group(self._children[name], signal.SIGTERM)
         self.finish(name, grace_s)
 
     def finish(self, name: str, grace_s: float) -> None:
-        """Waits until a program that was asked to end has ended, and kills it if it does not; forgets it."""
+        """Wait until a program that was asked to end has ended, and kill it if it does not; forget it."""
         child = self._children.pop(name)
         try:
             child.wait(grace_s)
@@ -167,7 +167,7 @@ class Processes:
         _close_pipes(child)
 
     def stop(self) -> None:
-        """Ends all; legal at any time. Returns when none is left."""
+        """End all; legal at any time. Return when none is left."""
         children = list(self._children.values())
         for child in children:
             _signal_group(child, signal.SIGTERM)
@@ -187,7 +187,7 @@ class Processes:
 
 
 def _end_with_parent() -> None:
-    """Runs in the child before the program: the kernel shall end it when we die."""
+    """Run in the child before the program: the kernel shall end it when we die."""
     _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
 
 

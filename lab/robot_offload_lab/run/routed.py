@@ -24,12 +24,12 @@ _NAMES: Final = {"robot": router.ROBOT, "cloud": router.CLUSTER}
 
 
 def binary() -> str:
-    """Returns the path of the DDS Router; empty: this machine has none."""
+    """Return the path of the DDS Router; empty: this machine has none."""
     return os.environ.get(VARIABLE, "")
 
 
 def programs(system: System, certificates: CertificatePaths) -> Iterator[Program]:
-    """Yields router and tunnel of both sides. Writes their files.
+    """Yield router and tunnel of both sides. Write their files.
 
     The connection of the tunnel goes through the emulated link's port for data over TCP.
     """

@@ -56,7 +56,7 @@ class Showcase(BaseModel):
 
 
 def showcase(spec: Path) -> Showcase:
-    """Reads the file beside a RobotOffload; an example without one has nothing to say.
+    """Read the file beside a RobotOffload; an example without one has nothing to say.
 
     Raises:
         InputError: the file is there and cannot be understood.

@@ -48,7 +48,7 @@ class Standstill:
             self.look()
 
     def look(self) -> None:
-        """Compares both clocks with the last look."""
+        """Compare both clocks with the last look."""
         before, self._last = self._last, (self.running_s(), self.passing_s())
         ran_s, passed_s = self._last[0] - before[0], self._last[1] - before[1]
         self.suspended_s += max(0.0, passed_s - ran_s - STOOD_S)
@@ -56,7 +56,7 @@ class Standstill:
             self.lengths_s.append(passed_s - STEP_S)
 
     def sentence(self) -> str:
-        """Returns what people should know of it; "" when the machine ran all the time."""
+        """Return what people should know of it; "" when the machine ran all the time."""
         if not self.lengths_s:
             return ""
         times = "once" if len(self.lengths_s) == 1 else f"{len(self.lengths_s)} times"

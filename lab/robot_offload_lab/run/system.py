@@ -136,7 +136,7 @@ class System:
         return self.mode is not Mode.ROBOT_ONLY
 
     def runs_on(self, side: Side) -> tuple[Node, ...]:
-        """Returns the nodes that this run starts on a side."""
+        """Return the nodes that this run starts on a side."""
         bare = self.mode is Mode.CLOUD_ONLY and side == "robot"
         return tuple(node for node in ros_names.nodes_on(self.spec, side) if not (bare and node.duplicated))
 
@@ -177,7 +177,7 @@ class System:
 
 
 def adapted(offload: RobotOffload, mode: Mode, seed: int, transport: str = "") -> RobotOffload:
-    """Returns the resource as this run needs it.
+    """Return the resource as this run needs it.
 
     Args:
         offload: as the user wrote it.
@@ -203,7 +203,7 @@ def _seeded(node: Node, seed: int) -> Node:
 
 
 def check_runnable(offload: RobotOffload, file: Path, said: Showcase | None = None) -> None:
-    """Checks that everything that the run needs can be started; `said` is what the example says of itself.
+    """Check that everything that the run needs can be started; `said` is what the example says of itself.
 
     Raises:
         NotRunnableError: with a line for each node that cannot.
@@ -246,7 +246,7 @@ class NotRunnableError(InputError):
 
 
 def run_info(system: System, start_s: float) -> RunInfo:
-    """Returns what the recorder gets at the start of a run; `start_s` is the moment that the report calls 0."""
+    """Return what the recorder gets at the start of a run; `start_s` is the moment that the report calls 0."""
     return of_run(system.spec, system.mode.value, system.seed, start_s)
 
 
@@ -254,7 +254,7 @@ def run_info(system: System, start_s: float) -> RunInfo:
 
 
 def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]:
-    """Returns everything that runs beside the wire, in the order in which it is started. Writes the agents' files.
+    """Return everything that runs beside the wire, in the order in which it is started. Write the agents' files.
 
     Args:
         system: what to run.
@@ -276,7 +276,7 @@ def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]
 
 
 def joined(system: System, certificates: CertificatePaths) -> Iterator[Program]:
-    """Yields what joins the two domains: DDS Routers where they are meant and there, else the emulated DDS link."""
+    """Yield what joins the two domains: DDS Routers where they are meant and there, else the emulated DDS link."""
     if system.routed:
         yield from routed.programs(system, certificates)
     elif system.joined_by_dds_wire:
@@ -284,7 +284,7 @@ def joined(system: System, certificates: CertificatePaths) -> Iterator[Program]:
 
 
 def recorder(system: System) -> Program:
-    """Returns the consumer that writes down what it gets."""
+    """Return the consumer that writes down what it gets."""
     command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(system.recording)]
     for topic, type_name in system.outputs.items():
         command += ["--topic", f"{topic}={type_name}"]
@@ -297,7 +297,7 @@ def recorder(system: System) -> Program:
 
 
 def recording_in_the_fields_format(system: System) -> Program:
-    """Returns what records the robot's side as MCAP, as the robot's own command does; reads the robot's file."""
+    """Return what records the robot's side as MCAP, as the robot's own command does; read the robot's file."""
     command = ("record", "--params", str(system.out / "robot.yaml"), "--output", str(system.mcap))
     return Program(
         MCAP, (sys.executable, "-m", "robot_offload_agent.main", *command), system.out, environment(system, "robot")
@@ -305,7 +305,7 @@ def recording_in_the_fields_format(system: System) -> Program:
 
 
 def dds_wire(system: System) -> Program:
-    """Returns what carries topics between the two domains where the agents have no sessions of their own."""
+    """Return what carries topics between the two domains where the agents have no sessions of their own."""
     file = system.out / "dds-wire.json"
     config = DdsWireConfig(system.domains, carried(system.spec), system.link, system.seed)
     file.write_text(config.to_json(), encoding="utf-8")
@@ -315,7 +315,7 @@ def dds_wire(system: System) -> Program:
 
 
 def agent(system: System, side: Side, certificates: CertificatePaths, observers: Sequence[str] = ()) -> Program:
-    """Returns the agent of one side, and writes its file; `observers` may listen at the cloud's."""
+    """Return the agent of one side, and write its file; `observers` may listen at the cloud's."""
     files = certificates.robot if side == "robot" else certificates.cloud
     ports = system.dialled if side == "robot" else system.served
     site = AgentSite(
@@ -342,14 +342,14 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
 
 
 def fresh_state(system: System, side: Side) -> Path:
-    """Returns the folder in which a side's agent keeps what outlives it, its black box too; of earlier runs emptied."""
+    """Return the folder in which a side's agent keeps what outlives it, its black box too; of earlier runs emptied."""
     folder = system.out / "state" / side
     shutil.rmtree(folder, ignore_errors=True)
     return folder
 
 
 def _nodes(system: System, side: Side) -> Iterator[Program]:
-    """Yields the programs of the user's nodes of one side, in the order of the nodes."""
+    """Yield the programs of the user's nodes of one side, in the order of the nodes."""
     shared = {name: together for together in system.said.processes for name in together.nodes}
     here = system.runs_on(side)
     started = set()
@@ -375,7 +375,7 @@ def _nodes(system: System, side: Side) -> Iterator[Program]:
 
 
 def _command(system: System, node: Node, side: Side) -> tuple[str, ...]:
-    """Returns the command line of a node; the executable of a package is started by its path."""
+    """Return the command line of a node; the executable of a package is started by its path."""
     command = ros_names.command(system.spec, node, side)
     if node.run is None or node.run.command:
         return command
@@ -387,7 +387,7 @@ def _executable(run: Run) -> Path:
 
 
 def environment(system: System, side: Side) -> Mapping[str, str]:
-    """Returns the variables of a side's processes."""
+    """Return the variables of a side's processes."""
     own = {name: value for name, value in os.environ.items() if name not in _FOREIGN}
     if system.interfaces:
         from robot_offload_lab.run import interfaces  # noqa: PLC0415 - the generators are slow to import
@@ -411,7 +411,7 @@ def _domain(system: System, side: Side) -> int:
 
 
 def wire_config(system: System) -> WireConfig:
-    """Returns the emulated link: every port in both protocols; TLS over TCP carries the fallback and the tunnel."""
+    """Return the emulated link: every port in both protocols; TLS over TCP carries the fallback and the tunnel."""
     forwards = []
     for session, dialled, served in zip(("pulse", "data"), system.dialled, system.served, strict=True):
         forwards.append(Forward(session, "udp", f"{HOST}:{dialled}", f"{HOST}:{served}"))

@@ -25,7 +25,7 @@ class ProcessorTime:
 
 
 def read(pids: Mapping[str, int]) -> ProcessorTime:
-    """Returns what the programs have used so far; one that has ended is left out."""
+    """Return what the programs have used so far; one that has ended is left out."""
     used_s = {}
     for name, pid in pids.items():
         with suppress(psutil.Error):
@@ -36,7 +36,7 @@ def read(pids: Mapping[str, int]) -> ProcessorTime:
 
 
 def percent(before: ProcessorTime, after: ProcessorTime) -> dict[str, float]:
-    """Returns the share of one core that each program used between two readings, percent."""
+    """Return the share of one core that each program used between two readings, percent."""
     elapsed_s = max(after.t_s - before.t_s, 1e-3)
     both = before.used_s.keys() & after.used_s.keys()
     return {name: round(100.0 * (after.used_s[name] - before.used_s[name]) / elapsed_s, 1) for name in sorted(both)}

@@ -8,7 +8,7 @@ from typing import Any
 
 
 def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
-    """Returns what matters most of `report`, and where the rest is."""
+    """Return what matters most of `report`, and where the rest is."""
     return (
         "",
         f"{report['mode']}, seed {report['seed']}: {_ending(report)}",

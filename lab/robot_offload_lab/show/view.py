@@ -32,7 +32,7 @@ class Terminal(Console):
     """A console that falls silent at the end of its pipe instead of ending the program."""
 
     def on_broken_pipe(self) -> None:
-        """Lets the rest go nowhere, also what Python itself still holds for the pipe."""
+        """Let the rest go nowhere, also what Python itself still holds for the pipe."""
         self.quiet = True
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self.file.fileno())
@@ -43,13 +43,13 @@ class View(Protocol):
     """Shows a run."""
 
     def say(self, text: str) -> None:
-        """Shows a step of the preparation or of the end."""
+        """Show a step of the preparation or of the end."""
 
     def show(self, watch: LiveRun, now_s: float) -> None:
-        """Shows the present state; called some times a second."""
+        """Show the present state; called some times a second."""
 
     def close(self) -> None:
-        """Ends the picture; later lines come below."""
+        """End the picture; later lines come below."""
 
 
 class LineView:
@@ -59,26 +59,26 @@ class LineView:
         self._console = console
 
     def say(self, text: str) -> None:
-        """Prints the line."""
+        """Print the line."""
         with suppress(OSError):
             self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def show(self, watch: LiveRun, now_s: float) -> None:
-        """Prints what has happened since the last call."""
+        """Print what has happened since the last call."""
         del now_s
         for event in watch.events():
             when = "   start" if watch.start_s is None else f"{watch.since_start(event.t_s):6.2f} s"
             self.say(f"{when}  {event.text}")
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""
 
 
 class LiveView:
     """A picture that is drawn anew ten times a second."""
 
     def __init__(self, console: Console, title: str) -> None:
-        """Prepares.
+        """Prepare.
 
         Args:
             console: a terminal.
@@ -90,12 +90,12 @@ class LiveView:
         self._shown_s = 0.0
 
     def say(self, text: str) -> None:
-        """Prints the line above the picture, or below it once that is closed."""
+        """Print the line above the picture, or below it once that is closed."""
         with suppress(OSError):
             self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def show(self, watch: LiveRun, now_s: float) -> None:
-        """Draws the picture, if it is time."""
+        """Draw the picture, if it is time."""
         watch.events()
         if watch.start_s is None or now_s < self._shown_s + REFRESH_S:
             return
@@ -107,7 +107,7 @@ class LiveView:
             self._live.update(picture(watch, now_s, self._title), refresh=True)
 
     def close(self) -> None:
-        """Leaves the last picture where it is."""
+        """Leave the last picture where it is."""
         if self._live is not None:
             with suppress(OSError):
                 self._live.stop()
@@ -115,7 +115,7 @@ class LiveView:
 
 
 def picture(watch: LiveRun, now_s: float, title: str) -> RenderableType:
-    """Returns the whole picture."""
+    """Return the whole picture."""
     rows = Table.grid(padding=(0, 2))
     rows.add_column(style="dim", min_width=9)
     rows.add_column()

@@ -99,7 +99,7 @@ class LiveRun:
     _link_word: str = ""
 
     def take(self, line: str) -> None:
-        """Takes one line of the recorder's stream; what cannot be read is left out."""
+        """Take one line of the recorder's stream; what cannot be read is left out."""
         try:
             message = json.loads(line)
             if "drive" in message:
@@ -112,7 +112,7 @@ class LiveRun:
             return
 
     def attend(self, now_s: float) -> None:
-        """Time has passed: the silence around the last switches may be known."""
+        """Let time pass: the silence around the last switches may be known."""
         for switch in self.switches:
             end_s = switch.t_s + GAP_WINDOW_S
             # A silence that still lasts has no length yet.
@@ -123,12 +123,12 @@ class LiveRun:
                 self._events.append(Event(now_s, f"{text}: {switch.gap_ms:.0f} ms"))
 
     def events(self) -> tuple[Event, ...]:
-        """Returns what has happened since the last call."""
+        """Return what has happened since the last call."""
         events, self._events = tuple(self._events), []
         return events
 
     def since_start(self, t_s: float) -> float:
-        """Returns a moment of the run; 0 before the start."""
+        """Return a moment of the run; 0 before the start."""
         return 0.0 if self.start_s is None else t_s - self.start_s
 
     @property
@@ -142,11 +142,11 @@ class LiveRun:
         return any(not goal.ending for goal in self.goals.values())
 
     def missing(self) -> tuple[str, ...]:
-        """Returns the outputs that were not heard yet."""
+        """Return the outputs that were not heard yet."""
         return tuple(topic for topic in self.outputs if not self.received.get(topic))
 
     def link_word(self) -> str:
-        """Returns how the link is: `cut`, `slow` or `good`; empty without one."""
+        """Return how the link is: `cut`, `slow` or `good`; empty without one."""
         if self.link is None:
             return ""
         if self.link.rtt_ms is None:
@@ -165,7 +165,7 @@ class LiveRun:
         self.nodes = agents["nodes"]
 
     def take_record(self, record: object) -> None:
-        """Takes one record of a recording."""
+        """Take one record of a recording."""
         if isinstance(record, Arrival):
             self.ages_ms[record.topic] = record.age_s * 1e3
             self.received[record.topic] = self.received.get(record.topic, 0) + 1
@@ -219,7 +219,7 @@ class LiveRun:
         self._link_word = word
 
     def _gap_ms(self, topic: str, around_s: float) -> float:
-        """Returns the longest silence of an output that touches the window around a moment."""
+        """Return the longest silence of an output that touches the window around a moment."""
         return max(self._gaps_ms(topic, around_s - GAP_WINDOW_S, around_s + GAP_WINDOW_S), default=0.0)
 
     def _gaps_ms(self, topic: str, from_s: float, to_s: float) -> Iterator[float]:

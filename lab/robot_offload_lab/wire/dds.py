@@ -53,13 +53,13 @@ class Delayer:
         self._thread.start()
 
     def at(self, when_s: float, action: Callable[[], None]) -> None:
-        """Calls `action` at `when_s` (steady clock)."""
+        """Call `action` at `when_s` (steady clock)."""
         with self._changed:
             heapq.heappush(self._due, (when_s, next(self._order), action))
             self._changed.notify()
 
     def close(self) -> None:
-        """Calls nothing back any more."""
+        """Call nothing back any more."""
         with self._changed:
             self._ended = True
             self._changed.notify()
@@ -90,7 +90,7 @@ class Carrier:
         self._publisher: Any = None
 
     def resolve(self) -> bool:
-        """Creates both ends as soon as type and quality of service are known; whether that has happened."""
+        """Create both ends as soon as type and quality of service are known; whether that has happened."""
         if self._publisher is not None:
             return True
         infos = self._source.get_publishers_info_by_topic(self._carried.topic)
@@ -128,7 +128,7 @@ class Carrier:
             self._delayer.at(now_s + HEARTBEAT_S, self._beat)
 
     def _beat(self) -> None:
-        """Asks for what is missing, as the writer's heartbeat does, for when nothing newer has come since the loss."""
+        """Ask for what is missing, as the writer's heartbeat does, for when nothing newer has come since the loss."""
         if not self._held:
             return
         now_s = steady_s()
@@ -139,7 +139,7 @@ class Carrier:
             self._release(now_s, arrives_s)
 
     def _release(self, now_s: float, arrives_s: float) -> None:
-        """Something got through: the reader now asks for what is missing, and gets it one round trip later."""
+        """Release what the reader now asks for; it gets it one round trip later."""
         missing = len(self._held) > 1
         up, down = self._link.conditions(now_s)
         round_trip_s = (up.delay_ms + down.delay_ms) / 1e3
@@ -147,7 +147,7 @@ class Carrier:
         self._held.clear()
 
     def _deliver(self, when_s: float | None, messages: Sequence[bytes]) -> None:
-        """Publishes `messages` at that moment; None: they are lost."""
+        """Publish `messages` at that moment; None: they are lost."""
         if when_s is None:
             return
 
@@ -162,7 +162,7 @@ class DdsWire:
     """Both domains, with one thread each, and the delayer between them."""
 
     def __init__(self, config: DdsWireConfig) -> None:
-        """Joins both domains.
+        """Join both domains.
 
         Raises:
             WireError: the options of the link cannot be understood.
@@ -185,18 +185,18 @@ class DdsWire:
         self._unresolved = [carrier for carrier in self._unresolved if not carrier.resolve()]
 
     def start(self, start_s: float) -> None:
-        """Starts the schedule's clock, at a steady time."""
+        """Start the schedule's clock, at a steady time."""
         self._delayer.at(steady_s(), lambda: self._link.start(start_s))
 
     def spin(self) -> None:
-        """Carries, in threads of its own, until `close`."""
+        """Carry, in threads of its own, until `close`."""
         ends = zip(self._nodes, self._contexts, strict=True)
         self._threads = [threading.Thread(target=_spin, args=end, daemon=True) for end in ends]
         for thread in self._threads:
             thread.start()
 
     def close(self) -> None:
-        """Leaves both domains, so that the middleware cleans up behind itself."""
+        """Leave both domains, so that the middleware cleans up behind itself."""
         self._delayer.close()
         for context in self._contexts:
             context.shutdown()
@@ -221,7 +221,7 @@ def _message_class(name: str) -> Any:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Runs until standard input ends or SIGTERM."""
+    """Run until standard input ends or SIGTERM."""
     [path] = arguments
     wire = DdsWire(DdsWireConfig.from_json(Path(path).read_text(encoding="utf-8")))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))

@@ -54,12 +54,12 @@ class DdsWireConfig:
     seed: int
 
     def to_json(self) -> str:
-        """Returns the configuration file."""
+        """Return the configuration file."""
         return json.dumps(dataclasses.asdict(self), indent=2) + "\n"
 
     @classmethod
     def from_json(cls, text: str) -> DdsWireConfig:
-        """Reads what `to_json` has written."""
+        """Read what `to_json` has written."""
         values = json.loads(text)
         carried = tuple(Carried(**one) for one in values["carried"])
         robot, cloud = values["domains"]
@@ -67,7 +67,7 @@ class DdsWireConfig:
 
 
 def carried(spec: RobotOffloadSpec) -> tuple[Carried, ...]:
-    """Returns what a DDS router would be allowed to carry: the agents' topics, inputs, and mirrored outputs.
+    """Return what a DDS router would be allowed to carry: the agents' topics, inputs, and mirrored outputs.
 
     The names of the agents' topics are those of their link over DDS; nothing of the cloud's nodes crosses by itself.
     """

@@ -48,7 +48,7 @@ class EmulatedWire:
     """The program that is started."""
 
     def __init__(self, config: WireConfig, folder: Path | None = None) -> None:
-        """Prepares; starts nothing.
+        """Prepare; start nothing.
 
         Args:
             config: what to emulate. An empty `control` gets a path in a temporary folder.
@@ -72,7 +72,7 @@ class EmulatedWire:
         self.stop()
 
     def start(self) -> None:
-        """Starts the process and waits until its ports are open.
+        """Start the process and wait until its ports are open.
 
         Raises:
             WireError: the options of the link cannot be understood.
@@ -104,7 +104,7 @@ class EmulatedWire:
             raise
 
     def stop(self) -> None:
-        """Stops the process; legal at any time."""
+        """Stop the process; legal at any time."""
         if self._process is not None:
             self._process.terminate()
             try:
@@ -126,15 +126,15 @@ class EmulatedWire:
         return self._process.pid if self._process else None
 
     def port(self, name: str) -> int:
-        """Returns the port on which the forward `name` listens."""
+        """Return the port on which the forward `name` listens."""
         return self._ports[name]
 
     def start_schedule(self) -> float:
-        """Starts the schedule's clock; returns the steady time (CLOCK_BOOTTIME) of its 0 in seconds."""
+        """Start the schedule's clock; return the steady time (CLOCK_BOOTTIME) of its 0 in seconds."""
         return float(self._ask({"start": True})["started_s"])
 
     def set(self, **conditions: Any) -> None:
-        """Puts conditions on top of the schedule at once, such as `delay_ms=80` or `up={"loss": 0.1}`.
+        """Put conditions on top of the schedule at once, such as `delay_ms=80` or `up={"loss": 0.1}`.
 
         Raises:
             ControlError: an unknown condition or a value out of range.
@@ -142,11 +142,11 @@ class EmulatedWire:
         self._ask({"set": conditions})
 
     def cut(self, which: Literal["up", "down", "both"] | None) -> None:
-        """Cuts one direction or both, or with None none beyond the schedule's outages."""
+        """Cut one direction or both, or with None none beyond the schedule's outages."""
         self.set(cut=which)
 
     def status(self) -> dict[str, Any]:
-        """Ports, counters, conditions, and when the schedule was started."""
+        """Return ports, counters, conditions, and when the schedule was started."""
         return self._ask({"status": True})
 
     def _await_ready(self) -> None:
@@ -175,7 +175,7 @@ class EmulatedWire:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the wire until SIGTERM or SIGINT; 2 for a wrong configuration, 1 if it cannot start."""
+    """Run the wire until SIGTERM or SIGINT; 2 for a wrong configuration, 1 if it cannot start."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.wire.emulated", description="An emulated link.")
     parser.add_argument("--config", type=Path, required=True, help="JSON file, see WireConfig")
     parser.add_argument("--parent", type=int, help="stop when this process is no longer the parent")

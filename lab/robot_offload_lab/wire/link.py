@@ -66,15 +66,15 @@ class EmulatedLink:
         return self._started_s
 
     def start(self, now_s: float) -> None:
-        """Starts the schedule's clock at 0, again if it runs already."""
+        """Start the schedule's clock at 0, again if it runs already."""
         self._started_s = now_s
 
     def follow(self, schedule: Schedule) -> None:
-        """Replaces the schedule; the link is quiet until `start`. What is under way, queue and chances stay."""
+        """Replace the schedule; the link is quiet until `start`. What is under way, queue and chances stay."""
         self._schedule, self._started_s = schedule, None
 
     def conditions(self, now_s: float) -> Pair:
-        """Returns the conditions of this moment, up and down."""
+        """Return the conditions of this moment, up and down."""
         if self._started_s is None:
             up, down = self._schedule.quiet()
         else:
@@ -82,14 +82,14 @@ class EmulatedLink:
         return self._overridden("up", up), self._overridden("down", down)
 
     def next_change_s(self, now_s: float) -> float | None:
-        """Returns when the next outage or slow phase begins or ends; None without any."""
+        """Return when the next outage or slow phase begins or ends; None without any."""
         if self._started_s is None:
             return None
         change_s = self._schedule.next_change_s(now_s - self._started_s)
         return None if change_s is None else change_s + self._started_s
 
     def datagram(self, direction: Direction, now_s: float, size: int) -> float | None:
-        """Offers a datagram; returns when it arrives, None when it is lost."""
+        """Offer a datagram; return when it arrives, None when it is lost."""
         here = self.conditions(now_s)[_DIRECTIONS.index(direction)]
         arrives_s = self._models[direction].datagram(now_s, size, here)
         counters = self.counters[direction]
@@ -98,23 +98,23 @@ class EmulatedLink:
         return arrives_s
 
     def stream(self, direction: Direction) -> StreamModel:
-        """Returns the model of one direction of a new TCP connection."""
+        """Return the model of one direction of a new TCP connection."""
         return StreamModel(self._models[direction])
 
     def offer(self, direction: Direction, stream: StreamModel, now_s: float, size: int) -> float | None:
-        """Offers bytes of a stream; see `StreamModel.offer`."""
+        """Offer bytes of a stream; see `StreamModel.offer`."""
         self.counters[direction].stream_bytes += size
         pair = self.conditions(now_s)
         round_trip_s = (pair[0].delay_ms + pair[1].delay_ms) / 1000
         return stream.offer(now_s, size, pair[_DIRECTIONS.index(direction)], round_trip_s)
 
     def retry(self, direction: Direction, stream: StreamModel, now_s: float, size: int) -> float | None:
-        """Retransmits what a stream holds; see `StreamModel.retry`."""
+        """Retransmit what a stream holds; see `StreamModel.retry`."""
         self.counters[direction].retransmissions += 1
         return stream.retry(now_s, size, self.conditions(now_s)[_DIRECTIONS.index(direction)])
 
     def room(self, direction: Direction, now_s: float) -> tuple[int, float]:
-        """Returns how much a stream may put on the link now without filling the queue for all others.
+        """Return how much a stream may put on the link now without filling the queue for all others.
 
         Returns:
             Bytes, and when 0 how long to wait, in seconds.
@@ -128,7 +128,7 @@ class EmulatedLink:
         return min(1 << 16, max(1, int(spare_s / 2 * here.rate_kbit_s * 125))), 0.0
 
     def override(self, changes: Mapping[str, Any]) -> None:
-        """Puts conditions on top of the schedule's, at once.
+        """Put conditions on top of the schedule's, at once.
 
         `{"delay_ms": 80, "loss": 0.03}` replaces these values in both directions, `{"up": {"loss": 0.1}}` in one;
         None gives a value back to the schedule. `{"cut": "up" | "down" | "both" | None}` says which directions

@@ -71,7 +71,7 @@ class LinkConditions:
             raise ConditionsError(f"loss must be a share from 0 to 1, found {self.loss!r}")
 
     def combined(self, other: LinkConditions) -> LinkConditions:
-        """Returns both in a row: delays add, independent jitters and losses combine, the narrower rate counts."""
+        """Return both in a row: delays add, independent jitters and losses combine, the narrower rate counts."""
         if self is CLEAR or other is CLEAR:
             return self if other is CLEAR else other
         narrow = self
@@ -105,7 +105,7 @@ class DirectionModel:
         self._last_arrival_s = -math.inf
 
     def datagram(self, now_s: float, size: int, here: LinkConditions) -> float | None:
-        """Offers a datagram.
+        """Offer a datagram.
 
         Args:
             now_s: when it is sent.
@@ -125,18 +125,18 @@ class DirectionModel:
         return None if luck < here.loss else self.arrival(sent_s, here, swing)
 
     def backlog_s(self, now_s: float) -> float:
-        """Returns how long a packet offered now would wait in the queue."""
+        """Return how long a packet offered now would wait in the queue."""
         return max(0.0, self._queue_free_s - now_s)
 
     def enqueue(self, now_s: float, size: int, here: LinkConditions) -> float:
-        """Passes `size` bytes through the queue; returns when the last of them has left it."""
+        """Pass `size` bytes through the queue; return when the last of them has left it."""
         if not here.rate_kbit_s:
             return now_s
         self._queue_free_s = max(self._queue_free_s, now_s) + size * 8 / (here.rate_kbit_s * 1000)
         return self._queue_free_s
 
     def arrival(self, sent_s: float, here: LinkConditions, swing: float) -> float:
-        """Returns when a packet arrives that leaves the queue at `sent_s`.
+        """Return when a packet arrives that leaves the queue at `sent_s`.
 
         Args:
             sent_s: when it leaves the queue.
@@ -150,7 +150,7 @@ class DirectionModel:
         return self._last_arrival_s
 
     def segments(self, count: int, here: LinkConditions) -> tuple[bool, float]:
-        """Draws for `count` segments sent together: whether one is lost, and their swing."""
+        """Draw for `count` segments sent together: whether one is lost, and their swing."""
         luck, swing = self._random.random(), self._random.gauss(0.0, 1.0)
         return luck < 1 - (1 - here.loss) ** count, swing
 
@@ -173,7 +173,7 @@ class StreamModel:
         self.retransmissions = 0
 
     def offer(self, now_s: float, size: int, here: LinkConditions, round_trip_s: float) -> float | None:
-        """Offers bytes of the stream.
+        """Offer bytes of the stream.
 
         Args:
             now_s: when they are sent.
@@ -200,7 +200,7 @@ class StreamModel:
         return None
 
     def retry(self, now_s: float, size: int, here: LinkConditions) -> float | None:
-        """Sends the hole again, at `retry_at_s`, and if that gets through all that waits behind it.
+        """Send the hole again, at `retry_at_s`, and if that gets through all that waits behind it.
 
         Args:
             now_s: the present.

@@ -29,7 +29,7 @@ class OptionError(WireError):
 
 
 def parse_ms(option: str, text: str) -> float:
-    """Returns a time with its unit, in milliseconds.
+    """Return a time with its unit, in milliseconds.
 
     Raises:
         OptionError: no number with `ms` or `s`.
@@ -41,7 +41,7 @@ def parse_ms(option: str, text: str) -> float:
 
 
 def parse_loss(option: str, text: str) -> float:
-    """Returns a share of packets, `3%` or `0.03`, from 0 to 1.
+    """Return a share of packets, `3%` or `0.03`, from 0 to 1.
 
     Raises:
         OptionError: no share from 0 to 1.
@@ -54,7 +54,7 @@ def parse_loss(option: str, text: str) -> float:
 
 
 def parse_rate(option: str, text: str) -> float:
-    """Returns a rate such as `20mbit` or `512kbit` (also with `/s`), in kbit/s.
+    """Return a rate such as `20mbit` or `512kbit` (also with `/s`), in kbit/s.
 
     Raises:
         OptionError: no rate above 0.
@@ -67,7 +67,7 @@ def parse_rate(option: str, text: str) -> float:
 
 
 def parse_outage(option: str, text: str) -> SchedulePart:
-    """`4/20`: both directions cut for 4 s out of every 20 s.
+    """Return `4/20`: both directions cut for 4 s out of every 20 s.
 
     Raises:
         OptionError: not of that form, or longer than its period.
@@ -76,7 +76,7 @@ def parse_outage(option: str, text: str) -> SchedulePart:
 
 
 def parse_slow(option: str, text: str) -> SchedulePart:
-    """`3/45@120ms`: 120 ms more of round trip for 3 s out of every 45 s.
+    """Return `3/45@120ms`: 120 ms more of round trip for 3 s out of every 45 s.
 
     Raises:
         OptionError: not of that form, or longer than its period.
@@ -130,7 +130,7 @@ class LinkOptions:
 
     @classmethod
     def from_dict(cls, raw: Any) -> LinkOptions:
-        """Reads what `dataclasses.asdict` made, also after it went through JSON.
+        """Read what `dataclasses.asdict` made, also after it went through JSON.
 
         Raises:
             WireError: an unknown key or a value of the wrong type.
@@ -141,7 +141,7 @@ class LinkOptions:
         return cls(**values)
 
     def schedule(self) -> Schedule:
-        """Understands the texts and reads the trace.
+        """Understand the texts and read the trace.
 
         Raises:
             OptionError: names the option and shows the right form.
@@ -184,7 +184,7 @@ class Address:
 
     @classmethod
     def parse(cls, text: str) -> Address:
-        """Reads `host:port`.
+        """Read `host:port`.
 
         Raises:
             WireError: not of that form.
@@ -249,12 +249,12 @@ class WireConfig:
             raise WireError(f"a wire needs at least one forward, each with a name of its own, found {names}")
 
     def to_json(self) -> str:
-        """Returns the configuration file."""
+        """Return the configuration file."""
         return json.dumps(dataclasses.asdict(self), indent=2) + "\n"
 
     @classmethod
     def from_json(cls, text: str) -> WireConfig:
-        """Reads a configuration file.
+        """Read a configuration file.
 
         Raises:
             WireError: no JSON, an unknown or missing key, or a value out of range.
@@ -271,7 +271,7 @@ class WireConfig:
 
 
 def _object(raw: Any, cls: type, what: str) -> dict[str, Any]:
-    """Returns a JSON object with only fields of `cls`, all that it requires, in the types of the defaults."""
+    """Return a JSON object with only fields of `cls`, all that it requires, in the types of the defaults."""
     if not isinstance(raw, dict):
         raise WireError(f"{what} must be a JSON object, found {raw!r}")
     fields = {field.name: field for field in dataclasses.fields(cls)}

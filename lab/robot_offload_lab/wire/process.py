@@ -49,7 +49,7 @@ class WireProcess:
     """Runs the relays until SIGTERM or SIGINT. Everything happens in `run`, on one thread."""
 
     def __init__(self, config: WireConfig, *, parent: int | None = None) -> None:
-        """Reads the trace; opens nothing yet.
+        """Read the trace; open nothing yet.
 
         Args:
             config: what to do.
@@ -68,7 +68,7 @@ class WireProcess:
         self._running = True
 
     def run(self) -> None:
-        """Relays until SIGTERM, SIGINT or the parent's end.
+        """Relay until SIGTERM, SIGINT or the parent's end.
 
         Raises:
             WireProcessError: a port, the control socket or the log cannot be opened.

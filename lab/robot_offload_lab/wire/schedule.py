@@ -30,13 +30,13 @@ class SchedulePart(Protocol):
     """One thing that happens to the link."""
 
     def at(self, t_s: float) -> Pair:
-        """Returns the conditions at `t_s` seconds of the schedule's clock."""
+        """Return the conditions at `t_s` seconds of the schedule's clock."""
 
     def quiet(self) -> Pair:
-        """Returns the conditions before the clock starts: the path as it usually is, without events."""
+        """Return the conditions before the clock starts: the path as it usually is, without events."""
 
     def next_change_s(self, t_s: float) -> float | None:
-        """Returns when the next phase after `t_s` begins or ends; None if this part has no phases."""
+        """Return when the next phase after `t_s` begins or ends; None if this part has no phases."""
 
 
 @dataclass(frozen=True)
@@ -47,15 +47,15 @@ class Constant:
     down: LinkConditions = CLEAR
 
     def at(self, t_s: float) -> Pair:
-        """Returns the conditions, at any time."""
+        """Return the conditions, at any time."""
         return self.up, self.down
 
     def quiet(self) -> Pair:
-        """Returns the same conditions."""
+        """Return the same conditions."""
         return self.up, self.down
 
     def next_change_s(self, t_s: float) -> float | None:
-        """Never."""
+        """Return infinity: never."""
         return None
 
 
@@ -83,15 +83,15 @@ class Periodic:
             )
 
     def at(self, t_s: float) -> Pair:
-        """Returns the conditions of a phase, or none."""
+        """Return the conditions of a phase, or none."""
         return (self.up, self.down) if t_s >= self._begin_s(t_s) else BOTH_CLEAR
 
     def quiet(self) -> Pair:
-        """No phase."""
+        """Return a schedule without a phase."""
         return BOTH_CLEAR
 
     def next_change_s(self, t_s: float) -> float | None:
-        """Returns the beginning or the end of a phase."""
+        """Return the beginning or the end of a phase."""
         begin_s = self._begin_s(t_s)
         return begin_s if t_s < begin_s else begin_s + self.length_s
 
@@ -101,12 +101,12 @@ class Periodic:
 
 
 def outage(length_s: float, period_s: float) -> Periodic:
-    """Returns both directions cut for `length_s` out of every `period_s`, first after `period_s - length_s`."""
+    """Return both directions cut for `length_s` out of every `period_s`, first after `period_s - length_s`."""
     return Periodic(length_s, period_s, *BOTH_CUT)
 
 
 def slow_phase(length_s: float, period_s: float, extra_round_trip_ms: float) -> Periodic:
-    """Returns a longer round trip for `length_s` out of every `period_s`, half of it in each direction."""
+    """Return a longer round trip for `length_s` out of every `period_s`, half of it in each direction."""
     slow = LinkConditions(delay_ms=extra_round_trip_ms / 2)
     return Periodic(length_s, period_s, slow, slow)
 
@@ -118,7 +118,7 @@ class Replay:
     trace: Trace
 
     def at(self, t_s: float) -> Pair:
-        """Half of the round trip each way, the rest of a stall, or a cut where requests were lost."""
+        """Return half of the round trip each way, the rest of a stall, or a cut where requests were lost."""
         delay_ms = self.trace.one_way_ms(t_s)
         if delay_ms is None:
             return BOTH_CUT
@@ -126,12 +126,12 @@ class Replay:
         return here, here
 
     def quiet(self) -> Pair:
-        """Half of the median round trip each way."""
+        """Return half of the median round trip each way."""
         here = LinkConditions(delay_ms=self.trace.median_ms / 2)
         return here, here
 
     def next_change_s(self, t_s: float) -> float | None:
-        """Never: a replay changes all the time."""
+        """Return None: a replay changes all the time."""
         return None
 
 
@@ -145,20 +145,20 @@ class Schedule:
         return Schedule(self.parts + other.parts)
 
     def at(self, t_s: float) -> Pair:
-        """Returns the conditions up and down at `t_s` seconds since the start."""
+        """Return the conditions up and down at `t_s` seconds since the start."""
         return functools.reduce(_in_a_row, (part.at(t_s) for part in self.parts), BOTH_CLEAR)
 
     def quiet(self) -> Pair:
-        """Returns the conditions before the start: no outage, no slow phase, the median of a trace."""
+        """Return the conditions before the start: no outage, no slow phase, the median of a trace."""
         return functools.reduce(_in_a_row, (part.quiet() for part in self.parts), BOTH_CLEAR)
 
     def next_change_s(self, t_s: float) -> float | None:
-        """Returns when the next outage or slow phase after `t_s` begins or ends; None without any."""
+        """Return when the next outage or slow phase after `t_s` begins or ends; None without any."""
         changes_s = [change_s for part in self.parts if (change_s := part.next_change_s(t_s)) is not None]
         return min(changes_s, default=None)
 
     def latency_ms(self, t_s: float) -> float | None:
-        """Returns the round trip of a packet sent at `t_s` and answered at once.
+        """Return the round trip of a packet sent at `t_s` and answered at once.
 
         Jitter, chance losses and queueing are left out: it is what the schedule itself does.
 
@@ -174,7 +174,7 @@ class Schedule:
     def good_intervals(
         self, threshold_ms: float, duration_s: float, step_s: float = 0.01
     ) -> tuple[tuple[float, float], ...]:
-        """Returns when the round trip is at most `threshold_ms`, as (from, to) in seconds since the start.
+        """Return when the round trip is at most `threshold_ms`, as (from, to) in seconds since the start.
 
         Found by looking every `step_s` and halving the step where the answer changes (to about 10 us): a
         change for the better or the worse that is over within one step may be missed.
@@ -197,7 +197,7 @@ class Schedule:
         return tuple(intervals)
 
     def _changes(self, threshold_ms: float, duration_s: float, step_s: float) -> Iterator[tuple[float, bool]]:
-        """Yields the moments at which good becomes bad and back, the first at 0."""
+        """Yield the moments at which good becomes bad and back, the first at 0."""
 
         def good_at(t_s: float) -> bool:
             latency_ms = self.latency_ms(t_s)

@@ -70,7 +70,7 @@ class _End:
         self._watch()
 
     def read(self, size: int) -> bytes | None:
-        """Returns what has come; None if nothing has, empty at the end of the stream.
+        """Return what has come; None if nothing has, empty at the end of the stream.
 
         Raises:
             OSError: the connection was reset.
@@ -172,7 +172,7 @@ class _Stream:
         sink.on_sent = self._resume_if_roomy
 
     def pull(self) -> None:
-        """Reads once from the source, as much as link and window have room for."""
+        """Read once from the source, as much as link and window have room for."""
         if self._ended or self.closed or self._waiting:
             return
         size, wait_s = self._link.room(self._direction, steady_s())
@@ -196,14 +196,14 @@ class _Stream:
             self._source.set_reading(False)
 
     def end(self, mark: _Mark) -> None:
-        """Sends the end of this direction; nothing is read after it, and only a reset may follow a finish."""
+        """Send the end of this direction; nothing is read after it, and only a reset may follow a finish."""
         if not self.closed and self._ended is not _Mark.RESET and self._ended is not mark:
             self._ended = mark
             self._source.set_reading(False)
             self.offer(mark)
 
     def offer(self, item: bytes | _Mark) -> None:
-        """Puts bytes or a mark on the link."""
+        """Put bytes or a mark on the link."""
         size = len(item) if isinstance(item, bytes) else 0
         self._bytes += size
         arrives_s = self._link.offer(self._direction, self._model, steady_s(), size)
@@ -301,7 +301,7 @@ class TcpForward:
     """Relays connections."""
 
     def __init__(self, loop: Loop, link: EmulatedLink, forward: Forward) -> None:
-        """Binds the port and listens.
+        """Bind the port and listen.
 
         Raises:
             OSError: the port is taken.
@@ -325,14 +325,14 @@ class TcpForward:
         return len(self._connections)
 
     def close(self) -> None:
-        """Closes all connections; what is under way is lost."""
+        """Close all connections; what is under way is lost."""
         for connection in [*self._connections]:
             connection.close()
         self._loop.watch(self._listener, 0, self._accept)
         self._listener.close()
 
     def forget_idle(self, now_s: float) -> None:
-        """Nothing: a connection ends when its ends say so."""
+        """Do nothing: a connection ends when its ends say so."""
 
     def _accept(self, _events: int) -> None:
         try:

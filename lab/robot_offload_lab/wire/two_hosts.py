@@ -50,7 +50,7 @@ class TwoHosts(EmulatedWire):
     MODULE = "robot_offload_lab.wire.two_hosts"
 
     def __init__(self, link: LinkOptions, seed: int) -> None:
-        """Prepares; starts nothing.
+        """Prepare; start nothing.
 
         Args:
             link: what the link between the hosts does.
@@ -61,7 +61,7 @@ class TwoHosts(EmulatedWire):
 
     @classmethod
     def refusal(cls) -> str:
-        """Returns why this machine cannot make them; empty when it can."""
+        """Return why this machine cannot make them; empty when it can."""
         if os.geteuid() != 0:
             return "network namespaces need root"
         if not Path("/dev/net/tun").exists():
@@ -69,11 +69,11 @@ class TwoHosts(EmulatedWire):
         return ""
 
     def namespace(self, host: str) -> str:
-        """Returns the file through which the network namespace of `robot` or `cloud` can be entered."""
+        """Return the file through which the network namespace of `robot` or `cloud` can be entered."""
         return f"/proc/{self.pid}/fd/{_NAMESPACES[host]}"
 
     def enter(self, host: str) -> tuple[str, ...]:
-        """Returns what goes in front of a command that is to run on a host."""
+        """Return what goes in front of a command that is to run on a host."""
         return ("nsenter", f"--net={self.namespace(host)}", "--")
 
 
@@ -90,14 +90,14 @@ class _End:
         loop.watch(cast(socket.socket, self), READ, action)
 
     def read(self) -> bytes | None:
-        """Returns the next packet that the host sends; None when there is none."""
+        """Return the next packet that the host sends; None when there is none."""
         try:
             return os.read(self._descriptor, _LARGEST)
         except OSError:
             return None
 
     def write(self, packet: bytes) -> None:
-        """Gives a packet to the host."""
+        """Give a packet to the host."""
         with contextlib.suppress(OSError):
             os.write(self._descriptor, packet)
 
@@ -128,16 +128,16 @@ class Tunnel:
                 self._loop.call_at(arrives_s, lambda packet=packet: target.write(packet))  # type: ignore[misc]
 
     def forget_idle(self, _now_s: float) -> None:
-        """Nothing is remembered here."""
+        """Do nothing: nothing is remembered here."""
 
     def close(self) -> None:
-        """Closes the devices; the namespaces end with the process."""
+        """Close the devices; the namespaces end with the process."""
         self._robot.close()
         self._cloud.close()
 
     @classmethod
     def open(cls, loop: Loop, link: EmulatedLink) -> Self:
-        """Makes both hosts.
+        """Make both hosts.
 
         Raises:
             WireProcessError: this machine does not let us.
@@ -152,7 +152,7 @@ class Tunnel:
 
 
 def _host(name: str, address: str) -> _End:
-    """Makes a network namespace with loopback and a device that leads to us. This thread stays in it."""
+    """Make a network namespace with loopback and a device that leads to us. This thread stays in it."""
     other = CLOUD_ADDRESS if address == ROBOT_ADDRESS else ROBOT_ADDRESS
     os.unshare(os.CLONE_NEWNET)
     with Path("/proc/self/ns/net").open(encoding="ascii") as own:
@@ -180,7 +180,7 @@ class TwoHostsProcess(WireProcess):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs until SIGTERM or SIGINT; 1 if it cannot start."""
+    """Run until SIGTERM or SIGINT; 1 if it cannot start."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.wire.two_hosts", description=__doc__)
     parser.add_argument("--config", type=Path, required=True, help="JSON file, see WireConfig")
     parser.add_argument("--parent", type=int, help="stop when this process is no longer the parent")

@@ -19,7 +19,7 @@ _BUFFER_BYTES = 4 << 20
 
 
 def bound_socket(kind: socket.SocketKind, address: Address) -> socket.socket:
-    """Returns a non-blocking socket bound to `address`.
+    """Return a non-blocking socket bound to `address`.
 
     Raises:
         OSError: the address is taken or not of this host.
@@ -54,7 +54,7 @@ class UdpForward:
     """Relays datagrams; survives an absent server (ICMP errors) and clients that come and go."""
 
     def __init__(self, loop: Loop, link: EmulatedLink, forward: Forward) -> None:
-        """Binds the port.
+        """Bind the port.
 
         Raises:
             OSError: the port is taken.
@@ -78,14 +78,14 @@ class UdpForward:
         return len(self._clients)
 
     def close(self) -> None:
-        """Closes all sockets; what is under way is lost."""
+        """Close all sockets; what is under way is lost."""
         for client in [*self._clients.values()]:
             self._forget(client)
         self._loop.watch(self._listener, 0, self._from_clients)
         self._listener.close()
 
     def forget_idle(self, now_s: float) -> None:
-        """Closes the sockets of clients that have been silent for `IDLE_S`."""
+        """Close the sockets of clients that have been silent for `IDLE_S`."""
         for client in [*self._clients.values()]:
             if now_s - client.active_s > IDLE_S:
                 self._forget(client)
