@@ -34,13 +34,13 @@ What the operator does, as rules of a Role. The tests compare them with robot_of
 - apiGroups: [rbac.authorization.k8s.io]
   resources: [roles, rolebindings]
   verbs: {{ toJson $keep }}
-# Why a workload is not available; telling transitions.
+# Why a workload is not available; transitions, and why the API server refuses pods.
 - apiGroups: [""]
   resources: [pods]
   verbs: [list, watch]
 - apiGroups: [""]
   resources: [events]
-  verbs: [create]
+  verbs: [create, list]
 {{- if .Values.certManager.enabled }}
 # Certificates of the user's own issuer.
 - apiGroups: [cert-manager.io]

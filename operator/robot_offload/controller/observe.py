@@ -8,6 +8,7 @@ import json
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.controller.store import Store
@@ -19,6 +20,7 @@ from robot_offload.kube.kinds import (
     CHILD_KINDS,
     CONFIG_MAP,
     DEPLOYMENT,
+    EVENT,
     NODE,
     POD,
     SECRET,
@@ -26,8 +28,11 @@ from robot_offload.kube.kinds import (
     STATEFUL_SET,
     Kind,
 )
-from robot_offload.kube.port import KubeApi, Manifest
+from robot_offload.kube.port import KubeApi, Manifest, Selection
 from robot_offload.objects import labels
+
+_NO_POD: Final = "FailedCreate"
+"""The reason of events by which Kubernetes' controllers report that the API server has refused a pod."""
 
 
 @dataclass(slots=True)
@@ -117,6 +122,20 @@ class Observer:
     async def pods(self) -> tuple[Manifest, ...]:
         """Returns the pods of the children: only worth reading when a workload is not as it should be."""
         return tuple(await self._pods(labels.instance_labels(self._offload)))
+
+    async def refusals(self, workloads: Iterable[Manifest]) -> dict[Key, str]:
+        """Return why the API server refuses the pods of these workloads, in its own words; only events hold that."""
+        asked = list(workloads)
+        found = await asyncio.gather(*(self._refusal(one["metadata"]["uid"]) for one in asked))
+        return {key_of(one): words for one, words in zip(asked, found, strict=True) if words}
+
+    async def _refusal(self, uid: str) -> str:
+        events: list[Manifest] = []
+        selection = Selection(fields=f"involvedObject.uid={uid},reason={_NO_POD}")
+        async for page, _ in self._api.pages(EVENT, self._namespace, selection):
+            events += page
+        newest = max(events, key=lambda event: str(event.get("lastTimestamp") or event.get("eventTime")), default={})
+        return str(newest.get("message") or "")
 
     async def build_pods(self) -> tuple[Manifest, ...]:
         """Returns the pods of build Jobs: only worth reading while a build is not written down yet."""

@@ -36,7 +36,7 @@ from robot_offload.decide.ownership import Key, key_of
 from robot_offload.decide.plan import Plan, plan
 from robot_offload.decide.verdicts import Verdict
 from robot_offload.errors import RobotOffloadError
-from robot_offload.kube.kinds import LEASE
+from robot_offload.kube.kinds import JOB, LEASE
 from robot_offload.kube.port import Manifest
 from robot_offload.objects.facts import Endpoint, Facts
 from robot_offload.objects.names import ROBOT, child_name
@@ -46,6 +46,8 @@ from robot_offload.transport import discovery
 
 RENDER_S: Final = 20.0
 """Seconds after which a rendering is given up. 64 nodes with the largest parameter files take less than two."""
+LOOK_AGAIN_S: Final = 15.0
+"""Seconds after which is asked again why a workload has no pods."""
 _log = structlog.get_logger("robot_offload.controller")
 
 
@@ -127,6 +129,7 @@ class Pass:
         self._found = found
         self._snapshot = observe.Snapshot()
         self._audit_s: float | None = None
+        self._refused_s: float | None = None
 
     async def run(self) -> None:
         """Observes, decides and applies; what is found out goes to the findings as soon as it is known."""
@@ -176,7 +179,7 @@ class Pass:
         found.step = Step.JUDGE
         await self._judge(robot, wanted, built, state, problem)
         shown = self._judge_certificates(secrets, state)
-        ours = (self._hold.recheck_s, self._audit_s)
+        ours = (self._hold.recheck_s, self._audit_s, self._refused_s)
         times = (wanted.recheck_s, secrets.recheck_s, shown, built.recheck_s, found.applied.recheck_s, *ours)
         found.however_s = min((after_s for after_s in times if after_s is not None), default=None)
         either = (found.however_s, robot.recheck_s)
@@ -227,9 +230,11 @@ class Pass:
         if not parent.spec.built_nodes:
             return builds.Builds()
         pods = await self._observer.build_pods()
+        waiting = [job for (kind, _), job in self._snapshot.live.items() if kind == JOB and workloads.podless(job)]
+        refusals = {name: words for (_, name), words in (await self._observer.refusals(waiting)).items()}
         secrets = builds.secrets_of(self._offload)
         types = await self._observer.secret_types(secrets)
-        before = builds.Before(self._snapshot.live, pods, secrets - types.keys(), self._clock.wall(), types)
+        before = builds.Before(self._snapshot.live, pods, secrets - types.keys(), self._clock.wall(), types, refusals)
         return builds.decide(parent, before, self._subject.annotation(builds.REBUILD))
 
     async def _discovery(self, parent: Parent) -> _Servers:
@@ -294,11 +299,16 @@ class Pass:
         """Works out from what is live now the rest of the status and the conditions that follow."""
         uid, generation = self._subject.uid, self._subject.generation
         pods: tuple[Manifest, ...] = ()
+        refusals: dict[Key, str] = {}
         if all(workloads.workload(child).holds for child in self._snapshot.workloads(uid)):
             if not any(one.reason == rollouts.WAITING for one in self._found.applied.obstacles):
                 self._budget.done((self._subject.namespace, self._subject.name))
         else:
             pods = await self._observer.pods()
+            waiting = [child for child in self._snapshot.workloads(uid) if workloads.podless(child)]
+            refusals = await self._observer.refusals(waiting)
+            # No watch brings the event that says why.
+            self._refused_s = LOOK_AGAIN_S if waiting else None
         dials = agent.dialled(state, self._subject.status.get("robot") or {})
         endpoints = self._endpoints()
         before = self._subject.status.get("audit") or {}
@@ -317,7 +327,9 @@ class Pass:
             audit=audit,
         )
         self._found.verdicts |= {
-            **workloads.conditions(self._offload, self._found.status.live, pods, wanted.nodes, wanted.verdict),
+            **workloads.conditions(
+                self._offload, self._found.status.live, pods, wanted.nodes, wanted.verdict, refusals
+            ),
             "AddressesReady": addresses.addresses_ready(self._offload, endpoints),
             "Connected": robot.verdict,
             "ConfigCurrent": agent.config_current(

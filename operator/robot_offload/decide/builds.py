@@ -84,6 +84,7 @@ class Before:
         secrets_missing: names of Secrets that builds need and that are not there.
         secret_types: of those that are there, by name.
         now: our wall clock.
+        refusals: why the API server refuses the pods of Jobs, by the Jobs' names.
     """
 
     live: Mapping[Key, Manifest]
@@ -91,6 +92,7 @@ class Before:
     secrets_missing: frozenset[str]
     now: datetime.datetime
     secret_types: Mapping[str, str] = field(default_factory=dict)
+    refusals: Mapping[str, str] = field(default_factory=dict)
 
 
 def secrets_of(offload: RobotOffload) -> frozenset[str]:
@@ -174,7 +176,7 @@ def _step(
     if failed := _condition(job, "Failed"):
         return _Step(_failed(plan, failed, pods), kept=kept)
     missing = () if files is not None else (build_files(parent, plan),)
-    verdict, recheck_s = _under_way(plan, job, pods, seen.now)
+    verdict, recheck_s = _under_way(plan, job, pods, seen.now, seen.refusals.get(plan.name, ""))
     return _Step(verdict, missing, kept, recheck_s=recheck_s)
 
 
@@ -209,8 +211,12 @@ def _secrets(plan: BuildPlan) -> Iterator[tuple[str, str]]:
 
 
 def _under_way(
-    plan: BuildPlan, job: Manifest, pods: Sequence[Manifest], now: datetime.datetime
+    plan: BuildPlan, job: Manifest, pods: Sequence[Manifest], now: datetime.datetime, refusal: str
 ) -> tuple[Verdict, float | None]:
+    if refusal:
+        return no(
+            "PodsRefused", f"{_subject(plan)}: the API server refuses the pod of Job {plan.name}: {refusal}"
+        ), _POD_WAIT_S
     trouble = pod_trouble(plan.name, pods)
     if trouble is not None:
         return unknown("Building", f"{_subject(plan)} is waiting: {trouble.message}"), None

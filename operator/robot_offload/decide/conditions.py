@@ -7,14 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1.status import CLOUD_TYPES, CONDITION_TYPES
-from robot_offload.decide.verdicts import Truth, Verdict, no, unknown, yes
+from robot_offload.decide.verdicts import FOR_PEOPLE, Truth, Verdict, gravest, no, unknown, yes
 from robot_offload.findings import Finding
 from robot_offload.kube.port import Manifest
 
-_FOR_PEOPLE: Final = frozenset(
-    {"NameTaken", "CannotRender", "Invalid", "Forbidden", "BuildFailed", "BuildsDisabled", "SecretType", "PodsRefused"}
-)
-"""Reasons that stay until somebody changes something: the specification, a right, an object that is in the way."""
 MAX_MESSAGE: Final = 32_768
 """Characters in a message, as the schema limits them."""
 
@@ -37,7 +33,7 @@ def discovery_ready(servers: int, verdicts: Iterable[Verdict]) -> Verdict:
     good = sum(verdict.holds for verdict in found)
     if good == servers:
         return yes("Available", f"{servers} of {servers} discovery servers are ready")
-    bad = next((verdict for verdict in found if not verdict.holds), None)
+    bad = gravest(verdict for verdict in found if not verdict.holds)
     why = bad.message if bad else "they are being made"
     if good:
         return yes("Degraded", f"{good} of {servers} discovery servers are ready: {why}")
@@ -47,13 +43,15 @@ def discovery_ready(servers: int, verdicts: Iterable[Verdict]) -> Verdict:
 def ready(verdicts: Mapping[str, Verdict]) -> Verdict:
     """Whether the cloud can serve the robot, wherever the robot is.
 
-    False with the reason of the first that is false, else unknown with that of the first unknown.
+    False with the reason of the first that is false, one that waits for a person before one that time may mend; else
+    unknown with that of the first unknown.
     """
     for truth, make in (("False", no), ("Unknown", unknown)):
-        for name in CLOUD_TYPES:
-            verdict = verdicts.get(name)
-            if verdict is not None and verdict.truth == truth:
-                return make(verdict.reason, f"{name}: {verdict.message}")
+        found = {name: verdicts[name] for name in CLOUD_TYPES if name in verdicts and verdicts[name].truth == truth}
+        worst = gravest(found.values())
+        if worst is not None:
+            name = next(name for name, verdict in found.items() if verdict is worst)
+            return make(worst.reason, f"{name}: {worst.message}")
     return yes("Ready", "The cloud can serve the robot")
 
 
@@ -61,7 +59,7 @@ def progress(summed: Verdict) -> dict[str, Verdict]:
     """Returns whether what is not ready will become so by itself (Reconciling) or waits for somebody (Stalled)."""
     if summed.holds:
         return {}
-    name = "Stalled" if summed.reason in _FOR_PEOPLE or summed.message.startswith("SpecValid:") else "Reconciling"
+    name = "Stalled" if summed.reason in FOR_PEOPLE or summed.message.startswith("SpecValid:") else "Reconciling"
     return {name: yes(summed.reason, summed.message)}
 
 

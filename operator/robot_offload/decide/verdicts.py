@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
+FOR_PEOPLE: Final = frozenset(
+    {"NameTaken", "CannotRender", "Invalid", "Forbidden", "BuildFailed", "BuildsDisabled", "SecretType", "PodsRefused"}
+)
+"""Reasons that stay until somebody changes something: the specification, a right, an object that is in the way."""
 Truth: TypeAlias = Literal["True", "False", "Unknown"]
 
 
@@ -41,3 +46,9 @@ def no(reason: str, message: str) -> Verdict:
 def unknown(reason: str, message: str) -> Verdict:
     """It cannot be told."""
     return Verdict("Unknown", reason, message)
+
+
+def gravest(verdicts: Iterable[Verdict]) -> Verdict | None:
+    """Return the first that waits for a person, or else the first; None: there are none."""
+    found = list(verdicts)
+    return next((verdict for verdict in found if verdict.reason in FOR_PEOPLE), found[0] if found else None)

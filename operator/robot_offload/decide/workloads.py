@@ -9,8 +9,8 @@ from robot_offload import transport
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.decide.conditions import discovery_ready
 from robot_offload.decide.ownership import Key
-from robot_offload.decide.verdicts import Verdict, no, yes
-from robot_offload.kube.kinds import DEPLOYMENT, STATEFUL_SET
+from robot_offload.decide.verdicts import Verdict, gravest, no, yes
+from robot_offload.kube.kinds import DEPLOYMENT, JOB, STATEFUL_SET, kind_of
 from robot_offload.kube.port import Manifest
 from robot_offload.objects.names import discovery_child
 
@@ -18,8 +18,14 @@ _WORKLOADS: Final = (DEPLOYMENT, STATEFUL_SET)
 _IMAGE_REASONS: Final = ("ImagePullBackOff", "ErrImagePull", "InvalidImageName", "ErrImageNeverPull")
 
 
-def workload(manifest: Manifest, pods: Iterable[Manifest] = ()) -> Verdict:
-    """Whether a Deployment or StatefulSet runs as many ready pods of its present form as it should."""
+def workload(manifest: Manifest, pods: Iterable[Manifest] = (), refusal: str = "") -> Verdict:
+    """Return whether a Deployment or StatefulSet runs as many ready pods of its present form as it should.
+
+    Args:
+        manifest: the workload.
+        pods: of it, as far as they are known.
+        refusal: why the API server refuses its pods, in that one's words; empty: the workload's status may say it.
+    """
     name = manifest["metadata"]["name"]
     wanted = int((manifest.get("spec") or {}).get("replicas", 1))
     status: Mapping[str, Any] = manifest.get("status") or {}
@@ -32,7 +38,7 @@ def workload(manifest: Manifest, pods: Iterable[Manifest] = ()) -> Verdict:
         return yes("Available", f"{name} is ready")
     return (
         pod_trouble(name, pods)
-        or _quota_trouble(name, status)
+        or _refused(name, refusal or _refusal_in(status))
         or no("PodsNotReady", f"{name}: {ready} of {wanted} pods are ready; look at its pods")
     )
 
@@ -45,7 +51,12 @@ def settled(manifest: Manifest) -> bool:
 
 
 def conditions(
-    offload: RobotOffload, live: Mapping[Key, Manifest], pods: Iterable[Manifest], wanted: bool, why: Verdict
+    offload: RobotOffload,
+    live: Mapping[Key, Manifest],
+    pods: Iterable[Manifest],
+    wanted: bool,
+    why: Verdict,
+    refusals: Mapping[Key, str],
 ) -> dict[str, Verdict]:
     """Returns the conditions DiscoveryReady and WorkloadsAvailable.
 
@@ -55,9 +66,14 @@ def conditions(
         pods: of the workloads that are not as they should be; of the others they need not be given.
         wanted: whether nodes should have pods.
         why: why they should not, when they should not.
+        refusals: why the API server refuses pods, by workload.
     """
     known = list(pods)
-    judged = {key: workload(child, pods_of(child, known)) for key, child in live.items() if key[0] in _WORKLOADS}
+    judged = {
+        key: workload(child, pods_of(child, known), refusals.get(key, ""))
+        for key, child in live.items()
+        if key[0] in _WORKLOADS
+    }
     servers = transport.discovery_servers(offload.spec)
     names = [discovery_child(offload.metadata.name, server) for server in range(servers)]
     fine = yes("Available", "All workloads are available") if wanted else yes(why.reason, why.message)
@@ -80,9 +96,10 @@ def pods_of(manifest: Manifest, pods: Iterable[Manifest]) -> list[Manifest]:
 
 
 def together(verdicts: Iterable[Verdict], fine: Verdict) -> Verdict:
-    """The sum of several: the first that does not hold names the reason, all that do not hold are in the message."""
+    """Return the sum of several: the gravest that does not hold names the reason, all of them are in the message."""
     bad = [verdict for verdict in verdicts if not verdict.holds]
-    return no(bad[0].reason, "; ".join(verdict.message for verdict in bad)) if bad else fine
+    worst = gravest(bad)
+    return no(worst.reason, "; ".join(verdict.message for verdict in bad)) if worst is not None else fine
 
 
 def pod_trouble(name: str, pods: Iterable[Manifest]) -> Verdict | None:
@@ -117,11 +134,25 @@ def _container_trouble(name: str, container: Mapping[str, Any]) -> Verdict | Non
     return None
 
 
-def _quota_trouble(name: str, status: Mapping[str, Any]) -> Verdict | None:
+def _refused(name: str, words: str) -> Verdict | None:
+    return no("PodsRefused", f"{name}: the API server refuses its pods: {words}") if words else None
+
+
+def _refusal_in(status: Mapping[str, Any]) -> str:
+    """Return why the API server refuses the pods of a Deployment; other workloads do not say it in their status."""
     for condition in status.get("conditions") or ():
         if condition.get("type") == "ReplicaFailure" and condition.get("status") == "True":
-            return no("PodsRefused", f"{name}: the API server refuses its pods: {condition.get('message', '')}")
-    return None
+            return str(condition.get("message") or condition.get("reason") or "")
+    return ""
+
+
+def podless(manifest: Manifest) -> bool:
+    """Return whether a workload wants pods, has none, and would not say why."""
+    status: Mapping[str, Any] = manifest.get("status") or {}
+    if kind_of(manifest) == JOB:
+        return not any(status.get(field) for field in ("active", "succeeded", "failed", "completionTime"))
+    wanted = int((manifest.get("spec") or {}).get("replicas", 1))
+    return kind_of(manifest) == STATEFUL_SET and wanted > 0 and not int(status.get("replicas") or 0)
 
 
 def _ended(pod: Manifest) -> bool:

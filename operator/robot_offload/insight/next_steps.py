@@ -86,7 +86,7 @@ WORKLOADS: Final[dict[str, Advice]] = {
         "Correct spec.nodes[].run or the image.",
     ),
     "PodsRefused": Advice(
-        "The API server refuses pods: a quota is used up, or the namespace's pod security forbids them.",
+        "The API server refuses pods: a quota, a limit range, pod security or a policy forbids them.",
         "kubectl describe quota -n {namespace}; kubectl get namespace {namespace} --show-labels",
     ),
     "NotMade": Advice("The objects are being made.", "Wait some seconds; then look at the operator: " + OPERATOR_LOG),

@@ -153,7 +153,7 @@ USES: Final[tuple[Use, ...]] = (
     Use(NODE, ("list",), reason="addresses of a Service of type NodePort"),
     Use(ADMISSION_POLICY, ("get",), reason="since when writers of RobotOffloads are asked for their rights"),
     Use(ADMISSION_BINDING, ("get",), reason="the same"),
-    Use(EVENT, ("create",), reason="reports transitions"),
+    Use(EVENT, ("create", "list"), reason="reports transitions; says why the API server refuses pods"),
     Use(
         CERTIFICATE,
         ("get", "list", "create", "patch", "delete"),

@@ -224,3 +224,37 @@ def test_one_discovery_server_of_two_is_enough() -> None:
     assert conditions.discovery_ready(2, [good, bad]).holds
     assert not conditions.discovery_ready(2, [bad, bad]).holds
     assert conditions.discovery_ready(0, []).reason == "NotNeeded"
+
+
+def test_what_waits_for_a_person_is_named_before_what_time_may_mend() -> None:
+    both = {
+        **GOOD,
+        "DiscoveryReady": no("PodsNotReady", "0 of 1"),
+        "WorkloadsAvailable": no("PodsRefused", "w-agent: forbidden: exceeded quota"),
+    }
+    ready = condition(built(both), "Ready")
+    assert (ready["reason"], ready["message"]) == (
+        "PodsRefused",
+        "WorkloadsAvailable: w-agent: forbidden: exceeded quota",
+    )
+    assert condition(built(both), "Stalled")["reason"] == "PodsRefused"
+
+
+def test_of_several_workloads_the_gravest_names_the_reason() -> None:
+    bad = [no("PodsNotReady", "a"), no("PodsRefused", "b")]
+    assert workloads.together(bad, yes("Available", "")) == no("PodsRefused", "a; b")
+    discovery = conditions.discovery_ready(2, bad)
+    assert (discovery.reason, discovery.message) == ("PodsRefused", "No discovery server is ready: b")
+
+
+def test_a_workload_without_pods_and_without_words_is_asked_about() -> None:
+    servers = {"apiVersion": "apps/v1", "kind": "StatefulSet", "metadata": {"name": "d"}, "spec": {"replicas": 1}}
+    assert workloads.podless(servers)
+    assert not workloads.podless({**servers, "status": {"replicas": 1}})
+    assert not workloads.podless({**servers, "spec": {"replicas": 0}})
+    assert not workloads.podless({**servers, "kind": "Deployment"})
+    job = {"apiVersion": "batch/v1", "kind": "Job", "metadata": {"name": "b"}}
+    assert workloads.podless(job)
+    assert not workloads.podless({**job, "status": {"active": 1}})
+    verdict = workloads.workload(servers, (), 'pods "d-0" is forbidden: failed quota')
+    assert (verdict.reason, verdict.message.endswith("is forbidden: failed quota")) == ("PodsRefused", True)
