@@ -18,7 +18,7 @@ demo: venv ## A wheelchair in a corridor while its link fails; ARGS="--mode clou
 	$(PYTHON) -m robot_offload demo $(ARGS)
 
 simulate: venv ## The protocol in virtual time; ARGS="--hours 1 --seed 7"
-	$(PYTHON) -m robot_offload_lab.simulate $(ARGS)
+	$(PYTHON) -m robot_offload_sim $(ARGS)
 
 ##@ Check
 .PHONY: test test-fast test-pure test-nodes test-ros test-simulation e2e e2e-full lint types verify fmt

@@ -2,7 +2,7 @@
 """Makes the virtual environment `.venv` with everything the project needs, on any machine with a Python 3.
 
 Runs under whatever `python3` there is (3.8 or newer). Finds a CPython 3.12 (the only version the ROS 2 wheels
-exist for), makes `.venv`, and installs the pinned requirements and the five packages of this repository with uv.
+exist for), makes `.venv`, and installs the pinned requirements and the six packages of this repository with uv.
 uv itself is taken from PATH or installed with pip into the cache. A second run with unchanged pins does nothing.
 """
 
@@ -17,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 REQUIREMENTS = ROOT / "requirements" / "all.txt"
-PACKAGES = ("core", "operator", "agent", "lab", "state")
+PACKAGES = ("core", "operator", "agent", "lab", "sim", "state")
 UV = "uv==0.13.8"
 HELP = """\
 CPython 3.12 was not found, and the ROS 2 wheels exist for no other version.

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from robot_offload_agent.certificates.wallet import with_own_certificate
 from robot_offload_agent.errors import AgentError, ConfigurationError
-from robot_offload_agent.process.release import release
+from robot_offload_agent.runtime.release import release
 from robot_offload_agent.settings.parameters import Configuration, load
-from robot_offload_core.token import Site
+from robot_offload_core.words.token import Site
 
 COLLECTOR_HUNG_S = 3.0
 """Without the collector no output passes and the robot stands, so less patience than with the others."""
@@ -62,11 +62,11 @@ def main(arguments: list[str] | None = None) -> int:
 
         return doctor(words[1:])
     if words[:1] == ["audit"]:
-        from robot_offload_agent.control.audit_command import main as audit  # noqa: PLC0415 - as above
+        from robot_offload_agent.record.audit_command import main as audit  # noqa: PLC0415 - as above
 
         return audit(words[1:])
     if words[:1] == ["record"]:
-        from robot_offload_agent.recording.command import main as record  # noqa: PLC0415 - the agent goes without it
+        from robot_offload_agent.record.mcap.command import main as record  # noqa: PLC0415 - the agent goes without it
 
         return record(words[1:])
     options = parser().parse_args(words)
@@ -102,11 +102,11 @@ def recording(configuration: Configuration, file: Path) -> Configuration:
 def supervise(configuration: Configuration) -> int:
     """Imports everything once, then forks the processes and looks after them."""
     # Late, because a wrong parameter file is to be told before half a second of imports.
-    from robot_offload_agent.process import thrift  # noqa: PLC0415
-    from robot_offload_agent.process.child import HUNG_S, Child  # noqa: PLC0415
-    from robot_offload_agent.process.supervisor import Supervisor  # noqa: PLC0415
     from robot_offload_agent.ros.context import run_until_ended  # noqa: PLC0415
     from robot_offload_agent.ros.preload import preload  # noqa: PLC0415
+    from robot_offload_agent.runtime import thrift  # noqa: PLC0415
+    from robot_offload_agent.runtime.child import HUNG_S, Child  # noqa: PLC0415
+    from robot_offload_agent.runtime.supervisor import Supervisor  # noqa: PLC0415
 
     # Fast DDS in shared memory waits for one to three seconds on the ports of a process that was killed; a collector
     # started again must pass messages sooner. The user's nodes keep what they use: they speak UDP as well.
@@ -158,7 +158,7 @@ def programs_of_cloud(configuration: Configuration) -> Programs:
 
 def recorder() -> Programs:
     """Returns the process that records changeovers; none where its library is missing, which ends nothing."""
-    from robot_offload_agent.recording import mcap_file, process  # noqa: PLC0415 - see supervise
+    from robot_offload_agent.record.mcap import mcap_file, process  # noqa: PLC0415 - see supervise
 
     if mcap_file.installed():
         return {"record": process.run}

@@ -7,12 +7,12 @@ from typing import Final
 
 from robot_offload_agent.link.port import LinkCause
 from robot_offload_agent.settings.offer import Answer
-from robot_offload_core.gates import Ruling
-from robot_offload_core.lease import Stand
-from robot_offload_core.limits import LIMITS, Basis
-from robot_offload_core.managed_nodes import NodeEvent
-from robot_offload_core.problems import Problem
-from robot_offload_core.reasons import Explained, Kind, Reason
+from robot_offload_core.control.cloud.lease import Stand
+from robot_offload_core.control.nodes.managed_nodes import NodeEvent
+from robot_offload_core.control.robot.limits import LIMITS, Basis
+from robot_offload_core.words.gates import Ruling
+from robot_offload_core.words.problems import Problem
+from robot_offload_core.words.reasons import Explained, Kind, Reason
 
 _HEAD: Final = """\
 <!-- Generated from the enumerations in core and agent by `make generate`; changes here are lost. -->

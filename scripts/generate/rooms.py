@@ -13,7 +13,13 @@ from typing import Final
 import grimp
 
 ARCHITECTURE_FILE: Final = "docs/architecture.md"
-PACKAGES: Final = ("robot_offload_lab", "robot_offload_agent", "robot_offload", "robot_offload_core")
+PACKAGES: Final = (
+    "robot_offload_lab",
+    "robot_offload_sim",
+    "robot_offload_agent",
+    "robot_offload",
+    "robot_offload_core",
+)
 _BEGIN: Final = "<!-- rooms: drawn from the imports by `make generate`; changes between these lines are lost -->"
 _END: Final = "<!-- end of rooms -->"
 Arrows = Mapping[str, Set[str]]

@@ -18,7 +18,7 @@ from robot_offload.api.v1alpha1.quantities import format_duration
 from robot_offload.errors import SpecError
 from robot_offload.render.agent_config import AgentSite, agent_config, agent_parameters
 from robot_offload_agent.settings import parameters as agent
-from robot_offload_core.declared import Frame, ParameterState, SnapshotState, TopicState, While
+from robot_offload_core.words.declared import Frame, ParameterState, SnapshotState, TopicState, While
 from tests.unit.specs import changed, sample
 
 EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*/robotoffload.yaml"))

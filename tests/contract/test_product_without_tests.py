@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("core", "agent", "operator", "lab", "scripts", "examples")
+FOLDERS = ("core", "agent", "operator", "lab", "sim", "scripts", "examples")
 
 
 def named(tree: ast.AST) -> Iterator[str]:

@@ -18,7 +18,7 @@ from robot_offload.errors import SpecError
 from robot_offload.render.agent_config import AgentSite, agent_config
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings import parameters as agent
-from robot_offload_core import settings as core
+from robot_offload_core.words import settings as core
 from tests.unit.specs import changed
 
 OF_THE_AGENT_ALONE = {"max_message_size", "settle_for_s"}

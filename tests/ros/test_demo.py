@@ -22,7 +22,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from robot_offload_core import audit
+from robot_offload_core.record import audit
 from robot_offload_lab.blackbox import ring
 from robot_offload_lab.blackbox.decided import Totals, moments
 from robot_offload_lab.judge import recording

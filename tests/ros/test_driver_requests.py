@@ -18,11 +18,11 @@ from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros.managed_nodes import ManagedNodes
+from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.settings.parameters import Configuration, load
-from robot_offload_core import guardians
-from robot_offload_core.events import Acting, Tick
+from robot_offload_core.control.nodes import guardians
+from robot_offload_core.words.events import Acting, Tick
 from tests.ros.agent.ears import INHIBIT, Ear
 
 pytestmark = pytest.mark.ros

@@ -18,8 +18,8 @@ from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link import zenoh_lane
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import session_config
-from robot_offload_core.reasons import Reason
-from robot_offload_core.settings import LARGEST_MESSAGE
+from robot_offload_core.words.reasons import Reason
+from robot_offload_core.words.settings import LARGEST_MESSAGE
 from robot_offload_lab.run.certificates import CertificatePaths
 from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig
 from tests.ros.ports import HOST

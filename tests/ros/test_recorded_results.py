@@ -14,8 +14,8 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from test_msgs.action import Fibonacci
 
-from robot_offload_agent.recording import results
-from robot_offload_agent.recording.results import WAITING, Results
+from robot_offload_agent.record.mcap import results
+from robot_offload_agent.record.mcap.results import WAITING, Results
 from robot_offload_agent.ros.interfaces import action_types, message_type
 from robot_offload_agent.ros.raw_services import RawService
 from robot_offload_agent.settings.parameters import Named

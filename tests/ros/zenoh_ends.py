@@ -23,7 +23,7 @@ from robot_offload_agent.link.port import Channel
 from robot_offload_agent.link.zenoh import ZenohLink
 from robot_offload_agent.link.zenoh_config import ZenohSettings
 from robot_offload_agent.link.zenoh_log import WheelLog
-from robot_offload_core.declared import Priority
+from robot_offload_core.words.declared import Priority
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from tests.ros.ports import HOST
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot_offload_lab.simulate import goal_storm
+from robot_offload_sim.stories import goal_storm
 
 SEED = 7
 

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from robot_offload_core.placement import Decided
+from robot_offload_core.words.decided import Decided
 from robot_offload_lab.judge.interleaving import Interleaving, interleavings
 from robot_offload_lab.judge.recording import Arrival, PlacementChange
-from robot_offload_lab.simulate.chunk import Chunk, Outcome
-from robot_offload_lab.simulate.mutant_list import MUTANTS
-from robot_offload_lab.simulate.mutants import planted
-from robot_offload_lab.simulate.observer import Observer
-from robot_offload_lab.simulate.ports import Payload
+from robot_offload_sim.chunk import Chunk, Outcome
+from robot_offload_sim.mutants.mutant_list import MUTANTS
+from robot_offload_sim.mutants.mutants import planted
+from robot_offload_sim.promises.observer import Observer
+from robot_offload_sim.world.ports import Payload
 
 pytestmark = [pytest.mark.simulation]
 SEED = 77

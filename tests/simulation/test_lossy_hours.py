@@ -13,13 +13,16 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from robot_offload_core import collectors, early, standby
-from robot_offload_core.collectors import Collector
-from robot_offload_core.envelope import Envelope
-from robot_offload_core.gates import Charge, Gate
-from robot_offload_core.placement import Phase, Robot
-from robot_offload_core.settings import OutputSpec, Settings
-from robot_offload_core.token import Site, Token
+from robot_offload_core.collector import gate as collectors
+from robot_offload_core.collector import standby
+from robot_offload_core.collector.state import Collector
+from robot_offload_core.control.robot import fast_takeover
+from robot_offload_core.control.robot.placement import Robot
+from robot_offload_core.words.decided import Phase
+from robot_offload_core.words.envelope import Envelope
+from robot_offload_core.words.gates import Charge, Gate
+from robot_offload_core.words.settings import OutputSpec, Settings
+from robot_offload_core.words.token import Site, Token
 
 pytestmark = [pytest.mark.simulation]
 HOUR_S = 3600.0
@@ -95,7 +98,7 @@ class Rule:
     def gate(self, charge: Charge, now_s: float) -> None:
         """Says to the collector who passes, and what the mistakes have taught."""
         self.collector = collectors.set_gate(
-            self.collector, Gate(1, charge, floors=early.floors(self.robot, now_s)), now_s
+            self.collector, Gate(1, charge, floors=fast_takeover.floors(self.robot, now_s)), now_s
         )
 
     def hear(self, now_s: float, of_cloud: bool, sequence: int) -> None:
@@ -112,7 +115,7 @@ class Rule:
         if self.left_s is not None:
             self.judge(until_s)
             return
-        self.robot = early.prove(self.robot, until_s)
+        self.robot = fast_takeover.prove(self.robot, until_s)
         late = self.collector.outputs[0].late
         heard_s = late.arrived_s if late.token == self.token else None
         due_s = standby.next_look_s(self.collector, 0.0)
@@ -130,15 +133,15 @@ class Rule:
         if not report.cloud_flows:
             self.count.deadlines += 1
             self.leave(now_s)
-        elif early.missed(self.robot) is not None:
-            self.robot = early.taken(self.robot, now_s)
+        elif fast_takeover.missed(self.robot) is not None:
+            self.robot = fast_takeover.taken(self.robot, now_s)
             self.leave(now_s)
 
     def judge(self, now_s: float) -> None:
         """Judges the takeover; the cloud is used again afterwards."""
         assert self.left_s is not None
         taken = self.robot.early.taken_s is not None
-        self.robot = early.judge(self.robot, None, now_s, [])
+        self.robot = fast_takeover.judge(self.robot, None, now_s, [])
         self.count.mistakes += taken and self.robot.early.taken_s is None
         if self.robot.early.taken_s is None and now_s - self.left_s > AWAY_S:
             self.enter(now_s)

@@ -7,12 +7,12 @@ from unittest import mock
 
 import pytest
 
-from robot_offload_lab.simulate import campaign
-from robot_offload_lab.simulate.campaign import Total
-from robot_offload_lab.simulate.coverage import Pair
-from robot_offload_lab.simulate.main import replay_command
-from robot_offload_lab.simulate.stage import Stage
-from robot_offload_lab.simulate.stories import STORIES
+from robot_offload_sim import campaign
+from robot_offload_sim.campaign import Total
+from robot_offload_sim.main import replay_command
+from robot_offload_sim.stories.stage import Stage
+from robot_offload_sim.stories.stories import STORIES
+from robot_offload_sim.world.coverage import Pair
 
 HOURS = 2.0
 """About five minutes of processor time; what it takes to meet the rarest pairs comes on top."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from typer.testing import CliRunner
 
-from robot_offload_core import collectors
-from robot_offload_lab.simulate.main import app
-from robot_offload_lab.simulate.mutant_list import EQUIVALENT, MUTANTS
-from robot_offload_lab.simulate.mutants import planted
-from robot_offload_lab.simulate.stories import STORIES
+from robot_offload_core.collector import gate
+from robot_offload_sim.main import app
+from robot_offload_sim.mutants.mutant_list import EQUIVALENT, MUTANTS
+from robot_offload_sim.mutants.mutants import planted
+from robot_offload_sim.stories.stories import STORIES
 
 pytestmark = [pytest.mark.simulation]
 
@@ -42,8 +42,8 @@ def test_the_command_lists_every_planted_fault_and_who_finds_it() -> None:
 
 
 def test_the_core_is_whole_again_after_a_mutant() -> None:
-    before = collectors.set_gate.__code__, collectors.PAUSE_S
+    before = gate.set_gate.__code__, gate.PAUSE_S
     for mutant in MUTANTS.values():
         with planted(mutant):
             pass
-    assert before == (collectors.set_gate.__code__, collectors.PAUSE_S)
+    assert before == (gate.set_gate.__code__, gate.PAUSE_S)

@@ -13,7 +13,7 @@ from robot_offload_agent.certificates.openssl import CertificateError
 from robot_offload_agent.certificates.wallet import Wallet, renews
 from robot_offload_agent.settings.notes import Credential
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.problems import Problem
+from robot_offload_core.words.problems import Problem
 
 log = logging.getLogger(__name__)
 

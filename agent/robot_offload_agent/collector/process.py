@@ -12,20 +12,20 @@ import threading
 from typing import Any
 
 from robot_offload_agent.errors import StartError
-from robot_offload_agent.process import losses, realtime
-from robot_offload_agent.process.beacon import Beacon
-from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.clock import now_s
-from robot_offload_agent.process.collector_memory import Memory
-from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.ros import context, raw
 from robot_offload_agent.ros.topic_loop import spin_topics
+from robot_offload_agent.runtime import losses, realtime
+from robot_offload_agent.runtime.beacon import Beacon
+from robot_offload_agent.runtime.bus import Bus
+from robot_offload_agent.runtime.clock import now_s
+from robot_offload_agent.runtime.collector_memory import Memory
+from robot_offload_agent.runtime.guard import Guard
 from robot_offload_agent.settings import store
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.collectors import Collector
-from robot_offload_core.process import rivals
-from robot_offload_core.process.collector import CollectorPlan, CollectorProcess
-from robot_offload_core.process.messages import Fatal, HolderChanged
+from robot_offload_core.collector import rivals
+from robot_offload_core.collector.process import CollectorPlan, CollectorProcess
+from robot_offload_core.collector.state import Collector
+from robot_offload_core.words.messages import Fatal, HolderChanged
 
 log = logging.getLogger(__name__)
 

@@ -8,21 +8,23 @@ from typing import Any
 
 from robot_offload_agent.control import numbers
 from robot_offload_agent.control.process import ControlShell, start
-from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.clock import now_s
-from robot_offload_agent.process.release import release
 from robot_offload_agent.ros.services import SwitchServices
+from robot_offload_agent.runtime.bus import Bus
+from robot_offload_agent.runtime.clock import now_s
+from robot_offload_agent.runtime.release import release
 from robot_offload_agent.settings import liaison, robot_report
 from robot_offload_agent.settings.cluster_files import ClusterFiles, wall_text
 from robot_offload_agent.settings.notes import NotesError, decode_robot, encode
 from robot_offload_agent.settings.offer import offered_limits
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import lease, momentary, replica_parameters
-from robot_offload_core.lease import Stand
-from robot_offload_core.process.cloud_control import CloudControlProcess
-from robot_offload_core.process.messages import Arrived, Limits, Notes, Reported
-from robot_offload_core.tallies import LinkTally
-from robot_offload_core.token import Site
+from robot_offload_core.control.cloud import lease
+from robot_offload_core.control.cloud.lease import Stand
+from robot_offload_core.control.cloud.process import CloudControlProcess
+from robot_offload_core.control.nodes import replica_parameters
+from robot_offload_core.control.tallies import LinkTally
+from robot_offload_core.link import momentary
+from robot_offload_core.words.messages import Arrived, Limits, Notes, Reported
+from robot_offload_core.words.token import Site
 
 log = logging.getLogger(__name__)
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from robot_offload_core.managed_nodes import Node, State
-from robot_offload_core.reasons import Reason
+from robot_offload_core.control.nodes.managed_nodes import Node
+from robot_offload_core.words.lifecycle import State
+from robot_offload_core.words.reasons import Reason
 
 CLOUD_NODES = (Reason.CLOUD_NOT_READY, Reason.CLOUD_NODES_DOWN)
 ROBOT_NODES = (Reason.ROBOT_UNABLE, Reason.ROBOT_NOT_READY)

@@ -17,21 +17,22 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from robot_offload_agent.control import blackbox
-from robot_offload_agent.process import beacon, realtime
-from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.clock import now_s
-from robot_offload_agent.process.guard import Guard
+from robot_offload_agent.record import blackbox
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.managed_nodes import ManagedNodes
 from robot_offload_agent.ros.replica_parameters import ReplicaParameters
 from robot_offload_agent.ros.report import Problem, Report
+from robot_offload_agent.runtime import beacon, realtime
+from robot_offload_agent.runtime.bus import Bus
+from robot_offload_agent.runtime.clock import now_s
+from robot_offload_agent.runtime.guard import Guard
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import beats, guardians, managed_nodes
-from robot_offload_core.events import Machine, Witness
-from robot_offload_core.process.control import ControlProcess
-from robot_offload_core.process.messages import Arrived, Fatal, Lives, Notes, PulseStatus
-from robot_offload_core.reasons import Reason
+from robot_offload_core.control.nodes import guardians, managed_nodes
+from robot_offload_core.control.process import ControlProcess
+from robot_offload_core.words import beats
+from robot_offload_core.words.events import Machine, Witness
+from robot_offload_core.words.messages import Arrived, Fatal, Lives, Notes, PulseStatus
+from robot_offload_core.words.reasons import Reason
 
 log = logging.getLogger(__name__)
 

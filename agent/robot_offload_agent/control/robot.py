@@ -10,27 +10,31 @@ from pathlib import Path
 from typing import Any
 
 from robot_offload_agent.certificates.keeper import CertificateKeeper
-from robot_offload_agent.control import audit, culprits, numbers
+from robot_offload_agent.control import culprits, numbers
 from robot_offload_agent.control.process import ControlShell, start
-from robot_offload_agent.control.recorder import Recorder
-from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.clock import now_s, now_us
-from robot_offload_agent.process.release import release
+from robot_offload_agent.record import audit
+from robot_offload_agent.record.link_csv import Recorder
 from robot_offload_agent.ros.services import SwitchServices
+from robot_offload_agent.runtime.bus import Bus
+from robot_offload_agent.runtime.clock import now_s, now_us
+from robot_offload_agent.runtime.release import release
 from robot_offload_agent.settings import robot_report
 from robot_offload_agent.settings.adopted import RobotSettings
 from robot_offload_agent.settings.liaison import LEAVING_S
 from robot_offload_agent.settings.override import Override
 from robot_offload_agent.settings.parameters import Configuration, too_tight
-from robot_offload_core import links, momentary, placement, replica_parameters, switcher
-from robot_offload_core.audit import Kind
-from robot_offload_core.availability import Available
-from robot_offload_core.problems import Problem
-from robot_offload_core.process.messages import Arrived, CollectorStatus, Notes, Reported
-from robot_offload_core.process.robot_control import RobotControlProcess, RobotPlan
-from robot_offload_core.reasons import Reason
-from robot_offload_core.tallies import LinkTally
-from robot_offload_core.token import Site
+from robot_offload_core.control.nodes import replica_parameters
+from robot_offload_core.control.robot import placement, switcher
+from robot_offload_core.control.robot.availability import Available
+from robot_offload_core.control.robot.process import RobotControlProcess, RobotPlan
+from robot_offload_core.control.tallies import LinkTally
+from robot_offload_core.link import links, momentary
+from robot_offload_core.record.audit import Kind
+from robot_offload_core.words.decided import Decided
+from robot_offload_core.words.messages import Arrived, CollectorStatus, Notes, Reported
+from robot_offload_core.words.problems import Problem
+from robot_offload_core.words.reasons import Reason
+from robot_offload_core.words.token import Site
 
 log = logging.getLogger(__name__)
 
@@ -188,7 +192,7 @@ class RobotControlShell(ControlShell):
         """Answers a call of one of the services."""
         self.services.answer(key, accepted, message)
 
-    def decided(self, decided: placement.Decided) -> None:
+    def decided(self, decided: Decided) -> None:
         """Logs a decision and publishes the placement."""
         verdict = decided.verdict
         self.tally.decided(decided, self.process.robot.link.peer, now_s())

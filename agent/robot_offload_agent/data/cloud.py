@@ -8,10 +8,10 @@ from typing import Any
 from robot_offload_agent.data import jpeg
 from robot_offload_agent.data.process import DataShell, plan, start
 from robot_offload_agent.errors import StartError
-from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.ros import raw
+from robot_offload_agent.runtime.bus import Bus
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.process.cloud_data import CloudDataProcess
+from robot_offload_core.data.cloud import CloudDataProcess
 
 
 class CloudDataShell(DataShell):

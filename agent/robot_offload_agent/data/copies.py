@@ -15,16 +15,16 @@ from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.qos import qos_profile_parameter_events
 
-from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.managed_nodes import full_name
 from robot_offload_agent.ros.replica_parameters import FIELDS
+from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.settings.parameters import Configuration, listed
-from robot_offload_core import parameter_values
-from robot_offload_core.declared import ParameterState
-from robot_offload_core.parameter_values import MAX_PARAMETERS, Table, Type, Value
-from robot_offload_core.process.states import StateProcess
-from robot_offload_core.replica_parameters import counts
+from robot_offload_core.control.nodes.replica_parameters import counts
+from robot_offload_core.data import parameter_values
+from robot_offload_core.data.parameter_values import MAX_PARAMETERS, Table, Type, Value
+from robot_offload_core.data.states import StateProcess
+from robot_offload_core.words.declared import ParameterState
 
 LOOK_S = 2.0
 """How often the holder's parameters are read; a change is announced by its node and read at once."""

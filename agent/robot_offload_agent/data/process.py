@@ -11,18 +11,18 @@ from typing import Any
 from robot_offload_agent.data.states import StateTopics, carried_states
 from robot_offload_agent.link.choice import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel
-from robot_offload_agent.process import losses, realtime
-from robot_offload_agent.process.beacon import Beacon
-from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.clock import now_s, wall_ns
-from robot_offload_agent.process.guard import Guard
-from robot_offload_agent.process.heard_memory import HeardView
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
+from robot_offload_agent.runtime import losses, realtime
+from robot_offload_agent.runtime.beacon import Beacon
+from robot_offload_agent.runtime.bus import Bus
+from robot_offload_agent.runtime.clock import now_s, wall_ns
+from robot_offload_agent.runtime.guard import Guard
+from robot_offload_agent.runtime.heard_memory import HeardView
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.declared import Priority
-from robot_offload_core.process.data import RELAY, REPORT, DataPlan, DataProcess, InputPlan, OutputPlan
-from robot_offload_core.process.states import CHANNEL
+from robot_offload_core.data.process import RELAY, REPORT, DataPlan, DataProcess, InputPlan, OutputPlan
+from robot_offload_core.data.states import CHANNEL
+from robot_offload_core.words.declared import Priority
 
 log = logging.getLogger(__name__)
 

@@ -8,12 +8,12 @@ from typing import Any
 
 from robot_offload_agent.data import jpeg
 from robot_offload_agent.data.process import DataShell, plan, start
-from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.ros import raw
+from robot_offload_agent.runtime.bus import Bus
 from robot_offload_agent.settings import offer, store
 from robot_offload_agent.settings.parameters import Configuration, Named
-from robot_offload_core.problems import Problem
-from robot_offload_core.process.robot_data import RobotDataProcess
+from robot_offload_core.data.robot import RobotDataProcess
+from robot_offload_core.words.problems import Problem
 
 
 class RobotDataShell(DataShell):

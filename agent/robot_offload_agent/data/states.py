@@ -16,17 +16,17 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import UInt8MultiArray
 
 from robot_offload_agent.data.copies import ParameterCopies
-from robot_offload_agent.process.collector_memory import HolderView
 from robot_offload_agent.ros import raw
 from robot_offload_agent.ros.managed_nodes import full_name
+from robot_offload_agent.runtime.collector_memory import HolderView
 from robot_offload_agent.settings.parameters import Configuration, Named
 from robot_offload_agent.settings.served import private_name
-from robot_offload_core.declared import ParameterState, SnapshotState, StateSpec, TopicState
-from robot_offload_core.ledger.ports import Holding
-from robot_offload_core.process.cloud_data import CloudDataProcess
-from robot_offload_core.process.data import DataProcess
-from robot_offload_core.process.robot_data import RobotDataProcess
-from robot_offload_core.process.states import CloudStates, RobotStates, StateProcess
+from robot_offload_core.data.cloud import CloudDataProcess
+from robot_offload_core.data.process import DataProcess
+from robot_offload_core.data.robot import RobotDataProcess
+from robot_offload_core.data.states import CloudStates, RobotStates, StateProcess
+from robot_offload_core.words.declared import ParameterState, SnapshotState, StateSpec, TopicState
+from robot_offload_core.words.holding import Holding
 
 HEARD = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 KEPT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)

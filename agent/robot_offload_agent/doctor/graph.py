@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from robot_offload_agent.doctor.findings import Check, Finding, Level
-from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros.undeclared import Declared, Undeclared
+from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_agent.settings.served import SERVED
-from robot_offload_core.tallies import IN_FLIGHT
-from robot_offload_core.token import Site
+from robot_offload_core.control.tallies import IN_FLIGHT
+from robot_offload_core.words.token import Site
 
 DISCOVERY_S = 3.0
 """How long the nodes of this network need to be found, at least."""

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from robot_offload_core.declared import Priority
-from robot_offload_core.reasons import Explained
+from robot_offload_core.words.declared import Priority
+from robot_offload_core.words.reasons import Explained
 
 OnMessage = Callable[[str, bytes, bytes], None]
 """(channel, header, payload), called on a thread of the link as soon as a message has arrived; must not block."""

@@ -26,7 +26,7 @@ from std_msgs.msg import Header, UInt8MultiArray
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.link.port import Channel, LinkStatus, OnMessage
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 
 log = logging.getLogger(__name__)
 

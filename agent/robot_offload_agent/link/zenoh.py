@@ -25,8 +25,8 @@ from robot_offload_agent.link.zenoh_lane import LargeLane
 from robot_offload_agent.link.zenoh_log import WheelLog
 from robot_offload_agent.link.zenoh_rules import Attendance, EndpointChoice, Patience, Repetition
 from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
-from robot_offload_agent.process.clock import now_s
-from robot_offload_core.reasons import Reason
+from robot_offload_agent.runtime.clock import now_s
+from robot_offload_core.words.reasons import Reason
 
 log = logging.getLogger(__name__)
 

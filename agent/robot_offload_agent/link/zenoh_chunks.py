@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import zenoh
 
 from robot_offload_agent.link.chunks import GIVE_UP_S, STALL_S, Assembly, ChunkSender, read_receipt, receipt
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 
 log = logging.getLogger(__name__)
 

@@ -20,7 +20,7 @@ from robot_offload_agent.link.port import Channel, OnRoom, no_room
 from robot_offload_agent.link.zenoh_config import ZenohSettings
 from robot_offload_agent.link.zenoh_rules import Struggle
 from robot_offload_agent.link.zenoh_session import PeerRefusedError, ZenohSession
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 
 log = logging.getLogger(__name__)
 

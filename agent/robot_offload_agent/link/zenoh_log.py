@@ -16,7 +16,7 @@ from collections.abc import Callable
 import zenoh
 
 from robot_offload_agent.link.zenoh_causes import Found, read_line
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 
 log = logging.getLogger(__name__)
 

@@ -29,8 +29,8 @@ from robot_offload_agent.link.zenoh_config import (
     session_config,
 )
 from robot_offload_agent.link.zenoh_rules import Backlog, Peer, robots
-from robot_offload_agent.process.clock import now_s
-from robot_offload_core.declared import Priority
+from robot_offload_agent.runtime.clock import now_s
+from robot_offload_core.words.declared import Priority
 
 log = logging.getLogger(__name__)
 

@@ -15,17 +15,17 @@ from collections import Counter
 
 from robot_offload_agent.link.choice import LinkHandle, open_link
 from robot_offload_agent.link.port import Channel, LinkStatus
-from robot_offload_agent.process import realtime
-from robot_offload_agent.process.alarm import Alarm
-from robot_offload_agent.process.beacon import Beacon
-from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.clock import now_s, wall_us
-from robot_offload_agent.process.guard import Guard
-from robot_offload_agent.process.heard_memory import HeardMemory
+from robot_offload_agent.runtime import realtime
+from robot_offload_agent.runtime.alarm import Alarm
+from robot_offload_agent.runtime.beacon import Beacon
+from robot_offload_agent.runtime.bus import Bus
+from robot_offload_agent.runtime.clock import now_s, wall_us
+from robot_offload_agent.runtime.guard import Guard
+from robot_offload_agent.runtime.heard_memory import HeardMemory
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core import beats, pulse
-from robot_offload_core.placement import PulseSent, Reopen
-from robot_offload_core.process.messages import Arrived, Heard, PulseStatus, Speak
+from robot_offload_core.pulse import pulse
+from robot_offload_core.words import beats
+from robot_offload_core.words.messages import Arrived, Heard, PulseSent, PulseStatus, Reopen, Speak
 
 log = logging.getLogger(__name__)
 

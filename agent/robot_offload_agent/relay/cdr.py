@@ -10,7 +10,7 @@ import struct
 import sys
 from collections.abc import Sequence
 
-from robot_offload_core.ledger.ports import CancelCode, GoalEntry, GoalStatus
+from robot_offload_core.relay.goals.ports import CancelCode, GoalEntry, GoalStatus
 
 _LITTLE = sys.byteorder == "little"
 _ENCAPSULATION = b"\x00\x01\x00\x00" if _LITTLE else b"\x00\x00\x00\x00"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import secrets
 
-from robot_offload_agent.process.bus import Bus
 from robot_offload_agent.relay.process import RelayShell, start
+from robot_offload_agent.runtime.bus import Bus
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.process.cloud_relay import CloudRelay
-from robot_offload_core.process.relay import RelayPlan
+from robot_offload_core.relay.cloud import CloudRelay
+from robot_offload_core.relay.process import RelayPlan
 
 
 class CloudRelayShell(RelayShell):

@@ -16,9 +16,9 @@ from robot_offload_agent.relay.inherited import Inherited
 from robot_offload_agent.ros.interfaces import action_types, service_type
 from robot_offload_agent.ros.native import NativeError
 from robot_offload_agent.ros.raw_services import Loop, RawClient, RawService
-from robot_offload_core.ledger.ports import Face, GoalEntry, GoalStatus
-from robot_offload_core.ledger.wire_ids import goal_id_of
-from robot_offload_core.process.relay import RelayProcess
+from robot_offload_core.relay.goals.ports import Face, GoalEntry, GoalStatus
+from robot_offload_core.relay.goals.wire_ids import goal_id_of
+from robot_offload_core.relay.process import RelayProcess
 
 FEEDBACK_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 STATUS_QOS = QoSProfile(

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros.native import NativeError
 from robot_offload_agent.ros.raw_services import Loop, RawClient, RawService
+from robot_offload_agent.runtime.clock import now_s
 
 log = logging.getLogger(__name__)
 

@@ -14,22 +14,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
-from robot_offload_agent.process import realtime
-from robot_offload_agent.process.beacon import Beacon
-from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.clock import now_s, wall_ns
-from robot_offload_agent.process.guard import Guard
 from robot_offload_agent.relay import cdr
 from robot_offload_agent.relay.entities import ActionClient, ActionServer, ServiceClient, ServiceServer
 from robot_offload_agent.relay.inherited import Inherited
 from robot_offload_agent.ros import context
 from robot_offload_agent.ros.native import NativeError
 from robot_offload_agent.ros.raw_services import Loop
+from robot_offload_agent.runtime import realtime
+from robot_offload_agent.runtime.beacon import Beacon
+from robot_offload_agent.runtime.bus import Bus
+from robot_offload_agent.runtime.clock import now_s, wall_ns
+from robot_offload_agent.runtime.guard import Guard
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_agent.settings.served import private_name
-from robot_offload_core.ledger.ports import CancelCode, Face, GoalEntry, GoalStatus
-from robot_offload_core.process.messages import RelayStatus
-from robot_offload_core.process.relay import RelayPlan, RelayProcess
+from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalEntry, GoalStatus
+from robot_offload_core.relay.process import RelayPlan, RelayProcess
+from robot_offload_core.words.messages import RelayStatus
 
 log = logging.getLogger(__name__)
 

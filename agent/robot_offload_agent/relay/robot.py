@@ -5,16 +5,16 @@ from __future__ import annotations
 import secrets
 from collections.abc import Sequence
 
-from robot_offload_agent.process.bus import Bus
-from robot_offload_agent.process.collector_memory import HolderView
 from robot_offload_agent.relay.inherited import SelfTest
 from robot_offload_agent.relay.journal import Journal
 from robot_offload_agent.relay.process import RelayShell, start
+from robot_offload_agent.runtime.bus import Bus
+from robot_offload_agent.runtime.collector_memory import HolderView
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_agent.settings.served import private_name
-from robot_offload_core.ledger.ports import Holding
-from robot_offload_core.process.relay import RelayPlan
-from robot_offload_core.process.robot_relay import RobotRelay
+from robot_offload_core.relay.process import RelayPlan
+from robot_offload_core.relay.robot import RobotRelay
+from robot_offload_core.words.holding import Holding
 
 SELF_TEST = "/relay_self_test"
 

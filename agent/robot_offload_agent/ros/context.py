@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from robot_offload_agent.settings.parameters import Configuration
-from robot_offload_core.checks import BROKEN_EXIT, InvariantError
+from robot_offload_core.words.checks import BROKEN_EXIT, InvariantError
 
 log = logging.getLogger(__name__)
 

@@ -22,8 +22,8 @@ from robot_offload_agent.errors import StartError
 from robot_offload_agent.ros.interfaces import message_type
 from robot_offload_agent.ros.topic_loop import WithInfo
 from robot_offload_agent.settings.parameters import Named
-from robot_offload_core.process import kinds
-from robot_offload_core.process.rivals import Endpoint
+from robot_offload_core.collector.rivals import Endpoint
+from robot_offload_core.words import topic_kinds
 
 OnRaw = Callable[[bytes], None]
 OnStamped = Callable[[bytes, float | None], None]
@@ -166,7 +166,7 @@ class RawSubscription:
         qos = subscription_qos(self.node, self.topic, self.spec, self.latched)
         publishers = self.node.get_publishers_info_by_topic(self.topic)
         found = [(endpoint(info).node, info.topic_type) for info in publishers]
-        otherwise = kinds.otherwise(self.topic, self.spec["type"], found)
+        otherwise = topic_kinds.otherwise(self.topic, self.spec["type"], found)
         if self.subscription is not None and (qos is None or qos == self.qos):
             self.problem = otherwise or self._mismatch()
             return True

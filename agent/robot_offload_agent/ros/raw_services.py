@@ -13,9 +13,9 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_na
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros import native
 from robot_offload_agent.ros.native import Form
+from robot_offload_agent.runtime.clock import now_s
 
 QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """Deeper than rclpy's: a hundred clients may call between two turns of the loop."""

@@ -15,20 +15,20 @@ from rclpy.parameter import Parameter as NodeParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, Int32, String
 
-from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.ros import context, services
 from robot_offload_agent.ros.live import Live
+from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.settings.offer import RUN_TIME
 from robot_offload_agent.settings.override import WORDS, Override
 from robot_offload_agent.settings.parameter import Parameter
 from robot_offload_agent.settings.parameters import GENERAL, Configuration
-from robot_offload_core.availability import Available
-from robot_offload_core.beats import Beat
-from robot_offload_core.links import Health
-from robot_offload_core.managed_nodes import Node as GuardedNode
-from robot_offload_core.managed_nodes import State
-from robot_offload_core.process.messages import PulseStatus
-from robot_offload_core.token import Site
+from robot_offload_core.control.nodes.managed_nodes import Node as GuardedNode
+from robot_offload_core.control.robot.availability import Available
+from robot_offload_core.link.links import Health
+from robot_offload_core.words.beats import Beat
+from robot_offload_core.words.lifecycle import State
+from robot_offload_core.words.messages import PulseStatus
+from robot_offload_core.words.token import Site
 
 log = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_native
 from rclpy.node import Node
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 
 LONGEST_WAIT_S = 0.1
 """An end that is not noticed by the wait itself is noticed after this."""

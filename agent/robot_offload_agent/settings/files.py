@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from robot_offload_agent.process.guard import Guard
+from robot_offload_agent.runtime.guard import Guard
 
 log = logging.getLogger(__name__)
 

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 from robot_offload_agent.settings.notes import CloudNotes, Credential, RobotNotes
 from robot_offload_agent.settings.offer import Answer, Offer
-from robot_offload_core.events import assert_never
-from robot_offload_core.links import Health
-from robot_offload_core.momentary import Glance
+from robot_offload_core.link.links import Health
+from robot_offload_core.link.momentary import Glance
+from robot_offload_core.words.events import assert_never
 
 LEAVING_S = 25.0
 """So long the robot does not choose a cloud whose pods are going: they are killed 20 s after the wish to stop them.

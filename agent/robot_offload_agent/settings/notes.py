@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from robot_offload_agent.settings.offer import Offer, author_of
-from robot_offload_core.audit import parse_head
-from robot_offload_core.replica_parameters import MAX_NAME as MAX_PARAMETER_NAME
-from robot_offload_core.replica_parameters import MAX_NODES, MAX_STATED, Statement
+from robot_offload_core.control.nodes.replica_parameters import MAX_NODES, MAX_STATED, Statement
+from robot_offload_core.record.audit import parse_head
+from robot_offload_core.words.parameters import MAX_NAME as MAX_PARAMETER_NAME
 
 MAX_GENERATION = 2**53
 MAX_NAME = 128

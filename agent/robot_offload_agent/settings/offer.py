@@ -26,7 +26,7 @@ from robot_offload_agent.settings.parameters import (
     parse,
 )
 from robot_offload_agent.settings.topics import INPUT
-from robot_offload_core.reasons import Explained
+from robot_offload_core.words.reasons import Explained
 
 RUN_TIME = (
     "generation", "mode", "pin", "prefer", "loss_timeout_ms", "lease_ms", "max_command_age_ms", "robot_period_ms",

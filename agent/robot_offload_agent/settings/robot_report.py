@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from robot_offload_core.process.data import MAX_REPORT
+from robot_offload_core.data.process import MAX_REPORT
 
 VERSION = 1
 FRESH_S = 5.0

@@ -7,7 +7,8 @@ from typing import Any
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameter import TOPIC, Parameter
-from robot_offload_core.declared import (
+from robot_offload_core.relay.process import RelayPlan
+from robot_offload_core.words.declared import (
     Accept,
     ActionSpec,
     OnSwitch,
@@ -17,9 +18,8 @@ from robot_offload_core.declared import (
     UsedAction,
     UsedService,
 )
-from robot_offload_core.process.relay import RelayPlan
-from robot_offload_core.settings import Settings
-from robot_offload_core.token import Site
+from robot_offload_core.words.settings import Settings
+from robot_offload_core.words.token import Site
 
 Spec = ServiceSpec | ActionSpec | UsedService | UsedAction
 _SERVICE = r"[a-z][a-z0-9_]*/srv/[A-Z][A-Za-z0-9]*"

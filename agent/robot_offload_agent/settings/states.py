@@ -7,7 +7,7 @@ from typing import Any
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameter import TOPIC, Parameter
-from robot_offload_core.declared import (
+from robot_offload_core.words.declared import (
     MEBIBYTE,
     ParameterState,
     SettingsError,

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from robot_offload_agent.errors import AgentError
-from robot_offload_agent.process.realtime import PULSE_PRIORITY, request
+from robot_offload_agent.runtime.realtime import PULSE_PRIORITY, request
 from robot_offload_agent.tunnel.configuration import TunnelConfiguration, read
 from robot_offload_agent.tunnel.ends import Tunnel, context
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from robot_offload_core import blackbox
-from robot_offload_core.blackbox import Gap, Header, KeyFrame, Record
-from robot_offload_core.events import Machine
+from robot_offload_core.record import blackbox
+from robot_offload_core.record.blackbox import Gap, Header, KeyFrame, Record
+from robot_offload_core.words.events import Machine
 from robot_offload_lab.blackbox import ring
 
 

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from robot_offload_core import blackbox, codec
-from robot_offload_core.blackbox import Differs, Gap, Header, Replayed, RuleBroken
+from robot_offload_core.record import blackbox
+from robot_offload_core.record.blackbox import Differs, Gap, Header, Replayed, RuleBroken
+from robot_offload_core.words import codec
 from robot_offload_lab.blackbox import ring
 
 RULE_BROKEN = "RuleBroken"

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import robot_offload_core
 from robot_offload.errors import InputError
-from robot_offload_core import blackbox
-from robot_offload_core.blackbox import Header
+from robot_offload_core.record import blackbox
+from robot_offload_core.record.blackbox import Header
 
 PATTERN = "box-*.log"
 

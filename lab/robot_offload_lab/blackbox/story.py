@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robot_offload_core import blackbox
-from robot_offload_core.blackbox import Broke, Did, Header, Replayed, RuleBroken, Step
-from robot_offload_core.placement import Decided
+from robot_offload_core.record import blackbox
+from robot_offload_core.record.blackbox import Broke, Did, Header, Replayed, RuleBroken, Step
+from robot_offload_core.words.decided import Decided
 from robot_offload_lab.blackbox import ring
 from robot_offload_lab.blackbox.decided import said
 

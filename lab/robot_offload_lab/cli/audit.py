@@ -10,7 +10,7 @@ import typer
 
 from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
-from robot_offload_core import audit
+from robot_offload_core.record import audit
 
 EXAMPLES = (
     "robot-offload audit verify /var/lib/robot-offload/NAME/audit",

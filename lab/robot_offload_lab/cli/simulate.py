@@ -14,7 +14,7 @@ import typer
 from robot_offload.api.v1alpha1.quantities import parse_duration
 from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
-from robot_offload_core.settings import Settings
+from robot_offload_core.words.settings import Settings
 from robot_offload_lab.replay.named import POLICIES
 
 PLOTS: Final = ("numpy", "matplotlib")

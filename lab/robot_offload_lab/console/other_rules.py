@@ -10,7 +10,7 @@ import numpy as np
 from robot_offload.api.v1alpha1.switching import Switching
 from robot_offload.console.live import Point
 from robot_offload.errors import InputError
-from robot_offload_core.settings import Settings
+from robot_offload_core.words.settings import Settings
 from robot_offload_lab.replay import study
 from robot_offload_lab.replay.costs import Weights
 from robot_offload_lab.replay.heartbeats import NEVER_US, Heartbeats

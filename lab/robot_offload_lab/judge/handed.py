@@ -20,8 +20,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from robot_offload_core.process.states import AGAIN_S
-from robot_offload_core.reasons import Kind, Reason
+from robot_offload_core.data.states import AGAIN_S
+from robot_offload_core.words.reasons import Kind, Reason
 from robot_offload_lab.judge.recording import Arrival, Calls, Errand, PathPoint, PlacementChange, Recording, Restored
 
 SUCCEEDED: Final = "succeeded"

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from robot_offload_core.placement import Phase
+from robot_offload_core.words.decided import Phase
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Site
 
 ANNOUNCEMENT_LAG_S: Final = 0.3

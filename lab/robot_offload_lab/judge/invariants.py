@@ -27,7 +27,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from robot_offload_core.reasons import Reason
+from robot_offload_core.words.reasons import Reason
 from robot_offload_lab.judge import handed, interleaving
 from robot_offload_lab.judge.measures import SWITCH_WINDOW_S, Interval, Measures, link_was_good
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Recording

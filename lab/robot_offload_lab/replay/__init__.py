@@ -11,6 +11,6 @@ study.py        recordings and policies put together; outcomes as plain values f
 tune.py         searches figures of our rule on some recordings and reports on another
 show.py, picture.py   outcomes as text and as a picture
 
-It is no simulation of the protocol (robot_offload_lab.simulate is one): changing over takes no time here and never
+It is no simulation of the protocol (robot_offload_sim is one): changing over takes no time here and never
 fails, so that two policies differ by what they decide and by nothing else.
 """

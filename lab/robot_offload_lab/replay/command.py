@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from robot_offload.errors import InputError
-from robot_offload_core.settings import Settings
+from robot_offload_core.words.settings import Settings
 from robot_offload_lab.links.recorded import load_trace
 from robot_offload_lab.replay import picture, show, study, tune
 from robot_offload_lab.replay.costs import Weights

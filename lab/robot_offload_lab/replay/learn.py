@@ -12,9 +12,9 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from robot_offload_core.outlooks import SILENT_BEATS
-from robot_offload_core.prior import MEMORIES, PRIOR
-from robot_offload_core.settings import Settings
+from robot_offload_core.link.experts import SILENT_BEATS
+from robot_offload_core.link.prior import MEMORIES, PRIOR
+from robot_offload_core.words.settings import Settings
 from robot_offload_lab.links.made_up import FAMILIES, made
 from robot_offload_lab.replay.costs import Weights
 from robot_offload_lab.replay.rent_or_buy import grid

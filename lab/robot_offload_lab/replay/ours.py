@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from robot_offload_core import links, policies
-from robot_offload_core.beats import Beat, CloudReport, Echo
-from robot_offload_core.gates import GateReport
-from robot_offload_core.health import Circumstances, Situation, fitness
-from robot_offload_core.limits import cloud_fault
-from robot_offload_core.links import Link
-from robot_offload_core.outlooks import Figures, Outlook
-from robot_offload_core.policies import Fitness, Policy
-from robot_offload_core.reasons import Reason, Verdict
-from robot_offload_core.settings import Settings
-from robot_offload_core.token import Site
+from robot_offload_core.control.robot.health import Circumstances, Situation, fitness
+from robot_offload_core.control.robot.limits import cloud_fault
+from robot_offload_core.link import links, policies
+from robot_offload_core.link.experts import Figures, Outlook
+from robot_offload_core.link.links import Link
+from robot_offload_core.link.policies import Fitness, Policy
+from robot_offload_core.words.beats import Beat, CloudReport, Echo
+from robot_offload_core.words.gates import GateReport
+from robot_offload_core.words.reasons import Reason, Verdict
+from robot_offload_core.words.settings import Settings
+from robot_offload_core.words.token import Site
 
 ROBOT: Final = "00000000000000000000000000000001"
 CLOUD: Final = "00000000000000000000000000000002"

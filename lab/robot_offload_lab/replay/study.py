@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robot_offload.errors import InputError
-from robot_offload_core.settings import Settings
+from robot_offload_core.words.settings import Settings
 from robot_offload_lab.links.recorded import Trace
 from robot_offload_lab.replay.costs import Change, Score, Weights, optimum, score
 from robot_offload_lab.replay.heartbeats import Heartbeats, derive

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from robot_offload_core import outlooks
-from robot_offload_core.outlooks import USUAL
-from robot_offload_core.settings import Settings
-from robot_offload_core.token import Site
+from robot_offload_core.link import experts
+from robot_offload_core.link.experts import USUAL
+from robot_offload_core.words.settings import Settings
+from robot_offload_core.words.token import Site
 from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.named import CONSTANT, OURS, POLICIES, NamedPolicy
 from robot_offload_lab.replay.ours import Eyes, Mind, Sight
@@ -28,7 +28,7 @@ class Figures:
 
     Attributes:
         hold_down_initial_s: `switching.holdDown.initial`, the wait after the first flap.
-        handicap, margin, half_life_s: see `robot_offload_core.outlooks.Figures`.
+        handicap, margin, half_life_s: see `robot_offload_core.link.experts.Figures`.
     """
 
     hold_down_initial_s: float = Settings.hold_down_initial_s
@@ -84,7 +84,7 @@ class Sights:
     def cost(self, figures: Figures) -> float:
         """Returns what our rule with these figures comes to."""
         settings = dataclasses.replace(self._case.settings, hold_down_initial_s=figures.hold_down_initial_s)
-        mind = Mind(settings, outlooks.Figures(figures.handicap, figures.margin, figures.half_life_s))
+        mind = Mind(settings, experts.Figures(figures.handicap, figures.margin, figures.half_life_s))
         site, changes = Site.ROBOT, []
         for at_us, sent_s, sight in self._sights:
             for each_s in sent_s:

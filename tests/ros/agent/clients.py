@@ -9,7 +9,7 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from test_msgs.action import Fibonacci
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from tests.ros.agent.ears import wait_until
 
 PATIENCE_S = 60.0

@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
-from robot_offload_agent.process.clock import now_s, wall_us
+from robot_offload_agent.runtime.clock import now_s, wall_us
 from robot_offload_lab.judge import translate
 from robot_offload_lab.judge.recording import Arrival, PlacementChange
 

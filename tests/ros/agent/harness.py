@@ -22,7 +22,7 @@ import yaml
 from std_msgs.msg import Header
 
 from robot_offload.render.pki import CertificateSet
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from robot_offload_lab.judge.recording import Arrival, PlacementChange
 from robot_offload_lab.run.certificates import CertificatePaths, make_certificates
 from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig

@@ -7,7 +7,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Header
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from robot_offload_lab.judge.recording import Arrival
 from tests.ros.agent.ears import LATCHED, Ear
 from tests.ros.agent.harness import MEASURING_S, PATIENT, World

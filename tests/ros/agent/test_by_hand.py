@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from robot_offload_agent.process.clock import now_s
-from robot_offload_core import audit
+from robot_offload_agent.runtime.clock import now_s
+from robot_offload_core.record import audit
 from tests.ros.agent.ears import Ear
 from tests.ros.agent.harness import Plan, World
 from tests.ros.agent.passage import UNDISTURBED_S, holes, longest_gap_s

@@ -12,8 +12,8 @@ from cryptography import x509
 from robot_offload.api.agent_state import parse_state
 from robot_offload.decide import renewal
 from robot_offload.render.pki import build_certificates
-from robot_offload_agent.process.clock import now_s
-from robot_offload_core import audit
+from robot_offload_agent.runtime.clock import now_s
+from robot_offload_core.record import audit
 from tests.ros.agent.conftest import ROS_LINK_DOMAIN
 from tests.ros.agent.harness import AUTHOR, Plan, World
 from tests.ros.agent.passage import holes

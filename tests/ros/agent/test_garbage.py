@@ -14,21 +14,21 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from robot_offload_agent.process.bus import KINDS
-from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.relay.journal import Journal
-from robot_offload_core import beats, envelope
-from robot_offload_core.ledger import journal, words
-from robot_offload_core.process import probe
-from robot_offload_core.snapshots import FORMAT, HEADER, MAGIC
-from robot_offload_core.token import Site, Token
+from robot_offload_agent.runtime.bus import KINDS
+from robot_offload_agent.runtime.clock import now_s
+from robot_offload_core.data import probe
+from robot_offload_core.relay.goals import journal, words
+from robot_offload_core.topics.snapshots import FORMAT, HEADER, MAGIC
+from robot_offload_core.words import beats, envelope
+from robot_offload_core.words.token import Site, Token
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PROCESSES, World
 from tests.ros.agent.passage import UNDISTURBED_S, longest_gap_s
 from tests.ros.agent.test_identity import a_beat, voice
 from tests.ros.agent.test_state import DECLARED
 from tests.ros.ports import is_free
-from tests.unit.core.ledger.garbled import letters, spoiled
+from tests.unit.core.relay.goals.garbled import letters, spoiled
 
 WORDS: list[object] = [
     None, True, -1, 2**63, 1e308, float("nan"), "", "x" * 5000, "edge:1", "\0", "[", [], {}, [[]], {"a": {"b": []}},

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import World
 from tests.ros.agent.passage import holes, longest_gap_s

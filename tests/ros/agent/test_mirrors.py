@@ -7,7 +7,7 @@ from typing import Any
 
 from test_msgs.action import Fibonacci
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from tests.ros.agent.clients import CANCELED, SUCCEEDED, Goal, action_client
 from tests.ros.agent.harness import World
 from tests.ros.agent.test_services import BasicTypes, Caller, executed

@@ -3,7 +3,7 @@
 import pytest
 from lifecycle_msgs.srv import ChangeState
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from tests.ros.agent.ears import Ear
 from tests.ros.agent.harness import World
 from tests.ros.agent.passage import UNDISTURBED_S, holes, longest_gap_s

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PATIENCE_S, PROCESSES, World
 from tests.ros.agent.passage import UNDISTURBED_S, longest_gap_s

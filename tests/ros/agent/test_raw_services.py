@@ -25,14 +25,14 @@ from test_msgs.action import Fibonacci
 from unique_identifier_msgs.msg import UUID
 
 from robot_offload_agent.errors import StartError
-from robot_offload_agent.process.clock import now_s
 from robot_offload_agent.relay import cdr
 from robot_offload_agent.relay.inherited import Inherited, SelfTest, find_writer
 from robot_offload_agent.ros import interfaces
 from robot_offload_agent.ros.native import Form, NativeError
 from robot_offload_agent.ros.raw_services import Loop, RawClient, RawService
-from robot_offload_core.ledger.ports import ALL_GOALS, CancelCode, GoalEntry
-from robot_offload_core.ledger.ports import GoalStatus as Status
+from robot_offload_agent.runtime.clock import now_s
+from robot_offload_core.relay.goals.ports import ALL_GOALS, CancelCode, GoalEntry
+from robot_offload_core.relay.goals.ports import GoalStatus as Status
 
 DOMAIN = 86
 PATIENCE_S = 60.0

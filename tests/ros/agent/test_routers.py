@@ -15,7 +15,7 @@ from robot_offload.decide import renewal
 from robot_offload.objects import pod
 from robot_offload.render.pki import build_certificates
 from robot_offload.transport import dds_router_xml, tunnel
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.far_ear import FarEar
 from tests.ros.agent.harness import World

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Callable
 from typing import Any
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from tests.ros.agent.clients import Goal, action_client
 from tests.ros.agent.harness import PATIENT, World
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from std_msgs.msg import String
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from tests.ros.agent.ears import LATCHED, Ear
 from tests.ros.agent.harness import World
 from tests.ros.agent.test_state import PROGRAM

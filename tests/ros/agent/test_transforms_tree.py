@@ -15,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
-from robot_offload_agent.process.clock import now_s
+from robot_offload_agent.runtime.clock import now_s
 from robot_offload_lab.run import interfaces
 from tests.ros.agent.ears import KEPT, Ear, wait_until
 from tests.ros.agent.harness import PATIENCE_S, PATIENT, World

@@ -10,16 +10,17 @@ from typing import Any
 
 import hypothesis
 
-from robot_offload_core import links
-from robot_offload_core.beats import Beat, CloudReport, Echo, Permission
-from robot_offload_core.gates import Charge, GateReport
-from robot_offload_core.health import Situation
-from robot_offload_core.links import Link
-from robot_offload_core.placement import IN_CHARGE, Command, Phase, Preparation, Robot, Stalls
-from robot_offload_core.policies import Policy
-from robot_offload_core.reasons import Reason, Verdict
-from robot_offload_core.settings import InputSpec, Settings
-from robot_offload_core.token import Site, Token
+from robot_offload_core.control.robot.health import Situation
+from robot_offload_core.control.robot.placement import IN_CHARGE, Command, Preparation, Robot, Stalls
+from robot_offload_core.link import links
+from robot_offload_core.link.links import Link
+from robot_offload_core.link.policies import Policy
+from robot_offload_core.words.beats import Beat, CloudReport, Echo, Permission
+from robot_offload_core.words.decided import Phase
+from robot_offload_core.words.gates import Charge, GateReport
+from robot_offload_core.words.reasons import Reason, Verdict
+from robot_offload_core.words.settings import InputSpec, Settings
+from robot_offload_core.words.token import Site, Token
 
 UID = "wheelchair-7"
 ROBOT = "a" * 32

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from robot_offload_core import guardians
-from robot_offload_core.events import Acting, Tick
-from robot_offload_core.guardians import Guardian, InhibitAnswered
-from robot_offload_core.managed_nodes import (
+from robot_offload_core.control.nodes import guardians
+from robot_offload_core.control.nodes.guardians import Guardian, InhibitAnswered
+from robot_offload_core.control.nodes.managed_nodes import (
     GOAL,
     Answered,
     ChangeState,
@@ -14,10 +13,11 @@ from robot_offload_core.managed_nodes import (
     Inhibit,
     NodeNews,
     Observed,
-    State,
     Transition,
 )
-from robot_offload_core.settings import NodeSpec
+from robot_offload_core.words.events import Acting, Tick
+from robot_offload_core.words.lifecycle import State
+from robot_offload_core.words.settings import NodeSpec
 from tests.unit.core.builders import NOW_S
 
 STEP_S = 0.010

@@ -13,14 +13,20 @@ from dataclasses import dataclass
 from itertools import count, pairwise
 from typing import TypeVar
 
-from robot_offload_core import beats, collectors, lease, placement, pulse, switcher
-from robot_offload_core.beats import Beat, Permission
-from robot_offload_core.envelope import Envelope
-from robot_offload_core.events import Acting
-from robot_offload_core.gates import Passage
-from robot_offload_core.placement import Answer, Decided, Permit, Phase, Reopen, Robot, SetGate
-from robot_offload_core.settings import OutputSpec, Settings
-from robot_offload_core.token import Site
+from robot_offload_core.collector import gate
+from robot_offload_core.control.cloud import lease
+from robot_offload_core.control.robot import placement, switcher
+from robot_offload_core.control.robot.placement import Answer, Permit, Robot
+from robot_offload_core.pulse import pulse
+from robot_offload_core.words import beats
+from robot_offload_core.words.beats import Beat, Permission
+from robot_offload_core.words.decided import Decided, Phase
+from robot_offload_core.words.envelope import Envelope
+from robot_offload_core.words.events import Acting, CloudData, DataReported, SetEgress
+from robot_offload_core.words.gates import Passage
+from robot_offload_core.words.messages import PulseSent, Reopen, SetGate
+from robot_offload_core.words.settings import OutputSpec, Settings
+from robot_offload_core.words.token import Site
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, SCAN, SETTINGS, UID, us
 
 TICK_S = 0.005
@@ -74,7 +80,7 @@ class Story:
         self.robot_pulse = pulse.Pulse(UID, Site.ROBOT, settings.beat_period_s)
         self.cloud = lease.Cloud(CLOUD, settings)
         self.cloud_pulse = pulse.Pulse(UID, Site.CLOUD, settings.beat_period_s)
-        self.gate = collectors.start((OutputSpec("cmd_vel", 0.150),), settings.max_command_age_s, settings.lease_s)
+        self.gate = gate.start((OutputSpec("cmd_vel", 0.150),), settings.max_command_age_s, settings.lease_s)
         self.robot_nodes = Nodes(0.030, settings.robot_period_s)
         self.cloud_nodes = Nodes(0.030, settings.cloud_period_s)
         self.way_s = 0.005
@@ -83,7 +89,7 @@ class Story:
         self.control_runs = self.pulse_runs = self.collector_runs = True
         self.passed: list[Passed] = []
         self.told: list[tuple[float, placement.Command]] = []
-        self.egress = lease.SetEgress(None, 0.0)
+        self.egress = SetEgress(None, 0.0)
         self._heard_s: float | None = None
         self._ticks = 0
         self._order = count()
@@ -171,7 +177,7 @@ class Story:
         if self.pulse_runs:
             self.robot_pulse, beat = pulse.compose(self.robot_pulse, self.now_s, WALL_US)
             granted = isinstance(beat.body, Permission) and beat.body.granted
-            self.tell(placement.PulseSent(self.now_s, granted))
+            self.tell(PulseSent(self.now_s, granted))
             self._send(self.up_cut, lambda: self._cloud_hears(beats.decode(beats.encode(beat))))
         wall_us = WALL_US - us(CLOUD_AHEAD_S) + us(self.cloud_wall_error_s)
         self.cloud_pulse, answer = pulse.compose(self.cloud_pulse, self.now_s + CLOUD_AHEAD_S, wall_us)
@@ -186,13 +192,13 @@ class Story:
         self.cloud_pulse, newer = pulse.hear(self.cloud_pulse, beat, cloud_s)
         if newer:
             self._cloud_event(lease.RobotBeat(beat, cloud_s))
-            self._cloud_event(lease.CloudData(0.0, (0.050,)))
+            self._cloud_event(CloudData(0.0, (0.050,)))
 
     def _cloud_event(self, event: lease.Event) -> None:
         cloud_s = self.now_s + CLOUD_AHEAD_S
         self.cloud, commands = lease.step(self.cloud, event, cloud_s)
         for command in commands:
-            if isinstance(command, lease.SetEgress):
+            if isinstance(command, SetEgress):
                 self.egress = command
             elif isinstance(command, Acting):
                 self.cloud_nodes.want(command.acting, self.now_s)
@@ -209,16 +215,16 @@ class Story:
 
     def _report(self) -> None:
         age_s = None if self._heard_s is None else self.now_s - self._heard_s
-        self.tell(placement.DataReported(True, age_s, CLOUD if self._heard_s else ""))
+        self.tell(DataReported(True, age_s, CLOUD if self._heard_s else ""))
         if self.collector_runs:
-            self.gate = collectors.turn(self.gate, self.now_s)
-            self.tell(placement.GateReported(collectors.report(self.gate, self.now_s)))
+            self.gate = gate.turn(self.gate, self.now_s)
+            self.tell(placement.GateReported(gate.report(self.gate, self.now_s)))
 
     def _publish(self) -> None:
         nodes, every = self.robot_nodes, round(self.robot_nodes.period_s / TICK_S)
         if self._ticks % every == 0 and nodes.ready(self.now_s) and not nodes.mute and self.collector_runs:
             nodes.sequence += 1
-            self.gate, passage = collectors.offer_robot(self.gate, 0, nodes.sequence, self.now_s)
+            self.gate, passage = gate.offer_robot(self.gate, 0, nodes.sequence, self.now_s)
             self._consume(passage, Site.ROBOT, nodes.sequence, 0.0)
         nodes, every = self.cloud_nodes, round(self.cloud_nodes.period_s / TICK_S)
         held = self.egress.token is not None and self.now_s + CLOUD_AHEAD_S < self.egress.lease_end_s
@@ -232,7 +238,7 @@ class Story:
 
     def _collect(self, envelope: Envelope) -> None:
         if self.collector_runs:
-            self.gate, passage = collectors.offer_cloud(self.gate, 0, envelope, self.now_s)
+            self.gate, passage = gate.offer_cloud(self.gate, 0, envelope, self.now_s)
             self._consume(passage, Site.CLOUD, envelope.sequence, envelope.age_s(self.now_s))
 
     def _consume(self, passage: Passage, site: Site, sequence: int, age_s: float) -> None:
@@ -245,7 +251,7 @@ class Story:
             self.robot_pulse = pulse.speak(self.robot_pulse, ROBOT, command.permission, self.now_s)
         elif isinstance(command, SetGate):
             if self.collector_runs:
-                self.gate = collectors.set_gate(self.gate, command.gate, self.now_s)
+                self.gate = gate.set_gate(self.gate, command.gate, self.now_s)
         elif isinstance(command, Acting):
             self.robot_nodes.want(command.acting, self.now_s)
         elif isinstance(command, Reopen):

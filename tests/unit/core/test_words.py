@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
-from robot_offload_core import change
-from robot_offload_core.token import Site, Token, is_incarnation
+from robot_offload_core.words import replace
+from robot_offload_core.words.token import Site, Token, is_incarnation
 from tests.unit.core.builders import CLOUD, ROBOT, STRANGER, robot_in
 
 
@@ -40,10 +40,10 @@ def test_tokens_have_no_order() -> None:
 
 def test_the_fast_copy_is_what_the_standard_library_makes() -> None:
     robot = robot_in()
-    assert change.replace(robot, epoch=9, partner=CLOUD) == dataclasses.replace(robot, epoch=9, partner=CLOUD)
+    assert replace.replace(robot, epoch=9, partner=CLOUD) == dataclasses.replace(robot, epoch=9, partner=CLOUD)
     assert robot == robot_in(), "the original is untouched"
 
 
 def test_the_fast_copy_refuses_a_field_that_does_not_exist() -> None:
     with pytest.raises(TypeError, match="no field epocs"):
-        change.replace(robot_in(), epocs=9)  # type: ignore[call-arg]
+        replace.replace(robot_in(), epocs=9)  # type: ignore[call-arg]

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from robot_offload_agent.recording.topics import topics
+from robot_offload_agent.record.mcap.topics import topics
 from robot_offload_agent.ros.interfaces import message_type
 from robot_offload_agent.settings import parameters
 from tests.viewers import foxglove, groups, shown

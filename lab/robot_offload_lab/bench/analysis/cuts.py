@@ -21,8 +21,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
-from robot_offload_core import beats
-from robot_offload_core.beats import CloudReport
+from robot_offload_core.words import beats
+from robot_offload_core.words.beats import CloudReport
 from robot_offload_lab.bench.analysis import lease
 from robot_offload_lab.bench.analysis.commanded import stream
 from robot_offload_lab.bench.analysis.share import MUST_SHARE, cloud_share

@@ -13,9 +13,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from robot_offload_core import beats, envelope
-from robot_offload_core.beats import Permission
-from robot_offload_core.token import Token
+from robot_offload_core.words import beats, envelope
+from robot_offload_core.words.beats import Permission
+from robot_offload_core.words.token import Token
 from robot_offload_lab.bench.observed import Departed, Observation, Reached, only
 
 CLOCK_MARGIN_S: Final = 0.001

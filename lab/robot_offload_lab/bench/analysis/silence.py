@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
-from robot_offload_core.reasons import Reason
+from robot_offload_core.words.reasons import Reason
 from robot_offload_lab.bench.analysis.alarms import QuietStretch, leaves
 from robot_offload_lab.bench.analysis.share import cloud_share
 from robot_offload_lab.bench.observed import only

@@ -8,18 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_agent.process.collector_memory import MEMORY_BYTES, NOBODY, HolderView, Memory
-from robot_offload_core import collectors
-from robot_offload_core.gates import Charge
-from robot_offload_core.ledger.ports import Holding
-from robot_offload_core.token import Site, Token
+from robot_offload_agent.runtime.collector_memory import MEMORY_BYTES, NOBODY, HolderView, Memory
+from robot_offload_core.collector import gate
+from robot_offload_core.collector.state import Collector
+from robot_offload_core.words.gates import Charge
+from robot_offload_core.words.holding import Holding
+from robot_offload_core.words.token import Site, Token
 
 INCARNATIONS = st.text("0123456789abcdef", min_size=32, max_size=32)
 
 
-def state(charge: Charge | None, started_us: int = 0, fell_back: bool = False, stay: int = 0) -> collectors.Collector:
-    empty = collectors.start((), 0.15, 0.25)
-    return collectors.resume(empty, charge, started_us, fell_back, 0.0, stay) if charge else empty
+def state(charge: Charge | None, started_us: int = 0, fell_back: bool = False, stay: int = 0) -> Collector:
+    empty = gate.start((), 0.15, 0.25)
+    return gate.resume(empty, charge, started_us, fell_back, 0.0, stay) if charge else empty
 
 
 @given(

@@ -1,9 +1,10 @@
 """A decision names the nodes and topics that it is about."""
 
 from robot_offload_agent.control.culprits import explained
-from robot_offload_core.managed_nodes import Node, State
-from robot_offload_core.reasons import Reason
-from robot_offload_core.settings import NodeSpec
+from robot_offload_core.control.nodes.managed_nodes import Node
+from robot_offload_core.words.lifecycle import State
+from robot_offload_core.words.reasons import Reason
+from robot_offload_core.words.settings import NodeSpec
 
 WALKER = Node(NodeSpec("walker", True, True, True, False), State.INACTIVE)
 PLANNER = Node(NodeSpec("planner", True, False, True, False), State.ACTIVE)

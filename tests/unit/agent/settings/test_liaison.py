@@ -8,7 +8,7 @@ from robot_offload_agent.settings import liaison
 from robot_offload_agent.settings.liaison import LEAVING_S, HandoverAsked, Liaison, RobotSaid, Seen, SettingsRead
 from robot_offload_agent.settings.notes import RobotNotes
 from robot_offload_agent.settings.offer import Offer
-from robot_offload_core.momentary import Glance
+from robot_offload_core.link.momentary import Glance
 
 WALL, LATER = "2026-11-21T22:00:00.000Z", "2026-11-21T23:00:00.000Z"
 OFFER = Offer(7, {"pin": "Robot"})

@@ -20,7 +20,7 @@ from robot_offload_agent.settings.notes import (
     encode,
 )
 from robot_offload_agent.settings.offer import MAX_AUTHOR, Offer
-from robot_offload_core.replica_parameters import MAX_NODES, Statement
+from robot_offload_core.control.nodes.replica_parameters import MAX_NODES, Statement
 
 values = st.text() | st.booleans() | st.integers(-(2**53), 2**53) | st.lists(st.text())
 authors = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=MAX_AUTHOR)

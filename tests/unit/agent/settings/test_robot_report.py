@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_agent.settings.robot_report import ReportError, decode, encode
-from robot_offload_core.process.data import MAX_REPORT
+from robot_offload_core.data.process import MAX_REPORT
 
 ROBOT = "ab" * 16
 TOPICS = {"scan": "/scan"}

@@ -8,8 +8,16 @@ import pytest
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameters import parse
-from robot_offload_core.declared import Accept, ActionSpec, OnSwitch, ServiceMode, ServiceSpec, UsedAction, UsedService
-from robot_offload_core.token import Site
+from robot_offload_core.words.declared import (
+    Accept,
+    ActionSpec,
+    OnSwitch,
+    ServiceMode,
+    ServiceSpec,
+    UsedAction,
+    UsedService,
+)
+from robot_offload_core.words.token import Site
 
 ACTION = {
     "actions": ["follow"],

@@ -1,6 +1,6 @@
 import pytest
 
-from robot_offload_core.settings import Settings
+from robot_offload_core.words.settings import Settings
 from robot_offload_lab.bench.groups import alarms, commanded, cuts, handover, keeping, latency, resources
 from robot_offload_lab.bench.resource import BenchCase, offload
 

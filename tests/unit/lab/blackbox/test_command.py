@@ -14,13 +14,14 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from robot_offload.cli.main import app
-from robot_offload_core import blackbox, switcher
-from robot_offload_core.checks import require
-from robot_offload_core.events import Machine
-from robot_offload_core.placement import Robot
+from robot_offload_core.control.robot import switcher
+from robot_offload_core.control.robot.placement import Robot
+from robot_offload_core.record import blackbox
+from robot_offload_core.words.checks import require
+from robot_offload_core.words.events import Machine
 from robot_offload_lab.blackbox import ring
-from robot_offload_lab.simulate.boxes import MemoryBox
-from robot_offload_lab.simulate.chunk import BOXED, Chunk
+from robot_offload_sim.chunk import BOXED, Chunk
+from robot_offload_sim.world.boxes import MemoryBox
 
 BEGAN_S = time.mktime((2026, 11, 22, 14, 0, 0, 0, 0, -1))
 

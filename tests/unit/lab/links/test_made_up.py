@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from robot_offload_core.prior import PRIOR
+from robot_offload_core.link.prior import PRIOR
 from robot_offload_lab.links.made_up import FAMILIES, SCENES, made, main
 from robot_offload_lab.links.recorded import load_trace, parse_trace
 from robot_offload_lab.replay.learn import costs, learnt

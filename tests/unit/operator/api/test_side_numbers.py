@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from robot_offload.api import side_numbers
 from robot_offload.api.side_numbers import SideNumbers, parse_numbers
-from robot_offload_core import tallies
+from robot_offload_core.control.tallies import LATENCY_MS
+from robot_offload_core.topics.tallies import GAP_MS
 from tests.unit.operator.reporter.states import REPORT, seen
 
 
@@ -57,5 +58,5 @@ def test_no_report_spoils_the_state_around_it(report: dict[str, Any]) -> None:
 
 
 def test_agent_and_reporter_count_by_the_same_bounds() -> None:
-    assert [round(bound * 1e3) for bound in side_numbers.LATENCY_S] == list(tallies.LATENCY_MS)
-    assert [round(bound * 1e3) for bound in side_numbers.GAP_S] == list(tallies.GAP_MS)
+    assert [round(bound * 1e3) for bound in side_numbers.LATENCY_S] == list(LATENCY_MS)
+    assert [round(bound * 1e3) for bound in side_numbers.GAP_S] == list(GAP_MS)

@@ -1,0 +1,57 @@
+"""When a rated output must speak: always, or only while there is something to do (`while`).
+
+The side that executes says so, control hands that on with the gate, and each side is judged by its own.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from robot_offload_core.words.gates import Gate
+from robot_offload_core.words.replace import replace
+from robot_offload_core.words.token import Site
+
+if TYPE_CHECKING:
+    from robot_offload_core.collector.state import OutputState
+
+
+def note(outputs: tuple[OutputState, ...], gate: Gate, now_s: float) -> tuple[OutputState, ...]:
+    """Notes since when the `while` of each output is true on each side."""
+
+    def since(before_s: float | None, holds: bool) -> float | None:
+        return (now_s if before_s is None else before_s) if holds else None
+
+    return tuple(
+        o if o.spec.while_ is None else replace(
+            o, robot_while_s=since(o.robot_while_s, i in gate.robot_while),
+            cloud_while_s=since(o.cloud_while_s, i in gate.cloud_while),
+        )
+        for i, o in enumerate(outputs)
+    )  # fmt: skip
+
+
+def awaited(output: OutputState, site: Site) -> bool:
+    """Whether a changeover to a side waits for its first message of an output.
+
+    It does for rated ones, those with a `while` only while that is true there; a node that calls names outside cannot
+    speak before its calls are admitted, which is after the changeover.
+    """
+    spec = output.spec
+    since_s = output.robot_while_s if site is Site.ROBOT else output.cloud_while_s
+    return spec.rated and not spec.waits and (spec.while_ is None or since_s is not None)
+
+
+def must_speak(output: OutputState, side: Site, activation_s: float, now_s: float) -> bool:
+    """Whether the silence of a rated output is a fault of a side now.
+
+    With a `while`: from its first message on after that became true, at the latest when a node would have become
+    Active, until it is true no more.
+    """
+    if output.spec.while_ is None:
+        return True
+    robot = side is Site.ROBOT
+    since_s = output.robot_while_s if robot else output.cloud_while_s
+    heard_s = output.robot_s if robot else output.cloud_s
+    if since_s is None:
+        return False
+    return (heard_s is not None and heard_s >= since_s) or now_s >= since_s + activation_s

@@ -1,0 +1,150 @@
+"""Whether the two replicas of a node have the same parameters: names and values, compared by their digests. Pure.
+
+Each side states a digest of all parameters of each of its duplicated nodes. Only where the digests differ the single
+ones are stated, one digest a parameter, until the other side has them. So what never differs costs next to nothing, and
+no value leaves its side.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+
+from robot_offload_core.words.parameters import MAX_SHOWN, PRIVATE_TOPICS
+from robot_offload_core.words.reasons import Reason
+from robot_offload_core.words.replace import replace
+from robot_offload_core.words.token import Site
+
+ALWAYS_DIFFER = ("qos_overrides.*",)
+"""Names that contain the name of a topic, which is another one on each side."""
+DIGEST_LENGTH = 8
+MAX_NODES = 128
+MAX_STATED = 512
+"""Parameters of one node that are stated one by one; of a node with more the first ones by name."""
+PERIOD_S = 5.0
+"""How often a node's parameters are read."""
+HASTY_PERIOD_S = 1.0
+"""The same while they differ: most differences pass when the other replica has started."""
+
+Table = Mapping[str, str]
+"""Digest of the value of each parameter, by its name."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What one side says of one of its nodes.
+
+    Attributes:
+        digest: of all parameters; "" while they are not known.
+        has: digest of the newest table of the other side's node that this side has got; "" for none.
+        table: the parameters one by one; None while the other side has no use for them.
+    """
+
+    digest: str = ""
+    has: str = ""
+    table: Table | None = None
+
+
+@dataclass(frozen=True)
+class Compared:
+    """State of one side.
+
+    Attributes:
+        own: parameters of the nodes here that were read.
+        stated: the newest statement of the other side on each node.
+        tables: (digest, parameters) of the other side's nodes, as far as they were stated one by one.
+    """
+
+    own: Mapping[str, Table] = field(default_factory=dict)
+    stated: Mapping[str, Statement] = field(default_factory=dict)
+    tables: Mapping[str, tuple[str, Table]] = field(default_factory=dict)
+
+
+def value_digest(value: object, side: Site) -> str:
+    """Returns the digest of a value; the private topics of both sides count as one name."""
+    text = repr(value).replace(PRIVATE_TOPICS.format(side.value), PRIVATE_TOPICS.format("*"))
+    return _digest(text)
+
+
+def counts(name: str, may_differ: Iterable[str]) -> bool:
+    """Returns whether a parameter is compared: `*` in an exception stands for any text."""
+    return not any(fnmatchcase(name, pattern) for pattern in (*ALWAYS_DIFFER, *may_differ))
+
+
+def table_digest(table: Table) -> str:
+    """Returns the digest of all parameters of a node."""
+    return _digest(repr(sorted(table.items())))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode(errors="replace")).hexdigest()[:DIGEST_LENGTH]
+
+
+def read(compared: Compared, node: str, table: Table | None) -> Compared:
+    """Takes the parameters of a node here; None: it does not answer."""
+    others = {name: known for name, known in compared.own.items() if name != node}
+    return replace(compared, own=others if table is None else {**others, node: table})
+
+
+def heard(compared: Compared, stated: Mapping[str, Statement]) -> Compared:
+    """Takes what the other side states."""
+    tables = {name: known for name, known in compared.tables.items() if name in stated}
+    tables |= {name: (said.digest, said.table) for name, said in stated.items() if said.table is not None}
+    return replace(compared, stated=stated, tables=tables)
+
+
+def statements(compared: Compared) -> dict[str, Statement]:
+    """Returns what to say to the other side: of one node at a time the parameters one by one."""
+    found: dict[str, Statement] = {}
+    free = True
+    for node, table in sorted(compared.own.items())[:MAX_NODES]:
+        digest, said = table_digest(table), compared.stated.get(node, Statement())
+        wanted = free and said.digest not in ("", digest) and said.has != digest
+        free = free and not wanted
+        listed = dict(sorted(table.items())[:MAX_STATED]) if wanted else None
+        found[node] = Statement(digest, compared.tables.get(node, ("", {}))[0], listed)
+    return found
+
+
+def unlike(compared: Compared, node: str) -> bool:
+    """Returns whether the digests of a node differ: it is read again soon."""
+    said = compared.stated.get(node)
+    table = compared.own.get(node)
+    return said is not None and table is not None and said.digest not in ("", table_digest(table))
+
+
+def differences(compared: Compared, alike: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """Returns the names of the parameters that differ, by node.
+
+    Args:
+        compared: the state.
+        alike: nodes whose replicas are in the same lifecycle state. Only of these a parameter counts that one replica
+            alone has: many nodes declare parameters while they are configured or activated.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    in_one_state = set(alike)
+    for node, (digest, theirs) in compared.tables.items():
+        ours, said = compared.own.get(node), compared.stated.get(node)
+        if ours is None or said is None or said.digest != digest or table_digest(ours) == digest:
+            continue
+        last = max(theirs, default="") if len(theirs) >= MAX_STATED else None
+        both = {name for name in ours if name in theirs and ours[name] != theirs[name]}
+        alone = {name for name in ours.keys() ^ theirs.keys() if last is None or name <= last}
+        names = both | alone if node in in_one_state else both
+        if names:
+            found[node] = tuple(sorted(names))
+    return found
+
+
+def problem(found: Mapping[str, tuple[str, ...]]) -> tuple[Reason, str] | None:
+    """Returns (reason, message) for what differs; None when nothing does."""
+    if not found:
+        return None
+    parts = []
+    for node, names in found.items():
+        more = f" and {len(names) - MAX_SHOWN} more" if len(names) > MAX_SHOWN else ""
+        parts.append(f"{node} ({', '.join(names[:MAX_SHOWN])}{more})")
+    message = f"Parameters differ between the two replicas of {'; '.join(parts)}"
+    return Reason.REPLICA_PARAMETERS_DIFFER, message

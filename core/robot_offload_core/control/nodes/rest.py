@@ -1,0 +1,54 @@
+"""When the nodes of a side that no longer acts may be deactivated: after their goals and requests have ended.
+
+A deactivated server aborts what it executes and answers nobody any more, so the relay lets go first (handover, rule 3).
+A side that was called off while it got ready, for its goals or state, stays Active for `settleFor`: what it collects
+meanwhile (a costmap, a pose) is what it lacked.
+"""
+
+from __future__ import annotations
+
+from robot_offload_core.words.messages import RelayStatus
+from robot_offload_core.words.token import Site
+
+RELAY_SILENT_S = 0.5
+"""A relay that has not spoken for so long holds nothing back."""
+RELAY_LATE_S = 0.1
+"""A relay hears of a change later than control, or the other way round."""
+
+
+class Rest:
+    """See the module.
+
+    Attributes:
+        site: ours. deadline_s: nodes are never held back for longer (`cancelDeadline`).
+        status, status_s: newest of the relay, and its arrival; None while none ever spoke.
+        acted_s: when this side was last seen acting. settles_until_s: it was called off, and stays Active until then.
+    """
+
+    def __init__(self, site: Site, deadline_s: float) -> None:
+        self.site = site
+        self.deadline_s = deadline_s
+        self.status: RelayStatus | None = None
+        self.status_s = 0.0
+        self.acted_s = self.settles_until_s = float("-inf")
+
+    def settle(self, until_s: float) -> None:
+        """Notes that this side was called off although its nodes were Active: they stay so until `until_s`."""
+        self.settles_until_s = until_s
+
+    def take(self, status: RelayStatus, now_s: float) -> None:
+        """Takes a status of the relay."""
+        self.status, self.status_s = status, now_s
+
+    def keeps_active(self, acting: bool, now_s: float) -> bool:
+        """Returns whether the nodes stay Active although the side does not act any more."""
+        if acting:
+            self.acted_s, self.settles_until_s = now_s, float("-inf")
+            return False
+        if now_s < self.settles_until_s:
+            return True
+        status = self.status
+        if status is None or now_s - self.status_s > RELAY_SILENT_S or now_s >= self.acted_s + self.deadline_s:
+            return False
+        unheard = status.holder is self.site and now_s < self.acted_s + RELAY_LATE_S
+        return status.busy or (unheard and bool(status.executing))

@@ -1,0 +1,124 @@
+"""How a changeover begins, succeeds, is called off or comes at once; each has an epoch of its own and is given out."""
+
+from __future__ import annotations
+
+from robot_offload_core.control.robot.placement import IN_CHARGE, Command, Preparation, Robot
+from robot_offload_core.link import policies
+from robot_offload_core.words.beats import PERMISSION_BEATS
+from robot_offload_core.words.decided import Decided, Phase
+from robot_offload_core.words.gates import Charge
+from robot_offload_core.words.messages import Reopen
+from robot_offload_core.words.reasons import Kind, Verdict
+from robot_offload_core.words.replace import replace
+from robot_offload_core.words.token import Site, Token
+
+PREPARE_EXTRA_S = 0.5
+"""Added to the activation deadline for a commanded switch: outputs must flow; slow ones get their deadline instead."""
+REPORT_BEATS = 2
+"""Beats added to that: the grant must go there, the report must come back."""
+RETRY_FIRST_S = 1.0
+RETRY_MAX_S = 30.0
+DECIDED_PERIOD_S = 0.5
+"""Changes of reason that change nothing else are given out at most this often."""
+
+
+def clear_s_of(robot: Robot, revoked_s: float) -> float:
+    """When the cloud has stopped for sure, if nothing permits it to act after `revoked_s`.
+
+    The pulse process may use the last permission for two more beats, and the lease that it grants then lasts from
+    there.
+    """
+    settings = robot.settings
+    return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s
+
+
+def charge(robot: Robot, side: Site, epoch: int) -> Charge:
+    """Returns the charge of a side in an epoch."""
+    return Charge(side, Token(robot.incarnation, epoch, robot.partner if side is Site.CLOUD else ""))
+
+
+def prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
+    """Begins to get the other side ready, under a candidate epoch."""
+    candidate = robot.last_epoch + 1
+    settings = robot.settings
+    need = verdict.reason.kind is Kind.NEED
+    prompt = need or verdict.reason.kind is Kind.VETO
+    slowest_s = robot.slowest_output_s(prompt=prompt)
+    flow_s = max(PREPARE_EXTRA_S, slowest_s) + REPORT_BEATS * settings.beat_period_s
+    patient_until_s = now_s + settings.preparing_s
+    deadline_s = patient_until_s + flow_s
+    preparation = Preparation(candidate, deadline_s, need=need, prompt=prompt, patient_until_s=patient_until_s)
+    robot = replace(robot, phase=phase, since_s=now_s, last_epoch=candidate, preparation=preparation)
+    if phase is Phase.TO_CLOUD:
+        robot = replace(robot, partner=robot.link.peer, situation=replace(robot.situation, good_s=None))
+    return decide(robot, verdict, now_s, commands, force=True)
+
+
+def enter(robot: Robot, charge: Charge, now_s: float, commands: list[Command]) -> Robot:
+    """The collector has changed over to what was the candidate."""
+    phase = Phase.CLOUD if charge.site is Site.CLOUD else Phase.ROBOT
+    good_s = robot.situation.good_s
+    robot = replace(
+        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=charge.token.epoch, preparation=None,
+        failures=0, retry_s=0.0, both_silent=False,
+        situation=replace(robot.situation, good_s=now_s if good_s is None else good_s),
+    )  # fmt: skip
+    policy = robot.policy
+    if phase is Phase.ROBOT:
+        robot = replace(robot, clear_s=clear_s_of(robot, now_s))
+        if not robot.decided.reason.urgent:
+            policy = policies.lost(policy, robot.settings, now_s)
+    robot = replace(robot, policy=policies.entered(policy, charge.site, now_s))
+    return decide(robot, robot.decided, now_s, commands, force=True, switched=True)
+
+
+def call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: list[Command]) -> Robot:
+    """A preparation failed (unless a person or the clocks ended it): the old side goes on, the next attempt waits."""
+    failed = not why.reason.urgent
+    wait_s = min(RETRY_MAX_S, RETRY_FIRST_S * 2**robot.failures) if failed else 0.0
+    epoch = robot.epoch
+    if phase is Phase.ROBOT:  # the candidate may already be passing: only a newer epoch ends it for sure
+        epoch = robot.last_epoch + 1
+        robot = replace(robot, clear_s=clear_s_of(robot, now_s))
+    robot = replace(
+        robot, phase=phase, since_s=now_s, epoch=epoch, last_epoch=max(epoch, robot.last_epoch),
+        preparation=None, failures=robot.failures + failed, retry_s=now_s + wait_s,
+    )  # fmt: skip
+    return decide(robot, why, now_s, commands, force=True)
+
+
+def take_over(
+    robot: Robot, fault: Verdict, now_s: float, commands: list[Command], *, by_silence: bool = False
+) -> Robot:
+    """Sudden loss: the robot is in charge from now on; consumers hear nobody else.
+
+    `by_silence`: of one message, which may come yet: sessions, wishes and what the policy has learned stay.
+    """
+    silent_s = None if robot.situation.good_s is None else now_s - robot.situation.good_s
+    epoch = robot.last_epoch + 1
+    phase = Phase.ROBOT if robot.nodes_ready else Phase.TAKEOVER
+    policy = robot.policy if by_silence else policies.lost(robot.policy, robot.settings, now_s)
+    policy = policies.entered(policy, Site.ROBOT, now_s)
+    # A loss ends the wish for the cloud: it would take the hold-down's place and flap with the link.
+    keeps = by_silence or (robot.manual is not None and robot.manual.site is Site.ROBOT)
+    manual = robot.manual if keeps else None
+    robot = replace(
+        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=epoch, last_epoch=epoch, preparation=None,
+        failures=0, both_silent=False, retry_s=0.0, manual=manual, clear_s=clear_s_of(robot, now_s), policy=policy,
+        situation=replace(robot.situation, good_s=None),
+    )  # fmt: skip
+    if not by_silence:
+        commands.append(Reopen(fault.reason))
+    return decide(robot, fault, now_s, commands, force=True, switched=True, silent_s=silent_s)
+
+
+def decide(
+    robot: Robot, verdict: Verdict, now_s: float, commands: list[Command], *,
+    force: bool = False, switched: bool = False, silent_s: float | None = None,
+) -> Robot:  # fmt: skip
+    """Gives a decision out when it changed, at most every DECIDED_PERIOD_S; at once when `force`."""
+    changed = (verdict.site, verdict.reason) != (robot.decided.site, robot.decided.reason)
+    if not force and not (changed and now_s - robot.decided_s >= DECIDED_PERIOD_S):
+        return robot
+    commands.append(Decided(IN_CHARGE[robot.phase], robot.epoch, robot.phase, verdict, switched, silent_s))
+    return replace(robot, decided=verdict, decided_s=now_s)

@@ -1,0 +1,372 @@
+"""The words of the robot's placement machine: its phases, state, events and commands. `switcher.step` joins them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_offload_core.control.robot.health import Situation
+from robot_offload_core.link.links import Link
+from robot_offload_core.link.policies import Policy
+from robot_offload_core.words.beats import Beat, Permission
+from robot_offload_core.words.decided import Decided, Phase
+from robot_offload_core.words.events import Acting, DataReported, StateReported, Tick
+from robot_offload_core.words.gates import GateReport
+from robot_offload_core.words.messages import PulseSent, Reopen, SetGate
+from robot_offload_core.words.reasons import Reason, Verdict
+from robot_offload_core.words.settings import InputSpec, OutputSpec, Settings
+from robot_offload_core.words.slow_outputs import SlowOutput, is_slow
+from robot_offload_core.words.token import Site, Token
+
+IN_CHARGE = {
+    Phase.ROBOT: Site.ROBOT,
+    Phase.TO_CLOUD: Site.ROBOT,
+    Phase.CLOUD: Site.CLOUD,
+    Phase.TO_ROBOT: Site.CLOUD,
+    Phase.TAKEOVER: Site.ROBOT,
+}
+
+
+STARTING = Verdict(Site.ROBOT, Reason.STARTING, "The robot acts; the cloud has not been heard yet")
+
+
+@dataclass(frozen=True)
+class Wish:
+    """A site asked for by a person, until a time (None: until taken back)."""
+
+    site: Site
+    until_s: float | None = None
+
+    def holds(self, now_s: float) -> bool:
+        """Whether it still stands."""
+        return self.until_s is None or now_s < self.until_s
+
+
+@dataclass(frozen=True)
+class CloudLeaving:
+    """The cloud's pods are going: the robot is to act, and not to choose this cloud again before `until_s`.
+
+    Attributes:
+        cloud: incarnation of the cloud that said so; another one is chosen as soon as it is heard.
+    """
+
+    cloud: str
+    until_s: float
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """A side that gets ready to take over.
+
+    Attributes:
+        candidate: epoch that it gets ready under; newer than the one in charge.
+        deadline_s: called off when the collector has not changed over by then.
+        armed: the collector may change over at the candidate's first messages.
+        offered: the collector was once given this preparation of the cloud, and may have changed over even if it was
+            asked for something else since.
+        need: the robot cannot act; nobody asked for the changeover.
+        prompt: the side that acts cannot, or must not (a veto), so that nobody waits for slow outputs.
+        patient_until_s: so long a change that a person or a pin asked for waits for goals, requests and state.
+    """
+
+    candidate: int
+    deadline_s: float
+    armed: bool = False
+    offered: bool = False
+    need: bool = False
+    prompt: bool = False
+    patient_until_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class RelayReported:
+    """The robot's relay reported: what the side that gets ready under `candidate` lacks, and what a change waits for.
+
+    Attributes:
+        candidate: token of the preparation that `pending` is about.
+        pending: (reason, message) of each thing that is missing.
+        hold: an action with a goal that must not be interrupted; "" for none. hold_for_s: how long a change waits.
+        unfit: a mirror on the robot ended long before its goal: the robot must not take over by silence.
+    """
+
+    candidate: Token | None
+    pending: tuple[tuple[str, str], ...] = ()
+    hold: str = ""
+    hold_for_s: float = 0.0
+    unfit: bool = False
+
+
+@dataclass(frozen=True)
+class Handing:
+    """What is handed over besides outputs.
+
+    Attributes:
+        served: services or actions are declared, so a relay says what a change waits for.
+        report: its newest report.
+        held_s: since when a change waits for a goal that must not be interrupted; None: none waits.
+        kept: state is declared, so the data processes say what a change waits for.
+        states: newest report of each side about the state that it lacks.
+        lacked_s: since when a change waits for state before it begins; None: none waits.
+    """
+
+    served: bool = False
+    report: RelayReported | None = None
+    held_s: float | None = None
+    kept: bool = False
+    states: tuple[StateReported, ...] = ()
+    lacked_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Least margin with which an output, by index, is waited for, until a time; seconds."""
+
+    index: int
+    margin_s: float
+    until_s: float
+
+
+@dataclass(frozen=True)
+class Early:
+    """Takeovers by silence (fast_takeover.py). Times on the robot's steady clock, seconds.
+
+    Attributes:
+        taken_s: the last one, while it is not judged; None then.
+        missing: the outputs of which it missed a message, by index, and when that message was due.
+        mistakes_s: of those that no limit confirmed, the latest.
+        off: there were too many: none happens.
+        floors: what the mistakes have taught.
+    """
+
+    taken_s: float | None = None
+    missing: tuple[tuple[int, float], ...] = ()
+    mistakes_s: tuple[float, ...] = ()
+    off: bool = False
+    floors: tuple[Floor, ...] = ()
+
+
+@dataclass(frozen=True)
+class Stalls:
+    """Steps of our own that came late. Times on the robot's steady clock, seconds.
+
+    Attributes:
+        stepped_s: the last step; None before the first.
+        until_s: silence is not judged before this.
+        last_s: end of the last stall; None when there was none.
+        first_s: end of the first stall of the present row: stalls with less than HEALTHY_S between them.
+        read_s: the last Tick, when all that had arrived was read: silence is judged as of then; None before the first.
+    """
+
+    stepped_s: float | None = None
+    until_s: float = 0.0
+    last_s: float | None = None
+    first_s: float = 0.0
+    read_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Robot:
+    """State of the robot's control process. Times on its steady clock, seconds.
+
+    Attributes:
+        incarnation, started_us: of this control process.
+        settings, inputs: from the configuration. asked: settings that are to hold as soon as that is safe (settling).
+        link: health of the link to the cloud addressed.
+        policy: state of the rule.
+        phase, since_s: the present phase and when it began. charged_s: when the side in charge last changed.
+        partner: incarnation of the cloud that is (to be) in charge.
+        epoch: of the side in charge. last_epoch: highest used, also by preparations.
+        preparation: the side that gets ready; None while nobody does.
+        failures, retry_s: called-off preparations in a row; no new one before retry_s.
+        both_silent: the last preparation for need ended because the cloud's outputs were as silent as the robot's.
+        situation: everything heard besides the link, see Situation.
+        nodes_ready: the robot's CORE nodes are Active.
+        outputs: from the configuration, as the collector numbers them. slow: what is known of them (slow_outputs.py).
+        duplicated: the robot has duplicated nodes; without any there is nothing to change over.
+        hot: its duplicated CORE nodes are Hot, so it can go on at once. early: see Early.
+        robot_while: the outputs, by index, whose `while` is true on the robot.
+        clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
+        vetoes: of each source that has any.
+        pin: on the robot; manual: the last switch by hand; leaving: what the cloud said of its end.
+        stalls: see Stalls. handing: see Handing.
+        fell_at_s: when the robot became unable to act; None while able.
+        decided, decided_s: the last decision given out, and when.
+        levels, levels_s: what the levels last given out were made of, and when they were.
+    """
+
+    incarnation: str
+    started_us: int
+    settings: Settings
+    inputs: tuple[InputSpec, ...] = ()
+    link: Link = Link()
+    policy: Policy = Policy()
+    phase: Phase = Phase.ROBOT
+    since_s: float = 0.0
+    charged_s: float = 0.0
+    partner: str = ""
+    epoch: int = 1
+    last_epoch: int = 1
+    preparation: Preparation | None = None
+    failures: int = 0
+    retry_s: float = 0.0
+    both_silent: bool = False
+    situation: Situation = Situation()
+    nodes_ready: bool = False
+    duplicated: bool = True
+    hot: bool = False
+    early: Early = Early()
+    robot_while: tuple[int, ...] = ()
+    outputs: tuple[OutputSpec, ...] = ()
+    slow: tuple[SlowOutput, ...] = ()
+    clear_s: float | None = None
+    vetoes: tuple[Vetoed, ...] = ()
+    pin: Wish | None = None
+    manual: Wish | None = None
+    leaving: CloudLeaving | None = None
+    asked: Settings | None = None
+    stalls: Stalls = Stalls()
+    handing: Handing = Handing()
+    fell_at_s: float | None = None
+    decided: Verdict = STARTING
+    decided_s: float = 0.0
+    levels: tuple[object, ...] = ()
+    levels_s: float = -1.0
+
+    @property
+    def candidate(self) -> int:
+        """Epoch of the side that gets ready; 0 for none."""
+        return 0 if self.preparation is None else self.preparation.candidate
+
+    def slowest_output_s(self, *, prompt: bool = False) -> float:
+        """Returns the longest deadline of a rated output, or of those that are not slow; 0 without any."""
+        bound_s = self.settings.activation_deadline_s
+        judged = (o for o in self.outputs if o.rated and not (prompt and is_slow(o, bound_s)))
+        return max((o.deadline_s for o in judged), default=0.0)
+
+    def judged_s(self, now_s: float) -> float:
+        """Returns as of when silence is judged: the last Tick, or the newest beat that was taken since.
+
+        Between two Ticks the message that ends a silence may still be unread, behind the one that is taken now.
+        """
+        if self.stalls.read_s is None:
+            return now_s
+        return max(self.stalls.read_s, self.link.heard_s or 0.0)
+
+
+@dataclass(frozen=True)
+class CloudBeat:
+    """A beat of the cloud arrived at the pulse process.
+
+    Attributes:
+        beat: it.
+        arrived_s: on this host's steady clock.
+        wall_us: system clock minus steady clock here.
+        sent: the newest beat of our own, which came along; None where none did.
+    """
+
+    beat: Beat
+    arrived_s: float
+    wall_us: int
+    sent: PulseSent | None = None
+
+
+@dataclass(frozen=True)
+class GateReported:
+    """The collector reported."""
+
+    report: GateReport
+
+
+@dataclass(frozen=True)
+class NodesReported:
+    """Level of the guardian, given with each tick.
+
+    Attributes:
+        ready: the robot's duplicated CORE nodes are Active.
+        duplicated: there are duplicated nodes at all.
+        hot: the duplicated CORE nodes are Hot.
+        asleep: rated outputs, by index, whose node is known and not Active.
+    """
+
+    ready: bool
+    duplicated: bool = True
+    hot: bool = False
+    asleep: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class WhileReported:
+    """Level: the outputs, by index, whose `while` is true on the robot."""
+
+    outputs: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Veto:
+    """Something that forbids the cloud or hinders the way there, found by another process.
+
+    Attributes:
+        reason: of the kind LIMIT (ends a stay in the cloud at once), VETO (the robot takes over as if pinned) or
+            ATTEMPT (the policy does not begin a stay; pins and switches by hand wait for it, see readiness.py).
+        message: for people.
+        stops: the driver is to be stopped meanwhile, whoever acts (`strict`).
+    """
+
+    reason: Reason
+    message: str
+    stops: bool = False
+
+
+@dataclass(frozen=True)
+class Vetoed:
+    """Level of one source: all vetoes that it knows of now; none takes its earlier ones back."""
+
+    source: str
+    vetoes: tuple[Veto, ...] = ()
+
+
+@dataclass(frozen=True)
+class SwitchByHand:
+    """One of the four services was called. `key` comes back with the answer."""
+
+    site: Site
+    key: int = 0
+
+
+@dataclass(frozen=True)
+class SetPin:
+    """The pin on the robot was set (or cleared with None)."""
+
+    pin: Wish | None
+
+
+@dataclass(frozen=True)
+class SetSettings:
+    """Settings were changed at run time."""
+
+    settings: Settings
+    inputs: tuple[InputSpec, ...]
+
+
+Event = (
+    CloudBeat | PulseSent | GateReported | DataReported | NodesReported | Vetoed | SwitchByHand | SetPin | CloudLeaving
+    | SetSettings | RelayReported | StateReported | WhileReported | Tick
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Permit:
+    """Level, to the pulse process."""
+
+    permission: Permission
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer to a switch by hand."""
+
+    key: int
+    accepted: bool
+    message: str
+
+
+Command = Permit | SetGate | Acting | Reopen | Decided | Answer

@@ -1,0 +1,149 @@
+"""What a commanded change waits for besides nodes and outputs: goals, requests and state on the side that gets ready.
+
+Judged only while a side gets ready, by the robot's control. A loss and the return from a robot that cannot act wait for
+none of it, and nothing of it ends a stay.
+"""
+
+from __future__ import annotations
+
+from robot_offload_core.control.robot.placement import Handing, Preparation, RelayReported, Robot
+from robot_offload_core.words.decided import Phase
+from robot_offload_core.words.events import StateReported
+from robot_offload_core.words.reasons import Kind, Reason, Verdict
+from robot_offload_core.words.replace import replace
+from robot_offload_core.words.token import Site
+
+REASONS = {reason.value: reason for reason in (Reason.GOALS_PENDING, Reason.DIVERGED, Reason.STATE_STALE)}
+
+
+def lacking(robot: Robot) -> Verdict | None:
+    """Returns what other processes found that keeps the policy from the cloud, but no person and nobody in need."""
+    found = (veto for vetoed in robot.vetoes for veto in vetoed.vetoes if not veto.reason.forbids)
+    return next((Verdict(Site.ROBOT, veto.reason, veto.message) for veto in found), None)
+
+
+def pending(robot: Robot, preparation: Preparation, *, without_state: bool = False) -> Verdict | None:
+    """Returns what the side that gets ready lacks, as the relay and the replicas say; None when nothing."""
+    candidate = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT
+    lacks = lacking(robot) if candidate is Site.CLOUD else None
+    lacks = lacks or (None if without_state else _stale(robot, preparation, candidate))
+    if lacks is not None or not robot.handing.served:
+        return lacks
+    report, preparing = robot.handing.report, robot.epoch
+    if report is None or report.candidate is None or report.candidate.epoch != preparation.candidate:
+        return Verdict(candidate.other, Reason.GOALS_PENDING, f"The relay does not know of the change from {preparing}")
+    if not report.pending:
+        return None
+    reason, message = report.pending[0]
+    return Verdict(candidate.other, REASONS.get(reason, Reason.GOALS_PENDING), message)
+
+
+def _stale(robot: Robot, preparation: Preparation, candidate: Site) -> Verdict | None:
+    """Returns what the side that gets ready lacks of the state of the one that acts; None when nothing."""
+    if not robot.handing.kept:
+        return None
+    told = _said_of(robot.handing, candidate)
+    if told is None or told.epoch != preparation.candidate:
+        message = f"The data process of the {candidate.value} does not know of the change"
+        return Verdict(candidate.other, Reason.STATE_STALE, message)
+    return Verdict(candidate.other, Reason.STATE_STALE, told.lacking[0]) if told.lacking else None
+
+
+def _said_of(known: Handing, site: Site) -> StateReported | None:
+    return next((reported for reported in known.states if reported.site is site), None)
+
+
+def begins(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | None]:
+    """Returns why a change to the side of `wish` does not begin yet; None when it begins.
+
+    A node takes its state when it becomes Active, so its side is not to get ready before the state is there. The policy
+    waits for that before a stay in the cloud, for as long as it takes. A person waits no longer than a preparation may
+    take, and so does any change to the robot: the sooner its nodes are Active, the shorter a loss is. A veto waits for
+    nothing.
+    """
+    lacks = _unknown(robot, wish.site)
+    if lacks is None or wish.reason.kind is Kind.VETO:
+        return _lacked(robot, None), None
+    robot = _lacked(robot, now_s) if robot.handing.lacked_s is None else robot
+    return robot, None if _waited_out(robot, wish, now_s) else lacks
+
+
+def _unknown(robot: Robot, candidate: Site) -> Verdict | None:
+    """Returns what the nodes of a side would lack if they became Active now; None when nothing."""
+    if not robot.handing.kept:
+        return None
+    told = _said_of(robot.handing, candidate)
+    message = f"The data process of the {candidate.value} has not said yet which state it knows"
+    if told is not None:
+        message = told.before_active[0] if told.before_active else ""
+    return Verdict(candidate.other, Reason.STATE_STALE, message) if message else None
+
+
+def _waited_out(robot: Robot, wish: Verdict, now_s: float) -> bool:
+    """Returns whether a change has waited for state so long that it begins without."""
+    since_s = robot.handing.lacked_s
+    bounded = wish.site is Site.ROBOT or wish.reason.urgent
+    return bounded and since_s is not None and now_s - since_s >= robot.settings.preparing_s
+
+
+def content(robot: Robot) -> Robot:
+    """Returns the robot when nobody wishes a change: nothing has waited for state."""
+    return _lacked(robot, None)
+
+
+def _lacked(robot: Robot, lacked_s: float | None) -> Robot:
+    if robot.handing.lacked_s == lacked_s:
+        return robot
+    return replace(robot, handing=replace(robot.handing, lacked_s=lacked_s))
+
+
+def told(known: Handing, report: RelayReported | StateReported) -> Handing:
+    """Returns what is handed over, with the newest word of the relay or of a data process."""
+    if isinstance(report, RelayReported):
+        return replace(known, report=report)
+    return replace(known, states=(*(s for s in known.states if s.site is not report.site), report))
+
+
+def may_arm(robot: Robot, preparation: Preparation, wish: Verdict, now_s: float) -> bool:
+    """Returns whether the collector may change over as far as goals, requests and state go.
+
+    A pin, a switch by hand or a veto waits until the deadline, then changes over without them; for state it waits once,
+    before the preparation or in it.
+    """
+    impatient = wish.reason.urgent and now_s >= preparation.patient_until_s
+    without_state = wish.reason.urgent and _waited_out(robot, wish, now_s)
+    return preparation.need or impatient or pending(robot, preparation, without_state=without_state) is None
+
+
+def hold(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, bool]:
+    """Returns whether a change waits for a goal that must not be interrupted, at most its `holdFor` (`onSwitch: Hold`).
+
+    Not for a pin, a veto, a switch by hand, nor when a side cannot act.
+    """
+    report, held_s = robot.handing.report, robot.handing.held_s
+    goal = report is not None and report.hold != ""
+    if not goal or wish.reason.urgent or wish.reason.kind is Kind.NEED:
+        return (robot if held_s is None else _held(robot, None)), False
+    if held_s is None:
+        return _held(robot, now_s), True
+    return robot, report is not None and now_s - held_s < report.hold_for_s
+
+
+def _held(robot: Robot, held_s: float | None) -> Robot:
+    return replace(robot, handing=replace(robot.handing, held_s=held_s))
+
+
+def interrupts(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | None]:
+    """Returns why a preparation is called off: a goal began that must not be interrupted; None for no reason.
+
+    Once the gate is armed the collector may have changed over already: to call that off would be a change back.
+    """
+    preparation = robot.preparation
+    if preparation is None or preparation.need or preparation.armed:
+        return robot, None
+    robot, waits = hold(robot, wish, now_s)
+    report = robot.handing.report
+    if not waits or report is None:
+        return robot, None
+    site = Site.ROBOT if robot.phase is Phase.TO_CLOUD else Site.CLOUD
+    return robot, Verdict(site, Reason.GOALS_PENDING, f"A goal of {report.hold} runs that must not be interrupted")

@@ -1,0 +1,58 @@
+"""Where everybody wants the robot's placement to be: people, the resource, the clocks, the cloud's end, the policy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from robot_offload_core.control.robot import readiness
+from robot_offload_core.control.robot.health import clock_fault, fitness
+from robot_offload_core.control.robot.placement import IN_CHARGE, Robot, Veto
+from robot_offload_core.link import policies
+from robot_offload_core.words.reasons import Kind, Reason, Verdict
+from robot_offload_core.words.replace import replace
+from robot_offload_core.words.token import Site
+
+
+def pin(robot: Robot, now_s: float) -> Site | None:
+    """The side that placement is pinned to: on the robot, else in the resource."""
+    if robot.pin is not None and robot.pin.holds(now_s):
+        return robot.pin.site
+    return robot.settings.pin
+
+
+def reported(robot: Robot) -> Iterator[Veto]:
+    """Yields what other processes found that forbids the cloud."""
+    for vetoed in robot.vetoes:
+        yield from (v for v in vetoed.vetoes if v.reason.forbids)
+
+
+def veto(robot: Robot, now_s: float) -> Verdict | None:
+    """What forbids the cloud whatever anybody asks for, besides the hard limits."""
+    fault = clock_fault(robot.link, robot.settings)
+    leaving = robot.leaving
+    if fault is None and leaving is not None and leaving.cloud == robot.link.peer and now_s < leaving.until_s:
+        message = "The cloud's pods are stopping, the robot acts until they are back"
+        return Verdict(Site.ROBOT, Reason.POD_STOPPING, message)
+    found = (v for v in reported(robot) if v.reason.kind is Kind.VETO)
+    return fault or next((Verdict(Site.ROBOT, v.reason, v.message) for v in found), None)
+
+
+def wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:
+    """Precedence: vetoes > pin on the robot > pin in the resource > by hand > policy; hard limits come before all."""
+    fit = fitness(robot.link, robot.settings, robot.judged_s(now_s))
+    policy, verdict = policies.decide(robot.policy, IN_CHARGE[robot.phase], fit, robot.settings, now_s)
+    robot = replace(robot, policy=policy)
+    forbidden = veto(robot, now_s)
+    if forbidden is not None:
+        return robot, forbidden
+    pinned = pin(robot, now_s)
+    if pinned is not None:
+        reason = Reason.PINNED_TO_ROBOT if pinned is Site.ROBOT else Reason.PINNED_TO_CLOUD
+        return robot, Verdict(pinned, reason, f"Placement is pinned to the {pinned.value}")
+    if robot.manual is not None and robot.manual.holds(now_s):
+        asked = robot.manual.site
+        return robot, Verdict(asked, Reason.BY_HAND, f"The {asked.value} was asked for by hand")
+    lacking = readiness.lacking(robot)
+    if verdict.site is Site.CLOUD and lacking is not None and IN_CHARGE[robot.phase] is Site.ROBOT:
+        return robot, lacking
+    return robot, verdict

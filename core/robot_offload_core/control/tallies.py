@@ -1,0 +1,66 @@
+"""What a control process counts of its link and of its changes."""
+
+from __future__ import annotations
+
+from robot_offload_core.link.links import Link
+from robot_offload_core.topics.tallies import bucket
+from robot_offload_core.words.decided import Decided
+from robot_offload_core.words.token import Site
+
+LATENCY_MS = (5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300, 500, 1000)
+"""Bounds of the link's latency: finest where the limits of most loops lie."""
+IN_FLIGHT = ("running", "waiting", "resent")
+"""Of an action's goals: executed now, waiting for a side that can, and how often an execution began anew."""
+
+
+class LinkTally:
+    """What a control process has seen of its link and of its changes since its start.
+
+    Attributes:
+        latency: counts by LATENCY_MS. latency_sum_ms: of all round trips.
+        received, lost: beats of the other side.
+        changeovers: by (side that took over, reason).
+        losses: sudden losses of the cloud. false_alarms: those after which a beat came within another `lossTimeout`.
+        silence_ms: without a good beat before the robot took over, all together.
+    """
+
+    def __init__(self) -> None:
+        self.latency = [0] * (len(LATENCY_MS) + 1)
+        self.latency_sum_ms = 0.0
+        self.received = self.lost = 0
+        self.changeovers: dict[tuple[str, str], int] = {}
+        self.losses = self.false_alarms = 0
+        self.silence_ms = 0.0
+        self._seen = Link()
+        self._alarm: tuple[str, float] = ("", 0.0)
+
+    def look(self, link: Link, now_s: float, loss_timeout_s: float) -> None:
+        """Takes the link after a beat."""
+        seen, self._seen = self._seen, link
+        if link is seen or not link.peer:
+            return
+        same = link.peer == seen.peer and link.last_sequence >= seen.last_sequence
+        heard = link.received - (seen.received if same else 0)
+        if heard <= 0:
+            return
+        due = link.last_sequence - (seen.last_sequence if same else link.first_sequence - 1)
+        self.received += heard
+        self.lost += max(0, due - heard)
+        peer, until_s = self._alarm
+        if peer == link.peer and now_s <= until_s + loss_timeout_s:
+            self.false_alarms += 1
+        self._alarm = ("", 0.0)
+        if link.round_trip_s is not None and link.echo_sent_s != seen.echo_sent_s:
+            self.latency[bucket(LATENCY_MS, link.round_trip_s * 1e3)] += 1
+            self.latency_sum_ms += link.round_trip_s * 1e3
+
+    def decided(self, decided: Decided, peer: str, now_s: float) -> None:
+        """Takes a decision about the placement; `peer` is the cloud that was heard until then."""
+        if not decided.switched:
+            return
+        key = (decided.site.value, decided.verdict.reason.value)
+        self.changeovers[key] = self.changeovers.get(key, 0) + 1
+        if decided.site is Site.ROBOT and decided.silent_s is not None:
+            self.losses += 1
+            self.silence_ms += decided.silent_s * 1e3
+            self._alarm = (peer, now_s)

@@ -1,0 +1,142 @@
+"""The probe: ten times a second each data process says to the other that the data session lives, and what it holds.
+
+A sign of life is a hundred bytes, so it fits one datagram however large the graph is. What this side holds goes whole
+until the other side says that it has it (by its digest), and once a second. Everything is a level, so what is lost on
+the way loses nothing. JSON, because it is small, rare and grows.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import dataclass, field
+
+from robot_offload_core.words.replace import replace
+from robot_offload_core.words.token import is_incarnation
+
+PERIOD_S = 0.1
+VERSION = 2
+
+
+MAX_BYTES = 150_000
+"""Longer ones are none of ours; control gets the notes in one datagram."""
+MAX_ENTRIES = 1024
+MAX_NAME = 256
+"""Characters of a name, a hash, a type or a state."""
+MAX_WORD = 2048
+INTERFACE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*( [A-Za-z0-9_]{1,100})?")
+
+
+class ProbeError(ValueError):
+    """Bytes that are no probe of ours; `reason`: BadForm or OtherVersion."""
+
+    def __init__(self, reason: str, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
+
+
+@dataclass(frozen=True)
+class Sign:
+    """A sign of life.
+
+    Attributes:
+        incarnation: of the sender's control process.
+        digest: of what the sender holds now, as its whole probe says it.
+        held: digest of the newest whole probe of the other side that the sender has got; "" for none.
+    """
+
+    incarnation: str
+    digest: str = ""
+    held: str = ""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A whole probe.
+
+    Attributes:
+        incarnation: of the sender's control process; pulse and data must show the same one.
+        latched: hash of the last values of each latched input that the sender holds.
+        types: interface type of each input and output that the sender knows; behind a blank its hash where known.
+        nodes: lifecycle state of each managed node of the sender.
+        word: a request to, or an answer of, the robot's control process; "" for none.
+        notes: of the sender's control process (notes.py); "" for none.
+        preparing: epoch under which the sender gets ready; 0 while it does not.
+        lacks: why the sender does not know a state of the side that acts, by the state's name.
+        digest, held: see Sign.
+    """
+
+    incarnation: str
+    latched: dict[str, str] = field(default_factory=dict)
+    types: dict[str, str] = field(default_factory=dict)
+    nodes: dict[str, str] = field(default_factory=dict)
+    word: str = ""
+    notes: str = ""
+    digest: str = ""
+    held: str = ""
+    preparing: int = 0
+    lacks: dict[str, str] = field(default_factory=dict)
+
+
+def encode(sent: Probe | Sign) -> bytes:
+    """The bytes of a whole probe, or of a sign of life."""
+    body: dict[str, object] = {"v": VERSION, "i": sent.incarnation, "d": sent.digest, "h": sent.held}
+    if isinstance(sent, Probe):
+        body |= {"l": sent.latched, "t": sent.types, "n": sent.nodes, "w": sent.word, "s": sent.notes}
+        body |= {"p": sent.preparing, "a": sent.lacks}
+    return json.dumps(body, separators=(",", ":")).encode()
+
+
+def signed(probe: Probe, held: str) -> Probe:
+    """Returns the probe with its digest and with what its sender has got of the other side."""
+    bare = replace(probe, digest="", held="")
+    return replace(probe, digest=digest([encode(bare)]), held=held)
+
+
+def decode(data: bytes) -> Probe | Sign:
+    """Reads a probe; raises ProbeError for anything that is none."""
+    try:
+        body = json.loads(data) if len(data) <= MAX_BYTES else None
+    except (ValueError, RecursionError) as error:
+        raise ProbeError("BadForm", f"not a probe: {error}") from error
+    if not isinstance(body, dict):
+        raise ProbeError("BadForm", "not a probe")
+    if body.get("v") != VERSION:
+        raise ProbeError("OtherVersion", f"version {body.get('v')!r:.20}, this side speaks {VERSION}")
+    incarnation = _text(body.get("i"), 32)
+    if incarnation and not is_incarnation(incarnation):
+        raise ProbeError("BadForm", "an incarnation has 32 hexadecimal digits")
+    sign = Sign(incarnation, _text(body.get("d"), MAX_NAME), _text(body.get("h"), MAX_NAME))
+    if "l" not in body:
+        return sign
+    types = _table(body.get("t"))
+    if not all(map(INTERFACE.fullmatch, types.values())):
+        raise ProbeError("BadForm", "an interface type has another form")
+    word, notes = _text(body.get("w"), MAX_WORD), _text(body.get("s", ""), MAX_BYTES)
+    latched, nodes = _table(body.get("l")), _table(body.get("n"))
+    preparing = body.get("p", 0)
+    if type(preparing) is not int or preparing < 0:
+        raise ProbeError("BadForm", f"{preparing!r:.40} is no epoch")
+    lacks = _table(body.get("a", {}))
+    return Probe(incarnation, latched, types, nodes, word, notes, sign.digest, sign.held, preparing, lacks)
+
+
+def _text(value: object, limit: int) -> str:
+    if not isinstance(value, str) or len(value) > limit:
+        raise ProbeError("BadForm", f"{value!r:.40} is no text of up to {limit} characters")
+    return value
+
+
+def _table(value: object) -> dict[str, str]:
+    if not isinstance(value, dict) or len(value) > MAX_ENTRIES:
+        raise ProbeError("BadForm", f"{value!r:.40} is no table of up to {MAX_ENTRIES} entries")
+    return {_text(key, MAX_NAME): _text(text, MAX_NAME) for key, text in value.items()}
+
+
+def digest(values: list[bytes]) -> str:
+    """Hash of a latched topic's kept values, in order."""
+    total = hashlib.sha256()
+    for value in values:
+        total.update(len(value).to_bytes(8, "big") + value)
+    return total.hexdigest()[:16]

@@ -1,0 +1,126 @@
+"""What the relays of both sides are to their shell: what happened comes in by the methods here, orders go out by ports.
+
+All calls come from one thread. After each call, and when `due_s` has passed, the shell calls `turn`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalStatus
+from robot_offload_core.relay.post import Post
+from robot_offload_core.words.declared import ActionSpec, ServiceSpec, UsedAction, UsedService
+from robot_offload_core.words.messages import RelayStatus
+from robot_offload_core.words.replace import replace
+
+JOURNAL_BYTES = 24 * 1024 * 1024
+"""Size of the journal's memory file."""
+MAX_PAYLOAD = 1024 * 1024
+"""Bytes of a request, a goal, a feedback message or a result; larger ones are refused and counted by name."""
+STATUS_S = 0.1
+"""Control gets a status at changes and this often."""
+
+
+@dataclass(frozen=True)
+class RelayPlan:
+    """What the configuration says of the relay.
+
+    Attributes:
+        services, actions: served by the group. used_services, used_actions: served outside the group.
+        prepare_deadline_s: an offer waits at most so long for the holder to be able.
+        cancel_deadline_s: the old side's goals and requests have so long to end after a change of the holder.
+        lease_s: longest that the cloud acts after its last grant.
+    """
+
+    services: tuple[ServiceSpec, ...] = ()
+    actions: tuple[ActionSpec, ...] = ()
+    used_services: tuple[UsedService, ...] = ()
+    used_actions: tuple[UsedAction, ...] = ()
+    prepare_deadline_s: float = 5.0
+    cancel_deadline_s: float = 2.0
+    lease_s: float = 0.250
+
+
+class RelayProcess(ABC):
+    """Either relay.
+
+    `face` and `name` (the public name) say which server or client of the shell something is about; see `Face`.
+    """
+
+    @property
+    @abstractmethod
+    def due_s(self) -> float:
+        """When `turn` has something to do, on the steady clock."""
+
+    @abstractmethod
+    def turn(self) -> None:
+        """Does what is due: sends again what was not acknowledged, ends what timed out, reports."""
+
+    # -- messages -----------------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def handle(self, message: object) -> None:
+        """Takes a message of another process of this agent: RelayOrders or Egress of control, Letters of data."""
+
+    # -- this side's graph --------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
+        """Takes the servers in the graph that this relay calls: (face, public name, endpoints).
+
+        To be called at changes and once a second. `endpoints` is any text that changes when the server was started
+        again (the sorted gids of its request readers): a server that changed has forgotten its goals.
+        """
+
+    # -- answers of servers -------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def offer_answered(self, face: Face, name: str, goal_id: bytes, accepted: bool) -> None:
+        """A server has answered `send_goal`."""
+
+    @abstractmethod
+    def cancel_answered(self, face: Face, name: str, goal_id: bytes, code: CancelCode) -> None:
+        """A server has answered `cancel_goal`."""
+
+    @abstractmethod
+    def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
+        """A server has answered `get_result` (`UNKNOWN`: it does not know the goal); `payload`: the whole response."""
+
+    @abstractmethod
+    def feedback_arrived(self, face: Face, name: str, payload: bytes) -> None:
+        """A server has published feedback."""
+
+    @abstractmethod
+    def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
+        """A server has answered a call. `success`: False when the response has a boolean `success` that is false."""
+
+    # -- requests of clients ------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def goal_requested(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
+        """A client calls `send_goal`."""
+
+    @abstractmethod
+    def cancel_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes, stamp_ns: int) -> None:
+        """A client calls `cancel_goal`; zero id and stamp 0 mean all goals, see action_msgs/srv/CancelGoal."""
+
+    @abstractmethod
+    def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
+        """A client calls `get_result`."""
+
+    @abstractmethod
+    def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
+        """A client calls a service."""
+
+
+def status_problems(
+    status: RelayStatus, post: Post, counters: Counter[str], levels: Mapping[str, int] = MappingProxyType({})
+) -> RelayStatus:
+    """Returns the status with what diagnostics show; `levels`: how many of what are open now, also when none are."""
+    problems = (post.problem,) if post.problem is not None else ()
+    counted = tuple(sorted({**(counters + post.counters), **levels}.items()))
+    return replace(status, problems=problems, counters=counted)

@@ -1,0 +1,49 @@
+"""Which side the consumers in the cloud hear: one at a time, in the order of the stays in charge.
+
+Messages of the cloud's own replicas go to them while the cloud is in charge, not while it only gets ready; what passed
+at the robot's collector comes back to them as a mirror. Neither passes once something of a newer stay has passed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_offload_core.words.token import Site, Token
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """State of the gate.
+
+    Attributes:
+        robot: incarnation of the robot whose epochs count; "" for none yet.
+        epoch: of the newest stay that the consumers have heard.
+        site: who was in charge in it.
+    """
+
+    robot: str = ""
+    epoch: int = 0
+    site: Site | None = None
+
+
+def own(mirror: Mirror, token: Token, *, in_charge: bool) -> tuple[Mirror, bool]:
+    """Returns whether a message of a replica here, sent under `token`, goes to the consumers here.
+
+    Args:
+        mirror: state of the gate.
+        token: that the message leaves under.
+        in_charge: the robot has said that the cloud is in charge under this token; False while it only gets ready.
+    """
+    return _pass(mirror, token, Site.CLOUD) if in_charge else (mirror, False)
+
+
+def mirrored(mirror: Mirror, token: Token) -> tuple[Mirror, bool]:
+    """Returns whether a message that has passed at the robot under `token` goes to the consumers here."""
+    return _pass(mirror, token, Site.ROBOT)
+
+
+def _pass(mirror: Mirror, token: Token, site: Site) -> tuple[Mirror, bool]:
+    same = mirror.robot == token.robot
+    if same and (token.epoch < mirror.epoch or (token.epoch == mirror.epoch and mirror.site is not site)):
+        return mirror, False
+    return Mirror(token.robot, token.epoch, site), True

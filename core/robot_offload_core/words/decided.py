@@ -1,0 +1,44 @@
+"""A decision of placement, for the log, the diagnostics and /offload/placement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from robot_offload_core.words.reasons import Verdict
+from robot_offload_core.words.token import Site
+
+
+@dataclass(frozen=True)
+class Decided:
+    """For log, diagnostics and /offload/placement.
+
+    Attributes:
+        site, epoch: who is in charge now.
+        phase: see Phase.
+        verdict: reason and message of the change.
+        switched: the side in charge changed.
+        silent_s: since the last good beat, at a sudden loss; None for a commanded change.
+    """
+
+    site: Site
+    epoch: int
+    phase: Phase
+    verdict: Verdict
+    switched: bool
+    silent_s: float | None = None
+
+
+class Phase(str, Enum):
+    """Who acts and what is under way.
+
+    ROBOT: the robot acts. TO_CLOUD: it acts while the cloud gets ready under a candidate epoch. CLOUD: the cloud acts.
+    TO_ROBOT: it acts while the robot's nodes wake. TAKEOVER: the robot is in charge after a sudden loss, its CORE nodes
+    are still waking.
+    """
+
+    ROBOT = "Robot"
+    TO_CLOUD = "ToCloud"
+    CLOUD = "Cloud"
+    TO_ROBOT = "ToRobot"
+    TAKEOVER = "Takeover"

@@ -1,0 +1,22 @@
+"""Which side the collector passes, as data and relay need it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_offload_core.words.token import Site, Token
+
+
+@dataclass(frozen=True)
+class Holding:
+    """Who holds, as the collector's memory says.
+
+    Attributes:
+        site: the side that the collector passes; the robot also before the first gate and after falling back.
+        stay: grows by one with each change of `site`, over restarts of collector and control.
+        token: under which that side passes; epoch 0 before the first gate.
+    """
+
+    site: Site
+    stay: int
+    token: Token

@@ -1,0 +1,25 @@
+"""Whether a topic is of the kind that was declared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from robot_offload_core.words.reasons import Reason
+
+
+def otherwise(topic: str, declared: str, found: Iterable[tuple[str, str]]) -> tuple[str, str] | None:
+    """Returns the problem, (reason, message), of a topic that is published with another type than declared.
+
+    Args:
+        topic: public or private name.
+        declared: interface type of the configuration; "auto": any.
+        found: (node, interface type) of each publisher in the graph; node "" while its name is not known.
+    """
+    others = sorted({(node, kind) for node, kind in found if kind != declared})
+    if declared == "auto" or not others:
+        return None
+    who = ", ".join(f"{node or 'somebody'} publishes {kind}" for node, kind in others)
+    return (
+        Reason.TYPES_DIFFER.value,
+        f"{topic} is declared as {declared}, but {who}: correct the declaration or the node",
+    )

@@ -1,0 +1,63 @@
+"""What a fault is: when, of which kind, for how long, and how it is undone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from robot_offload_sim.sides.keeping import Kept
+from robot_offload_sim.sides.system import System
+from robot_offload_sim.world.link_model import Wire
+from robot_offload_sim.world.nodes import Node
+
+Undo = Callable[[], None]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One planned fault.
+
+    Attributes:
+        at_s: true time of its start.
+        kind: a key of KINDS.
+        duration_s: how long it lasts.
+        pick: chance, 0 to 1, for what the kind leaves open (which process, which direction).
+    """
+
+    at_s: float
+    kind: str
+    duration_s: float
+    pick: float
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of fault: how often, how long (seconds), what it does, and what it leaves behind after its end."""
+
+    weight: float
+    lasts_s: tuple[float, float]
+    apply: Callable[[System, Fault], Undo]
+    tail_s: float = 0.0
+
+
+def option(options: list[T] | tuple[T, ...], pick: float) -> tuple[T, float]:
+    """Returns the option that `pick` falls on, and the rest of the chance."""
+    scaled = pick * len(options)
+    return options[int(scaled)], scaled - int(scaled)
+
+
+def raised(things: Sequence[Wire] | Sequence[Node] | Sequence[Kept], attribute: str, by: float) -> Undo:
+    """Raises an amount of several things; faults of one kind may overlap, so the undoing takes off just its own."""
+
+    def add(value: float) -> None:
+        for thing in things:
+            setattr(thing, attribute, max(0, getattr(thing, attribute) + value))
+
+    add(by)
+    return lambda: add(-by)
+
+
+def nothing() -> None:
+    """For faults that end by themselves."""

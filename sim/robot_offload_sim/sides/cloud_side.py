@@ -1,0 +1,291 @@
+"""The cloud's three processes: the core's own classes, driven by virtual time instead of sockets and threads."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from typing import Any
+
+from robot_offload_core.control.cloud import lease
+from robot_offload_core.control.cloud.lease import Stand
+from robot_offload_core.control.cloud.process import CloudControlProcess
+from robot_offload_core.control.nodes.guardians import Guardian
+from robot_offload_core.control.nodes.managed_nodes import Command
+from robot_offload_core.data.cloud import CloudDataProcess
+from robot_offload_core.pulse import pulse
+from robot_offload_core.words.beats import Beat, CloudReport
+from robot_offload_core.words.messages import Heard, Notes, Speak
+from robot_offload_core.words.token import Site, Token
+from robot_offload_sim.sides.shells import (
+    EFFECT_S,
+    LOOK_S,
+    DataShell,
+    PulseShell,
+    Shell,
+    call_node,
+    plain_nodes_seen,
+    read,
+    written,
+)
+from robot_offload_sim.world.nodes import Message, Node
+from robot_offload_sim.world.ports import Payload, Sensed, Surroundings, decoded
+from robot_offload_sim.world.scenario import UID
+from robot_offload_sim.world.since import Since
+from robot_offload_sim.world.world import Host, Process
+
+SENT_KEPT = 60
+SENT_EVERY = 7
+"""Every seventh message that left is kept for the fault that lets old ones arrive again."""
+NOTES_S = 1.0
+
+
+class CloudSide:
+    """The cloud: its host, processes and nodes."""
+
+    def __init__(self, around: Surroundings, host: Host) -> None:
+        self.around = around
+        self.host = host
+        peers: dict[str, Shell] = {}
+        self.control = CloudControl(around, host, peers)
+        self.pulse = CloudPulse(around, host, peers)
+        self.data = CloudData(around, host, peers)
+        self.processes: tuple[Process, ...] = (self.control, self.pulse, self.data)
+        scenario = around.scenario
+        self.nodes = {
+            spec.name: Node(around.world, host, spec, scenario.cloud_replicas[spec.name], self._publish)
+            for spec in scenario.cloud_nodes
+        }
+        for node in self.nodes.values():
+            node.transition_s = scenario.transition_s
+        self.control.nodes = self.nodes
+        around.link.pulse.up.target = self.pulse, self.pulse.hear
+        around.link.data.up.target = self.data, self.data.arrived
+
+    def _publish(self, name: str, index: int, message: Message) -> None:
+        self.data.post(name, self.data.output, index, message, self.host.system_s())
+
+    def start(self) -> None:
+        """Starts everything, the user's nodes first."""
+        for process in (*self.nodes.values(), self.data, self.pulse):
+            process.start()
+        self.around.world.after(self.around.scenario.late_s[1], self.control.start)
+
+
+class WatchedControl(CloudControlProcess):
+    """The core's class; every event of its machine counts for coverage."""
+
+    around: Surroundings
+
+    def step(self, event: lease.Event) -> None:
+        """Counts the event, then takes it."""
+        self.around.coverage.cloud(self.cloud, event, self.ports.now_s())
+        known = self.cloud.robot
+        super().step(event)
+        if known and not self.cloud.robot:
+            self.around.entered("cloud Alone")
+
+
+class CloudControl(Shell):
+    """The cloud's control in virtual time. `leaving`: the end of its pods that is announced; "" for none."""
+
+    def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
+        super().__init__(around, host, "control", peers)
+        self.nodes: dict[str, Node] = {}
+        self.leaving = ""
+        self.process = self._made("0" * 32)
+
+    @property
+    def cloud(self) -> lease.Cloud:
+        """Returns the state of the lease machine."""
+        return self.process.cloud
+
+    @property
+    def guardian(self) -> Guardian:
+        """Returns the state of the guardian."""
+        return self.process.guardian
+
+    def _made(self, incarnation: str) -> WatchedControl:
+        scenario = self.around.scenario
+        process = WatchedControl(
+            scenario.cloud_settings,
+            scenario.cloud_nodes,
+            self,
+            incarnation,
+            outputs=scenario.outputs,
+            publishers=scenario.publishers,
+            has_relay=scenario.relay is not None,
+            has_state=bool(scenario.states),
+        )
+        process.around = self.around
+        return process
+
+    def boot(self) -> None:
+        """Starts a new incarnation that knows nothing."""
+        incarnation = f"{self.world.dice.getrandbits(128):032x}"
+        self.leaving = ""
+        self.process = self._made(incarnation)
+        self.around.witness.cloud_started(incarnation)
+        self.around.controlled(self.process)
+        self.every(self.around.scenario.tick_s, self.process.turn, first_s=0.0)
+        self.every(NOTES_S, self._notes)
+        self.every(LOOK_S, lambda: self.process.guard(plain_nodes_seen(self.nodes)), first_s=0.1)
+
+    def take(self, message: object) -> None:
+        """Takes a datagram."""
+        if not isinstance(message, Notes):
+            self.process.handle(message)
+
+    def beat(self, beat: Beat, arrived_s: float, wall_us: int, sent_true_s: float) -> None:
+        """Takes a beat of a robot."""
+        self.around.witness.grant_delivered(beat, sent_true_s)
+        self.process.arrived(beat, arrived_s, wall_us)
+
+    def announce(self, leaving: str) -> None:
+        """Announces the end of these pods to the robot."""
+        self.leaving = leaving
+        self._notes()
+
+    def _notes(self) -> None:
+        self.send("data", Notes(self.process.incarnation, self.leaving))
+
+    # -- ports of the core's process ----------------------------------------------------------------------------------
+
+    def carry_out(self, command: Command) -> None:
+        """Calls a node."""
+        call_node(self, self.process.guard, self.nodes, command)
+
+    def answer(self, key: int, accepted: bool, message: str) -> None:
+        """Shows the answer to a switch by hand."""
+        self.around.witness.answered(key, accepted, message)
+
+    def network_status(self, sustained: int) -> None:
+        """Publishes nothing here."""
+
+    def decided(self, reason: Stand, message: str) -> None:
+        """Shows a decision."""
+        self.world.note("cloud", reason.value, message)
+        self.around.entered("cloud " + reason.value)
+
+
+class CloudPulse(PulseShell):
+    """Beats only. `bare` counts the faults that strip them of all content."""
+
+    def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
+        super().__init__(around, host, "pulse", peers)
+        self.period_s = around.scenario.settings.beat_period_s
+        self.state = pulse.Pulse(UID, Site.CLOUD, self.period_s)
+        self.last: Beat | None = None
+        self.bare = 0
+
+    def boot(self) -> None:
+        """Starts without a report, and has heard nobody."""
+        self.state = pulse.Pulse(UID, Site.CLOUD, self.period_s)
+        if self.life > 1:
+            self.around.link.pulse.reopen()
+        self.once(0.0, self.turn)
+
+    def take(self, message: object) -> None:
+        """Takes what control wants said."""
+        if isinstance(message, Speak) and isinstance(message.body, CloudReport):
+            self.state = pulse.speak(self.state, message.incarnation, message.body, message.said_s)
+
+    def beat(self) -> None:
+        """Sends the next beat."""
+        self.state, beat = pulse.compose(self.state, self.host.now_s(), self.host.wall_us)
+        self.last = beat
+        if self.bare:
+            beat = replace(beat, echo=None, body=None)
+        self.around.link.pulse.down.carry(written(beat), self.world.now)
+
+    def hear(self, sent: Beat | str, sent_true_s: float) -> None:
+        """Takes what arrived on the pulse session."""
+        beat = read(sent)
+        if beat is None:
+            return
+        now_s = self.host.now_s()
+        self.state, newer = pulse.hear(self.state, beat, now_s)
+        if newer:
+            self.answer(now_s)
+            control = self.peers["control"]
+            assert isinstance(control, CloudControl)
+            control.post(self.name, control.beat, beat, now_s, self.host.wall_us, sent_true_s)
+            partner = pulse.partner(self.state)
+            if partner is not None:
+                self.heard = Heard(partner.incarnation, partner.sent_us, partner.arrived_s)
+
+
+class CloudData(DataShell):
+    """Inputs in; the egress reads the lease for each message at the moment of sending.
+
+    Attributes:
+        sent: some of what has left, for the fault that lets old messages arrive again.
+        datagrams: channels of which nothing lost is sent again.
+        since: when the age of messages of each output begins.
+    """
+
+    process: CloudDataProcess
+
+    def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
+        super().__init__(around, host, "data", peers)
+        self.process = CloudDataProcess(around.scenario.data_plan, self)
+        self.sent: deque[tuple[str, bytes, Payload]] = deque(maxlen=SENT_KEPT)
+        self.count = 0
+        self.since = [Since() for _ in around.scenario.outputs]
+        scenario = around.scenario
+        self.datagrams = {"probe", *(f"out/{scenario.outputs[i].name}" for i in scenario.best_effort)}
+
+    def boot(self) -> None:
+        """Starts anew: nothing may leave; a new process opens a new session."""
+        self.process = CloudDataProcess(self.around.scenario.data_plan, self)
+        self.since = [Since() for _ in self.around.scenario.outputs]
+        if self.life > 1:
+            self.around.link.data.reopen()
+        self.boot_timers()
+        self.every(EFFECT_S, self._effect)
+
+    @property
+    def token(self) -> Token | None:
+        """Returns the token under which messages may leave; None when none may."""
+        return self.process.egress.egress.token
+
+    def output(self, index: int, message: Message, published_s: float) -> None:
+        """Takes what a replica has published, with its publisher's stamp."""
+        self.look_who_is_heard()
+        self.process.leave(
+            index, Payload(Site.CLOUD, message, b"", self.since[index].counts_s(self.host, message.born_s)), published_s
+        )
+
+    def cross(self, channel: str, header: bytes, payload: Any) -> bool:
+        """Sends over the data session; what leaves is shown."""
+        session = self.around.link.data
+        if isinstance(payload, Payload):
+            token = decoded(header).token
+            self.around.witness.left_cloud(token)
+            payload = payload._replace(header=header)
+            self.count += 1
+            if self.count % SENT_EVERY == 1:
+                self.sent.append((channel, header, payload))
+        session.down.carry(channel, header, payload, datagram=channel in self.datagrams)
+        return session.connected
+
+    def _effect(self) -> None:
+        egress = self.process.egress.egress
+        if egress.token is not None and self.host.now_s() < egress.lease_end_s:
+            self.around.witness.left_cloud(egress.token)
+            self.around.link.data.down.carry("effect", b"", egress.token)
+
+    def publish_output(self, index: int, payload: Payload) -> None:
+        """Publishes to the consumers in the cloud."""
+        self.around.witness.heard_in_cloud(index, payload)
+        if index in self.process.loops:  # we listen on the public topic of a shared output ourselves
+            self.post(self.name, self.process.hear_others, index, payload)
+
+    def fill(self, index: int, payload: Payload) -> None:
+        """Publishes on the private topic: the replica hears it, and so do we."""
+        self.around.witness.filled(Site.CLOUD, index, payload)
+        self.post(self.name, self.process.leave, index, payload)
+
+    def publish_input(self, name: str, payload: Sensed) -> bool:
+        """Publishes to the replicas."""
+        self.around.witness.input_heard(name, self.world.now - payload.since_s)
+        return True

@@ -1,0 +1,31 @@
+"""What the observer excuses of a message's age: what nobody could know who compares no clocks of two hosts."""
+
+from __future__ import annotations
+
+import math
+
+from robot_offload_core.topics.waits import ON_THE_WAY_S, WINDOW_S
+from robot_offload_sim.world.world import IPC_LEAST_S, IPC_SPREAD_S, Host
+
+
+class Since:
+    """Since when the age of messages of a topic can be counted, whatever they waited for the data process."""
+
+    def __init__(self) -> None:
+        self.unwaited_s = self.set_back_s = -1e9
+        self.wall_us = -math.inf
+
+    def counts_s(self, host: Host, born_s: float) -> float:
+        """Returns a true time: `born_s`, that of publishing.
+
+        Or now, where no message came without waiting of late or the system clock was set back: what it took until here
+        cannot be known.
+        """
+        now = host.world.now
+        if host.wall_us < self.wall_us:
+            self.set_back_s = now
+        self.wall_us = host.wall_us
+        if now - born_s <= IPC_LEAST_S + IPC_SPREAD_S + 1e-6:
+            self.unwaited_s = now
+        known = now - self.unwaited_s < WINDOW_S and now - self.set_back_s > ON_THE_WAY_S * 1.01
+        return born_s if known else now
