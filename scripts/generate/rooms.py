@@ -1,7 +1,7 @@
 """The picture of the rooms in docs/architecture.md, drawn from the imports as Mermaid.
 
-A room is a package's sub-package or, where it has none, a module. An arrow points at what a room imports. Arrows that
-follow from others are left out (a room that reaches another one through a third): what remains is the order.
+A room is a package's sub-package; modules beside the rooms are left out. An arrow points at what a room imports. Arrows
+that follow from others are left out (a room that reaches another one through a third): what remains is the order.
 """
 
 from __future__ import annotations
@@ -50,12 +50,14 @@ def _pictures() -> Iterator[str]:
     ]
     yield from _picture("The packages", _reduced(_arrows(imports, depth=1)))
     for package in PACKAGES:
-        inside = [(a, b) for a, b in imports if _is_in(a, package) and _is_in(b, package)]
+        rooms = {room for room in graph.find_children(package) if graph.find_children(room)}
+        inside = [(a, b) for a, b in imports if _room(a) in rooms and _room(b) in rooms]
         yield from _picture(f"The rooms of `{package}`", _reduced(_arrows(inside, depth=2)))
 
 
-def _is_in(module: str, package: str) -> bool:
-    return module.startswith(f"{package}.")
+def _room(module: str) -> str:
+    """Return the first two parts of a module's name: package and room."""
+    return ".".join(module.split(".")[:2])
 
 
 def _arrows(imports: list[tuple[str, str]], depth: int) -> Arrows:
