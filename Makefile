@@ -21,24 +21,42 @@ simulate: venv ## The protocol in virtual time; ARGS="--hours 1 --seed 7"
 	$(PYTHON) -m robot_offload_sim $(ARGS)
 
 ##@ Check
-.PHONY: test test-fast test-pure test-nodes test-ros test-simulation e2e e2e-full lint types verify fmt
-test: test-pure test-nodes test-ros test-simulation ## All tests: unit, golden, contract, real API server, real ROS processes, simulation
+PYTEST := $(PYTHON) -m pytest
+BESIDE := -n 2 --dist loadfile
+.PHONY: test test-all test-fast test-pure test-integration test-nodes test-ros test-simulation cluster-programs
+.PHONY: e2e e2e-full lint types verify fmt
+test: venv cluster-programs ## What every commit runs: unit, contract, API server, stories, the demo, a core of real ROS processes
+	@$(PYTHON) -m scripts.lacking
+	$(PYTEST) $(BESIDE) tests/unit tests/golden tests/contract $(ARGS)
+	$(PYTEST) $(BESIDE) -m "core and not cluster" tests/integration tests/simulation $(ARGS)
+	$(PYTEST) -m core tests/ros $(ARGS)
 
-test-pure: venv ## Unit, golden, contract and integration tests, two at a time
+test-all: venv cluster-programs ## The rest: every chart, cluster, ROS and simulation test that `make test` leaves out
+	$(PYTEST) $(BESIDE) -m "not core and not cluster" tests/integration $(ARGS)
+	$(PYTEST) -m cluster tests/integration $(ARGS)
+	$(PYTEST) -m "not core" tests/ros $(ARGS)
+	$(PYTEST) $(BESIDE) -m "not core" tests/simulation $(ARGS)
+
+cluster-programs:
 	-@$(PYTHON) -m robot_offload_lab.cluster build > /dev/null  # shows its progress here; without Go those tests are skipped
-	$(PYTHON) -m pytest -n 2 --dist loadfile -m "not cluster" tests/unit tests/golden tests/contract tests/integration $(ARGS)
+
+test-pure: venv ## Unit, golden and contract tests, two at a time
+	$(PYTEST) $(BESIDE) tests/unit tests/golden tests/contract $(ARGS)
+
+test-integration: venv cluster-programs ## Tests with a real API server, two at a time
+	$(PYTEST) $(BESIDE) -m "not cluster" tests/integration $(ARGS)
 
 test-nodes: venv ## The test cluster with nodes; one at a time, because they share the machine's settings (root)
-	$(PYTHON) -m pytest -m cluster tests/integration $(ARGS)
+	$(PYTEST) -m cluster tests/integration $(ARGS)
 
 test-ros: venv ## Real ROS processes; one at a time, because they watch the clock
-	$(PYTHON) -m pytest tests/ros $(ARGS)
+	$(PYTEST) tests/ros $(ARGS)
 
 test-simulation: venv ## The protocol in virtual time, and its mutants
-	$(PYTHON) -m pytest -n 2 --dist loadfile tests/simulation $(ARGS)
+	$(PYTEST) $(BESIDE) tests/simulation $(ARGS)
 
 test-fast: venv ## Only what takes seconds
-	$(PYTHON) -m pytest tests/unit tests/contract $(ARGS)
+	$(PYTEST) tests/unit tests/contract $(ARGS)
 
 e2e: venv ## The core of the end-to-end suite on a real cluster (root; ARGS="-k drive")
 	$(PYTHON) -m pytest tests/e2e -m core $(ARGS)

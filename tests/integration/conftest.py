@@ -40,7 +40,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     terminal = session.config.pluginmanager.getplugin("terminalreporter")
 
     def say(line: str) -> None:
-        if terminal is not None:  # one of several processes (-n 2) has none: `make test-pure` has built before
+        if terminal is not None:  # one of several processes (-n 2) has none: `make` has built before
             terminal.write_line(line, flush=True)
 
     try:

@@ -13,7 +13,7 @@ from robot_offload_lab.cluster.control_plane import ControlPlane
 from tests.integration.chart import CHART, OPERATOR, RELEASE, of_kind, rendered, with_values
 from tests.integration.conftest import NewNamespace
 
-pytestmark = pytest.mark.api
+pytestmark = [pytest.mark.api, pytest.mark.core]
 
 Right = tuple[str, str, str]  # API group, resource, verb
 CERT_MANAGER = {"certManager.enabled": True}

@@ -24,7 +24,7 @@ from tests.contract.rule_examples import BROKEN, KEPT, example_values
 from tests.contract.test_crd import PLACES
 from tests.unit.specs import MINIMAL, changed, sample
 
-pytestmark = pytest.mark.api
+pytestmark = [pytest.mark.api, pytest.mark.core]
 
 Create = Callable[[Any], Awaitable[tuple[int, dict[str, Any]]]]
 # One field each: what the models refuse about it, the API server refuses as well, by pattern, size or its own rule.

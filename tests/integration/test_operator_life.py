@@ -25,7 +25,7 @@ from tests.integration.operator_cluster import Place, eventually, kind_named, wa
 from tests.integration.operator_process import Operator
 from tests.integration.operator_proxy import Proxy
 
-pytestmark = pytest.mark.api
+pytestmark = [pytest.mark.api, pytest.mark.core]
 SAMPLES = Path(__file__).resolve().parents[2] / "manifests" / "samples"
 
 

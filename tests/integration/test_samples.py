@@ -14,7 +14,7 @@ from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS
 from robot_offload_lab.cluster.commands import Kubectl, documents
 from tests.integration.resources import SAMPLES, talker
 
-pytestmark = pytest.mark.api
+pytestmark = [pytest.mark.api, pytest.mark.core]
 
 FILES = sorted(SAMPLES.glob("*.yaml"))
 STRICT = ("--validate=strict", "--server-side")

@@ -287,6 +287,7 @@ def test_kill_9_of_the_demo_leaves_no_process(demo: Demo) -> None:
     assert demo.left() == []
 
 
+@pytest.mark.core
 @pytest.mark.ros
 def test_the_wheelchair_drives_without_touching_anything_while_its_link_fails(demo: Demo) -> None:
     code, said, errors = demo.run(str(WHEELCHAIR), "--duration", "11", "--outage", "2/8", "--slow", "none")

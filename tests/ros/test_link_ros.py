@@ -24,7 +24,7 @@ from robot_offload_agent.link import ros
 from robot_offload_agent.link.port import Channel
 from robot_offload_agent.link.ros import MalformedError, RosLink
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.core]
 
 DOMAIN_ID = 41
 CHANNELS = [Channel("beat", reliable=False, urgent=True), Channel("probe", reliable=False), Channel("out/cmd_vel")]

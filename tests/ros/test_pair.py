@@ -109,6 +109,7 @@ def paired() -> Iterator[Path]:
         yield folder
 
 
+@pytest.mark.core
 @pytest.mark.ros
 @pytest.mark.skipif(bool(TwoHosts.refusal()), reason=TwoHosts.refusal() or "-")
 def test_two_folders_make_a_robot_and_its_workstation_and_the_doctor_compares_them(paired: Path) -> None:

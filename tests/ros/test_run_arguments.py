@@ -25,7 +25,7 @@ from robot_offload.render.ros_names import run_arguments
 from robot_offload_agent.settings.parameters import flatten
 from tests.unit.specs import changed, sample
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.core]
 DOMAIN = 97
 
 

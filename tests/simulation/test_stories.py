@@ -14,6 +14,7 @@ from robot_offload_sim.stories.stories import STORIES
 pytestmark = [pytest.mark.simulation]
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("name", STORIES)
 def test_a_story_ends_well(name: str) -> None:
     STORIES[name]()

@@ -44,6 +44,7 @@ def asked(world: World, ear: Ear, service: str) -> str:
     return str(answers[-1].message)
 
 
+@pytest.mark.core
 def test_each_of_the_four_services_switches_without_a_hole_and_twice_is_the_same_as_once(world: World) -> None:
     since, at_s = len(world.arrivals), now_s()
     for service, side in FOUR.items():

@@ -60,6 +60,7 @@ def went_over(goal: Goal, world: World, *sides: str) -> bool:
     return all(world.nodes[side].pid in executors for side in sides)
 
 
+@pytest.mark.core
 def test_a_goal_goes_on_through_commanded_switches(serving_world: World, count: ActionClient) -> None:
     goal = Goal(count, 400).accepted()
     goal.beats()
@@ -73,6 +74,7 @@ def test_a_goal_goes_on_through_commanded_switches(serving_world: World, count: 
     serving_world.until(lambda: "/count 0 executing, 0 waiting, " in examined(serving_world), "by the doctor", SHOWN_S)
 
 
+@pytest.mark.core
 def test_a_goal_goes_on_after_a_sudden_loss(serving_world: World, count: ActionClient) -> None:
     goal = Goal(count, 300).accepted()
     goal.beats()

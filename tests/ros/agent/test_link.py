@@ -11,6 +11,7 @@ GAP_LIMIT_S = 5.0
 """Generous: detection 150 ms + activation, on a machine that does other things as well."""
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("which", ["both", "up", "down"])
 def test_the_robot_takes_over_when_the_link_is_cut_and_gives_back_when_it_heals(world: World, which: str) -> None:
     at_s = world.cut(which)
@@ -22,6 +23,7 @@ def test_the_robot_takes_over_when_the_link_is_cut_and_gives_back_when_it_heals(
     world.goes_to("cloud")
 
 
+@pytest.mark.core
 def test_nothing_old_passes_in_the_burst_after_a_cut(world: World) -> None:
     world.cut("down")
     world.goes_to("robot")

@@ -17,6 +17,7 @@ def problem(ear: Ear, reason: str) -> str:
     return status.values.get(reason, "") if status else ""
 
 
+@pytest.mark.core
 def test_the_robot_takes_over_when_the_clouds_node_dies_and_gives_back_when_it_is_restarted(world: World) -> None:
     at_s = world.kill_node("cloud")
     world.goes_to("robot")
@@ -40,6 +41,7 @@ def test_an_output_of_half_a_megabyte_passes_from_the_cloud(world: World) -> Non
     world.place("cloud")
 
 
+@pytest.mark.core
 def test_the_cloud_takes_over_when_the_robots_core_node_dies(world: World) -> None:
     world.place("robot")
     at_s = world.kill_node("robot")

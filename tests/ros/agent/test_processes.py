@@ -31,6 +31,7 @@ def await_restart(world: World, side: str, process: str, dead: int) -> None:
     world.until(lambda: world.pid(side, process) not in (0, dead), f"{side} {process} is started again")
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(("side", "process"), EACH)
 def test_a_killed_process_is_replaced_and_the_cloud_acts_again(world: World, side: str, process: str) -> None:
     dead = world.pid(side, process)

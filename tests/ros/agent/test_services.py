@@ -79,6 +79,7 @@ def executed(world: World, ear: Ear, side: str) -> list[int]:
     return list(map(int, future.result().string_value.split()))
 
 
+@pytest.mark.core
 def test_a_query_is_answered_once_through_switches_and_cuts(serving_world: World, ask: Caller) -> None:
     ask.more()
     for side in ("robot", "cloud"):

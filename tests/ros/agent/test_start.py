@@ -23,6 +23,7 @@ def problem(world: World, reason: str) -> str:
     return status.values.get(reason, "") if status else ""
 
 
+@pytest.mark.core
 def test_the_robot_acts_without_a_cloud_and_uses_it_when_it_comes(build: Callable[..., World]) -> None:
     world = build()
     world.start_agent("robot")
@@ -188,6 +189,7 @@ def test_a_duplicated_node_without_a_replica_is_told(build: Callable[..., World]
     world.until(lambda: not problem(world, "ReplicaMissing"), "it is told no longer")
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("side", ["robot", "cloud"])
 def test_an_agent_that_is_told_to_end_ends_all_its_processes_with_0(build: Callable[..., World], side: str) -> None:
     world = build()

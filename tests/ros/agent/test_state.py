@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from std_msgs.msg import String
 
 from tests.ros.agent.ears import Ear
@@ -36,6 +37,7 @@ def lap(message: String) -> int:
     return int(message.data.partition("#")[2])
 
 
+@pytest.mark.core
 def test_a_count_goes_on_through_changes_losses_and_a_killed_process(build: Callable[..., World]) -> None:
     world = build(program=PROGRAM, both=DECLARED).start()
     world.until(lambda: len(world.arrivals) > 160, "the cloud counts")
