@@ -31,6 +31,7 @@ QUICK = {
     "METRICS_PORT": "0",
     "HEALTH_PORT": "0",
     "LOG_LEVEL": "info",
+    "AUTHORITY_KEEP_DAYS": "0",
 }
 
 

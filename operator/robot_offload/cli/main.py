@@ -44,6 +44,7 @@ class Program(LazyCommands):
         ),
         Entry("pin", "pin", "Hold the application on one side, or let go."),
         Entry("revoke", "revoke", "Make a robot's certificates worthless, after it was lost, sold or copied."),
+        Entry("export", "export", "Write a RobotOffload and the keys of its authorities, to apply in another cluster."),
         Entry(
             "doctor",
             "doctor.command",

@@ -13,7 +13,7 @@ from robot_offload.controller.observe import Observer, Snapshot
 from robot_offload.controller.subject import Subject
 from robot_offload.controller.tools import Tools
 from robot_offload.decide import authorities
-from robot_offload.decide.certificates import REVOKED, Role
+from robot_offload.decide.certificates import REVOKED, SPENT, Role
 from robot_offload.decide.ownership import Key, belongs, key_of
 from robot_offload.decide.plan import plan
 from robot_offload.kube.kinds import SECRET
@@ -81,6 +81,48 @@ class Authorities:
         applied = await carry_out(self._tools.api, self._tools.store, steps, self._live, history, clock)
         self._note(applied)
         return applied
+
+    def identity(self) -> str:
+        """Return the uid by which the robot knows its cloud; empty: that of the RobotOffload."""
+        name = self._names["server-ca"]
+        known = self._live.get((SECRET, name)) or self._tools.store.get(SECRET, self._home, name)
+        return authorities.identity_of(known)
+
+    async def adopt(self, parent: Parent) -> bool:
+        """Go on with the keys of an earlier RobotOffload of this name; return whether there were any.
+
+        Only where there are none of its own yet. The earlier Secrets go once all is copied: a key is in one place.
+        """
+        if not self._tools.policy.adopt:
+            return False
+        old = authorities.heritage(await self._secrets(), parent)
+        if not old:
+            return False
+        names = authorities.secret_names(old)
+        found = {role: await self._tools.api.get(SECRET, self._home, name) for role, name in names.items()}
+        there = {role: secret for role, secret in found.items() if secret is not None}
+        if len(there) < len(names):
+            return False
+        identity = authorities.identity_of(there["server-ca"]) or old
+        copies = []
+        for role, secret in there.items():
+            annotations = secret["metadata"].get("annotations") or {}
+            noted = {name: annotations[name] for name in (REVOKED, SPENT) if name in annotations}
+            own = {authorities.IDENTITY: identity} if role == "server-ca" else noted
+            copies.append(authorities.secret(parent, role, secret.get("data") or {}, own))
+        applied = await self.apply(copies)
+        if not applied.complete:
+            return False
+        for secret in there.values():
+            await self._tools.api.delete(SECRET, self._home, secret["metadata"]["name"], secret["metadata"]["uid"])
+        _log.info("Went on with the authorities of an earlier RobotOffload", **self._subject.words, identity=identity)
+        return True
+
+    async def _secrets(self) -> list[Manifest]:
+        """Return the Secrets in the operator's namespace that may be authorities, without their keys if possible."""
+        if self._tools.store.fed:
+            return [entry.manifest() for _, entry in self._tools.store.entries(SECRET, self._home)]
+        return await self._tools.api.list(SECRET, self._home, authorities.LABELS)
 
     async def take_over(self, parent: Parent) -> frozenset[Key]:
         """Copies what an earlier version has kept beside the robot; returns the Secrets there that must stay.

@@ -119,7 +119,10 @@ class Certifying:
                 answer=issuer.answer(asked) if asked else None,
                 ends=_ends(leaves),
             )
-        live = {**await self._authorities.read(), **leaves}
+        signing = await self._authorities.read()
+        if not any(signing.values()) and await self._authorities.adopt(parent):
+            signing = await self._authorities.read()
+        live = {**signing, **leaves}
         issued = certificates.issue(parent, live, revoke, self._clock.wall(), asked)
         for role, why in issued.made:
             _log.info("Made certificate", **self._subject.words, role=role, reason=why.reason)

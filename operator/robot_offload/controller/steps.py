@@ -149,8 +149,8 @@ class Pass:
         found.step = Step.SECRETS  # the first wave
         state, problem = agent.state_of(lease)
         seen = (self._tools, self._subject, self._memory, self._observer, self._snapshot)
-        certifying = Certifying(*seen, self._apply, Authorities(*seen, self._note))
-        secrets = await certifying.run(parent, state)
+        authorities = Authorities(*seen, self._note)
+        secrets = await Certifying(*seen, self._apply, authorities).run(parent, state)
         found.verdicts["CertificatesReady"] = secrets.verdict
 
         found.step = Step.BUILDS
@@ -163,6 +163,7 @@ class Pass:
         found.step = Step.RENDER
         facts = replace(
             parent.facts,
+            identity=authorities.identity(),
             certificate_hash=secrets.hash,
             certificate_answer=secrets.answer.text() if secrets.answer is not None else "",
             built=built.references,

@@ -23,6 +23,7 @@ class Policy:
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
         network: what is decided about network policies.
         home: the operator's own namespace; the keys of the robots' authorities are there.
+        adopt: whether a RobotOffload goes on with the authorities of an earlier one of its name.
         pull_secrets: names of Secrets with which images of all robots are fetched.
         pod_spec: what is said about all pods of robots, laid under what a RobotOffload says.
         admission: the name of the admission policy and of its binding; empty: what was written is not checked again.
@@ -32,6 +33,7 @@ class Policy:
     load_balancer_node_ports: bool = True
     network: Network = field(default_factory=Network)
     home: str = HOME
+    adopt: bool = True
     pull_secrets: tuple[str, ...] = ()
     pod_spec: Mapping[str, Any] = field(default_factory=dict)
     admission: str = ""

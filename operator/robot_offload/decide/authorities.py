@@ -3,11 +3,17 @@
 Who may read Secrets beside the robots, or run pods there, then finds leaves only: no key that signs further ones. No
 owner reference reaches into another namespace, so these Secrets name their RobotOffload by uid, and the operator
 collects them when it is gone.
+
+Not at once: a RobotOffload that is deleted and applied again, restored or moved is another object of the same name, and
+its robot has the old one's certificates. So the keys outlive it for a time, and the next RobotOffload of that namespace
+and name goes on with them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import datetime
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import Final, Literal, TypeAlias
 
 from robot_offload.decide.ownership import Key
@@ -18,6 +24,21 @@ from robot_offload.objects.parent import Parent
 
 Authority: TypeAlias = Literal["server-ca", "client-ca"]
 AUTHORITIES: Final[tuple[Authority, ...]] = ("server-ca", "client-ca")
+IDENTITY: Final = "robotoffload.dev/identity"
+"""Annotation on these Secrets and on the robot's: the uid by which the robot knows its cloud, when that is not the
+uid of its RobotOffload but of an earlier one of the same name."""
+ORPHANED: Final = "robotoffload.dev/orphaned"
+"""Annotation on these Secrets: since when their RobotOffload is gone, as an RFC 3339 time."""
+KEEP: Final = datetime.timedelta(days=30)
+"""How long keys outlive their RobotOffload, where whoever runs the operator has not said otherwise."""
+KEPT_MOST: Final = 100
+"""How many robots' keys are kept of those that are gone, by namespace: who may write RobotOffloads must not fill the
+operator's namespace."""
+LABELS: Final = {
+    labels.NAME: labels.MANAGER,
+    labels.COMPONENT: "certificates",
+    labels.MANAGED_BY: labels.MANAGER,
+}
 SERVES: Final = "robotoffload.dev/serves"
 """Annotation on these Secrets: `<namespace>/<name>` of the RobotOffload."""
 
@@ -40,6 +61,63 @@ def serves(secret: Manifest) -> tuple[str, str] | None:
     return (namespace, name) if namespace and name and uid_of(secret["metadata"]["name"]) else None
 
 
+def identity_of(secret: Manifest | None) -> str:
+    """Return the uid by which the robot knows its cloud; empty: that of its RobotOffload."""
+    return str(((secret or {}).get("metadata", {}).get("annotations") or {}).get(IDENTITY) or "")
+
+
+def heritage(secrets: Iterable[Manifest], parent: Parent) -> str:
+    """Return the uid of the earlier RobotOffload whose keys this one goes on with; empty: there is none.
+
+    Of several the youngest: it went on with those of the others. A name has one object at a time, so whoever else has
+    served it is gone.
+
+    Args:
+        secrets: those in the operator's namespace, without their data.
+        parent: the RobotOffload that has no keys yet.
+    """
+    place = (parent.namespace, parent.name)
+    former = [one for one in secrets if serves(one) == place and uid_of(one["metadata"]["name"]) != parent.uid]
+    whole = [uid for uid, one in _by_uid(former).items() if len(one) == len(AUTHORITIES)]
+    made = {uid_of(one["metadata"]["name"]): str(one["metadata"].get("creationTimestamp")) for one in former}
+    return max(whole, key=lambda uid: made[uid], default="")
+
+
+def expired(secrets: Iterable[Manifest], keep: datetime.timedelta, now: datetime.datetime) -> list[Manifest]:
+    """Return those of gone RobotOffloads that are kept no longer: too old, or too many of one namespace.
+
+    Args:
+        secrets: of RobotOffloads that are gone, each with the annotation `ORPHANED`.
+        keep: how long they outlive their RobotOffload.
+        now: our wall clock, with its time zone.
+    """
+    groups = sorted(_by_uid(secrets).values(), key=lambda group: _orphaned(group[0]), reverse=True)
+    kept: Counter[str] = Counter()
+    found: list[Manifest] = []
+    for group in groups:
+        place = (serves(group[0]) or ("", ""))[0]
+        kept[place] += 1
+        if kept[place] > KEPT_MOST or now - _orphaned(group[0]) >= keep:
+            found += group
+    return found
+
+
+def _orphaned(secret: Manifest) -> datetime.datetime:
+    """Return since when the RobotOffload of a Secret is gone; a time that nobody can read is long ago."""
+    try:
+        found = datetime.datetime.fromisoformat(str(secret["metadata"]["annotations"][ORPHANED]))
+    except ValueError:
+        return datetime.datetime.min.replace(tzinfo=datetime.UTC)
+    return found if found.tzinfo is not None else found.replace(tzinfo=datetime.UTC)
+
+
+def _by_uid(secrets: Iterable[Manifest]) -> dict[str, list[Manifest]]:
+    found: dict[str, list[Manifest]] = {}
+    for one in secrets:
+        found.setdefault(uid_of(one["metadata"]["name"]), []).append(one)
+    return found
+
+
 def former_keys(offload: str) -> dict[Authority, Key]:
     """Returns where earlier versions of the operator kept them: beside the robot."""
     return {role: (SECRET, names.child_name(offload, role)) for role in AUTHORITIES}
@@ -53,11 +131,7 @@ def secret(parent: Parent, role: Authority, data: Mapping[str, str], annotations
         "metadata": {
             "name": secret_names(parent.uid)[role],
             "namespace": parent.facts.home,
-            "labels": {
-                labels.NAME: labels.MANAGER,
-                labels.COMPONENT: "certificates",
-                labels.MANAGED_BY: labels.MANAGER,
-            },
+            "labels": dict(LABELS),
             "annotations": {SERVES: f"{parent.namespace}/{parent.name}", **annotations},
         },
         "type": "kubernetes.io/tls",

@@ -156,7 +156,7 @@ def issue(
         client = _pair(pki.build_authority(f"{name} client authority", now=now, days=AUTHORITY_DAYS))
     hosts = host_names(parent.offload, parent.namespace)
     cloud, robot = have["cloud"], have["robot"]
-    own, answer = _own(live.get("robot"), client), None
+    own, answer = _own(live.get("robot") or live.get("client-ca"), client), None
     if request:
         bundled = robot.certificate.serial_number if robot is not None else 0
         signer = renewal.Signer(client.pem, name, life.days, bundled, own.newest, own.spent)
@@ -170,8 +170,8 @@ def issue(
     answered = revoke or client.annotations.get(REVOKED, "")
     noted = {REVOKED: answered} if answered else {}
     signing = (
-        authorities.secret(parent, "server-ca", _data(server), {}),
-        authorities.secret(parent, "client-ca", _data(client), noted),
+        authorities.secret(parent, "server-ca", _data(server), _identity(server)),
+        authorities.secret(parent, "client-ca", _data(client), {**noted, **_spent(own)}),
     )
     leaves = (
         _leaf_secret(parent, "cloud", cloud, {"ca.crt": client.pem.certificate}, noted),
@@ -179,12 +179,14 @@ def issue(
     )
     renewals = [life.renewal(pair.certificate) for pair in (server, client, cloud, robot)]
     recheck_s = max(60.0, (min(renewals) - now).total_seconds())
-    return Issued(signing, leaves, tuple(made), _issued(cloud, robot), recheck_s, answer)
+    return Issued(signing, leaves, tuple(made), _issued(cloud, robot, _identity(server)), recheck_s, answer)
 
 
-def _issued(cloud: _Pair, robot: _Pair) -> Verdict:
+def _issued(cloud: _Pair, robot: _Pair, identity: Mapping[str, str]) -> Verdict:
+    earlier = "The robot's bundle of an earlier RobotOffload of this name stays good. " if identity else ""
     return yes(
         "Issued",
+        f"{earlier}"
         f"The cloud's certificate ends on {_date(cloud)}, that for the robot's bundle on {_date(robot)}; "
         "CertificateCurrent is about the one that the robot uses",
     )
@@ -322,10 +324,21 @@ def _pair(pem: pki.KeyPair) -> _Pair:
 
 
 def _robot_secret(parent: Parent, robot: _Pair, server: _Pair, own: _Own) -> Manifest:
-    spent = {f"{serial:x}": end.isoformat() for serial, end in sorted(own.spent.items())}
     further = {RENEWED: own.newest.public_bytes(pki.PEM)} if own.newest is not None else {}
-    noted = {SPENT: json.dumps(spent)} if spent else {}
+    noted = {**_spent(own), **_identity(server)}
     return _leaf_secret(parent, "robot", robot, {"ca.crt": server.pem.certificate, **further}, noted)
+
+
+def _spent(own: _Own) -> dict[str, str]:
+    """Return the annotation that names spent certificates; it stands on the authority as well, which lives longer."""
+    spent = {f"{serial:x}": end.isoformat() for serial, end in sorted(own.spent.items())}
+    return {SPENT: json.dumps(spent)} if spent else {}
+
+
+def _identity(server: _Pair) -> dict[str, str]:
+    """Return the annotation that says by which uid the robot knows its cloud, when it is an earlier one's."""
+    found = server.annotations.get(authorities.IDENTITY)
+    return {authorities.IDENTITY: found} if found else {}
 
 
 def _leaf_secret(

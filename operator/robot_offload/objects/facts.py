@@ -105,6 +105,7 @@ class Facts:
         network: what is decided about network policies.
         home: the operator's own namespace; the keys of the robots' authorities are there.
         author: who changed the specification last, and when, for the robots' audit trails; empty: nobody knows.
+        identity: the uid by which the robot knows its cloud; empty: `uid`.
         pull_secrets: names of Secrets in the namespace with which images of all robots are fetched.
         pod_spec: what whoever runs the cluster says about all pods.
         built: the images of nodes that are built in the cluster, by node; one that is not there yet is missing.
@@ -127,6 +128,7 @@ class Facts:
     home: str = HOME
     built: Mapping[str, str] = field(default_factory=dict)
     author: str = ""
+    identity: str = ""
     pull_secrets: tuple[str, ...] = ()
     pod_spec: Mapping[str, Any] = field(default_factory=dict)
 

@@ -71,6 +71,11 @@ class Parent:
         return self.facts.uid
 
     @property
+    def identity(self) -> str:
+        """Return the uid by which robot and cloud know each other; it may be an earlier RobotOffload's of this name."""
+        return self.facts.identity or self.facts.uid
+
+    @property
     def agent_image(self) -> str:
         """Returns the image of the agent: the declared one, or else the one that the operator was given."""
         return self.spec.cloud.agent.image or self.facts.images.agent

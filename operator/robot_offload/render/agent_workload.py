@@ -91,7 +91,7 @@ def site(parent: Parent) -> AgentSite:
         pulse_port=transport.PULSE_PORT,
         data_port=transport.DATA_PORT,
         peer_name=parent.certificate_name("robot"),
-        uid=parent.uid,
+        uid=parent.identity,
         runtime_dir=RUNTIME_DIR,
         state_dir=STATE_DIR,
         generation=parent.facts.generation,

@@ -115,7 +115,7 @@ def robot_site(parent: Parent, folder: str) -> AgentSite:
         # Without a declared name the address may change; the authority serves this robot alone and is enough.
         verify_name=parent.spec.transport.expose.host is not None,
         peer_name=parent.certificate_name("cloud"),
-        uid=parent.uid,
+        uid=parent.identity,
         runtime_dir=texts.runtime_dir(name),
         state_dir=texts.state_dir(name),
         realtime=True,

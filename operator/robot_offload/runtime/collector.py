@@ -1,4 +1,7 @@
-"""Deletes the keys of authorities whose RobotOffload is gone: owner references do not reach into other namespaces.
+"""Deletes the keys of authorities whose RobotOffload is gone for long: no owner reference reaches so far.
+
+They outlive it for a time, so that an object that is deleted and applied again, restored or moved finds them
+(`decide.authorities`).
 
 A key that is deleted too early makes every bundle worthless, so the API server itself is asked first, by a list: where
 the kind is not served at all (404 as well) nothing is deleted.
@@ -7,16 +10,19 @@ the kind is not served at all (404 as well) nothing is deleted.
 from __future__ import annotations
 
 import asyncio
+import datetime
 from collections.abc import Collection
 
 import structlog
 
+from robot_offload.controller.clock import Clock
 from robot_offload.controller.store import Entry, Store
 from robot_offload.decide import authorities
+from robot_offload.decide.conditions import timestamp
 from robot_offload.decide.ownership import APPLIED, being_deleted
 from robot_offload.kube.errors import KubeError
 from robot_offload.kube.kinds import ROBOT_OFFLOAD, SECRET
-from robot_offload.kube.port import KubeApi, Selection
+from robot_offload.kube.port import KubeApi, Manifest, Selection
 
 _SETTLE_S = 1.0
 """Seconds for which a sweep waits for further RobotOffloads to go."""
@@ -31,13 +37,25 @@ class Collector:
         store: what the watches have brought.
         served: namespaces whose RobotOffloads this operator serves; empty: all.
         home: the operator's own namespace.
+        keep: how long keys outlive their RobotOffload.
+        clock: the wall clock counts.
     """
 
-    def __init__(self, api: KubeApi, store: Store, served: Collection[str], home: str) -> None:
+    def __init__(
+        self,
+        api: KubeApi,
+        store: Store,
+        served: Collection[str],
+        home: str,
+        keep: datetime.timedelta = authorities.KEEP,
+        clock: Clock | None = None,
+    ) -> None:
         self._api = api
         self._store = store
         self._served = served
         self._home = home
+        self._keep = keep
+        self._clock = clock or Clock()
         self._asked = asyncio.Event()
         self._asked.set()  # something may have gone while no operator ran
 
@@ -63,19 +81,37 @@ class Collector:
                 _log.warning("Could not collect what is left of gone RobotOffloads", error=str(error))
 
     async def sweep(self) -> int:
-        """Deletes what is left of RobotOffloads that are gone; returns how many Secrets that was.
+        """Delete what is left of RobotOffloads that are gone for long; return how many Secrets that was.
 
         Raises:
             KubeError: the API server refuses or is silent.
         """
-        alive = self._store.uids(ROBOT_OFFLOAD)
-        deleted = 0
+        alive, now = self._store.uids(ROBOT_OFFLOAD), self._clock.wall()
+        gone: list[Manifest] = []
         for name, entry in self._store.entries(SECRET, self._home):
             uid = authorities.uid_of(name)
             if uid and uid not in alive and await self._gone(entry, uid):
-                await self._api.delete(SECRET, self._home, name, entry.uid)
-                deleted += 1
-        return deleted
+                gone.append(await self._marked(entry.manifest(), now))
+        expired = authorities.expired(gone, self._keep, now)
+        for secret in expired:
+            place = authorities.serves(secret)
+            _log.info(
+                "Deletes the keys of a RobotOffload that is gone", serves=place, secret=secret["metadata"]["name"]
+            )
+            await self._api.delete(SECRET, self._home, secret["metadata"]["name"], secret["metadata"]["uid"])
+        return len(expired)
+
+    async def _marked(self, secret: Manifest, now: datetime.datetime) -> Manifest:
+        """Return the Secret of a gone RobotOffload with the time since when it is gone, which is kept on it."""
+        metadata = secret["metadata"]
+        annotations = metadata.get("annotations") or {}
+        if authorities.ORPHANED in annotations:
+            return secret
+        since = {authorities.ORPHANED: timestamp(now)}
+        if self._keep:
+            body = {"metadata": {"uid": metadata["uid"], "annotations": since}}
+            await self._api.patch(SECRET, self._home, metadata["name"], body)
+        return {**secret, "metadata": {**metadata, "annotations": {**annotations, **since}}}
 
     async def _gone(self, entry: Entry, uid: str) -> bool:
         secret = entry.manifest()
@@ -89,5 +125,4 @@ class Collector:
         async for page, _ in self._api.pages(ROBOT_OFFLOAD, served[0], selection):
             if any(found["metadata"]["uid"] == uid for found in page):
                 return False
-        _log.info("Deletes the keys of a RobotOffload that is gone", namespace=served[0], name=served[1])
         return True

@@ -64,7 +64,7 @@ class Operator:
         self.metrics = Metrics()
         self._queue: Queue[Name] = Queue(self._clock.steady_s, waited=self.metrics.waited.observe)
         self._sight = WatchSight()
-        self._collector = Collector(api, self._store, settings.watch_namespaces, settings.pod_namespace)
+        self._collector = Collector(api, self._store, settings.watch_namespaces, settings.pod_namespace, settings.keep)
         self._triggers = Triggers(self._controller, self._store, self._queue, self._sight, self._collector.wake)
         self._others = OthersConfigMaps(self._controller, self._store, self._queue)
         self._probed_s = self._clock.steady_s()

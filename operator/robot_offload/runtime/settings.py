@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import ipaddress
 import json
 from collections.abc import Collection, Mapping
@@ -10,6 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 from robot_offload.api.v1alpha1.pod_spec import check_pod_spec
 from robot_offload.controller.tools import Policy
+from robot_offload.decide.authorities import KEEP
 from robot_offload.decide.rollouts import AT_ONCE
 from robot_offload.errors import InputError
 from robot_offload.objects.facts import BUILDER, Images, Network
@@ -43,6 +45,7 @@ class Settings:
         network: what is decided about network policies.
         pull_secrets: names of Secrets with which images of all robots are fetched.
         pod_spec: what is said about all pods of robots.
+        keep: how long the keys of authorities outlive their RobotOffload.
         admission: the name of the admission policy; empty: what was written is not checked again.
     """
 
@@ -66,6 +69,7 @@ class Settings:
     pull_secrets: tuple[str, ...] = ()
     pod_spec: Mapping[str, Any] = field(default_factory=dict)
     admission: str = ""
+    keep: datetime.timedelta = KEEP
 
     @property
     def policy(self) -> Policy:
@@ -75,6 +79,7 @@ class Settings:
             load_balancer_node_ports=self.load_balancer_node_ports,
             network=self.network,
             home=self.pod_namespace,
+            adopt=bool(self.keep),
             pull_secrets=self.pull_secrets,
             pod_spec=self.pod_spec,
             admission=self.admission,
@@ -132,6 +137,7 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
         workers=int(number("WORKERS", 4, 1)),
         pull_secrets=_words(environment.get("ROBOT_PULL_SECRETS", "")),
         pod_spec=_pod_spec("ROBOT_POD_SPEC", environment, problems),
+        keep=datetime.timedelta(days=number("AUTHORITY_KEEP_DAYS", KEEP.days, 0)),
         admission=environment.get("ADMISSION_POLICY", ""),
         max_rolling=int(number("MAX_ROLLING", AT_ONCE, 1)),
         load_balancer_node_ports=_truth("LOAD_BALANCER_NODE_PORTS", environment, problems),

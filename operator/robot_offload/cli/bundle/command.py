@@ -28,6 +28,7 @@ from robot_offload.cli.app import example_text
 from robot_offload.cli.bundle import folder
 from robot_offload.cli.cluster import Context, Kubeconfig, Name, Namespace, Target, find
 from robot_offload.cli.own_images import images_in_use
+from robot_offload.decide.authorities import identity_of
 from robot_offload.decide.certificates import LEAVES, REVOKE, REVOKED, secret_name
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload.insight.next_steps import NEXT_STEPS
@@ -70,6 +71,7 @@ class Material:
         secrets: what the robot proves itself with; None: not there (yet), or not needed.
         revoking: whether its certificates are being replaced.
         deployments: what runs for it.
+        identity: the uid by which the robot knows its cloud; empty: that of the RobotOffload.
     """
 
     observed: Observed
@@ -77,6 +79,7 @@ class Material:
     secrets: BundleSecrets | None
     revoking: bool
     deployments: tuple[Manifest, ...] = ()
+    identity: str = ""
 
 
 def bundle_command(
@@ -116,6 +119,7 @@ def facts_of(material: Material) -> Facts:
     return Facts(
         namespace=material.observed.namespace,
         uid=material.observed.uid,
+        identity=material.identity,
         generation=material.observed.generation,
         images=images_in_use(list(material.deployments)),
         nodes_wanted=True,
@@ -175,17 +179,17 @@ async def _gather(api: KubeApi, where: str, name: str) -> Material:
     manifest = await find(api, where, name)
     parsed = parse_object(manifest, f"{where}/{name}", unknown="ignore", rules=CLUSTER_CHECKS)
     offload = pinned.held(parsed, pinned.observed(manifest).side)
-    secrets, revoking = None, False
+    secrets, revoking, identity = None, False, ""
     if transport.needs_certificates(offload.spec):
         try:
             cloud, robot = await asyncio.gather(*(api.get(SECRET, where, secret_name(name, role)) for role in LEAVES))
         except ForbiddenError as error:
             raise RobotOffloadError(f"{error}. The bundle holds the robot's key: you need get on secrets") from error
-        secrets = secrets_of(robot)
+        secrets, identity = secrets_of(robot), identity_of(robot)
         if offload.spec.transport.certificates.issuer_ref is None:
             revoking = revocation_pending(manifest, cloud) or not (secrets is None or trusted_by(cloud, secrets))
     deployments = await api.list(DEPLOYMENT, where, {INSTANCE: name})
-    return Material(observe(manifest), offload, secrets, revoking, tuple(deployments))
+    return Material(observe(manifest), offload, secrets, revoking, tuple(deployments), identity)
 
 
 def secrets_of(secret: Manifest | None) -> BundleSecrets | None:
