@@ -107,9 +107,14 @@ def _compose(text: str) -> list[yaml.Node]:
     documents = []
     while loader.check_node():
         node = loader.get_node()
-        if node is not None:
+        if node is not None and not _empty(node):
             documents.append(node)
     return documents
+
+
+def _empty(node: yaml.Node) -> bool:
+    """Return whether a document has nothing in it: what ends with `---` has one more."""
+    return isinstance(node, yaml.ScalarNode) and not node.value and node.tag == _PLAIN and not node.style
 
 
 def _position(mark: yaml.Mark | None) -> str:

@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
+from robot_offload.api.strict_yaml import YamlError, parse
 from robot_offload.api.v1alpha1 import RobotOffload, pinned
-from robot_offload.api.v1alpha1.parsing import parse_text
+from robot_offload.api.v1alpha1.parsing import items, parse_object
 from robot_offload.api.v1alpha1.rules import CHECKS, CLUSTER_CHECKS, Check, check
 from robot_offload.cli.app import example_text
 from robot_offload.cli.sources import Source, sources
@@ -48,7 +49,9 @@ class Verdict:
 def validate(
     files: Annotated[
         list[str],
-        typer.Argument(metavar="FILE...", help="YAML files with one RobotOffload each, folders of them, or - ."),
+        typer.Argument(
+            metavar="FILE...", help="YAML files with one RobotOffload or a list of them each, folders of them, or - ."
+        ),
     ],
     *,
     cluster: Annotated[
@@ -61,7 +64,8 @@ def validate(
     Each problem is one line, `file: field: what to do`. Ends with 0 when all files can be used (warnings are only
     told) and with 2 when one cannot. Nothing is sent to a cluster.
     """
-    verdicts = [judge(source, CLUSTER_CHECKS if cluster else CHECKS) for source in sources(files)]
+    rules = CLUSTER_CHECKS if cluster else CHECKS
+    verdicts = [verdict for source in sources(files) for verdict in judge(source, rules)]
     if as_json:
         _print_json(verdicts)
     else:
@@ -71,13 +75,26 @@ def validate(
         raise typer.Exit(InputError.exit_code)
 
 
-def judge(source: Source, rules: Sequence[Check]) -> Verdict:
-    """What there is to say about one source."""
+def judge(source: Source, rules: Sequence[Check]) -> tuple[Verdict, ...]:
+    """Return what there is to say about each object of one source."""
     try:
-        offload = parse_text(source.text, source.name, rules=rules)
+        value = parse(source.text)
+    except YamlError as error:
+        return (Verdict(source.name, None, (Finding(error.position, "NotYaml", error.problem),)),)
+    listed = items(value)
+    if listed is None:
+        return (_judge(value, source.name, rules),)
+    if not listed:
+        return (Verdict(source.name, None, (Finding("items", "TooShort", "the list holds no object"),)),)
+    return tuple(_judge(item, f"{source.name}: items[{i}]", rules) for i, item in enumerate(listed))
+
+
+def _judge(value: object, name: str, rules: Sequence[Check]) -> Verdict:
+    try:
+        offload = parse_object(value, name, rules=rules)
     except SpecError as error:
-        return Verdict(source.name, None, error.findings)
-    return Verdict(source.name, offload, (*check(offload.spec, rules), *pinned.findings(offload)))
+        return Verdict(name, None, error.findings)
+    return Verdict(name, offload, (*check(offload.spec, rules), *pinned.findings(offload)))
 
 
 def _print(verdict: Verdict) -> None:

@@ -5,8 +5,11 @@ The second module beside `client` that knows the official client.
 
 from __future__ import annotations
 
+import logging
 import os
-import urllib.request
+import urllib.parse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +18,7 @@ from kubernetes.aio import config
 from kubernetes.aio.client import Configuration
 from kubernetes.aio.config.config_exception import ConfigException
 
+from robot_offload.kube import proxies
 from robot_offload.kube.client import Client, Guard
 from robot_offload.kube.errors import NotConfiguredError
 from robot_offload.kube.port import FIELD_MANAGER
@@ -93,17 +97,42 @@ async def _configuration(access: Access) -> Configuration:
     configuration = Configuration()
     # aiohttp opens as many connections as are needed at once; the limit keeps a burst from drowning the server.
     configuration.connection_pool_maxsize = 32
-    # Without a proxy in the environment aiohttp would still look for a .netrc, in a thread, at each request.
-    configuration.client_session_kwargs = {"trust_env": bool(urllib.request.getproxies_environment())}
     try:
         if access.in_cluster:
             config.load_incluster_config(configuration)
         else:
-            await config.load_kube_config(
-                access.files, context=access.context, client_configuration=configuration, persist_config=False
-            )
+            with _errors_logged() as errors:
+                await config.load_kube_config(
+                    access.files, context=access.context, client_configuration=configuration, persist_config=False
+                )
+            if errors and not (configuration.api_key or configuration.cert_file):
+                raise NotConfiguredError(
+                    f"the kubeconfig's user has no credentials: {errors[0]}. Its program (users[].user.exec) must be "
+                    "on PATH and end well: kubectl get --raw /version runs it as well"
+                )
     except ConfigException as error:
         raise NotConfiguredError(
             f"no cluster to talk to: {error}. Name one with --kubeconfig or KUBECONFIG, or check --context"
         ) from error
+    # Without a proxy aiohttp would still look for a .netrc, in a thread, at each request.
+    host = urllib.parse.urlsplit(configuration.host).hostname or ""
+    configuration.client_session_kwargs = {"trust_env": proxies.wanted(host)}
     return configuration
+
+
+@contextmanager
+def _errors_logged() -> Iterator[list[str]]:
+    """Collect what the official client only logs: that a user's program is missing or has failed."""
+    found: list[str] = []
+
+    def take(record: logging.LogRecord) -> bool:
+        if record.levelno >= logging.ERROR:
+            found.append(record.getMessage())
+        return record.levelno < logging.ERROR
+
+    log = logging.getLogger("kubernetes.aio.config.kube_config")
+    log.addFilter(take)
+    try:
+        yield found
+    finally:
+        log.removeFilter(take)

@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 
 from robot_offload.api.strict_yaml import YamlError, freeze, parse
 from robot_offload.api.v1alpha1.model import Model
-from robot_offload.api.v1alpha1.robotoffload import RobotOffload
+from robot_offload.api.v1alpha1.robotoffload import KIND, RobotOffload
 from robot_offload.api.v1alpha1.rules import CHECKS, Check, check
 from robot_offload.errors import SpecError
 from robot_offload.findings import Finding
@@ -85,6 +85,12 @@ def parse_object(
     Raises:
         SpecError: as `parse_text` does.
     """
+    listed = items(value)
+    if listed is not None:
+        if len(listed) != 1:
+            message = f"a list of {len(listed)} objects; one is read here: name it in kubectl get, or write it alone"
+            raise SpecError(source, [Finding("", "WrongType", message)])
+        return parse_object(listed[0], source, unknown=unknown, rules=rules)
     if not isinstance(value, Mapping):
         message = f"must be a mapping with apiVersion, kind, metadata and spec, found {_kind_of(value)}"
         raise SpecError(source, [Finding("", "WrongType", message)])
@@ -98,6 +104,14 @@ def parse_object(
     if errors:
         raise SpecError(source, errors)
     return offload
+
+
+def items(value: object) -> tuple[object, ...] | None:
+    """Return the objects of a list, as `kubectl get -o yaml` writes several; None: the value is not a list."""
+    if not isinstance(value, Mapping) or value.get("kind") not in ("List", f"{KIND}List"):
+        return None
+    found = value.get("items")
+    return tuple(found) if isinstance(found, tuple | list) else ()
 
 
 def _as_applied(value: Mapping[Any, Any]) -> Mapping[Any, Any]:

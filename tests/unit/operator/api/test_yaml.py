@@ -94,6 +94,17 @@ def test_bad_yaml_is_refused_with_its_place(text: str, position: str, problem: s
     assert problem in caught.value.problem
 
 
+@pytest.mark.parametrize("text", ["a: 1\n---\n", "---\na: 1\n---\n", "---\n---\na: 1\n", "a: 1\n---\n# nothing\n---\n"])
+def test_a_document_with_nothing_in_it_is_none(text: str) -> None:
+    assert parse(text) == {"a": 1}
+
+
+@pytest.mark.parametrize("text", ["a: 1\n---\n''", "a: 1\n---\n~", "a: 1\n---\n{}"])
+def test_a_document_with_a_value_is_one_more(text: str) -> None:
+    with pytest.raises(YamlError, match="a second document"):
+        parse(text)
+
+
 def test_aliases_of_aliases_cannot_blow_up_memory() -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 10)]

@@ -138,3 +138,26 @@ def test_help_teaches_with_examples(command: tuple[str, ...]) -> None:
     done = run(*command, "--help")
     assert done.returncode == 0
     assert "Examples:\n    robot-offload" in done.stdout
+
+
+def listed(*texts: str) -> str:
+    return json.dumps({"apiVersion": "v1", "kind": "List", "items": [yaml.safe_load(text) for text in texts]})
+
+
+def test_a_list_as_kubectl_writes_it_is_read_object_by_object(tmp_path: Path) -> None:
+    file = tmp_path / "list.json"
+    file.write_text(listed(SAMPLE, SAMPLE.replace("wheelchair-7", "wheelchair-8").replace("rosDistro", "rosDistrib")))
+    done = run("validate", file)
+    assert done.returncode == 2
+    assert done.stdout == f"{file}: items[0]: wheelchair-7 is valid, nodes: 3, collected outputs: 1\n"
+    assert done.stderr.startswith(f"{file}: items[1]: spec.robot.rosDistrib: is not a known field")
+
+
+def test_an_empty_list_and_a_list_where_one_object_is_read_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "list.json"
+    file.write_text(listed())
+    assert run("validate", file).stderr == f"{file}: items: the list holds no object\n"
+    file.write_text(listed(SAMPLE, SAMPLE))
+    assert "a list of 2 objects" in run("render", file).stderr
+    file.write_text(listed(SAMPLE))
+    assert run("render", file).returncode == 0

@@ -286,3 +286,27 @@ def test_a_write_that_was_meant_for_an_object_that_has_been_replaced_is_a_confli
     found = errors.error_of(422, json.dumps(body), {}, "apply Service fleet/walker-udp")
     assert isinstance(found, errors.ConflictError)
     assert found.retriable
+
+
+@pytest.mark.parametrize("command", ["no-such-plugin", "false"])
+def test_a_program_for_credentials_that_is_missing_or_fails_is_named_and_nothing_is_asked(
+    tmp_path: Path, command: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    server = Server((200, CONFIG))
+
+    async def act(_: KubeApi) -> None:
+        path = tmp_path / "with-plugin"
+        values = yaml.safe_load((tmp_path / "kubeconfig").read_text())
+        plugin = {"apiVersion": "client.authentication.k8s.io/v1", "command": command, "interactiveMode": "Never"}
+        values["users"] = [{"name": "u", "user": {"exec": plugin}}]
+        path.write_text(json.dumps(values))
+        api = connect(str(path))
+        try:
+            await api.get(CONFIG_MAP, "fleet", "settings")
+        finally:
+            await api.close()
+
+    with pytest.raises(errors.NotConfiguredError, match=r"has no credentials: .*users\[\]\.user\.exec"):
+        run(tmp_path, server, act)
+    assert server.requests == []
+    assert "Errno" not in capfd.readouterr().err
