@@ -96,7 +96,7 @@ Command = MakeRequest | Keep | Drop
 
 
 def step(renewal: Renewal, event: Event, now_s: float, wall_s: float) -> tuple[Renewal, Command | None]:
-    """Takes in one event; `now_s` is the steady clock, `wall_s` the system clock."""
+    """Take in one event; `now_s` is the steady clock, `wall_s` the system clock."""
     if isinstance(event, Heard):
         return _heard(renewal, event, now_s, wall_s)
     if isinstance(event, Found):
@@ -109,7 +109,7 @@ def step(renewal: Renewal, event: Event, now_s: float, wall_s: float) -> tuple[R
 
 
 def due(renewal: Renewal, wall_s: float) -> bool:
-    """Returns whether another certificate is wanted. A clock before the certificate's begin is wrong: it waits."""
+    """Return whether another certificate is wanted. A clock before the certificate's begin is wrong: it waits."""
     found = renewal.certificate
     if found is None:
         return False
@@ -117,12 +117,12 @@ def due(renewal: Renewal, wall_s: float) -> bool:
 
 
 def digest(request: str) -> str:
-    """Returns what names a request in its answer."""
+    """Return what names a request in its answer."""
     return hashlib.sha256(request.encode()).hexdigest()[:16]
 
 
 def asked_in(answer: str) -> str:
-    """Returns which request a text answers; "" when it is no answer."""
+    """Return which request a text answers; "" when it is no answer."""
     return _read(answer)[0]
 
 
@@ -142,7 +142,7 @@ def _heard(renewal: Renewal, event: Heard, now_s: float, wall_s: float) -> tuple
 
 
 def _read(answer: str) -> tuple[str, str, str, str]:
-    """(request, reason, message, certificate) of an answer; all empty when it is none."""
+    """Return (request, reason, message, certificate) of an answer; all empty when it is not valid."""
     if not answer or len(answer) > MAX_ANSWER:
         return "", "", "", ""
     try:

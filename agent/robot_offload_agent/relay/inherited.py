@@ -59,11 +59,11 @@ class Inherited:
         self.possible: bool | None = True
 
     def answer(self, service: RawService, caller: bytes, response: bytes) -> None:
-        """Answers as soon as the client's writer is seen."""
+        """Answer as soon as the client's writer is seen."""
         self.waiting.append(_Waiting(service, caller, response, now_s() + PATIENCE_S))
 
     def turn(self) -> float:
-        """Sends what can be sent; returns when to call again at the latest, on the steady clock."""
+        """Send what can be sent; return when to call again at the latest, on the steady clock."""
         now = now_s()
         if self.possible is None:
             return now + LOOK_S if self.waiting else float("inf")
@@ -95,7 +95,7 @@ class Inherited:
 
 
 def find_writer(node: Node, service: str, caller: bytes) -> bytes | None:
-    """Returns the gid of the writer of requests of a caller's client; None while the graph does not show it."""
+    """Return the gid of the writer of requests of a caller's client; None while the graph does not show it."""
     readers = node.get_subscriptions_info_by_topic(f"rr{service}Reply", no_mangle=True)
     if not any(bytes(info.endpoint_gid)[:GID_BYTES] == caller[:GID_BYTES] for info in readers):
         return None  # its reader of answers has not been found, or has gone
@@ -134,7 +134,7 @@ class SelfTest:
         self.caller: bytes | None = None
 
     def turn(self) -> float:
-        """Does the next step; returns when to call again, on the steady clock: never after the end."""
+        """Do the next step; return when to call again, on the steady clock: never after the end."""
         now = now_s()
         if self.passed is not None or now > self.end_s:
             self.passed = bool(self.passed)

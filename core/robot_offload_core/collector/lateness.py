@@ -51,7 +51,7 @@ UNHEARD = Lateness()
 
 
 def hear(known: Lateness, token: Token, sequence: int, now_s: float, period_s: float, deadline_s: float) -> Lateness:
-    """Takes a message of the cloud, also one that does not pass any more.
+    """Take a message of the cloud, also one that does not pass any more.
 
     Only messages of one token say something, and only those that came within the output's deadline: what comes later
     shows an outage, which ends a stay by the hard limit and is nothing to wait for. Messages that were lost in between
@@ -73,7 +73,7 @@ def hear(known: Lateness, token: Token, sequence: int, now_s: float, period_s: f
 
 
 def margin_s(known: Lateness, now_s: float, untaught_s: float, least_s: float, most_s: float) -> float:
-    """Returns how much longer than a period the next message is waited for, seconds.
+    """Return how much longer than a period the next message is waited for, seconds.
 
     Args:
         known: what the messages so far have taught.

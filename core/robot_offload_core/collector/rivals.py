@@ -41,7 +41,7 @@ class Rivals:
     seen_s: dict[bytes, float] = field(default_factory=dict)
 
     def look(self, found: Iterable[Endpoint], publishers: int, now_s: float) -> list[str]:
-        """Returns the nodes of the publishers that are not ours, sorted.
+        """Return the nodes of the publishers that are not ours, sorted.
 
         Args:
             found: all publishers of the topic.

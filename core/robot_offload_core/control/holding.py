@@ -8,7 +8,7 @@ from robot_offload_core.words.settings import OutputSpec
 
 
 def holding(outputs: tuple[OutputSpec, ...], executing: Collection[str], flowing: Collection[int]) -> tuple[int, ...]:
-    """Returns the outputs, by index, whose `while` is true on a side.
+    """Return the outputs, by index, whose `while` is true on a side.
 
     Args:
         outputs: from the configuration.

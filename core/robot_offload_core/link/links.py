@@ -77,7 +77,7 @@ class Health:
 
 
 def hear(link: Link, beat: Beat, ours: str, arrived_s: float, wall_us: int) -> Link:
-    """Takes in a beat. `ours` is our incarnation: an echo of anybody else's beat proves nothing.
+    """Take in a beat. `ours` is our incarnation: an echo of anybody else's beat proves nothing.
 
     A beat of a new incarnation starts a new Link; an older one than the newest changes nothing.
     """
@@ -122,7 +122,7 @@ def _offset(
 
 
 def latency_s(link: Link, now_s: float, beat_period_s: float) -> float:
-    """The loop latency that counts now: the newest round trip, or more when echoes are overdue; inf when none.
+    """Return the loop latency that counts now: the newest round trip, or more when echoes are overdue; inf when none.
 
     A healthy loop shows its newest echo at most one round trip and two beat periods (one on each side) old. What is
     older than that has been under way for at least the difference.
@@ -133,14 +133,14 @@ def latency_s(link: Link, now_s: float, beat_period_s: float) -> float:
 
 
 def clock_excess_s(link: Link) -> float:
-    """How far apart the two system clocks are for sure; 0 while the uncertainty explains the difference."""
+    """Return how far apart the two system clocks are for sure; 0 while the uncertainty explains the difference."""
     if link.offset is None:
         return 0.0
     return max(0.0, abs(link.offset.wall_s) - link.offset.uncertainty_s)
 
 
 def health(link: Link, now_s: float) -> Health:
-    """The summary at `now_s`."""
+    """Return the summary at `now_s`."""
     ordered = sorted(link.window)
     expected = link.last_sequence - link.first_sequence + 1
     offset = link.offset
@@ -162,7 +162,7 @@ def health(link: Link, now_s: float) -> Health:
 
 
 def quantile(ordered: list[float] | tuple[float, ...], share: float) -> float | None:
-    """The value that `share` of the ascending `ordered` values do not exceed (nearest rank); None when empty."""
+    """Return the value that `share` of the ascending `ordered` values do not exceed (nearest rank); None when empty."""
     if not ordered:
         return None
     return ordered[min(len(ordered) - 1, int(len(ordered) * share))]

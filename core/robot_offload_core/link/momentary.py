@@ -35,7 +35,7 @@ class Watched:
 
 
 def watch(watched: Watched, link: Link, now_s: float) -> Watched:
-    """Takes one look at the link; looks older than the window are dropped, but for the one at its edge."""
+    """Take one look at the link; look older than the window are dropped, but for the one at its edge."""
     kept = watched.seen if watched.seen and watched.seen[-1][1].peer == link.peer else ()
     while len(kept) > 1 and kept[1][0] <= now_s - WINDOW_S:
         kept = kept[1:]
@@ -43,7 +43,7 @@ def watch(watched: Watched, link: Link, now_s: float) -> Watched:
 
 
 def glance(watched: Watched, now_s: float, beat_period_s: float) -> Glance:
-    """Returns what the newest look shows at `now_s`."""
+    """Return what the newest look shows at `now_s`."""
     if not watched.seen or watched.seen[-1][1].heard_s is None:
         return Glance()
     (_, then), (_, link) = watched.seen[0], watched.seen[-1]

@@ -30,22 +30,22 @@ class Thinning:
     problem: tuple[str, str] | None = None
 
     def count(self, size: int, *, sent: bool) -> None:
-        """Counts a message that was offered to the link; `size`: bytes that it took."""
+        """Count a message that was offered to the link; `size`: bytes that it took."""
         self.offered += 1
         self.sent += sent
         self.sent_bytes += size
 
     def count_later(self, size: int) -> None:
-        """Counts that a message that was refused has been taken after all."""
+        """Count that a message that was refused has been taken after all."""
         self.sent += 1
         self.sent_bytes += size
 
     def is_due(self, now_s: float) -> bool:
-        """Returns whether the window is over."""
+        """Return whether the window is over."""
         return now_s - self.began_s >= WINDOW_S
 
     def judge(self, name: str, now_s: float, *, connected: bool, slowest_s: float = 0.0) -> tuple[str, str] | None:
-        """Ends the window; returns what is to be said of it.
+        """End the window; return what is to be said of it.
 
         Args:
             name: of the topic.

@@ -29,7 +29,7 @@ class Waits:
         self.learns_s = -math.inf
 
     def waited_s(self, published_s: float, system_s: float, now_s: float) -> float:
-        """Returns how much longer the way of a message was than the shortest one of late, 0 where nothing is known.
+        """Return how much longer the way of a message was than the shortest one of late, 0 where nothing is known.
 
         Args:
             published_s: the publisher's stamp, by the system clock of its host.

@@ -25,14 +25,14 @@ class Explained(str, Enum):
     advice: str
 
     def __new__(cls, word: str, cause: str, advice: str = "") -> Explained:
-        """Makes the member with the value `word`."""
+        """Make the member with the value `word`."""
         member = str.__new__(cls, word)
         member._value_ = word
         member.cause, member.advice = cause, advice
         return member
 
     def __str__(self) -> str:
-        """Returns the word itself."""
+        """Return the word itself."""
         return self._value_
 
     __hash__ = str.__hash__  # a member is the key that its word is
@@ -69,7 +69,7 @@ class Reason(Explained):
     kind: Kind
 
     def __new__(cls, word: str, kind: Kind, cause: str, advice: str = "") -> Reason:
-        """Makes the member with the value `word`."""
+        """Make the member with the value `word`."""
         member = str.__new__(cls, word)
         member._value_ = word
         member.kind, member.cause, member.advice = kind, cause, advice
@@ -77,7 +77,7 @@ class Reason(Explained):
 
     @property
     def urgent(self) -> bool:
-        """Waits for no dwell, starts no hold-down and lets no retry wait: a veto, a pin or a switch by hand."""
+        """Wait for no dwell, start no hold-down and let no retry wait: a veto, a pin or a switch by hand."""
         return self.kind in (Kind.VETO, Kind.PIN, Kind.HAND)
 
     @property
@@ -87,12 +87,12 @@ class Reason(Explained):
 
     @property
     def yields_to_need(self) -> bool:
-        """Asks for the robot, but not for a standstill: given up when the robot cannot act and the cloud can."""
+        """Ask for the robot, but not for a standstill: given up when the robot cannot act and the cloud can."""
         return self.kind is not Kind.PIN and (self.kind is not Kind.VETO or self in _YIELDING_VETOES)
 
     @property
     def forbids(self) -> bool:
-        """Forbids the cloud and ends a stay there, when another process finds it.
+        """Forbid the cloud and end a stay there, when another process finds it.
 
         What does not is judged only before a stay: it hinders the policy, delays a pin or a switch by hand, and is
         otherwise only reported.
@@ -295,7 +295,7 @@ class Verdict:
 
 
 def silence(site: Site, names: tuple[str, ...]) -> str:
-    """Returns the sentence about rated outputs of a side that are silent."""
+    """Return the sentence about rated outputs of a side that are silent."""
     who = f"output{'s' * (len(names) > 1)} {', '.join(names)}" if names else "rated outputs"
     verb = "is" if len(names) == 1 else "are"
     return f"The {site.value}'s {who} {verb} silent"

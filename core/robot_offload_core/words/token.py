@@ -37,10 +37,10 @@ class Token:
 
 
 def presence(robot: str, cloud: str) -> Token:
-    """Returns the token under which nodes with placement Cloud speak, whoever is in charge; no stay has epoch 0."""
+    """Return the token under which nodes with placement Cloud speak, whoever is in charge; no stay has epoch 0."""
     return Token(robot, 0, cloud)
 
 
 def is_incarnation(text: str) -> bool:
-    """Whether `text` has the form of an incarnation."""
+    """Return whether `text` has the form of an incarnation."""
     return len(text) == INCARNATION_LENGTH and all(c in "0123456789abcdef" for c in text)

@@ -33,7 +33,7 @@ Stay = tuple[int, int]
 
 
 def loosest(settings: tuple[Settings, ...]) -> Settings:
-    """Returns the longest of each limit among the settings that may be asked for: bounds hold through a change."""
+    """Return the longest of each limit among the settings that may be asked for: bounds hold through a change."""
     return replace(
         settings[0],
         lease_s=max(s.lease_s for s in settings),
@@ -64,7 +64,7 @@ class Promises:
         self.result_s: dict[int, float] = {}
 
     def violated(self, invariant: str, text: str) -> NoReturn:
-        """Ends the stretch."""
+        """End the stretch."""
         raise ViolationError(invariant, text, self.world.now)
 
     def heard_in_cloud(self, index: int, payload: Payload) -> None:
@@ -123,16 +123,16 @@ class Promises:
             self.violated("11", "the wheels are free in spite of a second publisher (strict)")
 
     def rivalled(self) -> bool:
-        """Returns whether control may know of a second publisher."""
+        """Return whether control may know of a second publisher."""
         present = bool(self.run.rivals) or self.rival_s is not None  # or gone since the last look
         return present or self.world.now - self.rival_gone_s < FORGOTTEN_S
 
     def stands_for_rival(self) -> bool:
-        """Returns whether the wheels may stand for a second publisher, whoever is in charge."""
+        """Return whether the wheels may stand for a second publisher, whoever is in charge."""
         return self.run.scenario.strict and self.rivalled()
 
     def available(self, statements: tuple[Available, ...]) -> None:
-        """The robot's control states which nodes with placement Cloud have results that arrive."""
+        """Note that the robot's control states which nodes with placement Cloud have results that arrive."""
         for statement in statements:
             self.world.note(statement.node, statement.reason.value if statement.reason else "available")
             if statement.reason is None:

@@ -16,7 +16,7 @@ class Since:
         self.wall_us = -math.inf
 
     def counts_s(self, host: Host, born_s: float) -> float:
-        """Returns a true time: `born_s`, that of publishing.
+        """Return a true time: `born_s`, that of publishing.
 
         Or now, where no message came without waiting of late or the system clock was set back: what it took until here
         cannot be known.

@@ -33,15 +33,15 @@ class Rest:
         self.acted_s = self.settles_until_s = float("-inf")
 
     def settle(self, until_s: float) -> None:
-        """Notes that this side was called off although its nodes were Active: they stay so until `until_s`."""
+        """Note that this side was called off although its nodes were Active: they stay so until `until_s`."""
         self.settles_until_s = until_s
 
     def take(self, status: RelayStatus, now_s: float) -> None:
-        """Takes a status of the relay."""
+        """Take a status of the relay."""
         self.status, self.status_s = status, now_s
 
     def keeps_active(self, acting: bool, now_s: float) -> bool:
-        """Returns whether the nodes stay Active although the side does not act any more."""
+        """Return whether the nodes stay Active although the side does not act any more."""
         if acting:
             self.acted_s, self.settles_until_s = now_s, float("-inf")
             return False

@@ -37,7 +37,7 @@ class Wish:
     until_s: float | None = None
 
     def holds(self, now_s: float) -> bool:
-        """Whether it still stands."""
+        """Return whether it still stands."""
         return self.until_s is None or now_s < self.until_s
 
 
@@ -237,13 +237,13 @@ class Robot:
         return 0 if self.preparation is None else self.preparation.candidate
 
     def slowest_output_s(self, *, prompt: bool = False) -> float:
-        """Returns the longest deadline of a rated output, or of those that are not slow; 0 without any."""
+        """Return the longest deadline of a rated output, or of those that are not slow; 0 without any."""
         bound_s = self.settings.activation_deadline_s
         judged = (o for o in self.outputs if o.rated and not (prompt and is_slow(o, bound_s)))
         return max((o.deadline_s for o in judged), default=0.0)
 
     def judged_s(self, now_s: float) -> float:
-        """Returns as of when silence is judged: the last Tick, or the newest beat that was taken since.
+        """Return as of when silence is judged: the last Tick, or the newest beat that was taken since.
 
         Between two Ticks the message that ends a silence may still be unread, behind the one that is taken now.
         """

@@ -14,20 +14,20 @@ from robot_offload_core.words.token import Site
 
 
 def pin(robot: Robot, now_s: float) -> Site | None:
-    """The side that placement is pinned to: on the robot, else in the resource."""
+    """Return the side that placement is pinned to: on the robot, else in the resource."""
     if robot.pin is not None and robot.pin.holds(now_s):
         return robot.pin.site
     return robot.settings.pin
 
 
 def reported(robot: Robot) -> Iterator[Veto]:
-    """Yields what other processes found that forbids the cloud."""
+    """Yield what other processes found that forbids the cloud."""
     for vetoed in robot.vetoes:
         yield from (v for v in vetoed.vetoes if v.reason.forbids)
 
 
 def veto(robot: Robot, now_s: float) -> Verdict | None:
-    """What forbids the cloud whatever anybody asks for, besides the hard limits."""
+    """Return what forbids the cloud whatever anybody asks for, besides the hard limits."""
     fault = clock_fault(robot.link, robot.settings)
     leaving = robot.leaving
     if fault is None and leaving is not None and leaving.cloud == robot.link.peer and now_s < leaving.until_s:
@@ -38,7 +38,7 @@ def veto(robot: Robot, now_s: float) -> Verdict | None:
 
 
 def wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:
-    """Precedence: vetoes > pin on the robot > pin in the resource > by hand > policy; hard limits come before all."""
+    """Choose by precedence: vetoes > pin on the robot > pin in the resource > by hand > policy."""
     fit = fitness(robot.link, robot.settings, robot.judged_s(now_s))
     policy, verdict = policies.decide(robot.policy, IN_CHARGE[robot.phase], fit, robot.settings, now_s)
     robot = replace(robot, policy=policy)

@@ -45,7 +45,7 @@ from robot_offload_core.words.token import Site
 
 
 def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]]:
-    """Takes in one event, decides, and gives out the levels when they changed or a beat period has passed."""
+    """Take in one event, decide, and give out the levels when they changed or a beat period has passed."""
     commands: list[Command] = []
     before = robot
     robot = stalls.notice(robot, now_s)
@@ -59,7 +59,7 @@ def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]
 
 
 def check(before: Robot, after: Robot, event: Event) -> None:
-    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
     preparing = after.phase in (Phase.TO_CLOUD, Phase.TO_ROBOT)
     changed = site(after) is not site(before)
     require(
@@ -76,12 +76,12 @@ def check(before: Robot, after: Robot, event: Event) -> None:
 
 
 def site(robot: Robot) -> Site:
-    """The side in charge."""
+    """Return the side in charge."""
     return IN_CHARGE[robot.phase]
 
 
 def effects_site(robot: Robot, now_s: float) -> Site | None:
-    """The side whose effects that are not collected are admitted now; None while the other might still act."""
+    """Return the side whose effects that are not collected are admitted now; None while the other might still act."""
     if site(robot) is Site.CLOUD:
         return Site.CLOUD
     if robot.preparation is not None and robot.preparation.offered:
@@ -91,7 +91,7 @@ def effects_site(robot: Robot, now_s: float) -> Site | None:
 
 
 def _settle(robot: Robot, asked: Settings, now_s: float) -> Robot:
-    """Takes over changed settings, all of them once the cloud has stopped for sure."""
+    """Take over changed settings, all of them once the cloud has stopped for sure."""
     if robot.phase is Phase.ROBOT and effects_site(robot, now_s) is Site.ROBOT:
         return replace(robot, settings=asked, asked=None)
     return replace(robot, settings=meanwhile(robot.settings, asked))
@@ -194,7 +194,7 @@ def _by_hand(robot: Robot, asked: Site, now_s: float) -> tuple[Robot, bool, str]
 
 
 def frame(robot: Robot, now_s: float) -> Circumstances:
-    """Returns what the situation is judged against."""
+    """Return what the situation is judged against."""
     return Circumstances(
         robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stalls.until_s,
         stalls.starved(robot, now_s), robot.outputs,
@@ -325,7 +325,7 @@ def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: lis
 
 
 def _in_need(robot: Robot, verdict: Verdict, now_s: float) -> bool:
-    """The robot has not been able to act for longer than its nodes may take, and the cloud may be asked (again).
+    """Return whether the robot could not act for longer than its nodes may take, and the cloud may be asked (again).
 
     Retries grow, but not those of a robot that stands still: unless the cloud's outputs were as silent as the robot's.
     Then there may be nothing to do, and to wake the cloud's nodes each second would not help.
@@ -339,7 +339,7 @@ def _in_need(robot: Robot, verdict: Verdict, now_s: float) -> bool:
 
 
 def _unable(robot: Robot, now_s: float) -> bool:
-    """Whether the robot has not been able to act for longer than its nodes may take."""
+    """Return whether the robot has not been able to act for longer than its nodes may take."""
     since_s = robot.fell_at_s
     return since_s is not None and now_s - max(since_s, robot.charged_s) > robot.settings.activation_deadline_s
 
@@ -355,7 +355,7 @@ def _observe_only(robot: Robot, verdict: Verdict, now_s: float, commands: list[C
 
 
 def prepared(robot: Robot) -> Charge | None:
-    """Returns the side that gets ready, and the token it does so under; None while none does."""
+    """Return the side that gets ready, and the token it does so under; None while none does."""
     if robot.preparation is None:
         return None
     side = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT

@@ -121,12 +121,12 @@ class Goal:
 
     @property
     def entry(self) -> GoalEntry:
-        """Returns how status messages show the goal."""
+        """Return how status messages show the goal."""
         return GoalEntry(self.id, self.stamp_ns, self.status)
 
     @property
     def at_rest(self) -> bool:
-        """Returns whether the goal is only kept for its result: it has ended, and so has its one attempt, if any."""
+        """Return whether the goal is only kept for its result: it has ended, and so has its one attempt, if any."""
         if self.ended_s is None or len(self.attempts) > 1:
             return False
         return not any(a.phase.live or a.resume for a in self.attempts)
