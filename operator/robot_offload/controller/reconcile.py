@@ -24,7 +24,7 @@ from robot_offload.controller.admission import Admission, NotAdmittedError
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.failures import verdict_of
 from robot_offload.controller.memory import Memory, summary
-from robot_offload.controller.publish import publish
+from robot_offload.controller.publish import Post, publish
 from robot_offload.controller.steps import Findings, Pass
 from robot_offload.controller.store import Store
 from robot_offload.controller.subject import Subject
@@ -71,7 +71,10 @@ class Controller:
         clock: Clock | None = None,
         store: Store | None = None,
         policy: Policy = DEFAULTS,
+        post: Post = lambda _offload, _transition: None,
     ) -> None:
+        """`post` has Events posted."""
+        self._post = post
         known = Store() if store is None else store
         budget: rollouts.Budget[Name] = rollouts.Budget(policy.max_rolling)
         self._tools = Tools(api, known, images, clock or Clock(), policy, budget)
@@ -228,7 +231,8 @@ class Controller:
         after = status.build(
             before, subject.generation, found.verdicts, self._tools.clock.wall(), found.offload, found.status
         )
-        writes = await publish(self._tools.api, self._tools.store, subject.raw, after, memory, self._tools.clock)
+        tools = self._tools
+        writes = await publish(tools.api, tools.store, subject.raw, after, memory, tools.clock, self._post)
         if not found.broken:
             memory.failures = 0
         return Result(found.again_s, self._worth_a_retry(found, memory), found.applied.writes + writes)

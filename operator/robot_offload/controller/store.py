@@ -162,6 +162,10 @@ class Store:
         entries = ((key, self._entries[key[0], namespace, key[1]]) for key in keys if key[0] not in left_out)
         return frozenset((key, entry.uid, entry.version) for key, entry in entries)
 
+    def buried(self, uid: str) -> bool:
+        """Returns whether an object is known to be gone."""
+        return uid in self._gone
+
     def _bury(self, uid: str) -> None:
         """Notes that an object has gone for good: its uid never comes back."""
         self._gone[uid] = None

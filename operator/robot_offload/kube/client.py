@@ -27,15 +27,13 @@ from robot_offload.kube.errors import (
     error_of,
 )
 from robot_offload.kube.kinds import Kind, kind_of
-from robot_offload.kube.port import FIELD_MANAGER, Change, Manifest, Selection, Verb
+from robot_offload.kube.port import FIELD_MANAGER, METADATA, METADATA_LIST, Change, Manifest, Selection, Verb
 from robot_offload.kube.retry import RetryPolicy
 
 _JSON: Final = "application/json"
 _MERGE_PATCH: Final = "application/merge-patch+json"
 _APPLY_PATCH: Final = "application/apply-patch+yaml; charset=utf-8"
 """With a parameter, so that the official client sends our bytes as they are: its JSON escapes are not always YAML."""
-_METADATA: Final = "application/json;as=PartialObjectMetadata;g=meta.k8s.io;v=v1"
-_METADATA_LIST: Final = "application/json;as=PartialObjectMetadataList;g=meta.k8s.io;v=v1"
 _CHANGES: Final = frozenset({"ADDED", "MODIFIED", "DELETED", "BOOKMARK"})
 _WATCH_S: Final = (300, 600)
 """How long the API server keeps a watch open, as client-go asks it: at random, so that not all end together."""
@@ -99,7 +97,7 @@ class Client:
                 "get",
                 kind.path(namespace),
                 f"list {kind.plural}{f' in {namespace}' if namespace else ''}",
-                _asked(selection, _METADATA_LIST).with_query(limit=_PAGE, **{"continue": token}),
+                _asked(selection, METADATA_LIST).with_query(limit=_PAGE, **{"continue": token}),
             )
             # Items of a list carry neither apiVersion nor kind, or those of the form that was asked for.
             own = {"apiVersion": kind.api_version, "kind": kind.kind}
@@ -116,7 +114,7 @@ class Client:
         self._guard("watch")
         doing = f"watch {kind.plural}{f' in {namespace}' if namespace else ''}"
         timeout = aiohttp.ClientTimeout(total=None, sock_connect=self._retry.request_timeout_s, sock_read=idle_s)
-        asked = _asked(selection, _METADATA).with_query(
+        asked = _asked(selection, METADATA).with_query(
             watch="true",
             resourceVersion=version,
             allowWatchBookmarks="true",

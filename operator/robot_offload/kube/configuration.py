@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import logging
 import os
+import ssl
 import urllib.parse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from pathlib import Path
 import yaml
 from kubernetes.aio import config
 from kubernetes.aio.client import Configuration
+from kubernetes.aio.client.rest import RESTClientObject
 from kubernetes.aio.config.config_exception import ConfigException
 
 from robot_offload.kube import proxies
@@ -72,6 +74,48 @@ def connect(
         return await _configuration(access)
 
     return Client(configure, retry, guard, manager)
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """What another HTTP client needs to reach the same API server.
+
+    Attributes:
+        server: address, e.g. https://10.0.0.1:443.
+        headers: sent with each request; who we are, unless a certificate says so.
+        tls: trust, and our certificate.
+        trust_env: whether proxies of the environment count.
+        proxy: address of a proxy that the kubeconfig names; None: there is none.
+    """
+
+    server: str
+    headers: Mapping[str, str]
+    tls: ssl.SSLContext
+    trust_env: bool
+    proxy: str | None
+
+
+async def credentials(kubeconfig: str | None = None, context: str | None = None) -> Credentials:
+    """Returns what is configured, read anew: tokens in a cluster are replaced while a process runs.
+
+    Args:
+        kubeconfig: as `kubectl --kubeconfig`.
+        context: as `kubectl --context`.
+
+    Raises:
+        NotConfiguredError: there is no usable configuration.
+    """
+    configuration = await _configuration(Access(kubeconfig, context))
+    token = await configuration.get_api_key_with_prefix("BearerToken")
+    if not token and configuration.username:
+        token = configuration.get_basic_auth_token()
+    return Credentials(
+        server=str(configuration.host),
+        headers={"Authorization": token} if token else {},
+        tls=RESTClientObject(configuration).ssl_context,
+        trust_env=bool(configuration.client_session_kwargs["trust_env"]),
+        proxy=configuration.proxy or None,
+    )
 
 
 def current_namespace(kubeconfig: str | None = None, context: str | None = None) -> str:

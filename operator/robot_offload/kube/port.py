@@ -13,8 +13,9 @@ Manifest = dict[str, Any]
 
 FIELD_MANAGER: Final = "robot-offload"
 """The one name under which fields are owned in server-side apply."""
-
-
+METADATA: Final = "application/json;as=PartialObjectMetadata;g=meta.k8s.io;v=v1"
+METADATA_LIST: Final = "application/json;as=PartialObjectMetadataList;g=meta.k8s.io;v=v1"
+"""Forms of an answer that have nothing but `metadata`, of objects and of lists."""
 Verb: TypeAlias = Literal["get", "list", "watch", "apply", "create", "patch", "delete", "patch status"]
 """What a request asks for; the requests are counted by it."""
 READS: Final = frozenset({"get", "list", "watch"})
