@@ -16,10 +16,15 @@ from pathlib import Path
 from typing import Final
 
 from robot_offload.errors import RobotOffloadError
+from robot_offload_lab.cluster import programs
+from robot_offload_lab.cluster.commands import Helm, Kubectl
 
 PLACE: Final = "bench"
 """The namespace of the objects."""
 PATIENCE_S: Final = 120.0
+_HOME: Final = "default"
+"""Where the operator is at home."""
+_CHART: Final = Path(__file__).resolve().parents[3] / "charts" / "robot-offload"
 _READS: Final = ("get", "list", "watch")
 _LEASE_EVERY_S: Final = 10.0
 """The reporter's period."""
@@ -37,7 +42,7 @@ class Operator:
             **os.environ,
             **images,
             "KUBECONFIG": str(kubeconfig),
-            "POD_NAMESPACE": "default",
+            "POD_NAMESPACE": _HOME,
             "POD_NAME": "bench",
             "METRICS_PORT": "0",
             "HEALTH_PORT": "0",
@@ -111,6 +116,26 @@ def control_plane(kubeconfig: Path | None) -> Iterator[Path]:
         yield Path(found.group(1))
     finally:
         subprocess.run([*command, "down"], capture_output=True, check=False)
+
+
+def account(administrator: Path, directory: Path) -> Path:
+    """Installs the rights that the chart gives the operator; returns a kubeconfig with these and no others.
+
+    Args:
+        administrator: kubeconfig of whoever may give rights.
+        directory: where the new one is written.
+    """
+    built = programs.ensure(lambda _: None)
+    helm = Helm(built.path("helm"), administrator, _HOME)
+    kubectl = Kubectl(built.path("kubectl"), administrator, _HOME)
+    shown = [part for name in ("serviceaccount", "rbac") for part in ("--show-only", f"templates/{name}.yaml")]
+    kubectl("apply", "--server-side", "-f", "-", stdin=helm("template", "robot-offload", str(_CHART), *shown))
+    token = kubectl("create", "token", "robot-offload-operator", "--duration=24h").strip()
+    config = json.loads(kubectl("config", "view", "--raw", "--minify", "-o", "json"))
+    config["users"][0]["user"] = {"token": token}
+    path = directory / "account.kubeconfig"
+    path.write_text(json.dumps(config))
+    return path
 
 
 @contextmanager
