@@ -50,3 +50,5 @@ def set_up(level: str, form: LogFormat = "json") -> None:
     root.setLevel(level.upper())
     for noisy in ("asyncio", "aiohttp.access", "urllib3", "kubernetes"):
         logging.getLogger(noisy).setLevel("WARNING")
+    # A line for each event of the cluster.
+    logging.getLogger("kopf.objects").setLevel("DEBUG" if level.lower() == "debug" else "WARNING")

@@ -1,14 +1,14 @@
 """The HTTP session that kopf speaks to the API server with.
 
-Two things stand between kopf and the cluster, which kopf itself has no setting for: Secrets are listed and watched as
-metadata, so that no key comes into this process, and each request is counted and kept from writing unless this process
-leads.
+Three things stand between kopf and the cluster, which kopf itself has no setting for: Secrets are listed and watched as
+metadata, so that no key comes into this process; a list of nothing is an empty list; and each request is counted and
+kept from writing unless this process leads.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, cast
+from typing import Any, Final, cast
 
 import aiohttp
 import kopf
@@ -17,6 +17,17 @@ from robot_offload.kube.configuration import Credentials
 from robot_offload.kube.port import METADATA, METADATA_LIST, Verb
 
 _WRITES: Final = {"POST": "create", "PATCH": "patch", "PUT": "patch", "DELETE": "delete"}
+
+
+class Answer(aiohttp.ClientResponse):
+    """An answer as kopf reads it: API servers send an empty list of metadata as `items: null`."""
+
+    async def json(self, **how: Any) -> Any:
+        """See `ClientResponse.json`."""
+        value = await super().json(**how)
+        if isinstance(value, dict) and value.get("items", ()) is None:
+            value["items"] = []
+        return value
 
 
 def session(
@@ -44,6 +55,7 @@ def session(
         connector=aiohttp.TCPConnector(limit=0, ssl=credentials.tls),
         headers=credentials.headers,
         middlewares=(between,),
+        response_class=Answer,
         proxy=credentials.proxy,
         trust_env=credentials.trust_env,
     )

@@ -29,7 +29,7 @@ def asked(
     async def answer(request: web.Request) -> web.Response:
         assert request.headers["Authorization"] == "Bearer t"
         arrived.append((request.path, request.headers["Accept"]))
-        return web.json_response({}, status=403 if "forbidden" in request.path else 200)
+        return web.json_response({"items": None}, status=403 if "forbidden" in request.path else 200)
 
     async def main() -> None:
         application = web.Application()
@@ -63,6 +63,17 @@ def test_secrets_are_listed_and_watched_as_metadata() -> None:
     assert "as=PartialObjectMetadata;" in watched
     assert pods == "*/*"
     assert opened == [SECRETS]
+
+
+def test_an_empty_list_of_metadata_is_an_empty_list() -> None:
+    found = []
+
+    async def ask(http: aiohttp.ClientSession, address: str) -> None:
+        async with http.get(address + SECRETS) as answer:
+            found.append(await answer.json())
+
+    asked(ask)
+    assert found == [{"items": []}]
 
 
 def test_a_stream_that_is_refused_has_not_begun() -> None:
