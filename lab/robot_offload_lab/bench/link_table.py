@@ -1,7 +1,8 @@
-"""What links of several kinds carry: both agents between two network namespaces, one load as a required input.
+"""`python -m robot_offload_lab.bench.link_table`: what links of several kinds carry.
 
-The link is changed while everything runs, so each kind takes seconds. The rows stay in `links.json`, so that a table
-can be measured in several turns; with `--docs` the page is written anew from all of them.
+Both agents run between two network namespaces, with one load as a required input. The link is changed while everything
+runs, so each kind takes seconds. The rows stay in `links.json`, so that a table can be measured in several turns; with
+`--docs` the page is written anew from all of them.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
-from robot_offload.errors import InputError
+import typer
+
+from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.bench import machine
 from robot_offload_lab.bench.across import AcrossHosts
 from robot_offload_lab.bench.analysis import links
@@ -157,3 +160,45 @@ def chosen(loads: Sequence[TopicLoad], names: Sequence[str]) -> list[TopicLoad]:
     if unknown:
         raise InputError(f"--load: there is no {unknown[0]!r}; known are {', '.join(load.name for load in loads)}")
     return [replace(load) for load in loads if not names or load.name in names]
+
+
+def main(
+    *,
+    full: Annotated[
+        bool,
+        typer.Option("--full/--quick", help="All kinds of link that are wide enough for a load, or a share of them."),
+    ] = False,
+    load: Annotated[list[str] | None, typer.Option(help="Load to measure; more than once. Default: all.")] = None,
+    seconds: Annotated[float, typer.Option(min=2, help="Seconds of each observation.")] = 10.0,
+    limit: Annotated[
+        float, typer.Option(min=30, metavar="SECONDS", help="Begin no other link after so long; --resume goes on.")
+    ] = 240.0,
+    resume: Annotated[bool, typer.Option("--resume", help="Skip what this folder has from today.")] = False,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of links.json and logs.")] = Path("out/bench"),
+    docs: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of the docs, to refresh the page.")] = None,
+) -> None:
+    """Measure what links carry of images and point clouds: delivered, age, time in the cloud, false alarms. Needs root.
+
+    Ends with 0 when all of the table is there, 3 when the limit came first.
+    """
+
+    def keep_and_print(row: Row) -> None:
+        keep(out, [row])
+        typer.echo(links.line(row))
+
+    try:
+        known = fresh(read(out)) if resume else []
+        cells_of = links.wide_enough if full else links.SOME.__getitem__
+        done = measure(chosen(links.LOADS, load or ()), cells_of, seconds, out, known, keep_and_print, limit)
+        if docs is not None:
+            typer.echo(f"Page: {write_page(docs, read(out))}")
+    except RobotOffloadError as error:
+        for line in error.lines:
+            typer.echo(line, err=True)
+        raise typer.Exit(error.exit_code) from error
+    if not done:
+        raise typer.Exit(3)
+
+
+if __name__ == "__main__":
+    typer.run(main)

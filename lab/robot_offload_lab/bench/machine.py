@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import os
 import platform
+import subprocess
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -32,6 +33,15 @@ def words(known: Mapping[str, Any]) -> str:
         f"{known['cores']} cores ({known['processor']}), {known['memory_gb']} GB, {known['system']}, "
         f"Python {known['python']}, {versions}"
     )
+
+
+def commit() -> str:
+    """Return the commit of this clone; the version where there is none."""
+    done = subprocess.run(
+        ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return done.stdout.strip() or metadata.version("robot-offload")
 
 
 def load() -> float:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 from robot_offload_lab.judge.streams import quantile
 
-SCHEMA: Final = "robotoffload.dev/bench/v1"
 Priority = Literal["realtime", "normal"]
 PRIORITIES: Final[tuple[Priority, Priority]] = ("realtime", "normal")
 Sample = Mapping[str, Any]
@@ -53,6 +51,16 @@ class Figure:
         if self.value is None or not self.baseline:
             return None
         return self.value / self.baseline
+
+    @property
+    def kept(self) -> str:
+        """The best limit that the value keeps: `aim`, `must` or `missed`; empty when none was demanded or measured."""
+        must, aim = self.met(self.must), self.met(self.aim)
+        if aim:
+            return "aim"
+        if must:
+            return "must"
+        return "" if must is None else "missed"
 
     def met(self, limit: float | None) -> bool | None:
         """Returns whether the value keeps a limit; None when there is no value or no limit."""
@@ -109,32 +117,3 @@ def at(values: Sequence[float], share: float) -> float:
 def at_or_none(values: Iterable[float | None], share: float) -> float | None:
     """Returns a quantile of the values that are known; None without any."""
     return quantile([value for value in values if value is not None], share)
-
-
-def to_json(outcome: GroupResult) -> dict[str, Any]:
-    """Figures with their verdicts, and parts; samples go to a CSV file of their own."""
-    return {
-        "figures": [
-            {
-                **_rounded(figure),
-                "ratio": None if figure.ratio is None else round(figure.ratio, 4),
-                "must_met": figure.met(figure.must),
-                "aim_met": figure.met(figure.aim),
-            }
-            for figure in outcome.figures
-        ],
-        "parts": [_rounded(one) for one in outcome.parts],
-    }
-
-
-def from_json(group: str, priority: Priority, values: Mapping[str, Any]) -> GroupResult:
-    """Returns the inverse of `to_json`, without the samples."""
-    names = {field.name for field in dataclasses.fields(Figure)}
-    figures = tuple(Figure(**{key: figure[key] for key in names}) for figure in values["figures"])
-    return GroupResult(group, priority, figures, tuple(Distribution(**one) for one in values["parts"]), ())
-
-
-def _rounded(value: Figure | Distribution) -> dict[str, Any]:
-    return {
-        name: round(item, 4) if isinstance(item, float) else item for name, item in dataclasses.asdict(value).items()
-    }

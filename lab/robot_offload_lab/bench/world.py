@@ -52,10 +52,8 @@ OBSERVER_PRIORITY: Final = 4
 NODE_PRIORITY: Final = 3
 OBSERVER: Final = "observer"
 INPUT_RECORDER: Final = "input-recorder"
-DIRECT_TOPIC: Final = "/bench/direct"
 RELAY: Final = "hop"
 GOAL_CLIENT: Final = "goal-client"
-LOAD: Final = "load"
 
 
 @dataclass(frozen=True)
@@ -69,9 +67,7 @@ class Setting:
         seed: of the link's chances.
         lease: with the observer of the lease.
         hops: with datagrams of our own through the wire.
-        latency: with these, a recorder in the cloud, and a direct publisher beside the carried one.
         goals: with a client of actions and services, and servers that it reaches directly.
-        load: so many processes that never rest, at normal priority.
         offload: the resource, where it is not the case's own.
         agents: tree of the repository whose agents run; None: this one's.
         beats: the witnesses listen to the beats, which costs the agents their publishing.
@@ -83,9 +79,7 @@ class Setting:
     seed: int = 1
     lease: bool = False
     hops: bool = False
-    latency: bool = False
     goals: bool = False
-    load: int = 0
     offload: RobotOffload | None = None
     agents: Path | None = None
     beats: bool = True
@@ -252,15 +246,12 @@ class MeasuredSystem:
     def _wire_config(self) -> WireConfig:
         config = wire_config(self.system)
         forwards = config.forwards
-        if self._hops:
+        if self.setting.hops:
             dial, serve = self.relay
             forwards = (*forwards, Forward(RELAY, "udp", f"{HOST}:{dial}", f"{HOST}:{serve}"))
         return dataclasses.replace(config, forwards=forwards, realtime=True)
 
     def _start(self, program: Program) -> None:
-        if program.name == RECORDER and self.setting.latency:
-            command = (*program.command, "--topic", f"{DIRECT_TOPIC}={MESSAGE_TYPE}")
-            program = dataclasses.replace(program, command=command)
         if program.name.endswith("-agent") and self.setting.agents is not None:
             path = os.pathsep.join(str(self.setting.agents / package) for package in ("core", "agent"))
             program = dataclasses.replace(program, environment={**program.environment, "PYTHONPATH": path})
@@ -273,7 +264,7 @@ class MeasuredSystem:
 
     def _priority(self, program: Program) -> int:
         """Agents ask for theirs themselves."""
-        if program.name.endswith("-agent") or program.name.startswith(LOAD):
+        if program.name.endswith("-agent"):
             return 0
         if program.folder == self.system.source and program.name.startswith(("robot-", "cloud-")):
             return NODE_PRIORITY if self.setting.realtime else 0
@@ -283,9 +274,7 @@ class MeasuredSystem:
         found = [self._witness("robot", NODE), self._witness("cloud", f"remote_{NODE}")]
         if self.setting.lease:
             found.append(self._lease_observer())
-        if self.setting.latency:
-            found += [self._input_recorder(), self._direct()]
-        if self._hops:
+        if self.setting.hops:
             found.append(self._hop())
         if self.setting.goals:
             path = self.system.out / f"{GOAL_CLIENT}.jsonl"
@@ -293,16 +282,7 @@ class MeasuredSystem:
                 self._program(GOAL_CLIENT, "goal_client", "robot", path, piped=True),
                 self._program("direct-server", "goal_server", "robot", "/direct"),
             ]
-        found += [self._restless(number) for number in range(self.setting.load)]
         return found
-
-    def _restless(self, number: int) -> Program:
-        command = (sys.executable, "-c", "while True: pass")
-        return Program(f"{LOAD}-{number}", command, self.system.temporary, environment(self.system, "robot"))
-
-    @property
-    def _hops(self) -> bool:
-        return self.setting.hops or self.setting.latency
 
     def _program(self, name: str, module: str, side: Side, *arguments: object, piped: bool = False) -> Program:
         command = (sys.executable, "-m", f"robot_offload_lab.bench.parts.{module}", *map(str, arguments))
@@ -330,13 +310,6 @@ class MeasuredSystem:
             command += ["--topic", f"{sensor.topic}={MESSAGE_TYPE}"]
         cloud = environment(self.system, "cloud")
         return Program(INPUT_RECORDER, tuple(command), self.system.temporary, cloud, piped=True)
-
-    def _direct(self) -> Program:
-        """Returns what a message costs without us: publisher and consumer in one domain, same sizes and rate."""
-        sizes = str(list(self.case.command_bytes))
-        parameters = {"topics": f"[{DIRECT_TOPIC}]", "rate_hz": self.case.cloud_rate_hz, "payload_bytes": sizes}
-        words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-        return self._program("direct", "feed", "robot", "direct", "--ros-args", *words)
 
     def _hop(self) -> Program:
         dial, serve = self.relay

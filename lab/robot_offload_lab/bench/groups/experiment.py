@@ -16,7 +16,7 @@ from robot_offload_lab.bench.analysis.experiment import ExperimentScenario, Trav
 from robot_offload_lab.bench.analysis.share import stays
 from robot_offload_lab.bench.kinds import KINDS, RATE_HZ
 from robot_offload_lab.bench.observed import Hop, only
-from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.plan import Order
 from robot_offload_lab.bench.resource import BenchCase
 from robot_offload_lab.bench.results import GroupResult, at_or_none
 from robot_offload_lab.bench.stage import Stage
@@ -64,11 +64,6 @@ PORT: Final = 20999
 """In a network namespace of its own."""
 
 
-def steps(_amounts: Amounts) -> float:
-    """For the progress bar."""
-    return len(RUNS)
-
-
 def run(order: Order) -> GroupResult:
     """Measures all scenarios, one after the other."""
     found: list[Travelled] = []
@@ -78,7 +73,6 @@ def run(order: Order) -> GroupResult:
             found += measure(order) if order.wants(name) else []
         except RobotOffloadError as error:  # the others are worth having without it
             refused[scenario.title] = error.lines[0]
-        order.advance(1)
     if not found:
         raise RobotOffloadError("\n".join(f"{title}: {why}" for title, why in refused.items()))
     return experiment.outcome(order.priority, found, {**refused, PODS: PODS_WHY})

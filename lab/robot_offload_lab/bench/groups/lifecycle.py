@@ -7,7 +7,7 @@ from typing import Final
 
 from robot_offload_lab.bench.analysis import lifecycle
 from robot_offload_lab.bench.analysis.lifecycle import BASELINE, Rounds, TransitionCase
-from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.plan import Order
 from robot_offload_lab.bench.results import GroupResult
 from robot_offload_lab.bench.stage import Stage
 from robot_offload_lab.wire.options import LinkOptions
@@ -31,11 +31,6 @@ TOGETHER: Final = TransitionCase("together", "10 nodes at once, each a process")
 ACROSS: Final = TransitionCase("across", "manager and node on two hosts, 10ms each way", "1-12 ms (LAN)")
 CASES: Final = (ALONE, HEAVY, AMONG, TOGETHER, ACROSS)
 WORKER: Final = "robot_offload_lab.bench.parts.worker"
-
-
-def steps(_amounts: Amounts) -> float:
-    """For the progress bar."""
-    return len(CASES)
 
 
 def run(order: Order) -> GroupResult:
@@ -90,5 +85,4 @@ def _measure(stage: Stage, order: Order, case: TransitionCase, names: Sequence[s
     stage.rest(1.0)  # discovery among all of them comes to rest
     what = f"the rounds of {case.title!r} end"
     said = stage.ask(MANAGER, {"nodes": names, "rounds": order.amounts.rounds, "rest_ms": REST_MS}, what, 600.0)
-    order.advance(1)
     return Rounds.from_json(case, said)

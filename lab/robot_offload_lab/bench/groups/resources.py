@@ -15,7 +15,7 @@ from robot_offload.api.v1alpha1.names import Side
 from robot_offload.errors import InputError
 from robot_offload_lab.bench.analysis import resources
 from robot_offload_lab.bench.analysis.resources import Usage, Weighed
-from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.plan import Order
 from robot_offload_lab.bench.resource import BenchCase, Sensor
 from robot_offload_lab.bench.results import GroupResult
 from robot_offload_lab.bench.world import MeasuredSystem, Setting
@@ -38,11 +38,6 @@ STEP_S: Final = 1.0
 TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 
 
-def steps(amounts: Amounts) -> float:
-    """For the progress bar."""
-    return amounts.resources_s / STEP_S * 2
-
-
 def run(order: Order) -> GroupResult:
     """Reads /proc before and after."""
     whole = observe(CASE, order.setting(CASE.name), order)
@@ -62,7 +57,6 @@ def observe(case: BenchCase, setting: Setting, order: Order) -> Weighed:
         before, start_s = {side: usages(pids) for side, pids in sides.items()}, steady_s()
         for _ in range(round(order.amounts.resources_s / STEP_S)):
             world.rest(STEP_S)
-            order.advance(1)
         after, seconds = {side: usages(pids) for side, pids in sides.items()}, steady_s() - start_s
         world.finish()
     robot, cloud = (resources.costs(before[side], after[side], seconds) for side in SIDES)
