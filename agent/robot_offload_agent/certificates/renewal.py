@@ -14,7 +14,7 @@ from robot_offload_agent.certificates.openssl import Certificate
 
 SHARE = 2 / 3
 """Of a certificate's life after which another one is asked for, as ACME clients do; a third is left for trouble."""
-AGAIN_S = 6 * 3600.0
+RETRY_S = 6 * 3600.0
 """After a refusal, or when the disk did not take it."""
 MAX_ANSWER = 16_384
 """Characters of an answer. One has about 1,100."""
@@ -103,7 +103,7 @@ def step(renewal: Renewal, event: Event, now_s: float, wall_s: float) -> tuple[R
         return Renewal(event.certificate, event.bundled), None
     if isinstance(event, Asking):
         return replace(renewal, busy=False, request=event.request), None
-    again_s = now_s + AGAIN_S
+    again_s = now_s + RETRY_S
     stuck = replace(renewal, busy=False, request="", again_s=again_s, reason="RenewalFailed", message=event.message)
     return stuck, None
 
@@ -135,7 +135,7 @@ def _heard(renewal: Renewal, event: Heard, now_s: float, wall_s: float) -> tuple
             return renewal, None
         if pem:
             return replace(renewal, busy=True, request=""), Keep(pem)
-        return replace(renewal, request="", again_s=now_s + AGAIN_S, reason=reason, message=message), Drop()
+        return replace(renewal, request="", again_s=now_s + RETRY_S, reason=reason, message=message), Drop()
     if event.signs and now_s >= renewal.again_s and due(renewal, wall_s):
         return replace(renewal, busy=True), MakeRequest()
     return renewal, None

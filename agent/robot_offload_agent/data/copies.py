@@ -26,9 +26,9 @@ from robot_offload_core.data.parameter_values import MAX_PARAMETERS, Table, Type
 from robot_offload_core.data.states import StateProcess
 from robot_offload_core.words.declared import ParameterState
 
-LOOK_S = 2.0
+HOLDER_READ_S = 2.0
 """How often the holder's parameters are read; a change is announced by its node and read at once."""
-AGAIN_S = 5.0
+STANDBY_READ_S = 5.0
 """How often a standby's are compared again: somebody may have set them there."""
 HASTY_S = 0.2
 """The same while a node does not answer."""
@@ -107,12 +107,12 @@ class ParameterCopies:
 
     def _work(self) -> None:
         """Read or set what is due, again and again (a thread of its own)."""
-        wait_s = LOOK_S
+        wait_s = HOLDER_READ_S
         while context.is_up():
             self.wake.wait(wait_s)
             self.wake.clear()
             silent = [name for name in self.states if not self._attend(name)]
-            wait_s = HASTY_S if silent else LOOK_S
+            wait_s = HASTY_S if silent else HOLDER_READ_S
 
     def _attend(self, name: str) -> bool:
         """Set or read what is due of an entry; return whether all nodes that were asked to take a value answered."""
@@ -125,7 +125,7 @@ class ParameterCopies:
             if refused is None:
                 return False
             with self.lock:
-                self.done[name] = _Done(wish, refused, now_s() + AGAIN_S)
+                self.done[name] = _Done(wish, refused, now_s() + STANDBY_READ_S)
         elif stay is not None:
             self._forget(name, wish)
             tables = {node: self._read(name, node) for node in _nodes(self.states[name])}

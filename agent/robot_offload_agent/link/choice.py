@@ -19,7 +19,7 @@ from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration
 
-IDLE_S = 60.0
+LINK_NODE_IDLE_S = 60.0
 """A node that carries nothing but a link has no other work to do."""
 
 
@@ -34,7 +34,9 @@ class LinkHandle:
         """See Link.start."""
         self.link.start()
         if self.node is not None:
-            threading.Thread(target=spin_topics, args=(self.node, lambda: IDLE_S), name="link", daemon=True).start()
+            threading.Thread(
+                target=spin_topics, args=(self.node, lambda: LINK_NODE_IDLE_S), name="link", daemon=True
+            ).start()
 
     def ended(self) -> bool:
         """Return whether the node that is spun here was told to end."""

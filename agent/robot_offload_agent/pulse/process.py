@@ -33,7 +33,7 @@ BEAT = Channel("beat", reliable=False, urgent=True)
 STATUS_PERIOD_S = 1.0
 LONGEST_S = 0.5
 """The main thread wakes up this often although beats go out without it: it shows that it lives."""
-LOOK_S = 0.1
+SESSION_LOOK_S = 0.1
 """How often the session's state is looked at; people read what comes of it."""
 
 
@@ -95,7 +95,7 @@ class PulseProcess:
             self.bus.send("control", self.sent)
         if now < self.look_due_s:
             return
-        self.look_due_s = now + LOOK_S
+        self.look_due_s = now + SESSION_LOOK_S
         status = self.link.status()
         if status != self.status or now >= self.status_due_s:
             self.status, self.status_due_s = status, now + STATUS_PERIOD_S

@@ -27,9 +27,9 @@ KEY = slice(12, 15)
 """The entity's number in its participant."""
 PATIENCE_S = 15.0
 """A client that discovery has not found by then has gone."""
-AGAIN_S = (0.0, 0.5)
+ANSWER_TIMES_S = (0.0, 0.5)
 """An answer may leave before the client's reader is matched, so it is sent twice: clients leave out the second one."""
-LOOK_S = 0.05
+CLIENT_LOOK_S = 0.05
 """How often a client is looked for."""
 
 
@@ -66,7 +66,7 @@ class Inherited:
         """Send what can be sent; return when to call again at the latest, on the steady clock."""
         now = now_s()
         if self.possible is None:
-            return now + LOOK_S if self.waiting else float("inf")
+            return now + CLIENT_LOOK_S if self.waiting else float("inf")
         if not self.possible:
             self.lost += len(self.waiting)
             self.waiting.clear()
@@ -78,7 +78,7 @@ class Inherited:
                 self.lost += not waiting.sent
                 self.waiting.remove(waiting)
             else:
-                waiting.due_s = now + LOOK_S
+                waiting.due_s = now + CLIENT_LOOK_S
         return min((w.due_s for w in self.waiting), default=float("inf"))
 
     def _send(self, waiting: _Waiting, writer: bytes, now: float) -> None:
@@ -88,10 +88,10 @@ class Inherited:
             log.warning("A call of %s that was open before the restart could not be answered: %s", waiting.service.name,
                         error)  # fmt: skip
         waiting.sent += 1
-        if waiting.sent == len(AGAIN_S):
+        if waiting.sent == len(ANSWER_TIMES_S):
             self.waiting.remove(waiting)
         else:
-            waiting.due_s = now + AGAIN_S[waiting.sent] - AGAIN_S[waiting.sent - 1]
+            waiting.due_s = now + ANSWER_TIMES_S[waiting.sent] - ANSWER_TIMES_S[waiting.sent - 1]
 
 
 def find_writer(node: Node, service: str, caller: bytes) -> bytes | None:

@@ -33,8 +33,8 @@ from robot_offload_core.words.messages import RelayStatus
 
 log = logging.getLogger(__name__)
 
-LOOK_S = 1.0
-LOOK_SOON_S = 0.1
+GRAPH_LOOK_S = 1.0
+GRAPH_LOOK_SOON_S = 0.1
 """How often the graph is looked at, and while a server that is called has not been seen."""
 HURRIED_S = 3.0
 """After a start the graph is looked at often: goals of a predecessor wait for their servers."""
@@ -152,7 +152,7 @@ class RelayShell:
         now = now_s()
         if now >= self.look_due_s:
             complete = self.look()
-            self.look_due_s = now + (LOOK_S if complete and now > self.hurried_s else LOOK_SOON_S)
+            self.look_due_s = now + (GRAPH_LOOK_S if complete and now > self.hurried_s else GRAPH_LOOK_SOON_S)
         inherited_due_s = self.inherited.turn()
         self.process.turn()
         return min(self.process.due_s, self.look_due_s, inherited_due_s)

@@ -65,7 +65,7 @@ class ReplicaParameters:
             if now < due_s:
                 continue
             hasty = replica_parameters.unlike(self.compared, name)
-            period_s = replica_parameters.HASTY_PERIOD_S if hasty else replica_parameters.PERIOD_S
+            period_s = replica_parameters.HASTY_PERIOD_S if hasty else replica_parameters.READ_PERIOD_S
             self.due_s[name] = now + period_s
             if self.list[name].service_is_ready() and self.get[name].service_is_ready():
                 self._call(self.list[name], ListParameters.Request(), partial(self._listed, name))

@@ -26,11 +26,12 @@ from robot_offload_core.words.settings import OutputSpec
 from robot_offload_core.words.token import Site, Token
 
 PAUSE_S = 0.120
-"""Own turns this far apart are a pause of ours, not silence of an output: six turns of 20 ms."""
+"""Turns of this process further apart are a pause of the process, not silence of an output: six turns of 20 ms."""
 HEALTHY_S = 0.5
 """After this long without a pause the process counts as healthy. An earlier second pause is not excused."""
 PAUSE_GRACE_S = 0.100
-"""So long after a pause silence is not reported: what waited is too old by then, new messages must come first."""
+"""After a pause, silence is not reported for this long: what waited is too old by then, new messages must come
+first."""
 
 
 def start(

@@ -14,7 +14,7 @@ from robot_offload_core.collector import gate, results, standby
 from robot_offload_core.collector.state import Collector
 from robot_offload_core.topics import tallies
 from robot_offload_core.topics.pauses import Pauses
-from robot_offload_core.topics.shared import MAX_LATCHED, Loop
+from robot_offload_core.topics.shared import MAX_LATCHED_OF_OTHERS, Loop
 from robot_offload_core.topics.tallies import GAP_MS, bucket
 from robot_offload_core.words import envelope, gates
 from robot_offload_core.words.envelope import Envelope, EnvelopeError
@@ -44,13 +44,14 @@ DEADLINE_MARGIN_S = 0.0005
 REPORTS_PER_LEASE = 5
 """Control gets a report this often in any case, ten times a second at least; one without news does not wake it."""
 EARLY_S = 0.020
-"""A report that is due so soon goes with a message that has just come: waking up costs more than what is done then."""
+"""A report that is due within this time goes with a message that has just come: a wake-up costs more than the
+report."""
 SLACK_S = 0.010
-"""One that is due waits so long for a message to come."""
+"""How long a due report waits for the next message, so that one wake-up serves both."""
 REPEAT_PERIOD_S = 5.0
-"""The data process gets the latched messages of others again this often; it knows them unless it was started anew."""
+"""How often the data process gets the latched messages of others again: it may have been started anew."""
 DETAIL_PERIOD_S = 1.0
-"""Problems, counters and ages go to control this often; a report in between carries none."""
+"""How often problems, counters and ages go to control; a report in between carries none."""
 
 
 class CollectorPorts(Protocol):
@@ -239,7 +240,7 @@ class CollectorProcess:
         self.ports.fill(index, said)
         self.ports.carry("data", OTHERS, index, self._header(), said)
         if self.plan.outputs[index].latched:
-            values = self.latched_others.setdefault(index, deque(maxlen=MAX_LATCHED))
+            values = self.latched_others.setdefault(index, deque(maxlen=MAX_LATCHED_OF_OTHERS))
             if said in values:
                 values.remove(said)
             values.append(said)

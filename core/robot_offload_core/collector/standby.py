@@ -14,8 +14,8 @@ from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site
 
-LOOK_S = 0.005
-"""Least distance of two looks for a message that is overdue."""
+OVERDUE_LOOK_S = 0.005
+"""Least distance of two looks for an overdue message."""
 
 if TYPE_CHECKING:
     from robot_offload_core.collector.state import Collector, OutputState
@@ -68,7 +68,7 @@ def next_look_s(collector: Collector, now_s: float) -> float:
     """
     times = (due_s(collector, o, now_s) for o in collector.outputs if not o.late.missed)
     due = min(times, default=math.inf)
-    return due if due == math.inf else max(due, now_s + LOOK_S)
+    return due if due == math.inf else max(due, now_s + OVERDUE_LOOK_S)
 
 
 def look(collector: Collector, now_s: float) -> Collector:

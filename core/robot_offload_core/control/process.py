@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
-from robot_offload_core.control.holding import RELAY_SILENT_S, holding
+from robot_offload_core.control.holding import RELAY_UNHEARD_S, holding
 from robot_offload_core.control.nodes import guardians, managed_nodes
 from robot_offload_core.control.nodes.guardians import Flowing, Guardian
 from robot_offload_core.control.nodes.managed_nodes import NodeEvent
@@ -145,7 +145,7 @@ class ControlProcess(ABC):
     def unjudged(self) -> tuple[str, str] | None:
         """Return a problem while the relay is silent: outputs that are rated while an action runs are not judged."""
         names = [o.shown for o in self._outputs if o.while_ is not None and o.while_.actions]
-        silent = self.relay_s is None or self.ports.now_s() - self.relay_s > RELAY_SILENT_S
+        silent = self.relay_s is None or self.ports.now_s() - self.relay_s > RELAY_UNHEARD_S
         if not names or not silent:
             return None
         message = f"The relay does not say which goals run: {', '.join(names)} may be silent unnoticed"

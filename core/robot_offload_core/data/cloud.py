@@ -20,7 +20,7 @@ from robot_offload_core.words.messages import DataStatus, Egress, Limits, Report
 from robot_offload_core.words.token import Site, Token
 
 REPORT_PERIOD_S = 0.2
-"""Reports of the robot that come faster are left out; one comes a second."""
+"""Least distance of two reports of the robot; those that come faster are dropped, as one a second is enough."""
 CLOSED = Egress("", "", SetEgress(None, 0.0))
 MAX_LATCHED = 32
 """Values kept per latched topic."""

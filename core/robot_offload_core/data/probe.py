@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import is_incarnation
 
-PERIOD_S = 0.1
+PROBE_PERIOD_S = 0.1
+"""Ten probes a second, each way."""
 VERSION = 2
 
 

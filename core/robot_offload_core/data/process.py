@@ -23,11 +23,13 @@ from robot_offload_core.words.messages import Heard, Letters, Limits, Notes, Reo
 from robot_offload_core.words.settings import OutputSpec
 
 STATUS_PERIOD_S = 0.040
+"""How often control gets a report."""
 SIGN_S = 0.050
 """Most time between two signs of life: far below `pauses.LIMIT_S`."""
 EARLY_PROBE_S = 0.030
-"""A probe that is due so soon goes with a report: waking up costs more than what is done then."""
+"""A probe that is due within this time goes with a report: a wake-up costs more than the probe."""
 DETAIL_PERIOD_S = 1.0
+"""How often problems and counters go with it."""
 RELAY = "relay"
 """Channel of what the two relays write to each other."""
 REPORT = "report"
@@ -212,7 +214,7 @@ class DataProcess(ABC):
         now_s = self.ports.now_s()
         soon_s = EARLY_PROBE_S if now_s >= self.status_due_s else 0.0
         if now_s >= self.probe_due_s - soon_s:
-            self.probe_due_s = now_s + probe.PERIOD_S
+            self.probe_due_s = now_s + probe.PROBE_PERIOD_S
             self._send_probe(now_s)
         if now_s >= self.status_due_s:
             self.status_due_s = self.next_status_s(now_s)

@@ -18,7 +18,7 @@ from robot_offload_core.words.messages import ENVELOPE, OTHERS, PASSED, Carried,
 from robot_offload_core.words.token import Site, Token
 
 RESEND_PERIOD_S = 0.5
-"""Latched values are sent again this often until the cloud shows that it holds them."""
+"""How often latched values are sent again until the cloud shows that it holds them."""
 OTHERS_AFTER_S = 0.5
 """Silence of our cloud's probes after which those of another agent count: as long as control waits for them."""
 MAX_LATCHED = 32
@@ -216,10 +216,10 @@ class RobotDataProcess(DataProcess):
         usual_s = super().next_status_s(now_s)
         if self.hurries or received is None or received.preparing or heard_s is None or self.orders.preparing:
             return usual_s
-        if self.lacks or received.lacks or now_s - heard_s > 2 * probe.PERIOD_S:
+        if self.lacks or received.lacks or now_s - heard_s > 2 * probe.PROBE_PERIOD_S:
             return usual_s
-        due_s = heard_s + probe.PERIOD_S + ARRIVED_S
-        return due_s if due_s >= usual_s else due_s + probe.PERIOD_S
+        due_s = heard_s + probe.PROBE_PERIOD_S + ARRIVED_S
+        return due_s if due_s >= usual_s else due_s + probe.PROBE_PERIOD_S
 
     def _lacking(self, site: Site, preparing: int, lacks: dict[str, str]) -> StateReported:
         """Return what a side lacks of the other one's state, as control takes it."""

@@ -28,9 +28,10 @@ from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.token import Site, Token
 
 CHANNEL = "state/"
-AGAIN_S = 1.0
+SNAPSHOT_RESEND_S = 1.0
+"""How often a snapshot is sent again until the other side has it."""
 READ_S = 2.0
-"""A snapshot waits no longer for a reader that does not take it: a node may listen only when it is Active."""
+"""How long a snapshot waits for a reader that does not take it: a node may listen only when it is Active."""
 
 
 class StatePorts(Protocol):
@@ -146,7 +147,7 @@ class StateProcess(ABC):
             self.data.note(f"set {name}", None)
         heard = self.data.heard
         partner, echo_us = (heard.incarnation, heard.echo_us(waited_s)) if heard else ("", 0)
-        self.said[name] = _Said(stay, payload, partner, echo_us, self.data.ports.now_s() + AGAIN_S)
+        self.said[name] = _Said(stay, payload, partner, echo_us, self.data.ports.now_s() + SNAPSHOT_RESEND_S)
         self._send(name)
 
     def _waited_s(self, name: str, published_s: float | None) -> float:
@@ -161,7 +162,7 @@ class StateProcess(ABC):
         now_s = self.data.ports.now_s()
         for name, said in list(self.said.items()):
             if now_s >= said.due_s:
-                said.due_s = now_s + AGAIN_S
+                said.due_s = now_s + SNAPSHOT_RESEND_S
                 self._send(name)
         active = self.active()
         for name, kept in list(self.kept.items()):

@@ -27,7 +27,9 @@ from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import Settings
 
 EXPOSED_PER_S = 10.0
+"""Cost of a second in the cloud on a bad link."""
 WASTED_PER_S = 1.0
+"""Cost of a second on the robot beside a good link."""
 SWITCH = 0.5
 """Prices: a second in the cloud over a bad link, a second on the robot beside a good one, a change of side."""
 SILENT_BEATS = 2.25
@@ -85,6 +87,7 @@ EVERYBODY = (1 << len(EXPERTS)) - 1
 NOBODY = 0
 FIRST = min(range(len(EXPERTS)), key=lambda index: EXPERTS[index].learnt)
 LONGEST_MEMORY_S = max(window_s for window_s, _ in MEMORIES)
+"""Longest window of the rules that remember."""
 LONGEST_WAIT_S = max(expert.back for expert in EXPERTS) / WASTED_PER_S + LONGEST_MEMORY_S
 """On a link that stays good every rule is in the cloud after this, and after the limit in which truth becomes known."""
 ZEROS = (0.0,) * len(EXPERTS)

@@ -28,7 +28,7 @@ from robot_offload_core.words.token import Site
 THERE_AND_BACK = 2 * SWITCH
 """Price of leaving a side and returning to it."""
 PROVEN_S = 4.0
-"""A link that was good for so long without a break ends every hold-down."""
+"""A link that was good for this long without a break ends every hold-down."""
 UNTAUGHT = Outlook()
 ROUNDING_S = 1e-6
 """Less than this is left of a wait only because sums of floats are not exact."""

@@ -43,7 +43,7 @@ from robot_offload_core.words.messages import Egress, Letters, RelayStatus
 from robot_offload_core.words.token import Site, Token
 
 ORPHAN_S = 1.0
-"""Attempts of an ended token run so long: the robot may still name them."""
+"""How long attempts of an ended token go on, so that the robot can name those that continue."""
 
 
 @dataclass(frozen=True)

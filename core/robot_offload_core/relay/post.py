@@ -11,8 +11,9 @@ from robot_offload_core.relay.goals.words import Hello, Word, WordError
 from robot_offload_core.words.messages import Letters
 
 HELLO_S = 0.1
+"""How often one relay shows the other that it lives."""
 HEARD_S = 0.35
-"""Without a hello for so long the other relay is not heard: three of them may be lost."""
+"""Without a hello for this long (three may be lost) the other relay is not heard."""
 
 
 class Post:

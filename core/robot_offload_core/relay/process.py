@@ -22,7 +22,7 @@ JOURNAL_BYTES = 24 * 1024 * 1024
 MAX_PAYLOAD = 1024 * 1024
 """Bytes of a request, a goal, a feedback message or a result; larger ones are refused and counted by name."""
 STATUS_S = 0.1
-"""Control gets a status at changes and this often."""
+"""How often control gets a status, beside those at changes."""
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,8 @@ from robot_offload_core.relay.robot_used import RobotUsed
 from robot_offload_core.words.messages import Letters, RelayOrders, RelayStatus
 from robot_offload_core.words.token import Site, Token, presence
 
-LOOK_S = 0.02
-"""While anything is open the holder is looked at this often: the collector's memory wakes nobody."""
+HOLDER_LOOK_S = 0.02
+"""How often the holder is looked at while anything is open: the collector's memory wakes no process."""
 GOALS_PENDING = "GoalsPending"
 DIVERGED = "Diverged"
 
@@ -209,7 +209,7 @@ class RobotRelay(RelayProcess):
         self.used.settle()
         live = any(goal.ended_s is None for goal in self.ledger.goals.values())
         idle = self.requests.idle() and self.used.idle() and not live
-        self.look_due_s = now_s + (STATUS_S if idle else LOOK_S)
+        self.look_due_s = now_s + (STATUS_S if idle else HOLDER_LOOK_S)
         self.fed = {attempt: n for attempt, n in self.fed.items() if attempt in self.ledger.index}
 
     def handle(self, message: object) -> None:

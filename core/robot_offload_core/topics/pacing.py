@@ -17,6 +17,7 @@ SLOWER = 1.3
 FASTER = 0.9
 """The distance shrinks by this after each calm stretch: from a third of a rate to all of it in six seconds."""
 CALM_S = 0.5
+"""After this long without a refusal the pace rises again."""
 REFUSALS_S = 0.3
 """Refusals within this time are one: all that is sent before an acknowledgement meets the same full link."""
 AVERAGED = 0.1

@@ -22,6 +22,7 @@ ECHO_S = 3.0
 """What has not come back by then was lost on the way."""
 MAX_ECHOES = 4096
 OWN_FRAME_S = 1.0
+"""Longest age of a replica's newest transform at which it still publishes the frame itself."""
 OWN_PERIODS = 2.0
 OWN_JITTER_S = 0.05
 """A replica publishes a frame itself while its newest transform is no older than two of its periods and a jitter, at
@@ -30,9 +31,9 @@ FADING = 0.9
 """What is left of the longest distance of two transforms at each further one: a burst is no period."""
 
 
-MAX_LATCHED = 64
+MAX_LATCHED_OF_OTHERS = 64
 TAKEN_S = 10.0
-"""So long a frame of the group that somebody else has published stays a problem; static ones are published once."""
+"""How long a frame of the group that another node has published stays a problem; static ones are published once."""
 
 
 class Echoes:
@@ -42,7 +43,7 @@ class Echoes:
     """
 
     def __init__(self, *, latched: bool = False) -> None:
-        self.lasting: deque[Any] = deque(maxlen=MAX_LATCHED if latched else 0)
+        self.lasting: deque[Any] = deque(maxlen=MAX_LATCHED_OF_OTHERS if latched else 0)
         self.waiting: dict[Any, int] = {}
         self.order: deque[tuple[float, Any]] = deque()
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-WINDOW_S = 5.0
-"""Over which is counted: long enough that one cut of a second is no thinning."""
+THINNING_WINDOW_S = 5.0
+"""Window of the count: long enough that one cut of a second does not count as thinning."""
 LEAST_OFFERED = 10
 LEAST_REFUSED_SHARE = 0.2
 MISSED_SHARE = 0.9
@@ -42,7 +42,7 @@ class Thinning:
 
     def is_due(self, now_s: float) -> bool:
         """Return whether the window is over."""
-        return now_s - self.began_s >= WINDOW_S
+        return now_s - self.began_s >= THINNING_WINDOW_S
 
     def judge(self, name: str, now_s: float, *, connected: bool, slowest_s: float = 0.0) -> tuple[str, str] | None:
         """End the window; return what is to be said of it.

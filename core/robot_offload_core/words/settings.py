@@ -21,7 +21,9 @@ STALL_BEATS = 2.5
 STALL_LEAST_S = 0.050
 """Two turns of a control process (20 ms) and its slack (10 ms)."""
 PAUSE_MOST_S = 0.150
+"""Longest gap between steps of the cloud that leaves its lease valid (see pause_s)."""
 ROBOT_LIVE_LEAST_S = 1.0
+"""Least silence after which another incarnation of the robot may be served."""
 LOOKS_S = 0.060
 """Shortest deadline of an output that can be judged: a look of the collector may be late."""
 LARGEST_MESSAGE = 16 * MEBIBYTE

@@ -15,6 +15,7 @@ from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import OutputSpec
 
 NEVER_S = -1e9
+"""A time before all others."""
 
 
 @dataclass(frozen=True)

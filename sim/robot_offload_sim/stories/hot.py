@@ -120,7 +120,7 @@ def late_message_after_a_takeover() -> None:
     known = stage.robot.collector.state.outputs[0].late
     stage.expect(known.floor_s > 0.03, f"the margin has a floor, {known.floor_s * 1e3:.0f} ms")
     _forget_mistakes(stage)
-    stage.run(lateness.WINDOW_S)
+    stage.run(lateness.LATENESS_WINDOW_S)
     _pause_of_the_cloud(stage, 0.085)
     stage.always(lambda: stage.phase is Phase.CLOUD, 0.1, "as late a message is waited for, minutes later too")
 
@@ -159,7 +159,7 @@ def mistake_teaches_whoever_hears_nothing_more() -> None:
         replace(floor, until_s=floor.until_s - fast_takeover.FLOOR_S) for floor in stage.machine.early.floors
     )
     stage.robot.control.process.robot = replace(stage.machine, early=replace(stage.machine.early, floors=floors))
-    stage.run(lateness.WINDOW_S)
+    stage.run(lateness.LATENESS_WINDOW_S)
     _mistake(stage)
 
 

@@ -36,7 +36,7 @@ The file opens in Foxglove, Lichtblick, PlotJuggler and with `ros2 bag`. exit co
 2 bad configuration or no place for the file, 4 mcap is not installed, 5 the disk was full
 """
 NODE_NAME = "offload_record"
-PERIOD_S = 0.25
+SHOW_PERIOD_S = 0.25
 WAITING_BYTES = 64 << 20
 """Messages that may wait for the disk; more are left out and counted."""
 DISK_FULL = 5
@@ -135,7 +135,7 @@ def record(configuration: Configuration, stream: IO[bytes]) -> int:
 
     def work() -> float:
         heard.resolve()
-        return PERIOD_S
+        return SHOW_PERIOD_S
 
     spin_topics(node, work, ended.is_set)
     written.close()

@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 
 NODE_NAME = "offload_recording"
 FOLDER = "recordings"
-PERIOD_S = 0.5
+RECORD_PERIOD_S = 0.5
 REPORT_S = 1.0
 WAITING = 2
 """Windows that may wait for the disk; each holds its messages in memory."""
@@ -114,7 +114,7 @@ class RecordShell:
         if now_s() >= self.report_due_s:
             self.report_due_s = now_s() + REPORT_S
             self.publish()
-        return PERIOD_S
+        return RECORD_PERIOD_S
 
     def write_all(self) -> None:
         """Write what waits, over and over (writing thread)."""

@@ -19,12 +19,15 @@ from robot_offload_core.words.settings import NodeSpec
 TRANSITION_DEADLINE_S = 2.0
 """For one change_state call; a heavy on_activate takes tens of milliseconds, on_configure may load a map."""
 READ_DEADLINE_S = 1.0
+"""For one get_state call."""
 READ_PERIOD_S = 1.0
-"""How often a state is read again although nothing was heard (a node that died says nothing)."""
+"""How often a state is read without news: a node that died reports nothing."""
 UNKNOWN_PERIOD_S = 0.25
 """The same while the state is unknown: a node that starts is to be found quickly."""
 RETRY_FIRST_S = 0.1
+"""Wait after the first failed transition; doubled by each further one."""
 RETRY_MAX_S = 5.0
+"""Longest such wait."""
 GIVE_UP_S = 60.0
 """After failing for this long a node is given up until it restarts or is asked for again."""
 UNSEEN_LOOKS = 2

@@ -23,7 +23,7 @@ DIGEST_LENGTH = 8
 MAX_NODES = 128
 MAX_STATED = 512
 """Parameters of one node that are stated one by one; of a node with more the first ones by name."""
-PERIOD_S = 5.0
+READ_PERIOD_S = 5.0
 """How often a node's parameters are read."""
 HASTY_PERIOD_S = 1.0
 """The same while they differ: most differences pass when the other replica has started."""

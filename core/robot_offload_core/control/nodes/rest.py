@@ -10,10 +10,11 @@ from __future__ import annotations
 from robot_offload_core.words.messages import RelayStatus
 from robot_offload_core.words.token import Site
 
-RELAY_SILENT_S = 0.5
-"""A relay that has not spoken for so long holds nothing back."""
+RELAY_GONE_S = 0.5
+"""After this long without a report a relay holds nothing back, and nodes may be deactivated. Longer than
+RELAY_UNHEARD_S: a node that sleeps too soon costs a goal."""
 RELAY_LATE_S = 0.1
-"""A relay hears of a change later than control, or the other way round."""
+"""How much later than control a relay may learn of a change, and the reverse."""
 
 
 class Rest:
@@ -48,7 +49,7 @@ class Rest:
         if now_s < self.settles_until_s:
             return True
         status = self.status
-        if status is None or now_s - self.status_s > RELAY_SILENT_S or now_s >= self.acted_s + self.deadline_s:
+        if status is None or now_s - self.status_s > RELAY_GONE_S or now_s >= self.acted_s + self.deadline_s:
             return False
         unheard = status.holder is self.site and now_s < self.acted_s + RELAY_LATE_S
         return status.busy or (unheard and bool(status.executing))

@@ -17,9 +17,11 @@ PREPARE_EXTRA_S = 0.5
 REPORT_BEATS = 2
 """Beats added to that: the grant must go there, the report must come back."""
 RETRY_FIRST_S = 1.0
+"""Wait after the first preparation that was called off; doubled by each further one."""
 RETRY_MAX_S = 30.0
+"""Longest such wait."""
 DECIDED_PERIOD_S = 0.5
-"""Changes of reason that change nothing else are given out at most this often."""
+"""Least distance of two announcements that differ in their reason alone."""
 
 
 def clear_s_of(robot: Robot, revoked_s: float) -> float:

@@ -24,11 +24,12 @@ from robot_offload_core.words.token import Site
 JUDGED_TIMEOUTS = 2
 """Loss timeouts after which a takeover that no limit confirmed is taken for a mistake."""
 ROW_S = 600.0
+"""Mistakes further apart than this are not counted as a row."""
 MOST = 3
 FLOOR_S = 3600.0
 """How long a mistake keeps the margin of its outputs up."""
 PROVEN_S = 60.0
-"""A stay in the cloud for so long shows that its messages come in time again."""
+"""A stay of this length in the cloud shows that its messages come in time again."""
 
 
 def missed(robot: Robot) -> Verdict | None:

@@ -41,11 +41,11 @@ UNSEEN = State.UNKNOWN.value
 REPLICA_GRACE_S = 3.0
 """How long a replica may be on its way before it is reported missing."""
 UNREAD_MOST_S = 0.045
-"""Ticks are this far apart at most but for a turn: below what counts as a stall."""
+"""Longest time between two Ticks, but for a turn: below what counts as a stall."""
 STEPPED_MOST_S = 0.015
 """A Tick is left out only after a step at most this old: with a turn in 30 ms the gap stays below a stall (50 ms)."""
 DEADLINE_MARGIN_S = 0.0005
-"""Behind a deadline, so that one turn finds it passed."""
+"""Added to a deadline, so that one turn finds it passed."""
 VETOES = {
     reason.value: reason for reason in (
         Reason.SECOND_PUBLISHER, Reason.UNDECLARED_PUBLISHER, Reason.TYPES_DIFFER, Reason.DUPLICATE_AGENT,

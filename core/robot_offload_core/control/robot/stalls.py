@@ -6,7 +6,7 @@ from robot_offload_core.control.robot.placement import Robot
 from robot_offload_core.words.replace import replace
 
 HEALTHY_S = 0.5
-"""Without a stall for so long our process is healthy: a later stall begins a new row (see Stalls)."""
+"""After this long without a stall our process counts as healthy: a later stall begins a new row (see Stalls)."""
 
 
 def notice(robot: Robot, now_s: float) -> Robot:

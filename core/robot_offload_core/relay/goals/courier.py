@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from robot_offload_core.relay.goals import words
 from robot_offload_core.relay.goals.words import Ack, Hello, RelayFrame, Word
 
-AGAIN_S = 0.1
+RESEND_S = 0.1
+"""How often a letter is sent again until it is acknowledged."""
 WINDOW = 256
 """Numbers that the reader remembers; a letter further behind is refused, so none is written so far ahead either."""
 MAX_GONE = 64
@@ -115,5 +116,5 @@ class Courier:
     def _send(self, number: int, letter: Letter, now_s: float) -> list[bytes]:
         if number >= next(iter(self.letters)) + WINDOW:
             return []
-        letter.due_s = now_s + AGAIN_S
+        letter.due_s = now_s + RESEND_S
         return [letter.frame]

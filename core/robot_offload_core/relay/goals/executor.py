@@ -15,9 +15,9 @@ from robot_offload_core.relay.goals.wire_ids import with_goal_id
 from robot_offload_core.words.token import Token
 
 CANCEL_AGAIN_S = 0.5
-"""A server that did not end an attempt is asked again this often."""
+"""How often a server that did not end an attempt is asked again."""
 SEEN_WITHIN_S = 5.0
-"""A server that is not in the graph so long after an attempt was resumed is gone; discovery may take seconds."""
+"""A server that is not in the graph this long after an attempt was resumed is gone; discovery may take seconds."""
 MAX_DONE = 1024
 """Ids of attempts that ended, so that a late word does not begin one of them again."""
 MAX_RESULTS_BYTES = 16 * 1024 * 1024

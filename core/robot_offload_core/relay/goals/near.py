@@ -16,7 +16,7 @@ from robot_offload_core.relay.goals.wire_ids import NO_GOAL
 from robot_offload_core.words.declared import UsedAction
 
 KEPT_S = 900.0
-"""A result is kept so long for a client that has not asked, as rclpy's servers do."""
+"""How long a result is kept for a client that has not asked, as in rclpy's servers."""
 STATUS = slice(4, 5)
 """Of the serialized response of `get_result`."""
 

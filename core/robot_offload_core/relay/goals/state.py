@@ -18,7 +18,7 @@ MAX_KEPT_BYTES = 16 * 1024 * 1024
 RETRY_S = 0.5
 """Distance of two offers of a goal that was refused or ended while a side gets ready, or after a change."""
 MIRROR_S = 1.0
-"""A mirror may end so long before the holder's copy; later its replica does not do what the holder does."""
+"""How long before the holder's attempt a mirror may end; if it ends sooner, its replica does something else."""
 ASK_AGAIN_S = 0.020
 """After a `NotHolder`, while our own view of the holder is the same."""
 
