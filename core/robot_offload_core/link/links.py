@@ -45,6 +45,7 @@ class Link:
         down_s: newest one-way estimate towards us; None before an offset is known.
         first_sequence, last_sequence, received: for the share of lost beats.
         offset: see Offset.
+        sent_us: when its newest beat was sent, on its clock; -1: none was heard.
     """
 
     peer: str = ""
@@ -57,6 +58,7 @@ class Link:
     last_sequence: int = 0
     received: int = 0
     offset: Offset | None = None
+    sent_us: int = -1
 
 
 @dataclass(frozen=True)
@@ -76,17 +78,29 @@ class Health:
     clock_uncertainty_ms: float | None
 
 
+def is_news(link: Link, beat: Beat) -> bool:
+    """Return whether a beat is newer than all that were heard of its sender: late and doubled copies are not.
+
+    Order is by send time, not by sequence: the steady clock of the sender's host goes on when only its pulse process
+    restarts. Our own pulse process leaves copies out as well, and forgets what it has heard when it restarts.
+    """
+    return beat.incarnation != link.peer or beat.sent_us > link.sent_us
+
+
 def hear(link: Link, beat: Beat, ours: str, arrived_s: float, wall_us: int) -> Link:
     """Take in a beat. `ours` is our incarnation: an echo of anybody else's beat proves nothing.
 
-    A beat of a new incarnation starts a new Link; an older one than the newest changes nothing.
+    A beat of a new incarnation starts a new Link; one that is not news changes nothing.
     """
+    if not is_news(link, beat):
+        return link
     if beat.incarnation != link.peer:
         link = Link(peer=beat.incarnation, first_sequence=beat.sequence, last_sequence=beat.sequence - 1)
     sequence = beat.sequence
     if sequence < link.last_sequence:  # the sender's pulse process restarted and counts from 0 again
         link = replace(link, first_sequence=sequence, received=0)
-    link = replace(link, heard_s=arrived_s, last_sequence=sequence, received=link.received + 1)
+    received = link.received + 1
+    link = replace(link, heard_s=arrived_s, sent_us=beat.sent_us, last_sequence=sequence, received=received)
     echo = beat.echo
     if echo is None or echo.incarnation != ours:
         return link

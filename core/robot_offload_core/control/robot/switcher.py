@@ -151,6 +151,8 @@ def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
     live = link.heard_s is not None and now_s - link.heard_s <= robot.settings.loss_timeout_s
     if stranger and live:
         return robot  # a second cloud agent, or late words of an old one: the one we hear goes on
+    if not links.is_news(link, beat):
+        return robot  # a copy, late or doubled: what it reports is past
     heard = links.hear(link, beat, robot.incarnation, event.arrived_s, event.wall_us)
     robot = replace(robot, link=heard, policy=policies.echoed(robot.policy, link, heard, robot.settings))
     if not isinstance(beat.body, CloudReport):
