@@ -99,6 +99,14 @@ class Reason(Explained):
         """
         return self.kind in (Kind.LIMIT, Kind.VETO)
 
+    @property
+    def hardens(self) -> bool:
+        """Return whether this veto becomes a hard limit when the robot is not in charge by the activation deadline.
+
+        While such a veto stands consumers may hear two producers: goals and nodes buy no more time for it.
+        """
+        return self in _HARDENING_VETOES
+
     STARTING = "Starting", Kind.STATE, "The control process has just started", "Wait for the first beat of the cloud"
 
     # hard limits: pulse
@@ -283,6 +291,9 @@ class Reason(Explained):
 
 _YIELDING_VETOES = frozenset({Reason.POD_STOPPING})
 """Vetoes for which no robot stands still; for all others that is better than to let the cloud act."""
+
+_HARDENING_VETOES = frozenset({Reason.SECOND_PUBLISHER, Reason.UNDECLARED_PUBLISHER, Reason.SECOND_LIFECYCLE_MANAGER})
+"""Vetoes that are about two at once: "never two" comes before "never none" and before "nothing lost"."""
 
 
 @dataclass(frozen=True)

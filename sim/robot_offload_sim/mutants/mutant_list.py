@@ -1297,6 +1297,17 @@ MUTANTS: dict[str, Mutant] = {
         "second_publisher",
         (Edit("control.robot.process", "stops=self.strict and VETOES[reason].forbids", "stops=False"),),
     ),
+    "V3": Mutant(
+        "a veto that the robot cannot obey never becomes a limit",
+        "second_publisher_unobeyed",
+        (
+            Edit(
+                "control.robot.requests",
+                "overdue = acting and since_s is not None",
+                "overdue = False and since_s is not None",
+            ),
+        ),
+    ),
     "X9": Mutant(
         "what was held for a changeover is lost",
         "nothing_is_lost",

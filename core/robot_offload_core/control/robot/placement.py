@@ -185,7 +185,7 @@ class Robot:
         hot: its duplicated CORE nodes are Hot, so it can go on at once. early: see Early.
         robot_while: the outputs, by index, whose `while` is true on the robot.
         clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
-        vetoes: of each source that has any.
+        vetoes: of each source that has any. forbidden_s: since when one of them stands that hardens; None: none does.
         pin: on the robot; manual: the last switch by hand; leaving: what the cloud said of its end.
         stalls: see Stalls. handing: see Handing.
         fell_at_s: when the robot became unable to act; None while able.
@@ -219,6 +219,7 @@ class Robot:
     slow: tuple[SlowOutput, ...] = ()
     clear_s: float | None = None
     vetoes: tuple[Vetoed, ...] = ()
+    forbidden_s: float | None = None
     pin: Wish | None = None
     manual: Wish | None = None
     leaving: CloudLeaving | None = None
@@ -305,8 +306,9 @@ class Veto:
     """Something that forbids the cloud or hinders the way there, found by another process.
 
     Attributes:
-        reason: of the kind LIMIT (ends a stay in the cloud at once), VETO (the robot takes over as if pinned) or
-            ATTEMPT (the policy does not begin a stay; pins and switches by hand wait for it, see readiness.py).
+        reason: of the kind LIMIT (ends a stay in the cloud at once), VETO (the robot takes over as if pinned, and one
+            that hardens becomes a LIMIT when that has not come about by the activation deadline) or ATTEMPT (the policy
+            does not begin a stay; pins and switches by hand wait for it, see readiness.py).
         message: for people.
         stops: the driver is to be stopped meanwhile, whoever acts (`strict`).
     """

@@ -108,9 +108,9 @@ def may_arm(robot: Robot, preparation: Preparation, wish: Verdict, now_s: float)
     """Return whether the collector may change over as far as goals, requests and state go.
 
     A pin, a switch by hand or a veto waits until the deadline, then changes over without them; for state it waits once,
-    before the preparation or in it.
+    before the preparation or in it. A veto that hardens waits for none of them.
     """
-    impatient = wish.reason.urgent and now_s >= preparation.patient_until_s
+    impatient = wish.reason.hardens or (wish.reason.urgent and now_s >= preparation.patient_until_s)
     without_state = wish.reason.urgent and _waited_out(robot, wish, now_s)
     return preparation.need or impatient or pending(robot, preparation, without_state=without_state) is None
 

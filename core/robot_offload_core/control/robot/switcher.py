@@ -118,8 +118,7 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
         case WhileReported():
             robot = replace(robot, robot_while=event.outputs)
         case Vetoed():
-            others = tuple(v for v in robot.vetoes if v.source != event.source)
-            robot = replace(robot, vetoes=(*others, event) if event.vetoes else others)
+            robot = requests.forbid(robot, event, now_s)
         case SetPin():
             robot = replace(robot, pin=event.pin)
         case CloudLeaving():
@@ -206,7 +205,7 @@ def frame(robot: Robot, now_s: float) -> Circumstances:
 def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
     judged = frame(robot, now_s)
     fault = cloud_fault(robot.situation, robot.link, judged, robot.judged_s(now_s), acting=acting)
-    limits = (v for v in requests.reported(robot) if v.reason.kind is Kind.LIMIT)
+    limits = requests.limits(robot, now_s, acting=acting)
     return fault or next((Verdict(Site.ROBOT, v.reason, v.message) for v in limits), None)
 
 
