@@ -31,7 +31,7 @@ class Advised:
 def advise(
     graph: GraphSnapshot, *, bandwidth: float, rtt_s: float, tolerance_s: float, speedup: float, picture: Path | None
 ) -> Advised:
-    """Returns the best three cuts of a graph.
+    """Return the best three cuts of a graph.
 
     Args:
         graph: what was seen.

@@ -39,7 +39,7 @@ class Advice:
 
 
 def best_cuts(problem: Problem, count: int = 3) -> Advice:
-    """Returns the best cuts of a graph that the link bears, each of at least one node."""
+    """Return the best cuts of a graph that the link bears, each of at least one node."""
     found: dict[frozenset[str], float] = {}
     number = itertools.count()
     first: tuple[float, int, frozenset[str], frozenset[str]] = (-float("inf"), next(number), frozenset(), frozenset())
@@ -78,7 +78,7 @@ def _ranked(problem: Problem, found: dict[frozenset[str], float], count: int) ->
 def _bounded(
     problem: Problem, leaving: frozenset[str], staying: frozenset[str], price: float
 ) -> tuple[float, frozenset[str]]:
-    """Returns what no cut with these decisions can exceed, and the cut that is best at this price of a byte."""
+    """Return what no cut with these decisions can exceed, and the cut that is best at this price of a byte."""
     everything = problem.saved(problem.movable)
     bandwidth = problem.link.bandwidth
     each = TIE + (price * everything / bandwidth if bandwidth > 0 else 0.0)

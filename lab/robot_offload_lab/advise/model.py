@@ -66,7 +66,7 @@ class LatencyLoop:
     gained_s: float
 
     def allowed(self, tolerance_s: float) -> bool:
-        """Whether the loop through the cloud is as good as the rule wants."""
+        """Return whether the loop through the cloud is as good as the rule wants."""
         return self.link_s - self.gained_s <= tolerance_s + 1e-9
 
 
@@ -91,25 +91,25 @@ class Problem:
                             key=lambda name: (-self.parts[name].cpu, name)))  # fmt: skip
 
     def saved(self, moved: Collection[str]) -> float:
-        """Returns the processor time that leaves the robot."""
+        """Return the processor time that leaves the robot."""
         return sum(self.parts[name].cpu for name in moved)
 
     def crossing(self, moved: Collection[str]) -> Iterator[Flow]:
-        """Yields the flows that cross the link, each once however many hear it."""
+        """Yield the flows that cross the link, each once however many hear it."""
         for flow in self.flows:
             if any((it in moved) != (flow.publisher in moved) for it in flow.hearers):
                 yield flow
 
     def bytes_per_s(self, moved: Collection[str]) -> float:
-        """Returns what the link carries."""
+        """Return what the link carries."""
         return sum(flow.bytes_per_s for flow in self.crossing(moved))
 
     def value(self, moved: Collection[str]) -> float:
-        """Returns what a cut is worth: what it saves, and next to nothing for what it sends."""
+        """Return what a cut is worth: what it saves, and next to nothing for what it sends."""
         return self.saved(moved) - TIE * self.bytes_per_s(moved)
 
     def loops(self, moved: Collection[str]) -> list[LatencyLoop]:
-        """Returns the slowest way to each command, over every way from what is bound to the robot."""
+        """Return the slowest way to each command, over every way from what is bound to the robot."""
         ways = _ways(self, moved)
         found = []
         for flow in self.flows:
@@ -121,7 +121,7 @@ class Problem:
         return found
 
     def feasible(self, moved: Collection[str]) -> bool:
-        """Whether the link bears a cut and every loop stays within the rule."""
+        """Return whether the link bears a cut and every loop stays within the rule."""
         if self.bytes_per_s(moved) > self.link.bandwidth:
             return False
         return all(loop.allowed(self.tolerance_s) for loop in self.loops(moved))
@@ -131,7 +131,7 @@ class Problem:
 
 
 def _ways(problem: Problem, moved: Collection[str]) -> dict[str, tuple[float, float]]:
-    """Returns, for each node, the (seconds on the link, seconds gained) of the slowest way to it.
+    """Return, for each node, the (seconds on the link, seconds gained) of the slowest way to it.
 
     Loops through the world are cut where they enter the robot: nobody waits for what a node that is bound hears. Nodes
     in a circle count as one, with two crossings for each of the smaller side where the circle is divided.

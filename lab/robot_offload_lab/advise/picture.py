@@ -21,7 +21,7 @@ MOST_LABELS = 12
 
 
 def draw(problem: Problem, cuts: Sequence[frozenset[str]], file: Path) -> None:
-    """Writes the picture; the kind of file follows from its name."""
+    """Write the picture; the kind of file follows from its name."""
     rows = max(len(problem.parts), 4)
     figure, axes = plt.subplots(1, len(cuts), figsize=(5.5 * len(cuts), min(30.0, 1.0 + 0.45 * rows)), squeeze=False)
     try:

@@ -21,7 +21,7 @@ class Asked:
 
 
 def asked(graph: GraphSnapshot, link: Link, tolerance_s: float, speedup: float) -> Asked:
-    """Returns the problem of a graph.
+    """Return the problem of a graph.
 
     A node with a lifecycle leaves as Duplicated: asleep on the robot while the cloud acts. One without can only leave
     as Cloud, for then it costs the robot nothing; so it stays when a command depends on it, and when it serves or calls
@@ -69,7 +69,7 @@ def _rates(world: World, flows: list[Flow]) -> list[tuple[Flow, float]]:
 
 
 def _upstream(flows: list[Flow]) -> set[str]:
-    """Returns the nodes from which a way leads to a command."""
+    """Return the nodes from which a way leads to a command."""
     found = {flow.publisher for flow in flows if flow.commands}
     while more := {flow.publisher for flow in flows if found & set(flow.hearers)} - found:
         found |= more
@@ -77,7 +77,7 @@ def _upstream(flows: list[Flow]) -> set[str]:
 
 
 def _joined(world: World, duplicated: set[str]) -> set[str]:
-    """Returns the nodes that share a service or an action with one that would be duplicated."""
+    """Return the nodes that share a service or an action with one that would be duplicated."""
     found: set[str] = set()
     for serving, calling in (("services", "clients"), ("actions", "action_clients")):
         offered, called = world.servers(serving), world.servers(calling)

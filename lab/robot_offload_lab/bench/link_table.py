@@ -2,7 +2,7 @@
 
 Both agents run between two network namespaces, with one load as a required input. The link is changed while everything
 runs, so each kind takes seconds. The rows stay in `links.json`, so that a table can be measured in several turns; with
-`--docs` the page is written anew from all of them.
+`--docs` the file beside the page is written anew from all of them.
 """
 
 from __future__ import annotations
@@ -28,9 +28,7 @@ from robot_offload_lab.wire.options import LinkOptions
 from robot_offload_lab.wire.two_hosts import TwoHosts
 
 FILE: Final = "links.json"
-PAGE: Final = Path("explanation/links.md")
-BEGIN: Final = "<!-- link table: written by `make bench-links`; changes between these lines are lost -->\n"
-END: Final = "<!-- end of the link table -->\n"
+TABLE: Final = Path("explanation/links.csv")
 SETTLE_S: Final = 4.0
 """After each change of the link: until it is known what it carries."""
 MAX_AGE_MS: Final = 500
@@ -47,7 +45,7 @@ SWITCHING: Final = (
 
 
 def case(load: TopicLoad) -> BenchCase:
-    """Returns the resource in which a load is a required input, thinned to what the link carries, newest first."""
+    """Return the resource in which a load is a required input, thinned to what the link carries, newest first."""
     settings = (("minRate", 3), ("latest", True))
     return BenchCase(
         f"links-{load.name}", LinkOptions(delay="5ms"), tolerance_ms=TOLERANCE_MS, cloud_rate_hz=20.0,
@@ -59,7 +57,7 @@ def measure(
     loads: Sequence[TopicLoad], cells_of: Callable[[str], Sequence[Cell]], seconds: float, out: Path,
     known: Sequence[Row], kept: Callable[[Row], None], limit_s: float,
 ) -> bool:  # fmt: skip
-    """Measures what is not known yet; returns whether that is everything.
+    """Measure what is not known yet; return whether that is everything.
 
     Args:
         loads: what is published.
@@ -113,7 +111,7 @@ def _row(load: TopicLoad, cell: Cell, window: Interval, evidence: Evidence, aver
 
 
 def read(out: Path) -> list[Row]:
-    """Returns the rows that are kept in a folder.
+    """Return the rows that are kept in a folder.
 
     Raises:
         InputError: the file is something else.
@@ -123,35 +121,27 @@ def read(out: Path) -> list[Row]:
 
 
 def keep(out: Path, rows: Sequence[Row]) -> list[Row]:
-    """Adds rows to those of a folder; returns all."""
+    """Add rows to those of a folder; return all."""
     found = links.merged(read(out), rows)
     out.mkdir(parents=True, exist_ok=True)
     (out / FILE).write_text(links.encode(found), encoding="utf-8")
     return found
 
 
-def write_page(docs: Path, rows: Sequence[Row]) -> Path:
-    """Writes the table into its page, between the two lines; returns the page.
-
-    Raises:
-        InputError: the page lacks the lines.
-    """
-    path = docs / PAGE
-    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise InputError(f"{path}: the two lines around the table are missing; restore them")
-    path.write_text(f"{before}{BEGIN}\n{links.page(rows)}\n{END}{after}", encoding="utf-8")
+def write_table(docs: Path, rows: Sequence[Row]) -> Path:
+    """Write all rows beside the page about links; return the file."""
+    path = docs / TABLE
+    path.write_text(links.table(rows), encoding="utf-8")
     return path
 
 
 def fresh(rows: Sequence[Row]) -> list[Row]:
-    """Returns the rows of today: what `--resume` does not measure again."""
+    """Return the rows of today: what `--resume` does not measure again."""
     return [row for row in rows if row.date == time.strftime("%Y-%m-%d", time.gmtime())]
 
 
 def chosen(loads: Sequence[TopicLoad], names: Sequence[str]) -> list[TopicLoad]:
-    """Returns the loads of these names, all without any.
+    """Return the loads of these names, all without any.
 
     Raises:
         InputError: there is no such load.
@@ -175,7 +165,9 @@ def main(
     ] = 240.0,
     resume: Annotated[bool, typer.Option("--resume", help="Skip what this folder has from today.")] = False,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of links.json and logs.")] = Path("out/bench"),
-    docs: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of the docs, to refresh the page.")] = None,
+    docs: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the docs, to refresh explanation/links.csv.")
+    ] = None,
 ) -> None:
     """Measure what links carry of images and point clouds: delivered, age, time in the cloud, false alarms. Needs root.
 
@@ -184,14 +176,14 @@ def main(
 
     def keep_and_print(row: Row) -> None:
         keep(out, [row])
-        typer.echo(links.line(row))
+        typer.echo(links.table([row]).splitlines()[1])
 
     try:
         known = fresh(read(out)) if resume else []
         cells_of = links.wide_enough if full else links.SOME.__getitem__
         done = measure(chosen(links.LOADS, load or ()), cells_of, seconds, out, known, keep_and_print, limit)
         if docs is not None:
-            typer.echo(f"Page: {write_page(docs, read(out))}")
+            typer.echo(f"Table: {write_table(docs, read(out))}")
     except RobotOffloadError as error:
         for line in error.lines:
             typer.echo(line, err=True)

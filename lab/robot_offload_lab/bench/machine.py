@@ -15,7 +15,7 @@ PACKAGES: Final = {"ros-jazzy-rclpy": "rclpy (Jazzy)", "eclipse-zenoh": "Zenoh",
 
 
 def describe() -> dict[str, Any]:
-    """Cores, processor, memory, system and versions."""
+    """Return cores, processor, memory, system and versions."""
     return {
         "cores": os.cpu_count(),
         "processor": _field(Path("/proc/cpuinfo"), "model name") or platform.machine(),
@@ -27,7 +27,7 @@ def describe() -> dict[str, Any]:
 
 
 def words(known: Mapping[str, Any]) -> str:
-    """Returns what `describe` gave, in one line."""
+    """Return what `describe` gave, in one line."""
     versions = ", ".join(f"{name} {version}" for name, version in known["versions"].items())
     return (
         f"{known['cores']} cores ({known['processor']}), {known['memory_gb']} GB, {known['system']}, "
@@ -45,12 +45,12 @@ def commit() -> str:
 
 
 def load() -> float:
-    """Processes that ran or waited to run, averaged over the last minute."""
+    """Return processes that ran or waited to run, averaged over the last minute."""
     return os.getloadavg()[0]
 
 
 def today() -> str:
-    """Returns the date, for the page."""
+    """Return the date, for the page."""
     return datetime.datetime.now(tz=datetime.UTC).strftime("%Y-%m-%d")
 
 
@@ -65,7 +65,7 @@ def _versions() -> Mapping[str, str]:
 
 
 def _field(path: Path, name: str) -> str:
-    """Returns the first `name : value` of a file of the kernel; empty when there is none."""
+    """Return the first `name : value` of a file of the kernel; empty when there is none."""
     for line in path.read_text().splitlines():
         key, _, value = line.partition(":")
         if key.strip() == name:

@@ -195,7 +195,7 @@ def _p99(values: Sequence[float]) -> float:
 
 
 async def _settle_all(api: KubeApi, options: Options) -> list[float]:
-    """Applies all objects, a few at once; returns the seconds that each took."""
+    """Apply all objects, a few at once; return the seconds that each took."""
     names = iter(range(options.objects))
 
     async def one_after_the_other() -> list[float]:
@@ -219,7 +219,7 @@ async def _make_place(api: KubeApi) -> None:
 
 
 async def _settle(api: KubeApi, manifest: Manifest) -> float:
-    """Applies one object and waits for its status; returns the seconds it took."""
+    """Apply one object and wait for its status; return the seconds it took."""
     began, name = time.monotonic(), manifest["metadata"]["name"]
     await api.create(manifest)
     while time.monotonic() - began < PATIENCE_S:
@@ -235,7 +235,7 @@ def _applied(offload: Manifest | None) -> bool:
 
 
 async def _quiet(operator: Operator) -> tuple[int, int]:
-    """Reads and writes, once no request has come for some seconds."""
+    """Read and write, once no request has come for some seconds."""
     last, calm = operator.requests(), 0
     while calm < 5:
         await asyncio.sleep(1.0)
@@ -267,7 +267,7 @@ def _walker(name: str) -> Manifest:
 
 
 def _nav2(name: str) -> Manifest:
-    """A robot whose nodes all read one large parameter file."""
+    """Return a robot whose nodes all read one large parameter file."""
     run = {
         "package": "nav2_nodes",
         "executable": "node",
@@ -291,7 +291,7 @@ def _offload(name: str, nodes: list[Manifest]) -> Manifest:
 
 
 def _parameters() -> str:
-    """A parameter file of the size of Nav2's."""
+    """Return a parameter file of the size of Nav2's."""
     lines = [f"    controller.critic_{number}.weight: {number / 7:.6f}\n" for number in range(60)]
     nodes = [f"node_{number}:\n  ros__parameters:\n" + "".join(lines) for number in range(_NODES)]
     text = "".join(nodes)

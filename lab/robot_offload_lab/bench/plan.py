@@ -109,7 +109,7 @@ class Order:
     against: str = ""
 
     def wants(self, case: str) -> bool:
-        """Returns whether a case is to run."""
+        """Return whether a case is to run."""
         return not self.cases or case in self.cases
 
     @property
@@ -123,17 +123,17 @@ class Order:
         return self.domains[0] if self.domains else None
 
     def folder(self, name: str) -> Path:
-        """For the files of one run."""
+        """Return the folder for the files of one run."""
         return self.out / "runs" / f"{name}-{self.priority}"
 
     def setting(self, name: str) -> Setting:
-        """For a world whose files go to a folder of that name."""
+        """Return the setting for a world whose files go to a folder of that name."""
         return Setting(self.folder(name), self.realtime, self.domains, self.seed)
 
     def watching(self, name: str) -> Setting:
-        """Returns the same with the observer of the lease."""
+        """Return the same with the observer of the lease."""
         return replace(self.setting(name), lease=True)
 
     def serving(self, name: str) -> Setting:
-        """Returns the same with a client of actions and services."""
+        """Return the same with a client of actions and services."""
         return replace(self.setting(name), goals=True)

@@ -63,7 +63,7 @@ class Figure:
         return "" if must is None else "missed"
 
     def met(self, limit: float | None) -> bool | None:
-        """Returns whether the value keeps a limit; None when there is no value or no limit."""
+        """Return whether the value keeps a limit; None when there is no value or no limit."""
         if self.value is None or limit is None:
             return None
         return self.value >= limit if self.at_least else self.value <= limit
@@ -94,7 +94,7 @@ class GroupResult:
 
 
 def part(title: str, unit: str, values: Iterable[float | None]) -> Distribution | None:
-    """Returns the distribution of the values that are known; None without any."""
+    """Return the distribution of the values that are known; None without any."""
     known = [value for value in values if value is not None]
     if not known:
         return None
@@ -103,17 +103,17 @@ def part(title: str, unit: str, values: Iterable[float | None]) -> Distribution 
 
 
 def parts(found: Iterable[Distribution | None]) -> tuple[Distribution, ...]:
-    """Returns those that are there."""
+    """Return those that are there."""
     return tuple(one for one in found if one is not None)
 
 
 def at(values: Sequence[float], share: float) -> float:
-    """Returns a quantile of a list that is not empty."""
+    """Return a quantile of a list that is not empty."""
     value = quantile(values, share)
     assert value is not None
     return value
 
 
 def at_or_none(values: Iterable[float | None], share: float) -> float | None:
-    """Returns a quantile of the values that are known; None without any."""
+    """Return a quantile of the values that are known; None without any."""
     return quantile([value for value in values if value is not None], share)

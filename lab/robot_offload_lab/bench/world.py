@@ -139,7 +139,7 @@ class MeasuredSystem:
         return self.placed.site if self.placed else ""
 
     def until(self, condition: Callable[[], bool], what: str, patience_s: float = START_PATIENCE_S) -> None:
-        """Waits for a condition on what the observers print.
+        """Wait for a condition on what the observers print.
 
         Raises:
             StartError: the condition did not come true, or a process ended.
@@ -147,33 +147,33 @@ class MeasuredSystem:
         self.programs.until(condition, what, patience_s, ("robot-agent", "cloud-agent"))
 
     def rest(self, seconds: float) -> None:
-        """Lets time pass, following what the observers print."""
+        """Let time pass, following what the observers print."""
         self.programs.rest(seconds)
 
     def ask(self, site: str) -> None:
-        """Asks for a switch by hand, again until it is accepted, then waits until it has taken place."""
+        """Ask for a switch by hand, again until it is accepted, then wait until it has taken place."""
         self.until(lambda: self._accepted(site), f"the switch to the {site} by hand is accepted")
         self.until(lambda: self.site == site, f"the {site} is in charge")
 
     def have(self, count: int, command: dict[str, object], what: str) -> None:
-        """Has the client of actions and services do something, and waits for `count` more answers of it."""
+        """Have the client of actions and services do something, and wait for `count` more answers of it."""
         known = len(self.answers)
         self.programs.command(GOAL_CLIENT, command)
         self.until(lambda: len(self.answers) >= known + count, what)
 
     def cut(self, direction: Direction | None) -> tuple[float, float]:
-        """Cuts the link, or with None mends it; returns the moments just before and just after it was done."""
+        """Cut the link, or with None mends it; return the moments just before and just after it was done."""
         before_s = steady_s()
         self.wire.cut(direction)
         return before_s, steady_s()
 
     def agent(self, side: Side) -> tuple[int, ...]:
-        """Returns the processes of one side's agent: the supervisor and its children."""
+        """Return the processes of one side's agent: the supervisor and its children."""
         children = sorted((self.system.temporary / side).glob("*.pid"))
         return (self.programs.pids[f"{side}-agent"], *(int(path.read_text()) for path in children))
 
     def finish(self) -> Evidence:
-        """Ends the recording, then everything else; returns what was written."""
+        """End the recording, then everything else; return what was written."""
         for name in (RECORDER, INPUT_RECORDER):
             if name in self.programs:
                 self.programs.finish(name, {"end": steady_s()}, GRACE_S)
@@ -237,10 +237,10 @@ class MeasuredSystem:
         return EmulatedWire(self._wire_config())
 
     def _prepare(self) -> None:
-        """Does what the link needs before anything is started."""
+        """Do what the link needs before anything is started."""
 
     def _placed(self, program: Program) -> Program:
-        """Returns a program as it is started on its side."""
+        """Return a program as it is started on its side."""
         return program
 
     def _wire_config(self) -> WireConfig:
@@ -263,7 +263,7 @@ class MeasuredSystem:
                 os.sched_setscheduler(child.pid, os.SCHED_FIFO, os.sched_param(priority))
 
     def _priority(self, program: Program) -> int:
-        """Agents ask for theirs themselves."""
+        """Do nothing: agents ask for their priority themselves."""
         if program.name.endswith("-agent"):
             return 0
         if program.folder == self.system.source and program.name.startswith(("robot-", "cloud-")):
@@ -319,12 +319,12 @@ class MeasuredSystem:
     # -- following the observers --------------------------------------------------------------------------------------
 
     def _settled(self) -> bool:
-        """Returns whether the cloud has acted for a while: starting a dozen processes at once is not the subject."""
+        """Return whether the cloud has acted for a while: starting a dozen processes at once is not the subject."""
         charged_s = self.placed.decided_s if self.placed and self.placed.site == "cloud" else float("inf")
         return self._commands_heard > 0 and steady_s() - charged_s > SETTLE_S
 
     def _accepted(self, site: str) -> bool:
-        """Asks once and waits for the answer."""
+        """Ask once and wait for the answer."""
         self.answer = None
         self.programs.command("robot-witness", {"ask": site})
         self.until(lambda: self.answer is not None, "the robot's agent answers a switch by hand")

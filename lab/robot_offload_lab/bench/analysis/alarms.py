@@ -33,7 +33,7 @@ class Leave:
 
 
 def leaves(watch: QuietStretch) -> tuple[Leave, ...]:
-    """Returns every time that the side in charge changed from cloud to robot."""
+    """Return every time that the side in charge changed from cloud to robot."""
     placements = only(PlacementChange, watch.robot)
     return tuple(
         Leave(change.decided_s - watch.start_s, change.reason, change.detect_ms is not None)

@@ -18,7 +18,7 @@ REST_S: Final = (0.4, 0.8)
 
 
 def run(order: Order) -> GroupResult:
-    """Switches there and back."""
+    """Switch there and back."""
     chance = random.Random(order.seed)
     with MeasuredSystem(CASE, order.setting(CASE.name)) as world:
         for _ in range(order.amounts.switches):

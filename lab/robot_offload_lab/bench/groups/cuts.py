@@ -25,7 +25,7 @@ STAY_MORE_S: Final = (1.0, 1.5)
 
 
 def order_of_cuts(amounts: Amounts, chance: random.Random) -> list[tuple[Direction, float]]:
-    """(direction, length in seconds) of every cut, mixed."""
+    """Return (direction, length in seconds) of every cut, mixed."""
     wanted: tuple[tuple[Direction, float, int], ...] = (
         ("both", SHORT_S, amounts.cuts),
         ("both", LONG_S, amounts.long_cuts),
@@ -38,7 +38,7 @@ def order_of_cuts(amounts: Amounts, chance: random.Random) -> list[tuple[Directi
 
 
 def run(order: Order) -> GroupResult:
-    """Cuts the link, mends it, waits until the policy has gone back to the cloud, and stays there for a while."""
+    """Cut the link, mends it, wait until the policy has gone back to the cloud, and stay there for a while."""
     chance = random.Random(order.seed)
     done = []
     with MeasuredSystem(CASE, order.watching(CASE.name)) as world:

@@ -87,12 +87,12 @@ CASES: Final = tuple(one.name for one in (*RUNS, *MORE))
 
 
 def runs(amounts: Amounts) -> tuple[DetectionRun, ...]:
-    """Returns the cases of a form."""
+    """Return the cases of a form."""
     return RUNS if amounts.form == "short" else (*RUNS, *MORE)
 
 
 def run(order: Order) -> GroupResult:
-    """Measures one case after the other, each with its rivals where this machine can run them."""
+    """Measure one case after the other, each with its rivals where this machine can run them."""
     refused = TwoHosts.refusal()
     known = (*RUNS, *MORE) if order.cases else runs(order.amounts)
     wanted = [one for one in known if order.wants(one.name)]
@@ -121,7 +121,7 @@ class _Rivals:
         return tuple(RivalReport(**said) for said in self._stage.said[WATCHER])
 
     def until_back(self) -> None:
-        """Waits until every one says that the cloud is there."""
+        """Wait until every one says that the cloud is there."""
         self._stage.until(self._all_back, "the rivals find the other host", BACK_PATIENCE_S)
 
     def _all_back(self) -> bool:
@@ -129,13 +129,13 @@ class _Rivals:
         return all(newest.get(rival.name) is False for rival in RIVALS)
 
     def cut(self, which: str | None) -> float:
-        """Cuts or mends; returns the moment."""
+        """Cut or mends; return the moment."""
         before_s = steady_s()
         self._hosts.cut("both" if which else None)
         return steady_s() if which else before_s
 
     def judged(self, quiet: Interval | None) -> list[Judged]:
-        """Returns what became of each."""
+        """Return what became of each."""
         self._stage.follow()
         return [detect.rival(kind, self.reports, self.cuts, quiet) for kind in RIVALS]
 
@@ -174,7 +174,7 @@ def _quiet(world: MeasuredSystem, seconds: float) -> Interval:
 
 
 def _cut(world: MeasuredSystem, beside: _Rivals | None, one: DetectionRun, number: int, chance: random.Random) -> Cut:
-    """Cuts both links at the same moment; each has its own time stamp."""
+    """Cut both links at the same moment; each has its own time stamp."""
     world.rest(chance.uniform(*REST_S))
     world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
     _, cut_s = world.cut("both")

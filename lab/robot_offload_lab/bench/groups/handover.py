@@ -35,12 +35,12 @@ WARM: Final = 5
 
 
 def run(order: Order) -> GroupResult:
-    """Measures acceptance and calls on each path, then switches, cuts and kills with goals alive."""
+    """Measure acceptance and call on each path, then switch, cut and kill with goals alive."""
     return handover.outcome(handover.GROUP, CASE, order.priority, _measure(order, order.serving(CASE.name)))
 
 
 def run_mirrored(order: Order) -> GroupResult:
-    """Cuts the link while both sides execute the goals."""
+    """Cut the link while both sides execute the goals."""
     chance = random.Random(order.seed)
     with MeasuredSystem(MIRRORED, order.serving(MIRRORED.name)) as world:
         world.rest(LEARN_S)
@@ -80,7 +80,7 @@ def _ask(world: MeasuredSystem, order: Order, prefix: str, name: str) -> Phase:
 
 
 def _happen(world: MeasuredSystem, kind: str, chance: random.Random) -> Moment:
-    """Starts goals, lets something happen to them, and waits for their results."""
+    """Start goals, let something happen to them, and wait for their results."""
     if kind == "cut":
         world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
     begin_s = steady_s()

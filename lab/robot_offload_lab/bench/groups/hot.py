@@ -27,7 +27,7 @@ REST_S: Final = (0.4, 0.8)
 
 
 def run(order: Order) -> GroupResult:
-    """Switches there and back, then cuts the link again and again, each time in a stay of the cloud."""
+    """Switch there and back, then cut the link again and again, each time in a stay of the cloud."""
     chance = random.Random(order.seed)
     with MeasuredSystem(CASE, order.watching(CASE.name)) as world:
         world.rest(LEARN_S)
@@ -45,7 +45,7 @@ def run(order: Order) -> GroupResult:
 
 
 def _cut(world: MeasuredSystem, number: int, chance: random.Random) -> Cut:
-    """Cuts the link in a stay of the cloud, mends it, and waits until the cloud is in charge again."""
+    """Cut the link in a stay of the cloud, mends it, and wait until the cloud is in charge again."""
     world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
     world.rest(chance.uniform(*STAY_S))
     length_s = chance.uniform(*CUT_S)

@@ -30,7 +30,7 @@ LARGE_CUTS: Final = 3
 
 
 def run(order: Order) -> GroupResult:
-    """Cuts the link again and again in stays of the cloud, for each size in a world of its own."""
+    """Cut the link again and again in stays of the cloud, for each size in a world of its own."""
     wanted = [case for case in CASES if order.wants(case.name)]
     return keeping.outcome(order.priority, [_measure(case, order) for case in wanted])
 

@@ -34,7 +34,7 @@ WORKER: Final = "robot_offload_lab.bench.parts.worker"
 
 
 def run(order: Order) -> GroupResult:
-    """Measures the cases on this host one after the other, then the one on two hosts."""
+    """Measure the cases on this host one after the other, then the one on two hosts."""
     found = []
     with _stage(order, "lifecycle") as stage:
         if order.wants(ALONE.name):
@@ -55,7 +55,7 @@ def run(order: Order) -> GroupResult:
 
 
 def _measure_among(stage: Stage, order: Order) -> Rounds:
-    """Measures one node while others are active beside it."""
+    """Measure one node while others are active beside it."""
     light = (LIGHT,) if LIGHT in stage.said else _started(stage, [(LIGHT,)])
     share = len(OTHERS) // OTHER_PROCESSES
     groups = [OTHERS[first : first + share] for first in range(0, len(OTHERS), share)]
@@ -71,7 +71,7 @@ def _stage(order: Order, name: str, hosts: TwoHosts | None = None) -> Stage:
 
 
 def _started(stage: Stage, groups: Sequence[Sequence[str]], *options: object) -> tuple[str, ...]:
-    """Starts nodes, each group a process, and waits until the manager can ask them."""
+    """Start nodes, each group a process, and wait until the manager can ask them."""
     for group in groups:
         stage.start(group[0], WORKER, *group, *options, host="cloud")
     if MANAGER not in stage.said:

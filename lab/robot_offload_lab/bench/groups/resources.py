@@ -39,7 +39,7 @@ TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 
 
 def run(order: Order) -> GroupResult:
-    """Reads /proc before and after."""
+    """Read /proc before and after."""
     whole = observe(CASE, order.setting(CASE.name), order)
     single = observe(SINGLE, order.setting(SINGLE.name), order)
     if not order.against:
@@ -50,7 +50,7 @@ def run(order: Order) -> GroupResult:
 
 
 def observe(case: BenchCase, setting: Setting, order: Order) -> Weighed:
-    """Runs one system; returns what its agents cost."""
+    """Run one system; return what its agents cost."""
     with MeasuredSystem(case, replace(setting, beats=False)) as world:
         world.rest(SETTLE_S)
         sides = {side: world.agent(side) for side in SIDES}
@@ -65,7 +65,7 @@ def observe(case: BenchCase, setting: Setting, order: Order) -> Weighed:
 
 @contextmanager
 def checked_out(commit: str) -> Iterator[Path]:
-    """Provides the tree of a commit of this repository in a folder of its own.
+    """Provide the tree of a commit of this repository in a folder of its own.
 
     Raises:
         InputError: there is no such commit, or this is no clone.
@@ -86,7 +86,7 @@ def _git(*words: str) -> None:
 
 
 def usages(pids: Sequence[int]) -> tuple[Usage, ...]:
-    """Returns what each process has used so far, and holds now."""
+    """Return what each process has used so far, and hold now."""
     return tuple(_usage(Path(f"/proc/{pid}")) for pid in pids)
 
 

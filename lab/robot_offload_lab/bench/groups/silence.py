@@ -40,7 +40,7 @@ CASES: Final = (RELIABLE, BEST_EFFORT)
 
 
 def run(order: Order) -> GroupResult:
-    """Watches one long stay of each case."""
+    """Watch one long stay of each case."""
     watched = [(case, _watch(case, order)) for case in CASES if order.wants(case.name)]
     return silence.outcome(order.priority, watched)
 
