@@ -17,7 +17,7 @@ from typing import Final, TypeAlias
 
 import structlog
 
-from robot_offload.api.v1alpha1 import pinned
+from robot_offload.api.v1alpha1 import RobotOffload, pinned
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
 from robot_offload.controller.admission import Admission, NotAdmittedError
@@ -29,9 +29,10 @@ from robot_offload.controller.steps import Findings, Pass
 from robot_offload.controller.store import Store
 from robot_offload.controller.subject import Subject
 from robot_offload.controller.tools import Policy, Tools
-from robot_offload.decide import authorities, conditions, presence, rollouts, status
+from robot_offload.decide import authorities, conditions, neighbours, presence, rollouts, status
 from robot_offload.decide.ownership import being_deleted
 from robot_offload.errors import InputError, SpecError
+from robot_offload.findings import Finding
 from robot_offload.kube.errors import KubeError, NotLeaderError
 from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET, STATEFUL_SET
 from robot_offload.kube.port import KubeApi, Manifest
@@ -98,7 +99,11 @@ class Controller:
         try:
             offload = parse_object(raw, "/".join(name), unknown="ignore", rules=CLUSTER_CHECKS)
             await self._admission.check(raw, offload, "/".join(name))
-            warnings = (*check(offload.spec, CLUSTER_CHECKS), *pinned.findings(offload))
+            warnings = (
+                *check(offload.spec, CLUSTER_CHECKS),
+                *pinned.findings(offload),
+                *self._neighbours(offload, name),
+            )
             found.verdicts["SpecValid"] = conditions.spec_valid((), warnings)
             await Pass(self._tools, subject, offload, memory, found).run()
         except SpecError as error:
@@ -146,6 +151,13 @@ class Controller:
         found = self._readers.get((namespace, config_map), set())
         found -= {name for name in found if config_map not in self._configs_of(name)}
         return frozenset(found)
+
+    def _neighbours(self, offload: RobotOffload, name: Name) -> Iterable[Finding]:
+        """Return warnings about others of the namespace; before the store knows them there are none."""
+        if not neighbours.matter(offload):
+            return ()
+        entries = self._tools.store.entries(ROBOT_OFFLOAD, name[0])[: neighbours.COMPARED]
+        return neighbours.findings(offload, [entry.manifest() for _, entry in entries])
 
     def _configs_of(self, name: Name) -> Iterable[str]:
         memory = self.memories.get(name)

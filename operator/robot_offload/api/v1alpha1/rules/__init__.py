@@ -61,6 +61,7 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     standby.hot_outputs_survive_a_lost_message,
     served.not_too_many_names,
     bandwidth.large_topics_fit_the_link,
+    switching.losses_are_noticed_soon,
 )
 CHECKS: Final[tuple[Check, ...]] = (
     *_FUNCTIONS,
