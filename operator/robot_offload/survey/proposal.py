@@ -20,7 +20,7 @@ MOST_NODES: Final = 64
 """As many as a RobotOffload has."""
 NO_LIFECYCLE: Final = (
     "it has no lifecycle: Duplicated it would run on both sides all the time, with placement Cloud it would end with "
-    "the link; --advise weighs the latter"
+    "the link"
 )
 _FULL_NAME: Final = re.compile(r"/.*[^/]")
 _DISTROS: Final = get_args(RobotSide.model_fields["ros_distro"].annotation)
@@ -30,23 +30,19 @@ class SurveyError(RobotOffloadError):
     """The graph was looked at, and nothing can be proposed for it."""
 
 
-def propose(
-    graph: GraphSnapshot, name: str = "", placements: Mapping[str, str] | None = None, folder: str = ""
-) -> Sketch:
-    """Returns what a RobotOffload of this graph could be.
+def propose(graph: GraphSnapshot, name: str = "", folder: str = "") -> Sketch:
+    """Return a proposed RobotOffload: every node with a lifecycle and no reason to stay is duplicated.
 
     Args:
         graph: what was seen.
         name: the robot's name; empty: made from the host's.
-        placements: full name of a node -> Duplicated or Cloud, all others stay on the robot; None: every node that has
-            a lifecycle and no reason to stay is duplicated.
         folder: where the file will lie: programs are named from there, or else by their whole path.
 
     Raises:
         SurveyError: there is no node in the graph.
     """
     graph = _sane(graph)
-    world = _world(graph, placements, folder)
+    world = _world(graph, folder)
     sketch = Sketch(name or _resource_name(graph.host), head=_head(graph))
     sketch.spec = _blocks(world, sketch)
     kept, rest = _chosen(world)
@@ -67,7 +63,7 @@ def _sane(graph: GraphSnapshot) -> GraphSnapshot:
     return graph.model_copy(update={"nodes": tuple(nodes.values())})
 
 
-def _world(graph: GraphSnapshot, placements: Mapping[str, str] | None, folder: str) -> World:
+def _world(graph: GraphSnapshot, folder: str) -> World:
     owned = owners(graph)
     known = roles(graph, owned)
     nodes = [node for node in graph.nodes if known[node.name].kind is not Kind.OURS]
@@ -78,10 +74,11 @@ def _world(graph: GraphSnapshot, placements: Mapping[str, str] | None, folder: s
             "shell"
         )
     namespace = _namespace(nodes, known)
-    if placements is None:
-        placements = {node.name: "Duplicated" for node in nodes if _leaves(node, known)}
-    inside = {node.name for node in nodes if _space(node.name) == namespace}
-    moved = {it: where for it, where in placements.items() if it in inside and owned.whole.get(it) == it}
+    moved = {
+        node.name: "Duplicated"
+        for node in nodes
+        if _leaves(node, known) and _space(node.name) == namespace and owned.whole.get(node.name) == node.name
+    }
     return World(graph, owned, known, namespace, _one_speaker(graph, owned.whole, moved), folder)
 
 
