@@ -109,7 +109,13 @@ def _service_host(service: Manifest) -> str | None:
 
 def _ingress(service: Manifest) -> str | None:
     entries = ((service.get("status") or {}).get("loadBalancer") or {}).get("ingress") or ()
-    return next((found for entry in entries if (found := entry.get("ip") or entry.get("hostname"))), None)
+    found = [str(host) for entry in entries if (host := entry.get("ip") or entry.get("hostname"))]
+    return min(found, key=is_ipv6, default=None)
+
+
+def is_ipv6(host: str) -> bool:
+    """Return whether a host is an IPv6 address: what runs in the cloud listens on IPv4 only."""
+    return ":" in host
 
 
 def _node_hosts(nodes: Sequence[Manifest]) -> Iterator[str]:
@@ -117,7 +123,8 @@ def _node_hosts(nodes: Sequence[Manifest]) -> Iterator[str]:
     for node in sorted(nodes, key=lambda one: str(one["metadata"]["name"])):
         status = node.get("status") or {}
         ready = any(c.get("type") == "Ready" and c.get("status") == "True" for c in status.get("conditions") or ())
-        by_type = {one.get("type"): one.get("address") for one in reversed(status.get("addresses") or ())}
+        known = sorted(status.get("addresses") or (), key=lambda one: is_ipv6(str(one.get("address"))))
+        by_type = {one.get("type"): one.get("address") for one in reversed(known)}
         address = by_type.get("ExternalIP") or by_type.get("InternalIP")
         if ready and address:
             yield str(address)
