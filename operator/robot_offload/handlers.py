@@ -37,7 +37,7 @@ class Patience:
     """Seconds between attempts of kopf's requests, for ever: what cannot be watched now can be watched later."""
 
     def __iter__(self) -> Iterator[float]:
-        """Yields ever longer pauses."""
+        """Yield ever longer pauses."""
         pause_s = 0.5
         while True:
             yield pause_s
@@ -49,7 +49,7 @@ class Patience:
 
 @kopf.on.startup(registry=REGISTRY)
 async def start(settings: kopf.OperatorSettings, memo: Operator, retry: int, **_: Any) -> None:
-    """Answers probes at once, waits for the API server and the kind RobotOffload, then counts and competes to lead."""
+    """Answer probes at once, wait for the API server and the kind RobotOffload, then count and competes to lead."""
     if retry == 0:
         configure(settings, memo.settings)
         await memo.serve()
@@ -60,13 +60,13 @@ async def start(settings: kopf.OperatorSettings, memo: Operator, retry: int, **_
 
 @kopf.on.login(registry=REGISTRY)
 async def log_in(memo: Operator, **_: Any) -> kopf.AiohttpSession:
-    """Reads the credentials, at the start and whenever the API server does not take them any more."""
+    """Read the credentials, at the start and whenever the API server does not take them any more."""
     return await memo.log_in()
 
 
 @kopf.on.cleanup(registry=REGISTRY)
 async def end(memo: Operator, **_: Any) -> None:
-    """Ends what was begun, and releases the leader's Lease."""
+    """End what was begun, and release the leader's Lease."""
     await memo.end()
 
 
@@ -75,14 +75,14 @@ async def end(memo: Operator, **_: Any) -> None:
 
 @kopf.on.event(ROBOT_OFFLOAD.api_version, ROBOT_OFFLOAD.plural, registry=REGISTRY)
 async def robot_offload(event: kopf.RawEvent, memo: Operator, **_: Any) -> None:
-    """Wakes the RobotOffload that was made, changed or deleted; what a person changes goes first."""
+    """Wake the RobotOffload that was made, changed or deleted; what a person changes goes first."""
     memo.context = memo.context or contextvars.copy_context()
     memo.sight.delivered(dict(event["object"]), gone=event["type"] == "DELETED")
     bring(ROBOT_OFFLOAD, event, memo)
 
 
 async def child(event: kopf.RawEvent, resource: kopf.Resource, memo: Operator, **_: Any) -> None:
-    """Wakes the owner of a child, of its pod, of the robot's Lease, or whoever reads a user's ConfigMap."""
+    """Wake the owner of a child, of its pod, of the robot's Lease, or whoever reads a user's ConfigMap."""
     bring(_CHILDREN[resource.group, resource.plural], event, memo)
 
 
@@ -91,7 +91,7 @@ for _kind in _CHILDREN.values():
 
 
 def bring(kind: Kind, event: kopf.RawEvent, memo: Operator) -> None:
-    """Brings an object of the watch to the store and to whoever waits for it."""
+    """Bring an object of the watch to the store and to whoever waits for it."""
     # Items of a list carry no kind, and Secrets that of their metadata.
     manifest = {**event["object"], "apiVersion": kind.api_version, "kind": kind.kind}
     if event["type"] == "DELETED":
@@ -101,7 +101,7 @@ def bring(kind: Kind, event: kopf.RawEvent, memo: Operator) -> None:
 
 
 def configure(settings: kopf.OperatorSettings, ours: Settings) -> None:
-    """Sets how kopf watches, how patient it is, and that it leaves nothing on any object."""
+    """Set how kopf watches, how patient it is, and that it leaves nothing on any object."""
     settings.persistence.progress_storage = NoProgress()
     settings.persistence.diffbase_storage = NoDifference()
     settings.persistence.finalizer = "robotoffload.dev/unused"
@@ -124,7 +124,7 @@ def configure(settings: kopf.OperatorSettings, ours: Settings) -> None:
 
 
 def main() -> int:
-    """Runs the operator; returns the exit code of the process."""
+    """Run the operator; return the exit code of the process."""
     return process.run(REGISTRY)
 
 

@@ -145,7 +145,7 @@ def operator(proxy: Proxy, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     operator.wait_said("Became leader")
     yield operator
     assert operator.stop() == 0
-    assert not [line for line in operator.lines() if line["event"] == "A pass broke"]
+    assert not [line for line in operator.lines() if line["event"] == "Reconcile failed"]
 
 
 @pytest.fixture

@@ -180,7 +180,7 @@ def test_every_request_of_every_kind_may_fail_once(
         assert {method for method, _ in kinds} >= {"GET", "PATCH", "DELETE"}, name
         assert ("PATCH", "robotoffloads/3/status") in kinds
     assert operator.exit_code is None
-    assert not operator.said("A pass broke")
+    assert not operator.said("Reconcile failed")
 
 
 def test_an_api_server_that_is_gone_for_a_while_is_waited_for(

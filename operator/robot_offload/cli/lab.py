@@ -22,7 +22,7 @@ _HELP: Final = {
 
 
 def add_to(app: typer.Typer, name: str) -> None:
-    """Adds the command `name`: the lab's where it is installed, else one that says how to install it.
+    """Add the command `name`: the lab's where it is installed, else one that says how to install it.
 
     Raises:
         KeyError: `name` is none of the lab's commands.

@@ -8,7 +8,7 @@ import typer
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("operator", hidden=True)(operator)
 
 

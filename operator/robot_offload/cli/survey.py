@@ -28,7 +28,7 @@ SECONDS = 10.0
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("import", epilog=example_text(EXAMPLES))(import_command)
 
 

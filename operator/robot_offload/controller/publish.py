@@ -24,7 +24,7 @@ _log = structlog.get_logger("robot_offload.controller")
 async def publish(
     api: KubeApi, store: Store, raw: Manifest, after: Mapping[str, Any], memory: Memory, clock: Clock, post: Post
 ) -> int:
-    """Writes the status where it differs and posts the transitions; returns the number of writes."""
+    """Write the status where it differs and post the transitions; return the number of writes."""
     before = raw.get("status") or {}
     metadata = raw["metadata"]
     change = status.patch(before, after)
@@ -44,7 +44,7 @@ async def publish(
 
 
 async def _write(api: KubeApi, raw: Manifest, change: Mapping[str, Any]) -> Manifest:
-    """Writes a change of the status. Fields that the API server does not take are left out, and the rest is written."""
+    """Write a change of the status. Fields that the API server does not take are left out, and the rest is written."""
     metadata = raw["metadata"]
     body = {
         "apiVersion": ROBOT_OFFLOAD.api_version,

@@ -84,7 +84,7 @@ class Controller:
         self._readers: dict[tuple[str, str], set[Name]] = {}
 
     async def reconcile(self, name: Name) -> Result:
-        """Makes one pass. Calls for the same name must not overlap; the queue sees to that."""
+        """Make one pass. Calls for the same name must not overlap; the queue sees to that."""
         raw = await self._load(name)
         if raw is None:
             return Result()
@@ -125,7 +125,7 @@ class Controller:
         return result
 
     async def preread(self, served: Collection[str]) -> None:
-        """Reads the certificates of all RobotOffloads in the store, which is complete, in a few lists.
+        """Read the certificates of all RobotOffloads in the store, which is complete, in a few lists.
 
         Args:
             served: namespaces whose RobotOffloads this operator serves; empty: all.
@@ -136,18 +136,18 @@ class Controller:
             _log.warning("Reads certificates one by one", error=str(error))
 
     def forget_preread(self) -> None:
-        """Drops those that no pass has asked for."""
+        """Drop those that no pass has asked for."""
         self._tools.preread.forget()
 
     def resume(self) -> None:
-        """Learns from the store, which is complete, whose pods an earlier operator has begun to replace."""
+        """Learn from the store, which is complete, whose pods an earlier operator has begun to replace."""
         store = self._tools.store
         rolling = store.owners((DEPLOYMENT, STATEFUL_SET), rollouts.under_way)
         alone = store.named(ROBOT_OFFLOAD, lambda raw: (raw.get("status") or {}).get("placement") != "Cloud")
         self._tools.budget.resume(rolling, self._tools.clock.steady_s(), alone)
 
     def readers(self, namespace: str, config_map: str) -> frozenset[Name]:
-        """Returns the RobotOffloads whose nodes read a ConfigMap of a user."""
+        """Return the RobotOffloads whose nodes read a ConfigMap of a user."""
         found = self._readers.get((namespace, config_map), set())
         found -= {name for name in found if config_map not in self._configs_of(name)}
         return frozenset(found)
@@ -164,7 +164,7 @@ class Controller:
         return () if memory is None else memory.configs
 
     def _based_on(self, name: Name, raw: Manifest, memory: Memory) -> object:
-        """Returns all that a pass would work with; the same again leads to the same. None: the store does not know."""
+        """Return all that a pass would work with; the same again leads to the same. None: the store does not know."""
         if not self._tools.store.fed:
             return None
         configs = tuple(
@@ -186,7 +186,7 @@ class Controller:
         return raw["metadata"]["resourceVersion"], versions, signing, configs, said, seen
 
     def saw_lease(self, name: Name, lease: Manifest) -> float | None:
-        """Notes that a robot's Lease has moved.
+        """Note that a robot's Lease has moved.
 
         Returns the seconds for which no pass is needed, or None if one is needed now. A robot that goes on renewing
         puts off nothing but the moment at which it counts as gone.
@@ -222,7 +222,7 @@ class Controller:
         return memory
 
     def _note_failure(self, error: Exception, found: Findings, memory: Memory, subject: Subject) -> None:
-        """Turns what broke a step off into a verdict.
+        """Turn what broke a step off into a verdict.
 
         Raises:
             KubeError: the API server is in passing trouble, and has not been for long.
@@ -251,7 +251,7 @@ class Controller:
 
     @staticmethod
     def _worth_a_retry(found: Findings, memory: Memory) -> bool:
-        """Returns whether trying again soon may help: not when the same was refused for good twice in a row."""
+        """Return whether trying again soon may help: not when the same was refused for good twice in a row."""
         errors = found.applied.errors
         before, memory.refusals = memory.refusals, frozenset(map(str, errors))
         if found.broken or any(error.retriable for error in errors):

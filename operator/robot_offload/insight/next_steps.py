@@ -282,7 +282,7 @@ def asks_for_bundle(step: str) -> bool:
 
 
 def advice(condition: str, reason: str) -> Advice:
-    """The advice for a reason of a condition."""
+    """Return the advice for a reason of a condition."""
     if reason in NEXT_STEPS:
         return NEXT_STEPS[reason]
     if condition == "SpecValid":

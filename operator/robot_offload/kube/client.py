@@ -225,7 +225,7 @@ class Client:
     async def _send(
         self, method: str, path: str, doing: str, asked: _Asked | None = None, *, idempotent: bool = True
     ) -> Manifest:
-        """Sends a request, again where that can help, and returns the object in the answer."""
+        """Send a request, again where that can help, and return the object in the answer."""
         attempt, renewed = 1, False
         while True:
             try:
@@ -258,7 +258,7 @@ class Client:
     async def _request(
         self, method: str, path: str, doing: str, timeout: aiohttp.ClientTimeout, asked: _Asked
     ) -> aiohttp.ClientResponse:
-        """Sends one request once; returns an answer whose content has still to be read."""
+        """Send one request once; return an answer whose content has still to be read."""
         http = await self._open()
         query = [(name, str(value)) for name, value in asked.query.items() if value is not None]
         headers = {"Accept": asked.accept, "Content-Type": asked.content_type}
@@ -314,7 +314,7 @@ class _Asked:
     accept: str = _JSON
 
     def with_query(self, **more: object) -> _Asked:
-        """Returns the same with further parameters."""
+        """Return the same with further parameters."""
         return replace(self, query={**self.query, **more})
 
 
@@ -329,7 +329,7 @@ def _yaml(manifest: Manifest) -> bytes:
 
 
 def _cut(answer: aiohttp.ClientResponse) -> None:
-    """Ends the connection of an answer at once: over TLS `close` alone waits for the server's goodbye."""
+    """End the connection of an answer at once: over TLS `close` alone waits for the server's goodbye."""
     connection = answer.connection
     transport = connection.transport if connection is not None else None
     answer.close()
@@ -338,13 +338,13 @@ def _cut(answer: aiohttp.ClientResponse) -> None:
 
 
 def _asked(selection: Selection, form: str) -> _Asked:
-    """Returns a selection as what a request asks; `form` is that of metadata alone."""
+    """Return a selection as what a request asks; `form` is that of metadata alone."""
     query = {"labelSelector": selection.labels or None, "fieldSelector": selection.fields or None}
     return _Asked(query, accept=form if selection.metadata_only else _JSON)
 
 
 def _change(event: Any, kind: Kind, doing: str) -> Change | None:
-    """Returns an event of a watch; None: a type that this program does not know."""
+    """Return an event of a watch; None: a type that this program does not know."""
     manifest = event["object"]
     if event["type"] == "ERROR":
         raise error_of(int(manifest.get("code") or 500), json.dumps(manifest), {}, doing)
@@ -355,7 +355,7 @@ def _change(event: Any, kind: Kind, doing: str) -> Change | None:
 
 
 def _let_pass(verb: Verb) -> None:
-    """Guards nothing."""
+    """Guard nothing."""
 
 
 def _address(manifest: Manifest) -> tuple[Kind, str | None, str]:

@@ -59,7 +59,7 @@ def connect(
     guard: Guard | None = None,
     manager: str = FIELD_MANAGER,
 ) -> Client:
-    """Returns a client for an API server. Credentials are read at the first request and again after a 401.
+    """Return a client for an API server. Credentials are read at the first request and again after a 401.
 
     Args:
         kubeconfig: as `kubectl --kubeconfig`.
@@ -96,7 +96,7 @@ class Credentials:
 
 
 async def credentials(kubeconfig: str | None = None, context: str | None = None) -> Credentials:
-    """Returns what is configured, read anew: tokens in a cluster are replaced while a process runs.
+    """Return what is configured, read anew: tokens in a cluster are replaced while a process runs.
 
     Args:
         kubeconfig: as `kubectl --kubeconfig`.
@@ -119,7 +119,7 @@ async def credentials(kubeconfig: str | None = None, context: str | None = None)
 
 
 def current_namespace(kubeconfig: str | None = None, context: str | None = None) -> str:
-    """Returns the namespace that a command without `-n` means: the context's, or `default`."""
+    """Return the namespace that a command without `-n` means: the context's, or `default`."""
     access = Access(kubeconfig, context)
     if access.in_cluster:
         own = Path("/var/run/secrets/kubernetes.io/serviceaccount/namespace")
@@ -166,7 +166,7 @@ async def _configuration(access: Access) -> Configuration:
 
 @contextmanager
 def _errors_logged() -> Iterator[list[str]]:
-    """Collect what the official client only logs: that a user's program is missing or has failed."""
+    """Provide collect what the official client only logs: that a user's program is missing or has failed."""
     found: list[str] = []
 
     def take(record: logging.LogRecord) -> bool:

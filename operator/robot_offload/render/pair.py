@@ -68,7 +68,7 @@ class Pair:
 
 
 def pair(offload: RobotOffload, pairing: Pairing) -> Pair:
-    """Returns both folders. They have new keys; whoever pairs again copies both anew.
+    """Return both folders. They have new keys; whoever pairs again copies both anew.
 
     Raises:
         InputError: the transport is not Zenoh, or the host is an IPv6 address.
@@ -103,7 +103,7 @@ def pair(offload: RobotOffload, pairing: Pairing) -> Pair:
 
 
 def standalone(offload: RobotOffload) -> RobotOffload:
-    """Returns the resource as it holds without a cluster.
+    """Return the resource as it holds without a cluster.
 
     In one network both sides find each other by multicast, unless their ROS domains differ; and nobody but `pair`
     signs certificates.

@@ -18,7 +18,7 @@ _LAST: Final[Mapping[LogFormat, tuple[structlog.typing.Processor, ...]]] = {
 
 
 def set_up(level: str, form: LogFormat = "json") -> None:
-    """Sends everything to the standard error, from `level` on."""
+    """Send everything to the standard error, from `level` on."""
     shared: list[structlog.typing.Processor] = [
         structlog.stdlib.add_logger_name,
         structlog.stdlib.add_log_level,

@@ -93,13 +93,13 @@ class Operator:
         self._reached = False
 
     def __copy__(self) -> Operator:
-        """Returns itself: kopf gives each object a copy of what all share."""
+        """Return itself: kopf gives each object a copy of what all share."""
         return self
 
     # -- for the handlers ---------------------------------------------------------------------------------------
 
     async def serve(self) -> None:
-        """Answers probes and Prometheus from now on, until `end`."""
+        """Answer probes and Prometheus from now on, until `end`."""
         self._metrics.show(
             self._statuses,
             lambda: self._guard.calls,
@@ -112,7 +112,7 @@ class Operator:
         )
 
     async def obstacle(self) -> str:
-        """Returns why there is nothing to watch yet; empty: the API server answers and serves our kind."""
+        """Return why there is nothing to watch yet; empty: the API server answers and serves our kind."""
         self._leadership.alive()
         try:
             await self._list()
@@ -123,16 +123,16 @@ class Operator:
         return ""
 
     def begin(self) -> None:
-        """Begins to count and to wait for leadership; who waits has read everything by then."""
+        """Begin to count and to wait for leadership; who waits has read everything by then."""
         self._start(self._recount.run(self.settings.resync_s))
         self._start(self._lead())
 
     async def log_in(self) -> kopf.AiohttpSession:
-        """Returns a session with the credentials of this moment."""
+        """Return a session with the credentials of this moment."""
         return session(await credentials(), self._guard, self._recount.opened)
 
     async def end(self) -> None:
-        """Ends all parts and lets the next leader start at once."""
+        """End all parts and let the next leader start at once."""
         _log.info("Stopping")
         for part in self._parts:
             part.cancel()
@@ -142,7 +142,7 @@ class Operator:
         self.stop.set()  # kopf would wait for its own look at this flag
 
     def signs(self) -> Iterable[Limit]:
-        """Yields the signs of life for /livez."""
+        """Yield the signs of life for /livez."""
         now_s = self._clock.steady_s()
         yield Limit("leader loop", now_s - self._leadership.looked_s, max(60.0, 4 * self.settings.lease_s))
         if self._watching:
@@ -157,7 +157,7 @@ class Operator:
         self._parts.append(task)
 
     def _ended(self, part: asyncio.Task[None]) -> None:
-        """Ends the process with a part that has ended by itself."""
+        """End the process with a part that has ended by itself."""
         if part.cancelled():
             return
         error = part.exception()
@@ -168,7 +168,7 @@ class Operator:
         self.stop.set()
 
     async def _lead(self) -> None:
-        """Becomes the leader, and works."""
+        """Become the leader, and work."""
         await self._leadership.acquire()
         for part in (self._feed(), self._probe(), self._resync(), self._collector.run(self.settings.resync_s)):
             self._start(part)
@@ -176,13 +176,13 @@ class Operator:
         await self._leadership.hold()
 
     async def _feed(self) -> None:
-        """Works on the queue: from the store once that is complete, and before that from the API server itself."""
+        """Work on the queue: from the store once that is complete, and before that from the API server itself."""
         try:
             async with asyncio.timeout(FEED_S):
                 await self._recount.complete.wait()
             await self._learn()
         except TimeoutError:
-            _log.warning("Works without the store until everything is listed", missing=self._recount.missing)
+            _log.warning("Reconciling without the cache: these kinds are not listed yet", missing=self._recount.missing)
         for _ in range(self.settings.workers):
             self._start(self._queue.work(self._look))
         if not self._store.fed:
@@ -191,17 +191,17 @@ class Operator:
         await asyncio.Event().wait()
 
     async def _learn(self) -> None:
-        """Lets passes work from the store, which is complete."""
+        """Let passes work from the store, which is complete."""
         await self._controller.preread(self.settings.watch_namespaces)
         self._store.fed = True
         self._controller.resume()
         # What was listed stays: looking through it for garbage again and again would hold everything up.
         gc.collect()
         gc.freeze()
-        _log.info("Knows everything", objects=len(self._store))
+        _log.info("Cache is complete", objects=len(self._store))
 
     async def _look(self, name: Name) -> None:
-        """Makes one pass with everything around it: metrics, errors, the next time."""
+        """Make one pass with everything around it: metrics, errors, the next time."""
         began = time.perf_counter()
         try:
             result = await self._controller.reconcile(name)
@@ -218,7 +218,7 @@ class Operator:
             # A bug about one object must not end the service for all others; it is logged, counted and tried again.
             self._metrics.errors.labels("Bug").inc()
             self._metrics.reconciles.labels("error").inc()
-            _log.exception("A pass broke", namespace=name[0], name=name[1], after_s=self._queue.retry(name))
+            _log.exception("Reconcile failed", namespace=name[0], name=name[1], after_s=self._queue.retry(name))
             return
         finally:
             self._metrics.seconds.observe(time.perf_counter() - began)
@@ -232,7 +232,7 @@ class Operator:
             self._queue.remind(name, result.again_s + SETTLE_S)
 
     async def _probe(self) -> None:
-        """Compares the watch of RobotOffloads with a list, again and again; what it has missed is looked at."""
+        """Compare the watch of RobotOffloads with a list, again and again; what it has missed is looked at."""
         while True:
             await asyncio.sleep(self.settings.probe_s * random.uniform(0.9, 1.1))
             try:
@@ -248,7 +248,7 @@ class Operator:
                 _log.warning("Could not compare the watch with a list", error=str(error))
 
     async def _resync(self) -> None:
-        """Looks at every object now and then, each at its own time, whatever the events said."""
+        """Look at every object now and then, each at its own time, whatever the events said."""
         while True:
             await asyncio.sleep(self.settings.resync_s)
             self._controller.forget_preread()
@@ -257,7 +257,7 @@ class Operator:
                 self._queue.add(name, random.uniform(0, self.settings.resync_s))
 
     async def _list(self) -> list[Manifest]:
-        """Returns the metadata of all RobotOffloads."""
+        """Return the metadata of all RobotOffloads."""
         found: list[Manifest] = []
         for place in self.settings.watch_namespaces or (None,):
             async for page, _ in self._api.pages(ROBOT_OFFLOAD, place, Selection(metadata_only=True)):
@@ -266,7 +266,7 @@ class Operator:
         return found
 
     def _post(self, raw: Manifest, event: Transition) -> None:
-        """Has kopf post an Event. kopf finds its queue in the context of handlers only, and passes run beside them."""
+        """Have kopf post an Event. kopf finds its queue in the context of handlers only, and pass run beside them."""
         if self.context is not None:
             about = kopf.Body(cast("kopf.RawBody", raw))
             self.context.run(lambda: kopf.event(about, type=event.type, reason=event.reason, message=event.message))

@@ -21,7 +21,7 @@ _log = structlog.get_logger("robot_offload.runtime.process")
 
 
 def run(registry: kopf.OperatorRegistry) -> int:
-    """Runs the operator until it is stopped or loses a part; returns the exit code of the process.
+    """Run the operator until it is stopped or lose a part; return the exit code of the process.
 
     Args:
         registry: what kopf calls when.

@@ -33,15 +33,15 @@ class Sink(Protocol):
     """Where is brought what is learnt."""
 
     def seen(self, kind: Kind, manifest: Manifest) -> None:
-        """An object is there, in this version."""
+        """Note that an object is there, in this version."""
         ...
 
     def gone(self, kind: Kind, manifest: Manifest) -> None:
-        """An object was deleted; this is its last version."""
+        """Note that an object was deleted; this is its last version."""
         ...
 
     def only(self, kind: Kind, place: Place, there: frozenset[tuple[str, str]], version: str) -> None:
-        """A list of this version has ended: older objects of this place that it lacks are gone."""
+        """Forget older objects of this place that a list of this version lacks."""
         ...
 
 
@@ -74,11 +74,11 @@ class Recount:
 
     @property
     def missing(self) -> list[str]:
-        """Returns the kinds whose watch has never been opened."""
+        """Return the kinds whose watch has never been opened."""
         return sorted({watched.kind.kind for watched, place in self._all if (watched, place) not in self._open})
 
     def opened(self, path: str) -> None:
-        """Notes that a stream begins: what was listed before it has been handed over.
+        """Note that a stream begins: what was listed before it has been handed over.
 
         Args:
             path: of the collection in the API server.
@@ -89,7 +89,7 @@ class Recount:
                 self._changed.set()
 
     async def run(self, every_s: float) -> None:
-        """Counts everything at the start and each `every_s` seconds, and a kind when its stream is opened again."""
+        """Count everything at the start and each `every_s` seconds, and a kind when its stream is opened again."""
         await self._first()
         while True:
             self._changed.clear()
@@ -110,7 +110,7 @@ class Recount:
                 self._changed.set()
 
     async def look_home(self) -> None:
-        """Takes in the Secrets that no watch brings.
+        """Take in the Secrets that no watch brings.
 
         Raises:
             KubeError: the API server refuses or is silent.
@@ -138,7 +138,7 @@ class Recount:
         self.complete.set()
 
     async def _count(self, watched: Watched, place: Place) -> list[Manifest]:
-        """Drops what a list does not have; returns the metadata of what the watch has not brought in this version."""
+        """Drop what a list does not have; return the metadata of what the watch has not brought in this version."""
         kind, there, late, latest = watched.kind, set(), [], ""
         async for page, version in self._api.pages(kind, place, watched.metadata):
             latest = version
@@ -151,7 +151,7 @@ class Recount:
         return late
 
     async def _heal(self, watched: Watched, late: Sequence[Manifest]) -> None:
-        """Reads what the watch has still not brought after a moment."""
+        """Read what the watch has still not brought after a moment."""
         if late:
             await asyncio.sleep(GRACE_S)
         for manifest in late:
@@ -165,7 +165,7 @@ class Recount:
                 self._sink.seen(kind, found)
 
     def _current(self, kind: Kind, manifest: Manifest) -> bool:
-        """Returns whether the store has an object in this version or a newer one, or knows that it has gone."""
+        """Return whether the store has an object in this version or a newer one, or know that it has gone."""
         metadata = manifest["metadata"]
         known = self._version(kind, manifest)
         return self._store.buried(str(metadata["uid"])) or (

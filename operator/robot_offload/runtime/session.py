@@ -33,7 +33,7 @@ class Answer(aiohttp.ClientResponse):
 def session(
     credentials: Credentials, guard: Callable[[Verb], None], opened: Callable[[str], None]
 ) -> kopf.AiohttpSession:
-    """Returns a session.
+    """Return a session.
 
     Args:
         credentials: which API server, and as whom.

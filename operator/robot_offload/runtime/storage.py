@@ -11,19 +11,19 @@ class NoProgress(kopf.ProgressStorage):
     """Keeps no progress of handlers."""
 
     def fetch(self, **_: Any) -> None:
-        """Finds nothing."""
+        """Find nothing."""
 
     def store(self, **_: Any) -> None:
-        """Keeps nothing."""
+        """Keep nothing."""
 
     def purge(self, **_: Any) -> None:
-        """Removes nothing."""
+        """Remove nothing."""
 
     def touch(self, **_: Any) -> None:
-        """Writes nothing."""
+        """Write nothing."""
 
     def clear(self, *, essence: kopf.BodyEssence) -> kopf.BodyEssence:
-        """Returns what was given: there is nothing of ours in it."""
+        """Return what was given: there is nothing of ours in it."""
         return essence
 
 
@@ -31,11 +31,11 @@ class NoDifference(kopf.DiffBaseStorage):
     """Keeps no former state of objects, and copies none to compare."""
 
     def build(self, **_: Any) -> kopf.BodyEssence:
-        """Returns nothing to compare."""
+        """Return nothing to compare."""
         return kopf.BodyEssence()
 
     def fetch(self, **_: Any) -> None:
-        """Finds nothing."""
+        """Find nothing."""
 
     def store(self, **_: Any) -> None:
-        """Keeps nothing."""
+        """Keep nothing."""

@@ -91,7 +91,7 @@ class Triggers:
             self._queue.add(name, 0.0 if kind == LEASE else SETTLE_S)
 
     def _config_map(self, place: tuple[str, str], version: str) -> None:
-        """Notes the version of a user's ConfigMap (empty: it has gone). Nodes may read it; its content is not kept."""
+        """Note the version of a user's ConfigMap (empty: it has gone). Nodes may read it; its content is not kept."""
         if self._store.config_versions.get(place, "") == version:
             return
         if version:
@@ -103,7 +103,7 @@ class Triggers:
 
 
 def owner(manifest: Manifest) -> Name | None:
-    """Returns the RobotOffload that an object belongs to by its label, or that an authority's Secret serves."""
+    """Return the RobotOffload that an object belongs to by its label, or that an authority's Secret serves."""
     metadata = manifest["metadata"]
     served = authorities.serves(manifest)
     if served is not None:

@@ -28,7 +28,7 @@ class Watched:
 
     @property
     def metadata(self) -> Selection:
-        """Returns what a list of the metadata alone selects."""
+        """Return what a list of the metadata alone selects."""
         return Selection(self.labels, self.fields, metadata_only=True)
 
 
@@ -42,5 +42,5 @@ WATCHED: Final = (
 
 
 def ours(manifest: Manifest) -> bool:
-    """Returns whether this operator has made an object."""
+    """Return whether this operator has made an object."""
     return (manifest["metadata"].get("labels") or {}).get(labels.MANAGED_BY) == labels.MANAGER

@@ -55,7 +55,7 @@ def propose(graph: GraphSnapshot, name: str = "", folder: str = "") -> Sketch:
 
 
 def _sane(graph: GraphSnapshot) -> GraphSnapshot:
-    """Returns the graph with each node once, and none whose name is no full name."""
+    """Return the graph with each node once, and none whose name is no full name."""
     nodes: dict[str, NodeSeen] = {}
     for node in graph.nodes:
         if _FULL_NAME.match(node.name):
@@ -87,7 +87,7 @@ def _leaves(node: NodeSeen, known: Mapping[str, Role]) -> bool:
 
 
 def _one_speaker(graph: GraphSnapshot, whole: Mapping[str, str], moved: Mapping[str, str]) -> dict[str, str]:
-    """Of several nodes that would leave and publish one topic that others hear, the busiest topics' owner leaves alone.
+    """Let one node leave of several that publish one topic others hear: the owner of the busiest topics.
 
     An output has one node: nobody could tell otherwise whose messages shall pass.
     """
@@ -106,7 +106,7 @@ def _one_speaker(graph: GraphSnapshot, whole: Mapping[str, str], moved: Mapping[
 
 
 def _namespace(nodes: list[NodeSeen], known: Mapping[str, Role]) -> str:
-    """Returns the namespace of the robot: the one with most of the nodes that can leave, or else with most nodes."""
+    """Return the namespace of the robot: the one with most of the nodes that can leave, or else with most nodes."""
     counted: dict[str, tuple[int, int]] = {}
     for node in nodes:
         free, all_of_it = counted.get(_space(node.name), (0, 0))
@@ -119,7 +119,7 @@ def _space(node: str) -> str:
 
 
 def _chosen(world: World) -> tuple[list[NodeSeen], list[NodeSeen]]:
-    """Returns the nodes of the file and those that it has no room or no word for."""
+    """Return the nodes of the file and those that it has no room or no word for."""
     nodes = [it for it in world.graph.nodes if world.roles[it.name].kind is not Kind.OURS]
     fits = [it for it in nodes if _space(it.name) == world.namespace and world.owned.whole[it.name] == it.name]
     near = world.neighbours()
@@ -192,13 +192,13 @@ def _why_alone(node: NodeSeen) -> str:
 
 
 def plain_words(text: str) -> str:
-    """Returns a reason as it may stand in a comment."""
+    """Return a reason as it may stand in a comment."""
     shown = ascii(text)[1:-1]
     return shown if len(shown) <= 240 else f"{shown[:236]}..."
 
 
 def _times(sketch: Sketch) -> None:
-    """The robot's period is that of the commands; what the cloud's will be nobody has measured yet."""
+    """Propose the robot's period from the commands; the cloud's is not measured yet."""
     rates = [it.value["rate"] for node in sketch.nodes if node.fields.get("core") for it in node.lists["outputs"]
              if "rate" in it.value]  # fmt: skip
     if rates:

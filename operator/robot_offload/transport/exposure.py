@@ -37,7 +37,7 @@ def service(
     ports: Sequence[Exposed],
     extra: Manifest | None = None,
 ) -> Manifest:
-    """A Service of the declared type. One protocol each: many load balancers refuse mixed ones."""
+    """Return a Service of the declared type. One protocol each: many load balancers refuse mixed ones."""
     expose = parent.spec.transport.expose
     spec: Manifest = {
         "type": expose.type,
@@ -72,7 +72,7 @@ def _port(exposed: Exposed, *, with_node_port: bool) -> Manifest:
 def addresses(
     offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest], name: str, port: str
 ) -> tuple[tuple[str, int], ...]:
-    """Hosts and ports under which one port of a Service is reached from outside; empty: not known yet.
+    """Return hosts and ports under which one port of a Service is reached from outside; empty: not known yet.
 
     Args:
         offload: says the type and the declared host.
@@ -119,7 +119,7 @@ def is_ipv6(host: str) -> bool:
 
 
 def _node_hosts(nodes: Sequence[Manifest]) -> Iterator[str]:
-    """One address of each node that is ready, the outside one if it has one, in the order of the nodes' names."""
+    """Yield one address of each node that is ready, the outside one if it has one, in the order of the nodes' names."""
     for node in sorted(nodes, key=lambda one: str(one["metadata"]["name"])):
         status = node.get("status") or {}
         ready = any(c.get("type") == "Ready" and c.get("status") == "True" for c in status.get("conditions") or ())

@@ -9,7 +9,7 @@ SLICE_S = 0.010
 
 
 def _idle(run: System, fault: Fault) -> Undo:
-    """Silence the replicas of one output on both sides: there is nothing to do."""
+    """Return silence the replicas of one output on both sides: there is nothing to do."""
     named = [name for name in run.scenario.publishers if name in run.robot.nodes and name in run.cloud.nodes]
     name, _ = option(named, fault.pick)
     return raised([run.robot.nodes[name], run.cloud.nodes[name]], "hung", 1)
@@ -29,14 +29,14 @@ def _stutter(run: System, fault: Fault) -> Undo:
 
 
 def _stand(run: System, fault: Fault) -> Undo:
-    """Pause the cloud's virtual machine with its steady clock: nothing there can notice."""
+    """Return pause the cloud's virtual machine with its steady clock: nothing there can notice."""
     host = run.cloud.host
     host.stand(fault.duration_s)
     return nothing
 
 
 def _mute(run: System, fault: Fault) -> Undo:
-    """Silence the state of a node: the standby's knowledge grows old."""
+    """Return silence the state of a node: the standby's knowledge grows old."""
     del fault
     return nothing if run.keeping is None else raised(tuple(run.keeping.sides.values()), "silent", 1)
 

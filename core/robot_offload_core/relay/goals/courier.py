@@ -62,7 +62,7 @@ class Courier:
         return True
 
     def write(self, word: Word, now_s: float) -> list[bytes]:
-        """Queue a message for the peer and return what to send now. Without a peer the message is dropped."""
+        """Return queue a message for the peer and return what to send now. Without a peer the message is dropped."""
         if not self.peer:
             return []
         self.number += 1

@@ -73,7 +73,7 @@ CLUSTER_CHECKS: Final[tuple[Check, ...]] = (*_FUNCTIONS, *(rule.check() for rule
 
 
 def check(spec: RobotOffloadSpec, rules: Sequence[Check] = CHECKS) -> tuple[Finding, ...]:
-    """Everything that the rules between fields find, in the order of the rules.
+    """Return everything that the rules between fields find, in the order of the rules.
 
     Args:
         spec: what is checked.

@@ -55,12 +55,12 @@ def _loop_ms(switching: Any) -> int:
 
 
 def _least_lease_ms(switching: Any) -> int:
-    """A shorter lease would end before the robot has noticed a loss: then nobody acts."""
+    """Return a shorter lease would end before the robot has noticed a loss: then nobody acts."""
     return int(switching.loss_timeout_ms + _loop_ms(switching) + 2 * switching.heartbeat_period_ms)
 
 
 def _floor_of_age_ms(switching: Any) -> int:
-    """A smaller limit would drop every message of a link that is still good enough."""
+    """Return a smaller limit would drop every message of a link that is still good enough."""
     return int(_loop_ms(switching) + switching.heartbeat_period_ms)
 
 
