@@ -8,7 +8,7 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return the arguments: the parameter file of the bundle is the only one."""
+    """The parameter file of the bundle is the one argument."""
     return LaunchDescription(
         [
             DeclareLaunchArgument("params", description="parameter file of the bundle, cloud.yaml"),

@@ -19,7 +19,7 @@ from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration
 
-LINK_NODE_IDLE_S = 60.0
+IDLE_S = 60.0
 """A node that carries nothing but a link has no other work to do."""
 
 
@@ -34,12 +34,10 @@ class LinkHandle:
         """See Link.start."""
         self.link.start()
         if self.node is not None:
-            threading.Thread(
-                target=spin_topics, args=(self.node, lambda: LINK_NODE_IDLE_S), name="link", daemon=True
-            ).start()
+            threading.Thread(target=spin_topics, args=(self.node, lambda: IDLE_S), name="link", daemon=True).start()
 
     def ended(self) -> bool:
-        """Return whether the node that is spun here was told to end."""
+        """Whether the node that is spun here was told to end."""
         return self.node is not None and not rclpy.ok()
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
@@ -63,7 +61,7 @@ def open_link(
     node: Node | None = None,
     on_room: OnRoom = no_room,
 ) -> LinkHandle:
-    """Make the link of the configured type; `node` is used for DDS when given, else one is made and spun here.
+    """Makes the link of the configured type; `node` is used for DDS when given, else one is made and spun here.
 
     Raises:
         ConfigurationError: a certificate file is missing.
@@ -79,7 +77,7 @@ def open_link(
 
 
 def check_link(configuration: Configuration) -> None:
-    """Check what can be checked before anything is opened; raise ConfigurationError."""
+    """What can be checked before anything is opened; raises ConfigurationError."""
     if configuration["link.type"] == "zenoh":
         for session in SESSION_LEASE_MS:
             problem = certificate_problem(zenoh_settings(configuration, session))

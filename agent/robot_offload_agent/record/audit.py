@@ -61,7 +61,7 @@ class AuditTrail:
     # -- deciding thread ----------------------------------------------------------------------------------------------
 
     def say(self, kind: Kind, who: str, **what: str) -> None:
-        """Take an entry; return at once."""
+        """Takes an entry; returns at once."""
         if len(self._waiting) >= WAITING:
             self.missed += 1
             self._unsaid += 1
@@ -70,7 +70,7 @@ class AuditTrail:
         self._wake.set()
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Take a step: switches by hand, and pins of the robot itself, are entries."""
+        """Takes a step: switches by hand, and pins of the robot itself, are entries."""
         if machine is not Machine.PLACEMENT:
             return
         if isinstance(event, placement.SwitchByHand):
@@ -84,15 +84,15 @@ class AuditTrail:
             )  # fmt: skip
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Take a state that no step has led to: nobody's doing."""
+        """Takes a state that no step has led to: nobody's doing."""
 
     def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
-        """Take a step that broke a rule: nobody's doing."""
+        """Takes a step that broke a rule: nobody's doing."""
 
     # -- writing thread -----------------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin to write, in a thread of its own."""
+        """Begins to write, in a thread of its own."""
         threads.start("audit", self._run)
 
     def _run(self) -> None:
@@ -103,7 +103,7 @@ class AuditTrail:
                 time.sleep(RETRY_S)
 
     def turn(self) -> bool:
-        """Write what waits; return False when something is left that has to be tried again."""
+        """Writes what waits; returns False when something is left that has to be tried again."""
         try:
             if self._lock is None:
                 self._open()
@@ -122,7 +122,7 @@ class AuditTrail:
         return not self.problem
 
     def close(self) -> None:
-        """Let the folder go."""
+        """Lets the folder go."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None
@@ -134,7 +134,7 @@ class AuditTrail:
             log.warning("%s; the agent goes on reason=AuditFailed", problem)
 
     def _open(self) -> None:
-        """Take the folder, and go on with the chain that is in it."""
+        """Takes the folder, and goes on with the chain that is in it."""
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         lock = (self.folder / "lock").open("a")
         try:
@@ -183,12 +183,12 @@ class AuditTrail:
 
 
 def files(folder: Path) -> list[Path]:
-    """Return the files of a trail, the oldest first."""
+    """Returns the files of a trail, the oldest first."""
     return sorted(file for file in folder.glob("audit-*.log") if file.stem[len("audit-") :].isdigit())
 
 
 def lines(folder: Path) -> list[str]:
-    """Return the lines of a trail with their ends, the oldest first; raise OSError."""
+    """Returns the lines of a trail with their ends, the oldest first; raises OSError."""
     return [
         line for file in files(folder)
         for line in file.read_text(encoding="ascii", errors="replace").splitlines(keepends=True)
@@ -196,7 +196,7 @@ def lines(folder: Path) -> list[str]:
 
 
 def of(configuration: Configuration) -> AuditTrail:
-    """Return the trail of a robot."""
+    """Returns the trail of a robot."""
     return AuditTrail(state_dir(configuration) / FOLDER)
 
 

@@ -21,5 +21,5 @@ class CloudRelayShell(RelayShell):
 
 
 def run(configuration: Configuration) -> None:
-    """Run the process."""
+    """Entry of the process."""
     start(configuration, CloudRelayShell)

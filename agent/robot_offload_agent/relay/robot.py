@@ -51,18 +51,18 @@ class RobotRelayShell(RelayShell):
         return due_s
 
     def holder(self) -> Holding:
-        """Read who holds."""
+        """Reads who holds."""
         return self.view.look()
 
     def keep(self, record: bytes) -> bool:
-        """Append a record to the journal."""
+        """Appends a record to the journal."""
         return self.journal.append(record)
 
     def compact(self, records: Sequence[bytes]) -> bool:
-        """Replace the journal."""
+        """Replaces the journal."""
         return self.journal.compact(records)
 
 
 def run(configuration: Configuration) -> None:
-    """Run the process."""
+    """Entry of the process."""
     start(configuration, RobotRelayShell)

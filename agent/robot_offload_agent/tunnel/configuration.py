@@ -69,7 +69,7 @@ class TunnelConfiguration:
 
 
 def read(file: Path) -> TunnelConfiguration:
-    """Return the configuration in a file.
+    """Returns the configuration in a file.
 
     Raises:
         ConfigurationError: the file cannot be read, or what it says cannot work.
@@ -82,7 +82,7 @@ def read(file: Path) -> TunnelConfiguration:
 
 
 def parse(document: Any) -> TunnelConfiguration:
-    """Return the configuration that a YAML document holds.
+    """Returns the configuration that a YAML document holds.
 
     Raises:
         ConfigurationError: what it says cannot work.

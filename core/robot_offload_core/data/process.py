@@ -23,13 +23,11 @@ from robot_offload_core.words.messages import Heard, Letters, Limits, Notes, Reo
 from robot_offload_core.words.settings import OutputSpec
 
 STATUS_PERIOD_S = 0.040
-"""How often control gets a report."""
 SIGN_S = 0.050
 """Most time between two signs of life: far below `pauses.LIMIT_S`."""
 EARLY_PROBE_S = 0.030
-"""A probe that is due within this time goes with a report: a wake-up costs more than the probe."""
+"""A probe that is due so soon goes with a report: waking up costs more than what is done then."""
 DETAIL_PERIOD_S = 1.0
-"""How often problems and counters go with it."""
 RELAY = "relay"
 """Channel of what the two relays write to each other."""
 REPORT = "report"
@@ -43,37 +41,37 @@ class DataPorts(Protocol):
 
     @property
     def lock(self) -> AbstractContextManager[Any]:
-        """Return what guards state that several threads change."""
+        """Returns what guards state that several threads change."""
 
     def now_s(self) -> float:
-        """Return the steady clock, seconds."""
+        """Returns the steady clock, seconds."""
 
     def system_s(self) -> float:
-        """Return the system clock, seconds."""
+        """Returns the system clock, seconds."""
 
     def send(self, to: str, message: object) -> bool:
-        """Send a message to another process of this agent."""
+        """Sends a message to another process of this agent."""
 
     def renew(self, to: str, message: object) -> bool:
-        """Send a level that has not changed: it is read when its receiver wakes for another reason."""
+        """Sends a level that has not changed: it is read when its receiver wakes for another reason."""
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
-        """Send an output's message with its header to another process of this agent."""
+        """Sends an output's message with its header to another process of this agent."""
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
-        """Send over the link; return False when the message was certainly not sent."""
+        """Sends over the link; returns False when the message was certainly not sent."""
 
     def link_status(self) -> tuple[bool, str]:
-        """Return whether the data session is connected, and its endpoint."""
+        """Returns whether the data session is connected, and its endpoint."""
 
     def reopen(self, reason: str) -> None:
-        """Drop the data session and open a new one."""
+        """Drops the data session and opens a new one."""
 
     def types(self) -> dict[str, str]:
-        """Return the interface types that this side has found in the graph, by input or output."""
+        """Returns the interface types that this side has found in the graph, by input or output."""
 
     def warn(self, message: str) -> None:
-        """Log a warning."""
+        """Logs a warning."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,7 @@ class DataPlan:
 
 
 def others_of(name: str) -> str:
-    """Return the channel of what others say on a shared output."""
+    """Returns the channel of what others say on a shared output."""
     return f"others/{name}"
 
 
@@ -183,7 +181,7 @@ class DataProcess(ABC):
     # -- the bus ------------------------------------------------------------------------------------------------------
 
     def handle(self, message: object) -> None:
-        """Take one datagram of another process."""
+        """Takes one datagram of another process."""
         if isinstance(message, Heard):
             self.heard = message
         elif isinstance(message, Reopen):
@@ -201,7 +199,7 @@ class DataProcess(ABC):
             self.order(message)
 
     def woke(self) -> None:
-        """Note a sign of life of the process: a long silence of ours is a pause."""
+        """Notes a sign of life of the process: a long silence of ours is a pause."""
         self.pauses.waited(self.ports.now_s())
 
     @property
@@ -210,11 +208,11 @@ class DataProcess(ABC):
         return min(self.status_due_s, self.probe_due_s, self.pauses.alive_s + SIGN_S)
 
     def turn(self) -> None:
-        """Send the probe and the report that are due."""
+        """Sends the probe and the report that are due."""
         now_s = self.ports.now_s()
         soon_s = EARLY_PROBE_S if now_s >= self.status_due_s else 0.0
         if now_s >= self.probe_due_s - soon_s:
-            self.probe_due_s = now_s + probe.PROBE_PERIOD_S
+            self.probe_due_s = now_s + probe.PERIOD_S
             self._send_probe(now_s)
         if now_s >= self.status_due_s:
             self.status_due_s = self.next_status_s(now_s)
@@ -223,17 +221,17 @@ class DataProcess(ABC):
             self.report(now_s, detailed)
 
     def waited_s(self, waits: Waits, published_s: float | None) -> float:
-        """Return how long a message of a node here waited before we took it; `published_s`: its publisher's stamp."""
+        """Returns how long a message of a node here waited before we took it; `published_s`: its publisher's stamp."""
         if published_s is None:
             return 0.0
         return waits.waited_s(published_s, self.ports.system_s(), self.ports.now_s())
 
     def next_status_s(self, now_s: float) -> float:
-        """Return when to report again after a report."""
+        """Returns when to report again after a report."""
         return now_s + STATUS_PERIOD_S
 
     def _send_probe(self, now_s: float) -> None:
-        """Send a sign of life; whole while the other side has not got what we hold now, and once a second."""
+        """Sends a sign of life; whole while the other side has not got what we hold now, and once a second."""
         held = self.probe.digest if self.probe else ""
         made = probe.signed(replace(self.make_probe(), notes=self.notes), held)
         sent: Probe | Sign = Sign(made.incarnation, made.digest, held)
@@ -242,13 +240,13 @@ class DataProcess(ABC):
         self.ports.cross("probe", b"-", probe.encode(sent))
 
     def lack(self, lacks: dict[str, str]) -> None:
-        """Take what this side lacks of the other one's state, by name; a change is said at once."""
+        """Takes what this side lacks of the other one's state, by name; a change is said at once."""
         if lacks != self.lacks:
             self.lacks = lacks
             self.probe_due_s = self.status_due_s = self.ports.now_s()
 
     def fits(self, name: str, payload: Any) -> bool:
-        """Return whether a message is small enough to cross; one that is not is counted and said by name."""
+        """Returns whether a message is small enough to cross; one that is not is counted and said by name."""
         key, most = f"size {name}", self.plan.max_message_size
         if len(payload) <= most:
             if key in self.problems:
@@ -260,14 +258,14 @@ class DataProcess(ABC):
         return False
 
     def note(self, key: str, problem: tuple[str, str] | None) -> None:
-        """Keep or clear a problem for diagnostics."""
+        """Keeps or clears a problem for diagnostics."""
         if problem is None:
             self.problems.pop(key, None)
         else:
             self.problems[key] = problem
 
     def details(self, detailed: bool) -> tuple[tuple[tuple[str, str], ...], tuple[tuple[str, int], ...]]:
-        """Return problems and counters for a detailed report, nothing otherwise."""
+        """Returns problems and counters for a detailed report, nothing otherwise."""
         if not detailed:
             return (), ()
         return tuple(self.problems.values()), tuple(sorted(self.counters.items()))
@@ -275,7 +273,7 @@ class DataProcess(ABC):
     # -- the link -----------------------------------------------------------------------------------------------------
 
     def arrived(self, channel: str, header: bytes, payload: Any) -> None:
-        """Take a message of the other side."""
+        """Takes a message of the other side."""
         if channel == "probe":
             self._probe_arrived(payload)
             return
@@ -314,12 +312,12 @@ class DataProcess(ABC):
         self._pass_notes(whole)
 
     def reported(self, payload: Any) -> None:
-        """Take a report of the other side; nobody waits for one here."""
+        """Takes a report of the other side; nobody waits for one here."""
         del payload
         self.counters["garbage.report"] += 1
 
     def _refuse(self, error: ProbeError) -> None:
-        """Count what is no probe of ours; another version is a problem that somebody has to solve."""
+        """Counts what is no probe of ours; another version is a problem that somebody has to solve."""
         self.counters["garbage.probe"] += 1
         if error.reason == "OtherVersion":
             message = f"The other side's agent is of another release ({error}); install the same one on both sides"
@@ -328,14 +326,14 @@ class DataProcess(ABC):
             self.ports.warn(f"Ignoring a foreign probe ({error}); more of them are only counted")
 
     def _pass_notes(self, received: Probe) -> None:
-        """Pass notes of the other side's control to ours: at changes, and once a second because ours may be new."""
+        """Passes notes of the other side's control to ours: at changes, and once a second because ours may be new."""
         notes, now_s = (received.incarnation, received.notes), self.ports.now_s()
         if received.notes and (notes != self.notes_passed or now_s >= self.notes_due_s):
             self.notes_passed, self.notes_due_s = notes, now_s + DETAIL_PERIOD_S
             self.ports.send("control", Notes(*notes))
 
     def occasions(self, now_s: float) -> tuple[int, ...]:
-        """Return the outputs, by index, whose `while.topic` has arrived within its time."""
+        """Returns the outputs, by index, whose `while.topic` has arrived within its time."""
         names = {i.topic or i.name: i.name for i in self.plan.inputs}
         found = []
         for index, output in enumerate(self.plan.outputs):
@@ -347,15 +345,15 @@ class DataProcess(ABC):
         return tuple(found)
 
     def probe_age_s(self, now_s: float) -> float | None:
-        """Return seconds since the other side was last heard on the data session; None: never."""
+        """Returns seconds since the other side was last heard on the data session; None: never."""
         return None if self.probe_s is None else now_s - self.probe_s
 
     def digests(self) -> dict[str, str]:
-        """Return the hash of the values held of each latched input."""
+        """Returns the hash of the values held of each latched input."""
         return {name: self.digest(name) for name, values in self.latched.items() if values}
 
     def digest(self, name: str) -> str:
-        """Return the hash of the values held of one latched input.
+        """Returns the hash of the values held of one latched input.
 
         A list of values is never changed, a change is another list: so each is hashed once, however large it is.
         """
@@ -369,28 +367,28 @@ class DataProcess(ABC):
 
     @abstractmethod
     def order(self, message: object) -> None:
-        """Take a message of control or of the collector."""
+        """Takes a message of control or of the collector."""
 
     @abstractmethod
     def limit(self, limits: Limits) -> None:
-        """Take limits that control has changed."""
+        """Takes limits that control has changed."""
 
     @abstractmethod
     def make_probe(self) -> Probe:
-        """Return what this side says in its probes."""
+        """Returns what this side says in its probes."""
 
     @abstractmethod
     def knows(self, incarnation: str) -> bool:
-        """Return whether a probe of that incarnation of the other side is for us."""
+        """Returns whether a probe of that incarnation of the other side is for us."""
 
     @abstractmethod
     def probed(self, received: Probe) -> None:
-        """Take a probe of the other side."""
+        """Takes a probe of the other side."""
 
     @abstractmethod
     def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
-        """Take a message of the other side that arrived on channel kind/name."""
+        """Takes a message of the other side that arrived on channel kind/name."""
 
     @abstractmethod
     def report(self, now_s: float, detailed: bool) -> None:
-        """Report to control."""
+        """Reports to control."""

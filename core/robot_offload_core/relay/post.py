@@ -11,9 +11,8 @@ from robot_offload_core.relay.goals.words import Hello, Word, WordError
 from robot_offload_core.words.messages import Letters
 
 HELLO_S = 0.1
-"""How often one relay shows the other that it lives."""
 HEARD_S = 0.35
-"""Without a hello for this long (three may be lost) the other relay is not heard."""
+"""Without a hello for so long the other relay is not heard: three of them may be lost."""
 
 
 class Post:
@@ -38,21 +37,21 @@ class Post:
         self.problem: tuple[str, str] | None = None
 
     def heard(self) -> bool:
-        """Return whether the other relay is heard."""
+        """Returns whether the other relay is heard."""
         return self.hello is not None and self.ports.now_s() - self.hello_s <= HEARD_S
 
     def write(self, word: Word) -> None:
-        """Write a letter; it is written again until it is acknowledged."""
+        """Writes a letter; it is written again until it is acknowledged."""
         for frame in self.courier.write(word, self.ports.now_s()):
             self._cross(frame)
 
     def write_once(self, word: Word) -> None:
-        """Write a word that may be lost."""
+        """Writes a word that may be lost."""
         if self.courier.peer:
             self._cross(self.courier.once(word))
 
     def take(self, data: bytes) -> tuple[Word | None, bool]:
-        """Take a frame; return its word, None for none of ours, and whether another relay than before wrote it."""
+        """Takes a frame; returns its word, None for none of ours, and whether another relay than before wrote it."""
         try:
             frame = words.decode(data)
         except WordError as error:
@@ -78,7 +77,7 @@ class Post:
         return frame.word, met
 
     def turn(self, hello: Hello) -> None:
-        """Send what is due: acknowledgements, letters again, a hello at changes and each 100 ms."""
+        """Sends what is due: acknowledgements, letters again, a hello at changes and each 100 ms."""
         now_s = self.ports.now_s()
         for frame in self.courier.due(now_s):
             self._cross(frame)
@@ -87,7 +86,7 @@ class Post:
             self._cross(self.courier.once(hello))
 
     def due_s(self) -> float:
-        """Return when `turn` has something to send."""
+        """Returns when `turn` has something to send."""
         return min(self.hello_due_s, self.courier.due_s())
 
     def _cross(self, frame: bytes) -> None:

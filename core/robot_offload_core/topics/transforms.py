@@ -35,7 +35,7 @@ class Transform:
 
 
 def read(payload: bytes) -> list[Transform]:
-    """Return the transforms of a message.
+    """Returns the transforms of a message.
 
     Raises:
         TransformsError: the bytes are no TFMessage.
@@ -57,7 +57,7 @@ def read(payload: bytes) -> list[Transform]:
 
 
 def only(payload: bytes, wanted: Callable[[Transform], bool]) -> bytes | None:
-    """Return a message with the wanted transforms alone, None when there are none; the same bytes when all are.
+    """Returns a message with the wanted transforms alone, None when there are none; the same bytes when all are.
 
     Raises:
         TransformsError: the bytes are no TFMessage.

@@ -11,12 +11,12 @@ from robot_offload.objects.facts import Images
 
 
 def default_images() -> Images:
-    """Return the images of this version, as the chart installs them."""
+    """The images of this version, as the chart installs them."""
     return facts.default_images(version("robot-offload"))
 
 
 def images_in_use(deployments: list[Manifest]) -> Images:
-    """Return the images of a RobotOffload that runs; the default where a Deployment is missing."""
+    """The images of a RobotOffload that runs; the default where a Deployment is missing."""
     default, found = default_images(), dict(_containers(deployments))
     return Images(
         agent=found.get("agent", default.agent),

@@ -24,7 +24,7 @@ DAYS = 365
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Adds the command to `app`."""
     app.command("pair", epilog=example_text(EXAMPLES))(pair_command)
 
 

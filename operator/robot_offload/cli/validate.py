@@ -27,7 +27,7 @@ EXAMPLES = (
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Adds the command to `app`."""
     app.command("validate", epilog=example_text(EXAMPLES))(validate)
 
 

@@ -21,34 +21,34 @@ class Subject:
 
     @property
     def namespace(self) -> str:
-        """Return its namespace."""
+        """Returns its namespace."""
         return str(self.raw["metadata"]["namespace"])
 
     @property
     def name(self) -> str:
-        """Return its name."""
+        """Returns its name."""
         return str(self.raw["metadata"]["name"])
 
     @property
     def uid(self) -> str:
-        """Return its uid."""
+        """Returns its uid."""
         return str(self.raw["metadata"]["uid"])
 
     @property
     def generation(self) -> int:
-        """Return the generation of its specification."""
+        """Returns the generation of its specification."""
         return int(self.raw["metadata"].get("generation") or 0)
 
     @property
     def status(self) -> Mapping[str, Any]:
-        """Return its status as it was last written."""
+        """Returns its status as it was last written."""
         return dict(self.raw.get("status") or {})
 
     @property
     def words(self) -> dict[str, str]:
-        """Return what log lines call it."""
+        """Returns what log lines call it."""
         return {"namespace": self.namespace, "name": self.name}
 
     def annotation(self, key: str) -> str:
-        """Return the text of an annotation; empty: there is none."""
+        """Returns the text of an annotation; empty: there is none."""
         return str((self.raw["metadata"].get("annotations") or {}).get(key, ""))

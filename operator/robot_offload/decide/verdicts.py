@@ -34,17 +34,17 @@ class Verdict:
 
 
 def yes(reason: str, message: str = "") -> Verdict:
-    """Return that it is true."""
+    """It is true."""
     return Verdict("True", reason, message)
 
 
 def no(reason: str, message: str) -> Verdict:
-    """Return that it is false; the message names the next step."""
+    """It is false; the message says what to do."""
     return Verdict("False", reason, message)
 
 
 def unknown(reason: str, message: str) -> Verdict:
-    """Return that it is unknown."""
+    """It cannot be told."""
     return Verdict("Unknown", reason, message)
 
 

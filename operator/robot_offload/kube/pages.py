@@ -22,22 +22,22 @@ class _Page(Kind):
     url: str = ""
 
     def path(self, namespace: str | None, name: str = "", subresource: str = "") -> str:
-        """Return the place."""
+        """Returns the place."""
         return self.url
 
 
 async def read_page(api: KubeApi, url: str) -> Manifest | None:
-    """Return what the API server answers at `url` as JSON; None: there is nothing."""
+    """Returns what the API server answers at `url` as JSON; None: there is nothing."""
     return await api.get(_Page("", url, "", namespaced=False, url=url), None, "")
 
 
 def proxied(namespace: str, service: str, port: int, page: str) -> str:
-    """Return where the API server passes on a page of a Service."""
+    """Returns where the API server passes on a page of a Service."""
     return f"/api/v1/namespaces/{namespace}/services/http:{service}:{port}/proxy/{page}"
 
 
 def answered(error: KubeError) -> str:
-    """Return the reporter's own words where it has answered, else the API server's."""
+    """Returns the reporter's own words where it has answered, else the API server's."""
     text = str(error)
     if "no endpoints available" in text:
         return "the cloud agent has no ready pod"

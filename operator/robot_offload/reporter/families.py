@@ -29,24 +29,24 @@ class Family:
     series: int = 1
 
     def one(self, value: float) -> Metric:
-        """Return the metric with one value and no label."""
+        """Returns the metric with one value and no label."""
         found = self.empty()
         found.add_metric([], float(value))
         return found
 
     def empty(self) -> GaugeMetricFamily | CounterMetricFamily:
-        """Return the metric without values."""
+        """Returns the metric without values."""
         if self.kind == "counter":
             return CounterMetricFamily(self.name, self.text, labels=self.labels)
         return GaugeMetricFamily(self.name, self.text, labels=self.labels)
 
     def histograms(self) -> HistogramMetricFamily:
-        """Return the metric, a histogram, without values."""
+        """Returns the metric, a histogram, without values."""
         return HistogramMetricFamily(self.name, self.text, labels=self.labels)
 
 
 def add(family: HistogramMetricFamily, labels: list[str], bounds: tuple[float, ...], histogram: Histogram) -> None:
-    """Add one histogram, its counts added up as Prometheus wants them."""
+    """Adds one histogram, its counts added up as Prometheus wants them."""
     total, buckets = 0, []
     for bound, count in zip((*map(str, bounds), "+Inf"), histogram.counts, strict=True):
         total += count

@@ -30,41 +30,41 @@ class Transport:
     traits: ClassVar[Traits] = Traits()
 
     def purposes(self, offload: RobotOffload) -> tuple[Purpose, ...]:
-        """Return the addresses that the robot needs; the bundle waits for all of them."""
+        """Returns the addresses that the robot needs; the bundle waits for all of them."""
         return ()
 
     def services(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Return the Services of this transport."""
+        """Returns the Services of this transport."""
         return discovery.services(parent) if self.traits.by_discovery_servers else ()
 
     def workloads(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Return what runs in the cloud for this transport, and its configuration."""
+        """Returns what runs in the cloud for this transport, and its configuration."""
         return discovery.stateful_sets(parent) if self.traits.by_discovery_servers else ()
 
     def policies(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Return the network policies of what `workloads` returns, beside those of every transport."""
+        """Returns the network policies of what `workloads` returns, beside those of every transport."""
         return ()
 
     def node_environment(self, parent: Parent) -> dict[str, str]:
-        """Return the environment of nodes and agent in the cloud: how they find each other."""
+        """Returns the environment of nodes and agent in the cloud: how they find each other."""
         return discovery.environment(parent.facts) if self.traits.by_discovery_servers else {}
 
     def robot_environment(self, offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
-        """Return the environment of nodes and agent on the robot; empty: they find each other as they always did."""
+        """Returns the environment of nodes and agent on the robot; empty: they find each other as they always did."""
         return {}
 
     def robot_files(
         self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str, state_dir: str
     ) -> Mapping[str, bytes]:
-        """Return files of the bundle beside those of every transport; it lies in `folder` on the robot."""
+        """Returns files of the bundle beside those of every transport; it lies in `folder` on the robot."""
         return {}
 
     def agent_link(self, offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
-        """Return the endpoints in the block `link` of an agent's configuration."""
+        """Returns the endpoints in the block `link` of an agent's configuration."""
         return {session: ["none"] for session in _SESSIONS}
 
     def observed_endpoints(
         self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
     ) -> tuple[Endpoint, ...]:
-        """Return where the robot reaches the cloud, as far as the cluster has said so yet."""
+        """Returns where the robot reaches the cloud, as far as the cluster has said so yet."""
         return ()

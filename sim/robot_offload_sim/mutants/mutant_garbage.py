@@ -6,7 +6,7 @@ from robot_offload_sim.mutants.mutants import Edit, Mutant
 
 STORY = "garbage_in_every_channel"
 GARBAGE: dict[str, Mutant] = {
-    "E2": Mutant("headers of another version are read", STORY, (Edit("words.envelope", "magic != MAGIC or ", ""),)),
+    "E2": Mutant("headers of another version are read", STORY, (Edit("fence.envelope", "magic != MAGIC or ", ""),)),
     "E3": Mutant(
         "beats of another version are read", STORY, (Edit("words.beats", "if version != VERSION:", "if False:"),)
     ),

@@ -24,16 +24,16 @@ class StateStage(Stage):
         super().__init__(states={NAME: SnapshotState("controller", max_age_s=0.5, max_size=1024)}, **changes)
 
     def kept(self, site: Site) -> Kept:
-        """Return the node with state of a side."""
+        """Returns the node with state of a side."""
         assert self.system.keeping is not None
         return self.system.keeping.sides[site]
 
     def shown(self, name: str) -> int:
-        """Return a counter of the robot's data process."""
+        """Returns a counter of the robot's data process."""
         return int(self.robot.data.process.counters[f"state {NAME}.{name}"])
 
     def reasons(self) -> set[str]:
-        """Return all reasons that were given so far."""
+        """Returns all reasons that were given so far."""
         return {decided.verdict.reason.value for _, decided in self.seen.decisions}
 
 

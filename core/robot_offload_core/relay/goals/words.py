@@ -184,18 +184,18 @@ class Reader:
         self.at = 0
 
     def take(self, size: int) -> bytes:
-        """Return the next bytes."""
+        """Returns the next bytes."""
         if self.at + size > len(self.data):
             raise WordError("BadForm", "a frame ends too early")
         self.at += size
         return self.data[self.at - size : self.at]
 
     def number(self, size: int = 8) -> int:
-        """Return an unsigned number."""
+        """Returns an unsigned number."""
         return int.from_bytes(self.take(size), "big")
 
     def text(self) -> str:
-        """Return a name."""
+        """Returns a name."""
         size = self.number(2)
         if size > MAX_NAME:
             raise WordError("BadForm", f"a name of {size} bytes")
@@ -205,30 +205,30 @@ class Reader:
             raise WordError("BadForm", "a name that is no text") from error
 
     def payload(self) -> bytes:
-        """Return a payload."""
+        """Returns a payload."""
         size = self.number(4)
         if size > MAX_BYTES:
             raise WordError("BadForm", f"a payload of {size} bytes")
         return self.take(size)
 
     def count(self) -> int:
-        """Return the length of a list."""
+        """Returns the length of a list."""
         count = self.number(2)
         if count > MAX_LIST:
             raise WordError("BadForm", f"a list of {count}")
         return count
 
     def incarnation(self) -> str:
-        """Return an incarnation, "" for none."""
+        """Returns an incarnation, "" for none."""
         found = self.take(16)
         return "" if found == NOBODY else found.hex()
 
     def token(self) -> Token:
-        """Return a token."""
+        """Returns a token."""
         return Token(self.incarnation(), self.number(), self.incarnation())
 
     def one_of(self, kind: type[Enum]) -> Any:
-        """Return a member of an enumeration by its number, or by its word."""
+        """Returns a member of an enumeration by its number, or by its word."""
         number = self.number(1)
         members = list(kind)
         found = [m for m in members if (m.value if isinstance(m.value, int) else members.index(m) + 1) == number]
@@ -303,7 +303,7 @@ _FORMS = _forms()
 
 
 def encode(frame: RelayFrame) -> bytes:
-    """Return the frame's bytes."""
+    """Returns the frame's bytes."""
     kind = type(frame.word)
     head = HEAD.pack(
         MAGIC, _incarnation(frame.writer), _incarnation(frame.reader), frame.number, KINDS.index(kind)
@@ -313,7 +313,7 @@ def encode(frame: RelayFrame) -> bytes:
 
 
 def decode(data: bytes) -> RelayFrame:
-    """Read a frame; raise WordError for anything that is none."""
+    """Reads a frame; raises WordError for anything that is none."""
     if len(data) < HEAD.size:
         raise WordError("BadForm", f"{len(data)} bytes are no frame")
     magic, writer, reader, number, kind = HEAD.unpack_from(data)

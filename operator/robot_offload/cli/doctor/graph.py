@@ -52,7 +52,7 @@ class Graph:
 
 
 def ask(topics: Sequence[str], python: str | None = None) -> Graph:
-    """Look who publishes `topics` in the ROS domain of this shell; take some seconds.
+    """Looks who publishes `topics` in the ROS domain of this shell; takes some seconds.
 
     Args:
         topics: full names.
@@ -72,7 +72,7 @@ def ask(topics: Sequence[str], python: str | None = None) -> Graph:
 
 
 def judge(graph: Graph) -> Iterator[Finding]:
-    """Yield whether somebody publishes beside the collector. Pure."""
+    """Whether somebody publishes beside the collector. Pure."""
     if graph.problem:
         yield Finding(
             "Publishers",

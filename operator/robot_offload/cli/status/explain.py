@@ -25,7 +25,7 @@ EXAMPLES = (
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Adds the command to `app`."""
     app.command("explain", epilog=example_text(EXAMPLES))(explain)
 
 
@@ -37,7 +37,7 @@ def explain(
     context: Context = None,
     kubeconfig: Kubeconfig = None,
 ) -> None:
-    """Show why a RobotOffload is not Ready, and the next step for each problem.
+    """Tell why a RobotOffload is not Ready, and the next step for each problem.
 
     Ends with 0 when it is Ready, with 1 when it is not.
     """
@@ -70,7 +70,7 @@ def explain(
 
 
 def lines(found: Explanation) -> list[str]:
-    """Return the explanation as text."""
+    """The explanation as text."""
     shown = [found.headline]
     for problem in found.problems:
         since = f" for {problem.since}" if problem.since else ""

@@ -25,10 +25,10 @@ class Workspace(Feature[BuildSpec]):
     )
 
     def wanted(self, spec: BuildSpec) -> bool:
-        """Return whether the source is in the build context."""
+        """Returns whether the source is in the build context."""
         return spec.workspace is not None
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Return the source and target folders."""
+        """From where to where."""
         paths = spec.workspace.paths if spec.workspace else ()
         return {"copies": [("./", "/ws/src/") if path == "." else (f"{path}/", f"/ws/src/{path}/") for path in paths]}
