@@ -83,25 +83,25 @@ fmt: venv ## Rewrite in the project's format
 ##@ Measure
 .PHONY: bench bench-switch bench-handover bench-hot bench-weight bench-links bench-operator bench-e2e
 bench: venv ## A short form of every measurement; refreshes docs/benchmarks.md (some 15 minutes, idle machine); ARGS="--resume"
-	$(PYTHON) -m robot_offload_lab.bench all --quick --docs docs $(ARGS)
+	$(PYTHON) -m robot_offload_lab.bench all --docs docs $(ARGS)
 
 bench-e2e: venv ## The figures of the end-to-end suite: a real cluster, a robot outside it (root)
 	$(PYTHON) -m tests.e2e.bench $(ARGS)
 
-bench-switch: venv ## The switching figures of docs/benchmarks.md; ARGS="--quick"
+bench-switch: venv ## The switching figures of docs/benchmarks.md; ARGS="--full"
 	$(PYTHON) -m robot_offload_lab.bench switch $(ARGS)
 
-bench-handover: venv ## Goals and service calls through switches, cuts and a killed relay; ARGS="--quick"
+bench-handover: venv ## Goals and service calls through switches, cuts and a killed relay; ARGS="--full"
 	$(PYTHON) -m robot_offload_lab.bench handover $(ARGS)
 
-bench-hot: venv ## Hot standby: gaps of switches and cuts, false takeovers by silence; ARGS="--cuts 100 --minutes 5"
+bench-hot: venv ## Hot standby: gaps of switches and cuts, false takeovers by silence; ARGS="--set hot_cuts=100"
 	$(PYTHON) -m robot_offload_lab.bench hot $(ARGS)
 
-bench-weight: venv ## Processor time and memory of both agents; ARGS="--seconds 60 --against COMMIT"
+bench-weight: venv ## Processor time and memory of both agents; ARGS="--set resources_s=60 --against COMMIT"
 	$(PYTHON) -m robot_offload_lab.bench weight $(ARGS)
 
 bench-links: venv ## What links carry of images and point clouds (root); ARGS="--full --resume"
-	$(PYTHON) -m robot_offload_lab.bench links --docs docs $(ARGS)
+	$(PYTHON) -m robot_offload_lab.bench.link_table --docs docs $(ARGS)
 
 bench-operator: venv ## 200 RobotOffloads on a real API server; ARGS="--objects 50"
 	$(PYTHON) -m robot_offload_lab.bench.operator_scale $(ARGS)

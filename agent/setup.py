@@ -16,7 +16,7 @@ VERSION = MANIFEST.findtext("version")
 
 
 def files(pattern: str) -> "list[str]":
-    """Returns the files of this folder that match, relative to it."""
+    """Return the files of this folder that match, relative to it."""
     return sorted(str(path.relative_to(HERE)) for path in HERE.glob(pattern) if path.is_file())
 
 

@@ -8,7 +8,7 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The parameter file of the bundle is the one argument."""
+    """Return the arguments: the parameter file of the bundle is the only one."""
     return LaunchDescription(
         [
             DeclareLaunchArgument("params", description="parameter file of the bundle, robot.yaml"),

@@ -38,7 +38,7 @@ exit codes: 0 ended by a signal, 2 bad configuration, 3 this identity runs here 
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line."""
+    """Return the command line."""
     result = argparse.ArgumentParser(
         prog="robot-offload-agent", description=__doc__, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; returns the exit code. Arguments behind `--ros-args` (given by launch) are not for us."""
+    """Run the agent and return the exit code. Arguments behind `--ros-args` (given by launch) are ignored."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if "--ros-args" in words:
         words = words[: words.index("--ros-args")]
@@ -91,7 +91,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def recording(configuration: Configuration, file: Path) -> Configuration:
-    """The configuration with a file to record the link to; raises ConfigurationError when that cannot be."""
+    """Return the configuration with a file to record the link to; raise ConfigurationError when that cannot be."""
     if configuration.side is not Site.ROBOT:
         raise ConfigurationError("--record: only the robot's agent records the link; leave it out in the cloud")
     if not file.absolute().parent.is_dir():
@@ -100,7 +100,7 @@ def recording(configuration: Configuration, file: Path) -> Configuration:
 
 
 def supervise(configuration: Configuration) -> int:
-    """Imports everything once, then forks the processes and looks after them."""
+    """Import everything once, then forks the processes and look after them."""
     # Late, because a wrong parameter file is to be told before half a second of imports.
     from robot_offload_agent.ros.context import run_until_ended  # noqa: PLC0415
     from robot_offload_agent.ros.preload import preload  # noqa: PLC0415
@@ -126,7 +126,7 @@ def supervise(configuration: Configuration) -> int:
 
 
 def programs_of_robot(configuration: Configuration) -> Programs:
-    """Imports what the robot's processes do, and nothing else: what is imported here all of them carry."""
+    """Import what the robot's processes do, and nothing else: what is imported here all of them carry."""
     from robot_offload_agent.collector import process as collector  # noqa: PLC0415 - see supervise
     from robot_offload_agent.control import robot as control  # noqa: PLC0415
     from robot_offload_agent.data import robot as data  # noqa: PLC0415
@@ -143,7 +143,7 @@ def programs_of_robot(configuration: Configuration) -> Programs:
 
 
 def programs_of_cloud(configuration: Configuration) -> Programs:
-    """Imports what the cloud's processes do, and nothing else."""
+    """Import what the cloud's processes do, and nothing else."""
     from robot_offload_agent.control import cloud as control  # noqa: PLC0415 - see supervise
     from robot_offload_agent.data import cloud as data  # noqa: PLC0415
     from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
@@ -157,7 +157,7 @@ def programs_of_cloud(configuration: Configuration) -> Programs:
 
 
 def recorder() -> Programs:
-    """Returns the process that records changeovers; none where its library is missing, which ends nothing."""
+    """Return the process that records changeovers; none where its library is missing, which ends nothing."""
     from robot_offload_agent.record.mcap import mcap_file, process  # noqa: PLC0415 - see supervise
 
     if mcap_file.installed():
@@ -167,7 +167,7 @@ def recorder() -> Programs:
 
 
 def check_link(configuration: Configuration) -> None:
-    """Endpoints and certificates; raises ConfigurationError."""
+    """Check endpoints and certificates; raise ConfigurationError."""
     from robot_offload_agent.link import choice  # noqa: PLC0415 - see supervise
 
     choice.check_link(configuration)

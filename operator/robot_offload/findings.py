@@ -25,5 +25,5 @@ class Finding:
     severity: Severity = "error"
 
     def line(self) -> str:
-        """The finding as one line of text: `spec.nodes[1].name: message`."""
+        """Return the finding as one line of text: `spec.nodes[1].name: message`."""
         return f"{self.path}: {self.message}" if self.path else self.message

@@ -15,6 +15,7 @@ from scripts.generate.metrics import metrics
 from scripts.generate.reasons import reasons
 from scripts.generate.reference import reference
 from scripts.generate.support import support
+from scripts.generate.times import times
 
 CRD_FILE: Final = "charts/robot-offload/files/crd.yaml"
 CRD_LINK: Final = f"manifests/crd/{PLURAL}.{GROUP}.yaml"
@@ -24,6 +25,7 @@ REASONS_FILE: Final = "docs/reference/reasons.md"
 IMAGES_FILE: Final = "manifests/images.txt"
 SUPPORT_FILE: Final = "docs/reference/support.md"
 METRICS_FILE: Final = "docs/reference/metrics.md"
+TIMES_FILE: Final = "docs/reference/times.md"
 
 _HEAD: Final = "# Generated from the models in operator/robot_offload/api by `make generate`; changes here are lost.\n"
 
@@ -37,6 +39,7 @@ def generated_files() -> Mapping[str, str]:
         REASONS_FILE: reasons(),
         SUPPORT_FILE: support(),
         METRICS_FILE: metrics(),
+        TIMES_FILE: times(),
     }
     return {CRD_FILE: text, IMAGES_FILE: _images(), **pages, **dashboards()}
 

@@ -44,7 +44,7 @@ class Total:
     broken: list[Broken] = field(default_factory=list)
 
     def add(self, index: int, outcome: Outcome) -> None:
-        """Adds one stretch."""
+        """Add one stretch."""
         self.simulated_s += outcome.simulated_s
         self.faults += outcome.faults
         self.events += outcome.events
@@ -75,12 +75,12 @@ class Total:
 
 
 def chunks_for(hours: float) -> int:
-    """How many stretches make up `hours` of simulated time."""
+    """Return how many stretches make up `hours` of simulated time."""
     return max(1, math.ceil(hours * 3600 / CHUNK_S))
 
 
 def live(seed: int, mutant: str | None, goals: bool, index: int) -> tuple[int, Outcome]:
-    """One stretch, with goals and calls in some or in all; the same seed and index give the same on any machine."""
+    """Run one stretch, with goals and calls in some or in all; seed and index repeat it on any machine."""
     with planted(MUTANTS[mutant] if mutant else None):
         if goals or goal_storm.with_goals(index):
             outcome = goal_storm.live(seed, index, state=goals)
@@ -93,7 +93,7 @@ def live(seed: int, mutant: str | None, goals: bool, index: int) -> tuple[int, O
 def run(
     seed: int, indices: range, workers: int, mutant: str | None = None, *, goals: bool = False
 ) -> Iterator[tuple[int, Outcome]]:
-    """Lives through the stretches, in any order, each as it is done; `goals`: all of them with goals and calls."""
+    """Live through the stretches, in any order, each as it is done; `goals`: all of them with goals and call."""
     task = partial(live, seed, mutant, goals)
     if workers <= 1:
         gc.disable()

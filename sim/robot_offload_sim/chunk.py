@@ -29,7 +29,7 @@ BOXED_SHARE = 0.2
 
 
 def boxed_s(seed: int, index: int) -> tuple[float, float]:
-    """Returns from when to when a stretch is kept in black boxes, seconds of true time."""
+    """Return from when to when a stretch is kept in black boxes, seconds of true time."""
     if index % BOXED == BOXED - 1:
         return boxes.WHOLE
     begins_s = random.Random(f"{seed}/{index}/boxes").uniform(0.0, (1.0 - BOXED_SHARE) * CHUNK_S)
@@ -84,7 +84,7 @@ class Chunk:
         self.system.around.controlled = self.boxes.watch
 
     def live(self) -> Outcome:
-        """Runs to the end or to the first violation."""
+        """Run to the end or to the first violation."""
         violation, replayed = "", 0
         story: tuple[str, ...] = ()
         system, observer = self.system, self.observer

@@ -78,7 +78,7 @@ def simulate(
 
 
 def replay_command(seed: int, index: int, mutant: str = "", *, goals: bool = False) -> str:
-    """Returns the command that lives through one stretch again: on another commit the seed plays another story."""
+    """Return the command that lives through one stretch again: on another commit the seed plays another story."""
     planted = (f" --mutant {mutant}" if mutant else "") + (" --goals" if goals else "")
     commit = present_commit()
     named = f" --commit {commit}" if commit else ""
@@ -86,7 +86,7 @@ def replay_command(seed: int, index: int, mutant: str = "", *, goals: bool = Fal
 
 
 def present_commit() -> str:
-    """Returns the short name of this checkout's commit; "" where there is none."""
+    """Return the short name of this checkout's commit; "" where there is none."""
     asked = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short=10", "HEAD"]
     try:
         done = subprocess.run(asked, capture_output=True, text=True, check=True)
@@ -96,7 +96,7 @@ def present_commit() -> str:
 
 
 def figures(total: Total) -> dict[str, Any]:
-    """The figures of a campaign."""
+    """Return the figures of a campaign."""
     hours = total.simulated_s / 3600
     return {
         "hours": round(hours, 3),
@@ -116,7 +116,7 @@ def figures(total: Total) -> dict[str, Any]:
 
 
 def closing_line(total: Total) -> str:
-    """The figures in one line."""
+    """Return the figures in one line."""
     values = figures(total)
     return (
         f"{values['hours']:.2f} h simulated, {values['faults']} faults ({values['faults_per_hour']} an hour), "

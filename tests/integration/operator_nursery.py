@@ -9,7 +9,7 @@ import signal
 import sys
 from pathlib import Path
 
-from robot_offload.runtime import main as running
+from robot_offload import handlers as running
 
 
 def main() -> None:

@@ -59,12 +59,12 @@ class Operator:
 
     @classmethod
     def start(cls, kubeconfig: Path, log: Path, name: str = "operator-0", **more: str) -> Operator:
-        """Start `python -m robot_offload.runtime.main`."""
+        """Start `python -m robot_offload.handlers`."""
 
         def begin() -> Child:
             with log.open("ab") as output:
                 return subprocess.Popen(
-                    [sys.executable, "-m", "robot_offload.runtime.main"],
+                    [sys.executable, "-m", "robot_offload.handlers"],
                     env=environment(kubeconfig, name, more),
                     cwd=ROOT,
                     stdout=output,

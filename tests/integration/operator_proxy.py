@@ -1,4 +1,4 @@
-"""A proxy in front of the API server that counts, refuses, delays, forgets, cuts and kills, as a test says.
+"""A proxy in front of the API server that counts, refuses, delays, holds, forgets, cuts and kills, as a test says.
 
 It runs in a thread of its own and speaks plain HTTP to the operator on the loopback interface.
 """
@@ -71,11 +71,16 @@ Fault = Callable[[Asked], Answer | None]
 
 
 class Proxy:
-    """One proxy. Set `fault` and `after_write` from the test at any time."""
+    """One proxy. Set `fault`, `hold` and `after_write` from the test at any time.
 
-    def __init__(self, plane: ControlPlane, directory: Path, name: str = "proxy") -> None:
+    Who comes with `kubeconfig` is the administrator, who comes with `account` has the rights that a token gives.
+    """
+
+    def __init__(self, plane: ControlPlane, directory: Path, token: str, name: str = "proxy") -> None:
         self.asked: list[Asked] = []
         self.fault: Fault | None = None
+        self.hold: Callable[[Asked], threading.Event | None] | None = None
+        """The answer to a request that the API server has carried out waits for this event."""
         self.after_write: Callable[[Asked], None] | None = None
         self.silent = False
         self.services: dict[str, str] = {}
@@ -94,7 +99,9 @@ class Proxy:
         self._thread.start()
         assert self._started.wait(PATIENCE_S)
         self.kubeconfig = directory / f"{name}.kubeconfig"
-        self.kubeconfig.write_text(json.dumps(self._kubeconfig()))
+        self.kubeconfig.write_text(json.dumps(self._kubeconfig(plane.token)))
+        self.account = directory / f"{name}-account.kubeconfig"
+        self.account.write_text(json.dumps(self._kubeconfig(token)))
 
     def close(self) -> None:
         self._loop.call_soon_threadsafe(self._stopping.set)
@@ -217,6 +224,9 @@ class Proxy:
             return await self._forward_alone(request, body, asking, self.after_write)
         status, headers, content = await self._forward(request, body)
         self._note(asking, status)
+        released = self.hold(asking) if self.hold else None
+        while released is not None and not released.is_set():
+            await asyncio.sleep(0.02)
         return web.Response(status=status, body=content, headers=headers)
 
     async def _forward_alone(
@@ -290,12 +300,12 @@ class Proxy:
         finally:
             self._watches.discard(task)
 
-    def _kubeconfig(self) -> dict[str, Any]:
+    def _kubeconfig(self, token: str) -> dict[str, Any]:
         return {
             "apiVersion": "v1",
             "kind": "Config",
             "clusters": [{"name": "proxy", "cluster": {"server": f"http://127.0.0.1:{self._port}"}}],
-            "users": [{"name": "admin", "user": {"token": self._plane.token}}],
+            "users": [{"name": "admin", "user": {"token": token}}],
             "contexts": [{"name": "proxy", "context": {"cluster": "proxy", "user": "admin"}}],
             "current-context": "proxy",
         }

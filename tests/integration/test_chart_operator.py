@@ -58,6 +58,8 @@ def forget_installation(bare_control_plane: ControlPlane, system: str, robots: P
     bare_control_plane.helm(system)("uninstall", RELEASE)
     kubectl = bare_control_plane.kubectl()
     kubectl("delete", "crd", "robotoffloads.robotoffload.dev", "--timeout=110s")
+    policies = "validatingadmissionpolicies,validatingadmissionpolicybindings"
+    kubectl("delete", policies, "-l", f"app.kubernetes.io/name={OPERATOR}")
     kubectl("delete", "namespace", system, robots.namespace, "--wait=false")
 
 

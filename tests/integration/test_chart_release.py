@@ -33,7 +33,8 @@ def kubectl(bare_control_plane: ControlPlane) -> Iterator[Kubectl]:
     bare_control_plane.new_namespace(bound.namespace, pod_security="restricted")
     yield bound
     bound("delete", "customresourcedefinition", DEFINITION["metadata"]["name"], "--ignore-not-found", "--timeout=110s")
-    bound("delete", "clusterroles,clusterrolebindings", "-l", f"app.kubernetes.io/name={OPERATOR}")
+    ours = "clusterroles,clusterrolebindings,validatingadmissionpolicies,validatingadmissionpolicybindings"
+    bound("delete", ours, "-l", f"app.kubernetes.io/name={OPERATOR}")
     bound("delete", "namespace", bound.namespace, "--ignore-not-found", "--wait=false")
 
 
@@ -92,6 +93,9 @@ def test_uninstalling_removes_the_operator_and_keeps_the_resources(
     kubectl.apply(talker())
     said = helm("uninstall", RELEASE, "--wait")
     assert "CustomResourceDefinition" in said  # helm says what it kept
+    assert "ValidatingAdmissionPolicy" in said
+    policies = kubectl.names("validatingadmissionpolicies,validatingadmissionpolicybindings")
+    assert [name.partition("/")[2] for name in policies] == [f"{kubectl.namespace}-{OPERATOR}"] * 2
     kubectl("wait", "--for=delete", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=110s")
     # A controller that was late may have made a ReplicaSet for the Deployment that has gone; the collector finds it.
     eventually(lambda: kubectl.names(EVERYTHING) == untouched, "nothing of ours", lambda: kubectl.names(EVERYTHING))

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from robot_offload.objects.facts import BUILDER
+from robot_offload.runtime.settings import from_environment
 from robot_offload_lab.cluster.commands import Helm, Kubectl
 from robot_offload_lab.cluster.control_plane import ControlPlane
 from robot_offload_lab.cluster.definitions import definitions
@@ -295,3 +296,34 @@ def test_the_install_manifest_can_be_applied_and_deleted(bare_control_plane: Con
     kubectl("wait", "--for=create", "pods", "-l", f"app.kubernetes.io/name={OPERATOR}", "--timeout=110s")
     kubectl("delete", *manifests, "--timeout=110s")
     assert set(kubectl.names(kinds)) <= set(before)  # a namespace of another test may have gone meanwhile
+
+
+def notes(helm: Helm, values: Values) -> str:
+    """What helm prints after an installation with these values."""
+    told = helm("install", RELEASE, str(CHART), "--dry-run=client", *with_values({"crds.install": False, **values}))
+    return told.partition("NOTES:")[2]
+
+
+def test_the_notes_say_what_is_needed_before_anything_can_start(helm: Helm) -> None:
+    plain = notes(helm, {})
+    assert "No public registry holds the images" in plain
+    assert "make images REGISTRY=registry.example/robots ARGS=--push" in plain
+    assert "spec.transport.expose.type: NodePort" in plain
+    private = notes(
+        helm,
+        {"images.registry": "mirror.example/ros", "images.robotPullSecrets": [{"name": "a"}, {"name": "b"}]},
+    )
+    assert "No public registry" not in private
+    assert "needs the Secrets a, b" in private
+
+
+def test_what_holds_for_all_pods_reaches_the_operator_as_it_reads_it(helm: Helm) -> None:
+    part = {"containers": [{"name": "agent", "resources": {"limits": {"cpu": "1"}}}], "priorityClassName": "robots"}
+    objects = rendered(helm, {"robotPodSpec": part, "images.robotPullSecrets": [{"name": "a"}, {"name": "b"}]})
+    environment = {one["name"]: one.get("value", "") for one in container(objects)["env"]}
+    images = dict.fromkeys(("AGENT_IMAGE", "OPERATOR_IMAGE", "DISCOVERY_IMAGE", "ROUTER_IMAGE"), "x")
+    settings = from_environment({**environment, **images, "POD_NAME": "p", "POD_NAMESPACE": "n"})
+    assert settings.policy.pod_spec == part
+    assert settings.policy.pull_secrets == ("a", "b")
+    assert settings.keep.days == 30
+    assert settings.policy.admission == next(iter(of_kind(objects, "ValidatingAdmissionPolicy")))["metadata"]["name"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -86,7 +87,9 @@ def test_an_exported_robot_goes_on_where_it_is_applied(
     remove(mine)
     for secret in mine.authorities(uid).values():  # as in a cluster that has never seen it
         Place(control_plane, HOME).delete(SECRET, secret["metadata"]["name"])
-    control_plane.kubectl(mine.namespace)("apply", "-f", str(file))
+    kubectl = control_plane.kubectl(mine.namespace)  # which would ask for one namespace only
+    command = [str(kubectl.program), "--kubeconfig", str(kubectl.kubeconfig), "apply", "-f", str(file)]
+    subprocess.run(command, check=True, timeout=120, capture_output=True)
     mine.applied()
     assert {role: one["data"] for role, one in mine.authorities().items()} == before
     assert known_as(mine) == uid

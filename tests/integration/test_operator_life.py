@@ -50,6 +50,16 @@ def test_a_new_resource_gets_all_its_children_with_its_labels_and_its_owner_refe
     assert roff["status"]["nodesReady"] == "0/1"
 
 
+def test_a_plain_apply_is_never_refused_and_posts_no_warning(place: Place, proxy: Proxy) -> None:
+    place.create(ROBOT_OFFLOAD, walker())
+    place.applied()
+    proxy.quiet(place.namespace)
+    eventually(place.events, "events")
+    assert [f"{event['reason']}: {event['message']}" for event in place.events() if event["type"] != "Normal"] == []
+    refused = [asked for asked in list(proxy.asked) if place.namespace in asked.path and asked.status >= 400]
+    assert [asked for asked in refused if asked.method != "GET"] == []
+
+
 def test_what_settles_is_never_written_again_not_even_by_a_new_operator(
     place: Place, operator: Operator, proxy: Proxy
 ) -> None:

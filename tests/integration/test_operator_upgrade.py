@@ -185,7 +185,7 @@ def test_a_new_operator_knows_whose_turn_it_was(
         eventually(lambda: len(waiting()) == len(ROBOTS) and len(kubelet.down[-1]) == AT_ONCE, "the first turns")
         operator.kill()
         operator = begin("2", "after.log")
-        operator.wait_said("Knows everything")
+        operator.wait_said("Cache is complete")
         eventually(lambda: passes(operator) >= 2 * len(ROBOTS), "two passes each")
         counted = len(kubelet.down)
         eventually(lambda: len(kubelet.down) >= counted + 3, "what became of that")

@@ -281,6 +281,13 @@ def test_annotations_that_the_administrator_allows_need_no_right(control_plane: 
         assert "right to create services" in rob.writes(exposed(annotations={"a.example/b": "c"}))
 
 
+def test_pull_secrets_of_the_platform_need_no_right(control_plane: ControlPlane) -> None:
+    with protected(control_plane, "pulls", **{"images.robotPullSecrets": [{"name": "registry"}]}) as kubectl:
+        rob = Rob(kubectl)
+        assert rob.writes(changed(cloud={"imagePullSecrets": [{"name": "registry"}]})) == ""
+        assert "right to get secrets" in rob.writes(changed(cloud={"imagePullSecrets": [{"name": "other"}]}))
+
+
 def test_what_is_hostile_is_refused_to_rob_when_it_is_written(rob: Rob) -> None:
     taken = [hostile.name for hostile in HOSTILE if hostile.by_server and not rob.writes(hostile.values)]
     assert taken == []

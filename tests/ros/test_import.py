@@ -169,14 +169,13 @@ def test_a_topic_that_appears_while_we_look_is_measured(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(300)  # the first time its interface packages are made
-def test_advice_for_the_running_whole_robot_keeps_what_touches_the_hardware_and_moves_the_navigation_stack(
+def test_the_proposal_for_the_running_whole_robot_keeps_the_hardware_and_moves_the_navigation_stack(
     whole_robot: dict[str, str], tmp_path: Path
 ) -> None:
     file = tmp_path / "sedia.yaml"
     done = subprocess.run(
         [
             sys.executable, "-m", "robot_offload", "import", "--seconds", "8", "--name", "sedia", "-o", str(file),
-            "--advise", "--rtt", "20ms", "--bandwidth", "20Mbit/s", "--picture", str(tmp_path / "cuts.svg"),
         ],
         env=whole_robot, capture_output=True, text=True, timeout=180, check=False,
     )  # fmt: skip
@@ -195,4 +194,3 @@ def test_advice_for_the_running_whole_robot_keeps_what_touches_the_hardware_and_
     assert found.driver == own.driver
     assert "/controller_server" in done.stdout + done.stderr
     assert "frames" in file.read_text(), "two nodes publish on /tf, one of them leaves"
-    assert (tmp_path / "cuts.svg").stat().st_size > 0

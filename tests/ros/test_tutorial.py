@@ -41,9 +41,6 @@ def test_every_command_of_the_tutorial_runs_and_leads_to_the_next_one(tmp_path: 
     assert [line for line in failed if not line.startswith("FAILED (1): robot-offload demo")] == [], said
     out = tmp_path / "out" / "tutorial"
     assert "robot.yaml: 2 of 2 nodes; leave the robot: talker" in said
-    assert re.search(r"^1\. .*/talker: saves [\d.]+% of a core", said, re.MULTILINE), said
-    assert "# Cuts for 2.5 MB/s and 20 ms" in (out / "advised.yaml").read_text()
-    assert (out / "cuts.svg").stat().st_size > 0
     assert "walker is valid" in said
     assert "autostart" not in (out / "robot.yaml").read_text()
     assert (out / "demo" / "report.html").stat().st_size > 0

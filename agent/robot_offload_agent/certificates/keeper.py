@@ -41,7 +41,7 @@ class CertificateKeeper:
             self._aside(self._look)
 
     def hear(self, signs: bool, answer: str, now: float) -> None:
-        """Takes what the cloud says of certificates."""
+        """Take what the cloud says of certificates."""
         if self._active:
             self._take(renewal.Heard(signs, answer), now)
 
@@ -77,7 +77,7 @@ class CertificateKeeper:
         return renewal.Found(found, bundled=False)
 
     def _aside(self, work: Callable[[], renewal.Event]) -> None:
-        """Does work on a thread of its own; what comes of it is an event on the deciding thread."""
+        """Do work on a thread of its own; what comes of it is an event on the deciding thread."""
 
         def run() -> None:
             try:

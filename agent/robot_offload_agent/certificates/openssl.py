@@ -34,7 +34,7 @@ class Certificate:
 
 
 def look(file: Path) -> Certificate:
-    """Reads the first certificate in a PEM file; raises CertificateError."""
+    """Read the first certificate in a PEM file; raise CertificateError."""
     told = _run("x509", "-in", str(file), "-noout", "-serial", "-startdate", "-enddate").decode(errors="replace")
     fields = dict(line.partition("=")[::2] for line in told.splitlines())
     try:
@@ -45,7 +45,7 @@ def look(file: Path) -> Certificate:
 
 
 def make_key(file: Path) -> None:
-    """Writes a new private key that only its owner may read; raises CertificateError."""
+    """Write a new private key that only its owner may read; raise CertificateError."""
     key = _run("genpkey", "-algorithm", "EC", "-pkeyopt", "ec_paramgen_curve:P-256")
     try:
         file.touch(mode=0o600)
@@ -56,22 +56,22 @@ def make_key(file: Path) -> None:
 
 
 def signing_request(key: Path, name: str) -> bytes:
-    """Returns a request for a certificate of this key, DER; raises CertificateError."""
+    """Return a request for a certificate of this key, DER; raise CertificateError."""
     return _run("req", "-new", "-key", str(key), "-subj", f"/CN={name}", "-outform", "DER")
 
 
 def der(certificate: Path) -> bytes:
-    """Returns the first certificate of a PEM file as DER; raises CertificateError."""
+    """Return the first certificate of a PEM file as DER; raise CertificateError."""
     return _run("x509", "-in", str(certificate), "-outform", "DER")
 
 
 def prove(key: Path, request: bytes) -> bytes:
-    """Returns the signature of a request with another key, as proof of having it; raises CertificateError."""
+    """Return the signature of a request with another key, as proof of having it; raise CertificateError."""
     return _run("dgst", "-sha256", "-sign", str(key), given=PROVED + request)
 
 
 def belong_together(certificate: Path, key: Path) -> bool:
-    """Returns whether a private key is that of a certificate."""
+    """Return whether a private key is that of a certificate."""
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(certificate, key)
     except (OSError, ssl.SSLError):

@@ -14,7 +14,7 @@ from robot_offload_agent.certificates.openssl import Certificate
 
 SHARE = 2 / 3
 """Of a certificate's life after which another one is asked for, as ACME clients do; a third is left for trouble."""
-AGAIN_S = 6 * 3600.0
+RETRY_S = 6 * 3600.0
 """After a refusal, or when the disk did not take it."""
 MAX_ANSWER = 16_384
 """Characters of an answer. One has about 1,100."""
@@ -96,20 +96,20 @@ Command = MakeRequest | Keep | Drop
 
 
 def step(renewal: Renewal, event: Event, now_s: float, wall_s: float) -> tuple[Renewal, Command | None]:
-    """Takes in one event; `now_s` is the steady clock, `wall_s` the system clock."""
+    """Take in one event; `now_s` is the steady clock, `wall_s` the system clock."""
     if isinstance(event, Heard):
         return _heard(renewal, event, now_s, wall_s)
     if isinstance(event, Found):
         return Renewal(event.certificate, event.bundled), None
     if isinstance(event, Asking):
         return replace(renewal, busy=False, request=event.request), None
-    again_s = now_s + AGAIN_S
+    again_s = now_s + RETRY_S
     stuck = replace(renewal, busy=False, request="", again_s=again_s, reason="RenewalFailed", message=event.message)
     return stuck, None
 
 
 def due(renewal: Renewal, wall_s: float) -> bool:
-    """Returns whether another certificate is wanted. A clock before the certificate's begin is wrong: it waits."""
+    """Return whether another certificate is wanted. A clock before the certificate's begin is wrong: it waits."""
     found = renewal.certificate
     if found is None:
         return False
@@ -117,12 +117,12 @@ def due(renewal: Renewal, wall_s: float) -> bool:
 
 
 def digest(request: str) -> str:
-    """Returns what names a request in its answer."""
+    """Return what names a request in its answer."""
     return hashlib.sha256(request.encode()).hexdigest()[:16]
 
 
 def asked_in(answer: str) -> str:
-    """Returns which request a text answers; "" when it is no answer."""
+    """Return which request a text answers; "" when it is no answer."""
     return _read(answer)[0]
 
 
@@ -135,14 +135,14 @@ def _heard(renewal: Renewal, event: Heard, now_s: float, wall_s: float) -> tuple
             return renewal, None
         if pem:
             return replace(renewal, busy=True, request=""), Keep(pem)
-        return replace(renewal, request="", again_s=now_s + AGAIN_S, reason=reason, message=message), Drop()
+        return replace(renewal, request="", again_s=now_s + RETRY_S, reason=reason, message=message), Drop()
     if event.signs and now_s >= renewal.again_s and due(renewal, wall_s):
         return replace(renewal, busy=True), MakeRequest()
     return renewal, None
 
 
 def _read(answer: str) -> tuple[str, str, str, str]:
-    """(request, reason, message, certificate) of an answer; all empty when it is none."""
+    """Return (request, reason, message, certificate) of an answer; all empty when it is not valid."""
     if not answer or len(answer) > MAX_ANSWER:
         return "", "", "", ""
     try:

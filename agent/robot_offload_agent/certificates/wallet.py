@@ -46,7 +46,7 @@ class Wallet:
         self._name = str(configuration["robot_name"]) or "robot"
 
     def choose(self, bundled: Path, bundled_key: Path) -> tuple[Path, Path]:
-        """Makes the newest pair the current one and returns its files' lasting paths.
+        """Make the newest pair the current one and return its files' lasting paths.
 
         Args:
             bundled: the certificate of the bundle.
@@ -74,12 +74,12 @@ class Wallet:
         return self.folder / CURRENT / CERTIFICATE, self.folder / CURRENT / KEY
 
     def present(self) -> tuple[Certificate, bool]:
-        """Returns the current certificate, and whether it is the bundle's; raises CertificateError."""
+        """Return the current certificate, and whether it is the bundle's; raise CertificateError."""
         current = self.folder / CURRENT
         return openssl.look(current / CERTIFICATE), current.resolve().name == BUNDLE
 
     def request(self) -> str:
-        """Makes a key and returns the request for its certificate; the same until it is kept or dropped.
+        """Make a key and return the request for its certificate; the same until it is kept or dropped.
 
         A request outlives a restart: its answer may be under way, and is given once for each certificate.
 
@@ -106,7 +106,7 @@ class Wallet:
         return text
 
     def keep(self, pem: str) -> Certificate:
-        """Makes a certificate that was signed for the next key the current one; returns it.
+        """Make a certificate that was signed for the next key the current one; return it.
 
         Raises:
             CertificateError: it is not for that key.
@@ -125,7 +125,7 @@ class Wallet:
         return found
 
     def drop(self) -> None:
-        """Forgets the key that waits for a certificate: the next request is for another one."""
+        """Forget the key that waits for a certificate: the next request is for another one."""
         shutil.rmtree(self.folder / NEXT, ignore_errors=True)
 
     def _own(self) -> list[Path]:
@@ -133,14 +133,14 @@ class Wallet:
         return [path for path in folders if openssl.belong_together(path / CERTIFICATE, path / KEY)]
 
     def _clear(self, newest: str) -> None:
-        """Removes own pairs that are not used any more."""
+        """Remove own pairs that are not used any more."""
         for own in self._own():
             if own.name != newest:
                 shutil.rmtree(own, ignore_errors=True)
 
 
 def with_own_certificate(configuration: Configuration) -> Configuration:
-    """Returns the robot's configuration with the files of its newest certificate; as it was where that cannot be."""
+    """Return the robot's configuration with the files of its newest certificate; as it was where that cannot be."""
     bundled, key = configuration["link.certificate"], configuration["link.private_key"]
     if configuration["side"] != "robot" or not (bundled and key):
         return configuration
@@ -154,12 +154,12 @@ def with_own_certificate(configuration: Configuration) -> Configuration:
 
 
 def renews(configuration: Configuration) -> bool:
-    """Returns whether `with_own_certificate` has found a place for own certificates."""
+    """Return whether `with_own_certificate` has found a place for own certificates."""
     return Path(configuration["link.certificate"]).parent == state_dir(configuration) / "certificates" / CURRENT
 
 
 def _link(path: Path, target: Path) -> None:
-    """Makes a symbolic link, or replaces one in one step."""
+    """Make a symbolic link, or replace one in one step."""
     if path.is_symlink() and path.readlink() == target:
         return
     passing = path.with_name(f"{path.name}.new")

@@ -78,64 +78,64 @@ class CollectorShell:
         }
 
     def run(self) -> None:
-        """Runs until it is ended."""
+        """Run until it is ended."""
         threading.Thread(target=self.serve_bus, name="bus", daemon=True).start()
         spin_topics(self.node, self.resolve)
 
     # -- what the core's process needs --------------------------------------------------------------------------------
 
     def now_s(self) -> float:
-        """Returns the steady clock, seconds."""
+        """Return the steady clock, seconds."""
         return now_s()
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a message to another process of this agent."""
+        """Send a message to another process of this agent."""
         return self.bus.send(to, message)
 
     def renew(self, to: str, message: object) -> bool:
-        """Sends a level that has not changed to another process of this agent."""
+        """Send a level that has not changed to another process of this agent."""
         return self.bus.renew(to, message)
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
-        """Sends an output's message to another process of this agent."""
+        """Send an output's message to another process of this agent."""
         output = self.configuration.outputs[index]
         return self.bus.carry(
             to, kind, index, header, payload, output["topic"], reliable=output["reliability"] != "best_effort"
         )
 
     def publish(self, index: int, payload: Any) -> None:
-        """Publishes to the consumers, as soon as the type is known."""
+        """Publish to the consumers, as soon as the type is known."""
         if index in self.publishers:
             self.publishers[index].publish(payload)
 
     def fill(self, index: int, payload: Any) -> None:
-        """Publishes on the private topic of a shared output's replica."""
+        """Publish on the private topic of a shared output's replica."""
         if index in self.fills:
             self.fills[index].publish(payload)
 
     def type_of(self, index: int) -> str:
-        """Returns the type that an output is published with, "" while there is no publisher."""
+        """Return the type that an output is published with, "" while there is no publisher."""
         return self.published.get(index, "")
 
     def topics_of(self, index: int) -> tuple[str, str]:
-        """Returns the public topic of an output and the private one of the robot's replica."""
+        """Return the public topic of an output and the private one of the robot's replica."""
         output = self.configuration.outputs[index]
         return output["topic"], output["robot_topic"]
 
     def save(self, state: Collector) -> None:
-        """Keeps who passes now in the memory file, and wakes the relay, which reads it there."""
+        """Keep who passes now in the memory file, and wake the relay, which reads it there."""
         self.memory.save(state)
         if self.has_relay:
             self.bus.send("relay", HolderChanged())
 
     def fell_silent(self) -> None:
-        """Logs that control has been silent for too long."""
+        """Log that control has been silent for too long."""
         log.error("Control has been silent for too long, only the robot's output passes")
 
     # -- ROS thread ---------------------------------------------------------------------------------------------------
 
     def resolve(self) -> float:
-        """Creates what could not be created yet, looks for second publishers; returns seconds until the next look."""
+        """Create what could not be created yet, look for second publishers; return seconds until the next look."""
         self.beacon.sign("ros")
         for index, (subscription, output) in enumerate(
             zip(self.subscriptions, self.configuration.outputs, strict=True)
@@ -150,7 +150,7 @@ class CollectorShell:
         return RESOLVE_FIRST_S if hurried else RESOLVE_PERIOD_S
 
     def resolve_publisher(self, index: int, subscription: raw.RawSubscription) -> None:
-        """Makes the publisher of the public topic, of the type and the kind of the replica's own publisher.
+        """Make the publisher of the public topic, of the type and the kind of the replica's own publisher.
 
         While the robot's replica has never been seen the cloud's type is taken: the robot may be what is missing.
         """
@@ -178,7 +178,7 @@ class CollectorShell:
             self.node.destroy_publisher(replaced)
 
     def _resolve_shared(self) -> None:
-        """Subscribes to the public topics of shared outputs, makes what fills their private ones."""
+        """Subscribe to the public topics of shared outputs, make what fills their private ones."""
         for index, heard in self.shared.items():
             heard.resolve()
             output = self.configuration.outputs[index]
@@ -188,7 +188,7 @@ class CollectorShell:
                 self.fills[index] = raw.make_publisher(self.node, output["robot_topic"], name, qos)
 
     def check_publishers(self) -> None:
-        """A second publisher on a public topic would bypass the gate: it stops the start, and later the cloud."""
+        """Look for a second publisher on a public topic: it stops the start, and later the cloud."""
         now = now_s()
         for index, output in enumerate(self.configuration.outputs):
             found = [raw.endpoint(info) for info in self.node.get_publishers_info_by_topic(output["topic"])]
@@ -200,7 +200,7 @@ class CollectorShell:
             self.process.note(f"consumers {output.name}", raw.unheard(self.node, output["topic"]))
 
     def robot_handler(self, index: int) -> raw.OnRaw:
-        """Returns the callback for the robot's private topic of one output."""
+        """Return the callback for the robot's private topic of one output."""
 
         def handle(payload: bytes) -> None:
             with self.lock:
@@ -209,7 +209,7 @@ class CollectorShell:
         return handle
 
     def others_handler(self, index: int) -> raw.OnRaw:
-        """Returns the callback for the public topic of one shared output."""
+        """Return the callback for the public topic of one shared output."""
 
         def handle(payload: bytes) -> None:
             with self.lock:
@@ -220,7 +220,7 @@ class CollectorShell:
     # -- bus thread ---------------------------------------------------------------------------------------------------
 
     def serve_bus(self) -> None:
-        """Reads the gate and the cloud's messages, and reports."""
+        """Read the gate and the cloud's messages, and report."""
         due_s = now_s()
         while True:
             select.select([self.bus.news], [], [], max(0.0, due_s - now_s()))
@@ -238,7 +238,7 @@ class CollectorShell:
 
 
 def run(configuration: Configuration) -> None:
-    """Entry of the process."""
+    """Run the process."""
     realtime.request(configuration["realtime"], realtime.START_PRIORITY)
     shell = CollectorShell(configuration, Bus(configuration.runtime_dir, "collector"))
     realtime.request(configuration["realtime"], realtime.DEFAULT_PRIORITY)

@@ -62,26 +62,26 @@ class CloudControlShell(ControlShell):
         self.services = SwitchServices(self.report.guardian, self.report.switcher_names(), self.post_switch)
 
     def post_switch(self, site: Site, key: int) -> None:
-        """Hands a call of one of the services to the deciding thread (ROS thread)."""
+        """Hand a call of one of the services to the deciding thread (ROS thread)."""
         self.post(lambda _now: self.process.ask(site, key))
 
     def answer(self, key: int, accepted: bool, message: str) -> None:
-        """Answers a call of one of the services."""
+        """Answer a call of one of the services."""
         self.services.answer(key, accepted, message)
 
     def decided(self, reason: Stand, message: str) -> None:
-        """Logs a decision."""
+        """Log a decision."""
         log.info("%s reason=%s", message, reason)
 
     def turned(self, now: float) -> None:
-        """Tells the operator's files what has changed."""
+        """Report the operator's files what has changed."""
         connected = bool(self.process.cloud.robot)
         if connected is not self.liaison.connected or not self.liaison.since:
             self.deal(liaison.Seen(connected, wall_text()), now)
         self.write_state(now)
 
     def take_notes(self, message: Notes, now: float) -> None:
-        """Takes what the robot served says of its settings, of who acts, and of our end."""
+        """Take what the robot served says of its settings, of who acts, and of our end."""
         if message.incarnation != self.process.cloud.robot:
             return
         try:
@@ -93,7 +93,7 @@ class CloudControlShell(ControlShell):
         self.deal(liaison.RobotSaid(notes), now)
 
     def take(self, message: Any) -> None:
-        """Takes one datagram; a beat is counted."""
+        """Take one datagram; a beat is counted."""
         if isinstance(message, Reported):
             self.take_report(message.text, now_s())
             return
@@ -102,7 +102,7 @@ class CloudControlShell(ControlShell):
             self.tally.look(self.process.link, message.arrived_s, self.process.settings.loss_timeout_s)
 
     def take_report(self, text: str, now: float) -> None:
-        """Takes the robot's own numbers; what is none of ours is counted, and a later version said in words."""
+        """Take the robot's own numbers; what is none of ours is counted, and a later version said in words."""
         try:
             self.numbers = robot_report.decode(text, self.process.cloud.robot, self.topics)
         except robot_report.StrangerError:
@@ -116,7 +116,7 @@ class CloudControlShell(ControlShell):
         self.report.note("report", None)
 
     def deal(self, event: liaison.Event, now: float) -> None:
-        """Takes one event for what joins us to the operator."""
+        """Take one event for what joins us to the operator."""
         self.liaison = liaison.step(self.liaison, event, now)
         told = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
         if told != self.noted:
@@ -124,7 +124,7 @@ class CloudControlShell(ControlShell):
         self.write_state(now)
 
     def send_notes(self, now: float) -> None:
-        """Sends our notes for the robot, and the limits of the inputs that it has accepted."""
+        """Send our notes for the robot, and the limits of the inputs that it has accepted."""
         notes, taken = self.noted = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
         stated = replica_parameters.statements(self.comparison.compared)
         text = encode(replace(notes, vetoes=self.other_managers, parameters=stated, release=release()))
@@ -134,7 +134,7 @@ class CloudControlShell(ControlShell):
         self.bus.send("data", Limits(settings.max_command_age_s, settings.lease_s, limits))
 
     def write_state(self, now: float) -> None:
-        """Writes the state file."""
+        """Write the state file."""
         if self.files.writer is None:
             return
         state = liaison.state(
@@ -147,7 +147,7 @@ class CloudControlShell(ControlShell):
         self.files.tell(state, now, lambda: self.figures(now))
 
     def figures(self, now: float) -> dict[str, object]:
-        """Returns what the state file says anew at each writing."""
+        """Return what the state file says anew at each writing."""
         self.watched = momentary.watch(self.watched, self.process.link, now)
         glance = momentary.Glance()
         if self.liaison.connected:
@@ -165,14 +165,14 @@ class CloudControlShell(ControlShell):
         }
 
     def processes(self, now: float) -> dict[str, list[int]]:
-        """Returns what this agent's processes cost, looked at once a second."""
+        """Return what this agent's processes cost, looked at once a second."""
         if now >= self.processes_due_s:
             self.processes_due_s = now + 1.0
             self.cost = numbers.processes({name: deaths for name, deaths, _, _ in self.lives.processes})
         return self.cost
 
     def carried(self) -> list[liaison.Carried]:
-        """Returns what crossed the link so far, by topic: as this side got or sent it."""
+        """Return what crossed the link so far, by topic: as this side got or sent it."""
         status = self.process.data_status
         counters = dict(status.counters) if status is not None else {}
         ways = (
@@ -193,7 +193,7 @@ class CloudControlShell(ControlShell):
         ]
 
     def state_ages_ms(self) -> dict[str, int]:
-        """Returns how old the state was with which the cloud last began to act, by name of the entry."""
+        """Return how old the state was with which the cloud last began to act, by name of the entry."""
         status = self.process.data_status
         counters = dict(status.counters) if status is not None else {}
         names = [state.name for state in self.configuration.states]
@@ -201,7 +201,7 @@ class CloudControlShell(ControlShell):
         return {name: age_ms for name, age_ms in ages.items() if age_ms is not None}
 
     def publish_report(self, now: float) -> None:
-        """Publishes diagnostics and network status."""
+        """Publish diagnostics and network status."""
         process = self.process
         self.report.publish_network_status(process.sustained())
         self.report.note("degraded", process.degraded())
@@ -225,5 +225,5 @@ class CloudControlShell(ControlShell):
 
 
 def run(configuration: Configuration) -> None:
-    """Entry of the process."""
+    """Run the process."""
     start(configuration, CloudControlShell)

@@ -18,7 +18,7 @@ def explained(
     reason: str, message: str, nodes: Iterable[Node], replicas: Mapping[str, str],
     problems: Iterable[tuple[str, str]], link: str,
 ) -> str:  # fmt: skip
-    """Returns the message of a decision with those that it is about.
+    """Return the message of a decision with those that it is about.
 
     Args:
         reason: of the decision.

@@ -27,7 +27,7 @@ SAME_S = 5.0
 
 
 def of_link(tally: LinkTally) -> dict[str, Any]:
-    """Returns the numbers of the link and of the changes."""
+    """Return the numbers of the link and of the changes."""
     return {
         "beats": [tally.received, tally.lost],
         "latency": [round(tally.latency_sum_ms), *tally.latency],
@@ -37,7 +37,7 @@ def of_link(tally: LinkTally) -> dict[str, Any]:
 
 
 def gaps(counters: Mapping[str, int], outputs: Iterable[str]) -> dict[str, list[int]]:
-    """Returns overdue time (ms), sum (ms) and counts by GAP_MS of the time between commands, by rated output."""
+    """Return overdue time (ms), sum (ms) and counts by GAP_MS of the time between commands, by rated output."""
     found: dict[str, list[int]] = {}
     for name in outputs:
         counts = [counters.get(f"{name}.gap_ms.{index}", 0) for index in range(len(GAP_MS) + 1)]
@@ -47,13 +47,13 @@ def gaps(counters: Mapping[str, int], outputs: Iterable[str]) -> dict[str, list[
 
 
 def topics(counters: Mapping[str, int], inputs: Iterable[str]) -> dict[str, list[int]]:
-    """Returns how many messages of each input were sent, above its rate, thinned and not taken by the link."""
+    """Return how many messages of each input were sent, above its rate, thinned and not taken by the link."""
     found = {name: [counters.get(f"{name}.{word}", 0) for word in THINNED] for name in inputs}
     return dict(sorted(((name, counts) for name, counts in found.items() if any(counts)), key=lambda it: -sum(it[1])))
 
 
 def refused(counters: Mapping[str, int], outputs: Iterable[str]) -> dict[str, int]:
-    """Returns how many messages of the cloud the collector has refused, by reason."""
+    """Return how many messages of the cloud the collector has refused, by reason."""
     found: dict[str, int] = {}
     names = set(outputs)
     for key, count in counters.items():
@@ -64,7 +64,7 @@ def refused(counters: Mapping[str, int], outputs: Iterable[str]) -> dict[str, in
 
 
 def goals(counters: Mapping[str, int], actions: Iterable[str]) -> dict[str, list[int]]:
-    """Returns how many goals of each action succeeded, were aborted and were canceled."""
+    """Return how many goals of each action succeeded, were aborted and were canceled."""
     found = {action: [counters.get(f"{action}.{word}", 0) for word in ENDS] for action in actions}
     return {action: counts for action, counts in found.items() if any(counts)}
 
@@ -72,7 +72,7 @@ def goals(counters: Mapping[str, int], actions: Iterable[str]) -> dict[str, list
 def changeover(
     last: tuple[float, str, str] | None, silence: tuple[Site, float, float] | None, now_s: float
 ) -> dict[str, Any] | None:
-    """Returns the last change of side: to which one, why, how long ago, and the silence around it once that is over.
+    """Return the last change of side: to which one, why, how long ago, and the silence around it once that is over.
 
     Args:
         last: when, to which side, why; None: there was none since the start.
@@ -88,17 +88,17 @@ def changeover(
 
 
 def actions(counters: Mapping[str, int], names: Iterable[str]) -> dict[str, list[int]]:
-    """Returns of each action the goals that a side executes now, those that wait for one, and all restarts."""
+    """Return of each action the goals that a side executes now, those that wait for one, and all restarts."""
     return {name: [counters.get(f"{name}.{word}", 0) for word in IN_FLIGHT] for name in names}
 
 
 def services(counters: Mapping[str, int], names: Iterable[str]) -> dict[str, int]:
-    """Returns how many calls of each service are not answered yet."""
+    """Return how many calls of each service are not answered yet."""
     return {name: counters.get(f"{name}.open", 0) for name in names}
 
 
 def processes(deaths: Mapping[str, int]) -> dict[str, list[int]]:
-    """Returns processor time (ms), resident memory (kB) and deaths of the supervisor's children, by name.
+    """Return processor time (ms), resident memory (kB) and deaths of the supervisor's children, by name.
 
     Args:
         deaths: by name of the process.

@@ -39,9 +39,9 @@ log = logging.getLogger(__name__)
 TICK_S = 0.020
 """The clockwork of retries and renewals; a deadline that matters sooner is met by `next_deadline_s`."""
 SLACK_S = 0.010
-"""A tick that is due waits so long for a datagram to come with: waking up costs more than what is done then."""
+"""How long a due tick waits for the next datagram, so that one wake-up serves both."""
 EARLY_S = 0.008
-"""A tick that is due so soon is made with the datagram that has just come: beats have the period of ticks."""
+"""A tick due within this time is made with the datagram that has just come: both have one period."""
 REPORT_PERIOD_S = 1.0
 SEEN_PERIOD_S = 0.5
 """How often nodes without a lifecycle are looked for in the graph."""
@@ -60,17 +60,17 @@ class Witnesses:
         self.witnesses = tuple(witnesses)
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Hands a step to each."""
+        """Hand a step to each."""
         for witness in self.witnesses:
             witness.stepped(machine, now_s, event, after, commands)
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Hands a state to each."""
+        """Hand a state to each."""
         for witness in self.witnesses:
             witness.restated(machine, now_s, state)
 
     def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
-        """Hands a step that broke a rule to each."""
+        """Hand a step that broke a rule to each."""
         for witness in self.witnesses:
             witness.broke(machine, now_s, event, rule)
 
@@ -106,7 +106,7 @@ class ControlShell(ABC):
         self.other_managers: tuple[Problem, ...] = ()
 
     def run(self) -> None:
-        """Runs until it is ended."""
+        """Run until it is ended."""
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         if self.box is not None:
             self.witnesses.append(self.box)
@@ -133,16 +133,16 @@ class ControlShell(ABC):
     # -- events -------------------------------------------------------------------------------------------------------
 
     def post(self, event: Callable[[float], None]) -> None:
-        """Hands work to the deciding thread, from any thread."""
+        """Hand work to the deciding thread, from any thread."""
         self.events.put(event)
         os.eventfd_write(self.wake, 1)
 
     def post_guardian(self, event: guardians.Event) -> None:
-        """Hands an observation of the guardian's shell to the deciding thread."""
+        """Hand an observation of the guardian's shell to the deciding thread."""
         self.post(lambda _now: self.process.guard(event))
 
     def decide(self) -> None:
-        """Takes events, then a turn, over and over (the deciding thread)."""
+        """Take events, then a turn, over and over (the deciding thread)."""
         due_s = turned_s = now_s()
         while True:
             wake_s, deadline_s = due_s + SLACK_S, self.process.next_deadline_s()
@@ -169,7 +169,7 @@ class ControlShell(ABC):
                     self.publish_report(now)
 
     def drain(self) -> None:
-        """Takes all that has arrived."""
+        """Take all that has arrived."""
         while (message := self.bus.receive()) is not None:
             with self.guard:
                 self.take(message)
@@ -182,7 +182,7 @@ class ControlShell(ABC):
                 event(now_s())
 
     def take(self, message: Any) -> None:
-        """Takes one datagram."""
+        """Take one datagram."""
         if isinstance(message, Arrived):
             try:
                 beat = beats.decode(message.text)
@@ -200,7 +200,7 @@ class ControlShell(ABC):
             self.process.handle(message)
 
     def take_pulse_status(self, status: PulseStatus) -> None:
-        """Takes the state of the pulse session; what somebody has to do something about is a problem."""
+        """Take the state of the pulse session; what somebody has to do something about is a problem."""
         before, self.pulse_status = self.pulse_status, status
         if status.realtime not in ("fifo", "normal"):
             self.report.note("realtime", ("RealtimeRefused", status.realtime))
@@ -211,7 +211,7 @@ class ControlShell(ABC):
         self.report.note("version", ("OtherVersion", message) if refused else None)
 
     def take_lives(self, lives: Lives) -> None:
-        """Takes what the supervisor says of all processes; what hung or broke is a problem for as long as it lives."""
+        """Take what the supervisor says of all processes; what hung or broke is a problem for as long as it lives."""
         self.lives = lives
         hung = ", ".join(f"{name} ({hangs} times)" for name, _, hangs, _ in lives.processes if hangs)
         message = f"Did not answer any more and was started again: {hung}"
@@ -221,7 +221,7 @@ class ControlShell(ABC):
         self.report.note("broken", ("InvariantBroken", message) if broken else None)
 
     def life_counters(self) -> dict[str, int]:
-        """Returns what was no message here, and deaths of each process and their kinds, for diagnostics."""
+        """Return what was no message here, and deaths of each process and their kinds, for diagnostics."""
         counters = {"garbage.control": self.bus.garbage + self.guard.count}
         if self.box is not None and self.box.left_out:
             counters["blackbox.left_out"] = self.box.left_out
@@ -231,7 +231,7 @@ class ControlShell(ABC):
         return counters
 
     def look_for_plain_nodes(self) -> None:
-        """Notes which nodes without a lifecycle are in the graph, with all their declared names."""
+        """Note which nodes without a lifecycle are in the graph, with all their declared names."""
         if self.managed.plain:
             missing = self.managed.missing_plain()
             self.process.guard(guardians.Seen(tuple(name for name, what in missing.items() if not what)))
@@ -239,7 +239,7 @@ class ControlShell(ABC):
                 self.report.note(f"plain {name}", ("NodeUnseen", what) if what else None)
 
     def look_at_graph(self, now: float) -> None:
-        """Reports nodes that are not what was declared, and who else changes their states."""
+        """Report nodes that are not what was declared, and who else changes their states."""
         if now < self.graph_due_s:
             return
         self.graph_due_s = now + GRAPH_PERIOD_S
@@ -262,55 +262,55 @@ class ControlShell(ABC):
     # -- what the core's process needs --------------------------------------------------------------------------------
 
     def now_s(self) -> float:
-        """Returns the steady clock, seconds."""
+        """Return the steady clock, seconds."""
         return now_s()
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a message to another process of this agent."""
+        """Send a message to another process of this agent."""
         if to == "pulse":
             return self.bus.renew(to, message)  # pulse reads its inbox when it speaks, nothing wakes it
         return self.bus.send(to, message)
 
     def renew(self, to: str, message: object) -> bool:
-        """Sends a level that has not changed to another process of this agent."""
+        """Send a level that has not changed to another process of this agent."""
         return self.bus.renew(to, message)
 
     def carry_out(self, command: managed_nodes.Command) -> None:
-        """Calls a lifecycle service or the driver, or logs what the guardian reports."""
+        """Call a lifecycle service or the driver, or log what the guardian reports."""
         if isinstance(command, managed_nodes.NodeNews):
             log.info("Node %s: %s reason=%s", command.name, command.message, command.reason)
         else:
             self.managed.carry_out(command)
 
     def network_status(self, sustained: int) -> None:
-        """Publishes whether the link sustains the cloud."""
+        """Publish whether the link sustains the cloud."""
         self.report.publish_network_status(sustained)
 
     def fail_start(self, message: str) -> None:
-        """Ends the agent with a message."""
+        """End the agent with a message."""
         self.bus.send("supervisor", Fatal("control", message))
 
     # -- what each side does in its own way ---------------------------------------------------------------------------
 
     @abstractmethod
     def answer(self, key: int, accepted: bool, message: str) -> None:
-        """Answers a switch by hand."""
+        """Answer a switch by hand."""
 
     @abstractmethod
     def take_notes(self, message: Notes, now: float) -> None:
-        """Takes notes of the other side's control."""
+        """Take notes of the other side's control."""
 
     @abstractmethod
     def turned(self, now: float) -> None:
-        """Follows each turn of the process."""
+        """Follow each turn of the process."""
 
     @abstractmethod
     def publish_report(self, now: float) -> None:
-        """Publishes diagnostics, once a second."""
+        """Publish diagnostics, once a second."""
 
 
 def start(configuration: Configuration, shell: type[ControlShell]) -> None:
-    """Entry of the process."""
+    """Run the process."""
     started = shell(configuration, Bus(configuration.runtime_dir, "control"))
     realtime.request(configuration["realtime"], realtime.DEFAULT_PRIORITY)
     started.run()

@@ -86,15 +86,15 @@ class RobotControlShell(ControlShell):
     # -- events in ----------------------------------------------------------------------------------------------------
 
     def post_switch(self, site: Site, key: int) -> None:
-        """Hands a call of one of the services to the deciding thread (ROS thread)."""
+        """Hand a call of one of the services to the deciding thread (ROS thread)."""
         self.post(lambda _now: self.process.step(placement.SwitchByHand(site, key)))
 
     def set_override(self, now: float) -> None:
-        """Takes the override that was set (deciding thread)."""
+        """Take the override that was set (deciding thread)."""
         self.process.step(placement.SetPin(self.override.wish(now)))
 
     def take(self, message: Any) -> None:
-        """Takes one datagram; a beat is counted, what viewers draw is published."""
+        """Take one datagram; a beat is counted, what viewers draw is published."""
         super().take(message)
         live = self.report.live
         if isinstance(message, Arrived):
@@ -108,7 +108,7 @@ class RobotControlShell(ControlShell):
             live.passes(None if charge is None else charge.site)
 
     def adopt(self, _now: float) -> None:
-        """Takes settings that the cloud offers, when they were answered; in force when accepted (deciding thread)."""
+        """Take settings that the cloud offers, when they were answered; in force when accepted (deciding thread)."""
         present = self.tuned.present
         self.note_settings()
         self.process.adopt(present.settings(), present.input_specs())
@@ -118,7 +118,7 @@ class RobotControlShell(ControlShell):
         self.send_notes()
 
     def note_settings(self) -> None:
-        """Notes in the audit trail what became of an offer, once, and a pin that came with it."""
+        """Note in the audit trail what became of an offer, once, and a pin that came with it."""
         judgement, pin = self.tuned.judgement, str(self.tuned.present["pin"])
         answered = (self.tuned.judged, judgement.reason.value)
         if answered == self.answered:
@@ -137,7 +137,7 @@ class RobotControlShell(ControlShell):
             self.audited_pin = pin
 
     def note_certificate(self) -> None:
-        """Notes in the audit trail that the robot dials with another certificate."""
+        """Note in the audit trail that the robot dials with another certificate."""
         found = self.certificate.credential
         if found.serial in ("", self.serial):
             return
@@ -146,13 +146,13 @@ class RobotControlShell(ControlShell):
         self.serial = found.serial
 
     def send_limits(self) -> None:
-        """Sends limits that the other processes keep: at changes, and again because they may be new."""
+        """Send limits that the other processes keep: at changes, and again because they may be new."""
         limits = self.tuned.limits()
         for process in ("collector", "data"):
             self.bus.send(process, limits)
 
     def take_notes(self, message: Notes, now: float) -> None:
-        """Takes notes of the cloud that the pulse hears."""
+        """Take notes of the cloud that the pulse hears."""
         if message.incarnation != self.process.robot.link.peer:
             return
         if self.process.announce_leaving(self.tuned.take(message.text), now + LEAVING_S):
@@ -163,7 +163,7 @@ class RobotControlShell(ControlShell):
         self.process.veto("cloud", heard.vetoes)
 
     def send_notes(self) -> None:
-        """Sends our notes for the cloud."""
+        """Send our notes for the cloud."""
         robot = self.process.robot
         decided = robot.decided
         message = self.explained(decided.reason, decided.message)
@@ -179,7 +179,7 @@ class RobotControlShell(ControlShell):
         self.bus.send("data", Notes(self.incarnation, text))
 
     def turned(self, now: float) -> None:
-        """Writes the recording; ends an override whose time is over."""
+        """Write the recording; end an override whose time is over."""
         if self.recorder is not None:
             self.recorder.flush(now)
         if self.override.expire():
@@ -189,11 +189,11 @@ class RobotControlShell(ControlShell):
     # -- what the core's process needs --------------------------------------------------------------------------------
 
     def answer(self, key: int, accepted: bool, message: str) -> None:
-        """Answers a call of one of the services."""
+        """Answer a call of one of the services."""
         self.services.answer(key, accepted, message)
 
     def decided(self, decided: Decided) -> None:
-        """Logs a decision and publishes the placement."""
+        """Log a decision and publish the placement."""
         verdict = decided.verdict
         self.tally.decided(decided, self.process.robot.link.peer, now_s())
         if decided.switched:
@@ -210,19 +210,19 @@ class RobotControlShell(ControlShell):
             self.report.live.note(f"{decided.site.value}, {decided.phase.value}: {message} ({verdict.reason})")
 
     def explained(self, reason: str, message: str) -> str:
-        """Returns the message of a decision with the nodes and topics that it is about."""
+        """Return the message of a decision with the nodes and topics that it is about."""
         process = self.process
         problems = process.data_status.problems if process.data_status else ()
         link = self.pulse_status.message if self.pulse_status else ""
         return culprits.explained(reason, message, process.guardian.nodes, process.replicas, problems, link)
 
     def effects_changed(self) -> None:
-        """Publishes the placement again."""
+        """Publish the placement again."""
         decided = self.process.robot.decided
         self.publish_placement(decided.reason, self.explained(decided.reason, decided.message))
 
     def publish_placement(self, reason: str, message: str, silent_s: float | None = None) -> None:
-        """Publishes the latched /offload/placement."""
+        """Publish the latched /offload/placement."""
         robot, effects = self.process.robot, self.process.take_effects()
         body = {
             "site": switcher.site(robot).value,
@@ -242,7 +242,7 @@ class RobotControlShell(ControlShell):
         self.send_notes()
 
     def available(self, statements: tuple[Available, ...]) -> None:
-        """Publishes and logs which nodes with placement Cloud have results that reach the robot."""
+        """Publish and log which nodes with placement Cloud have results that reach the robot."""
         for one in statements:
             word = one.reason.value if one.reason else "Available"
             log.info("Node %s in the cloud: %s reason=%s", one.node, one.message, word)
@@ -251,7 +251,7 @@ class RobotControlShell(ControlShell):
     # -- reports ------------------------------------------------------------------------------------------------------
 
     def publish_report(self, now: float) -> None:
-        """Publishes diagnostics and network status, and makes the slow checks."""
+        """Publish diagnostics and network status, and make the slow checks."""
         process = self.process
         self.report.publish_network_status(process.sustained())
         decided = process.robot.decided
@@ -302,7 +302,7 @@ class RobotControlShell(ControlShell):
         self.counters[REPORT_COST] = self.counters.get(REPORT_COST, 0) + spent_us
 
     def send_numbers(self, now: float) -> None:
-        """Sends the robot's own numbers to the cloud, which shows them beside its own."""
+        """Send the robot's own numbers to the cloud, which shows them beside its own."""
         process, robot, counters = self.process, self.process.robot, self.counters
         collector = process.collector_status
         self.watched = momentary.watch(self.watched, robot.link, now)
@@ -337,7 +337,7 @@ class RobotControlShell(ControlShell):
         self.bus.send("data", Reported(robot_report.encode(self.incarnation, plain, lists)))
 
     def compare_parameters(self) -> None:
-        """Reports parameters that differ between the replicas; they hinder the policy's way to the cloud."""
+        """Report parameters that differ between the replicas; they hinder the policy's way to the cloud."""
         process = self.process
         resting = process.robot.preparation is None  # a side that gets ready may declare some more at any moment
         alike = [name for name, state in process.node_states() if resting and process.replicas.get(name) == state]
@@ -349,5 +349,5 @@ class RobotControlShell(ControlShell):
 
 
 def run(configuration: Configuration) -> None:
-    """Entry of the process."""
+    """Run the process."""
     start(configuration, RobotControlShell)

@@ -44,7 +44,7 @@ class CloudDataShell(DataShell):
         ]
 
     def on_message(self, channel: str, header: bytes, payload: bytes) -> None:
-        """Takes a message from the link; of images that crossed as JPEG the nodes get the plain ones."""
+        """Take a message from the link; of images that crossed as JPEG the nodes get the plain ones."""
         if payload[:4] == jpeg.MAGIC and channel.startswith("in/"):
             try:
                 size, payload = len(payload), jpeg.unpack(payload)
@@ -57,17 +57,17 @@ class CloudDataShell(DataShell):
         super().on_message(channel, header, payload)
 
     def leave(self, index: int, payload: bytes, published_s: float | None) -> None:
-        """Takes a message of a replica, on the ROS thread."""
+        """Take a message of a replica, on the ROS thread."""
         self.look_who_is_heard()
         self.process.leave(index, payload, published_s)
 
     def watch(self, name: str, payload: bytes) -> None:
-        """Takes an input that arrived by itself (DDS transports)."""
+        """Take an input that arrived by itself (DDS transports)."""
         del payload
         self.process.watch(name)
 
     def publish_output(self, index: int, payload: Any) -> None:
-        """Publishes to consumers in the cloud, as soon as the type is known."""
+        """Publish to consumers in the cloud, as soon as the type is known."""
         output = self.configuration.outputs[index]
         key = f"public {output.name}"
         if key not in self.publishers:
@@ -80,12 +80,12 @@ class CloudDataShell(DataShell):
         self.publishers[key].publish(payload)
 
     def fill(self, index: int, payload: Any) -> None:
-        """Publishes on the private topic of a shared output's replica."""
+        """Publish on the private topic of a shared output's replica."""
         if index in self.fills:
             self.fills[index].publish(payload)
 
     def _resolve_shared(self) -> None:
-        """Subscribes to the public topics of shared outputs, makes what fills their private ones."""
+        """Subscribe to the public topics of shared outputs, make what fills their private ones."""
         for index, heard in self.shared.items():
             heard.resolve()
             output = self.configuration.outputs[index]
@@ -98,18 +98,18 @@ class CloudDataShell(DataShell):
                 self.process.repeat_others(index)
 
     def publish_input(self, name: str, payload: Any) -> bool:
-        """Publishes to the replicas; returns False while the input's type is not known."""
+        """Publish to the replicas; return False while the input's type is not known."""
         publisher = self.publishers.get(name)
         if publisher is not None:
             publisher.publish(payload)
         return publisher is not None
 
     def input_types(self) -> dict[str, str]:
-        """Returns the types of the inputs: declared, else as the robot says."""
+        """Return the types of the inputs: declared, else as the robot says."""
         return {**self.process.known_types, **self.declared_types}
 
     def resolve(self) -> bool:
-        """Makes publishers of inputs whose type is known, subscribes to outputs that are published."""
+        """Make publishers of inputs whose type is known, subscribe to outputs that are published."""
         resolved = []
         for subscription in [*self.outputs, *self.watched]:
             resolved.append(subscription.resolve())
@@ -132,13 +132,13 @@ class CloudDataShell(DataShell):
         return all(resolved) and (not self.carried or self.publishers.keys() >= self.inputs.keys())
 
     def on_room(self, channel: str) -> None:
-        """Does nothing: what the cloud says does not wait."""
+        """Do nothing: what the cloud says does not wait."""
 
     def types(self) -> dict[str, str]:
-        """Returns the types of the outputs that have been found in the graph."""
+        """Return the types of the outputs that have been found in the graph."""
         return {s.spec.name: raw.named_type(s.type_name, s.type_hash) for s in self.outputs if s.type_name}
 
 
 def run(configuration: Configuration) -> None:
-    """Entry of the process."""
+    """Run the process."""
     start(configuration, CloudDataShell)

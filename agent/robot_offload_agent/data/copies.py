@@ -26,9 +26,9 @@ from robot_offload_core.data.parameter_values import MAX_PARAMETERS, Table, Type
 from robot_offload_core.data.states import StateProcess
 from robot_offload_core.words.declared import ParameterState
 
-LOOK_S = 2.0
+HOLDER_READ_S = 2.0
 """How often the holder's parameters are read; a change is announced by its node and read at once."""
-AGAIN_S = 5.0
+STANDBY_READ_S = 5.0
 """How often a standby's are compared again: somebody may have set them there."""
 HASTY_S = 0.2
 """The same while a node does not answer."""
@@ -54,7 +54,7 @@ class _Services:
         self._set = node.create_client(SetParameters, f"{full}/set_parameters")
 
     def read(self, wanted: Callable[[str], bool]) -> dict[str, Value] | None:
-        """Returns the parameters whose names are wanted; None when the node does not answer."""
+        """Return the parameters whose names are wanted; None when the node does not answer."""
         answer = _call(self._list, ListParameters.Request())
         if answer is None:
             return None
@@ -65,7 +65,7 @@ class _Services:
         return {name: _taken(value) for name, value in zip(names, answer.values, strict=True) if value.type}
 
     def set(self, table: Table) -> dict[str, str] | None:
-        """Sets parameters one by one; returns the reasons of those that were refused, None without an answer."""
+        """Set parameters one by one; return the reasons of those that were refused, None without an answer."""
         wanted = [Parameter(name=name, value=_given(*value)) for name, value in table.items()]
         answer = _call(self._set, SetParameters.Request(parameters=wanted))
         if answer is None:
@@ -93,7 +93,7 @@ class ParameterCopies:
         threading.Thread(target=self._work, name="copies", daemon=True).start()
 
     def wish(self, name: str, payload: bytes, active: bool) -> str | None:
-        """Says what is to be set while the declaring node is Active or not; returns what was refused, None: not yet."""
+        """Set what is due while the declaring node is Active or not; return what was refused, None: not yet."""
         with self.lock:
             if self.wishes.get(name) != (payload, active):
                 self.wishes[name] = payload, active
@@ -106,16 +106,16 @@ class ParameterCopies:
             self.wake.set()
 
     def _work(self) -> None:
-        """Reads or sets what is due, again and again (a thread of its own)."""
-        wait_s = LOOK_S
+        """Read or set what is due, again and again (a thread of its own)."""
+        wait_s = HOLDER_READ_S
         while context.is_up():
             self.wake.wait(wait_s)
             self.wake.clear()
             silent = [name for name in self.states if not self._attend(name)]
-            wait_s = HASTY_S if silent else LOOK_S
+            wait_s = HASTY_S if silent else HOLDER_READ_S
 
     def _attend(self, name: str) -> bool:
-        """Sets or reads what is due of an entry; returns whether all nodes that were asked to take a value answered."""
+        """Set or read what is due of an entry; return whether all nodes that were asked to take a value answered."""
         with self.lock:
             wish, done = self.wishes.get(name), self.done.get(name)
         stay = self.process.stay()
@@ -125,7 +125,7 @@ class ParameterCopies:
             if refused is None:
                 return False
             with self.lock:
-                self.done[name] = _Done(wish, refused, now_s() + AGAIN_S)
+                self.done[name] = _Done(wish, refused, now_s() + STANDBY_READ_S)
         elif stay is not None:
             self._forget(name, wish)
             tables = {node: self._read(name, node) for node in _nodes(self.states[name])}
@@ -135,7 +135,7 @@ class ParameterCopies:
         return True
 
     def _forget(self, name: str, wish: tuple[bytes, bool] | None) -> None:
-        """Drops a wish that was met: from now on the values here are the newest."""
+        """Drop a wish that was met: from now on the values here are the newest."""
         with self.lock:
             if self.wishes.get(name) == wish:
                 self.wishes.pop(name, None)
@@ -144,7 +144,7 @@ class ParameterCopies:
         return self.services[node].read(partial(self._counts, name, node))
 
     def _set(self, name: str, payload: bytes, *, again: bool) -> str | None:
-        """Sets what differs; returns what was not taken, None when a node does not answer.
+        """Set what differs; return what was not taken, None when a node does not answer.
 
         With `again` also what was set before and is equal: a node that has just become Active may not have heard that.
         """
@@ -177,7 +177,7 @@ def _nodes(state: ParameterState) -> Iterable[str]:
 
 
 def _call(client: Any, request: Any) -> Any:
-    """Returns the answer; None when there is none in time."""
+    """Return the answer; None when there is none in time."""
     if not client.service_is_ready():
         return None
     answered = threading.Event()
@@ -190,7 +190,7 @@ def _call(client: Any, request: Any) -> Any:
 
 
 def _taken(value: ParameterValue) -> Value:
-    """Returns a parameter's value in the form that is carried."""
+    """Return a parameter's value in the form that is carried."""
     held = getattr(value, _field(value.type))
     if value.type == Type.BYTE_ARRAY:
         held = [it[0] if isinstance(it, bytes) else it for it in held]
@@ -204,7 +204,7 @@ def _field(kind: int) -> str:
 
 
 def _given(kind: int, held: Any) -> ParameterValue:
-    """Returns a carried value as ROS has it."""
+    """Return a carried value as ROS has it."""
     if kind == Type.BYTE_ARRAY:
         held = [bytes([it]) for it in held]
     return ParameterValue(type=kind, **{_field(kind): held})

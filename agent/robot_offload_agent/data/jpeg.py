@@ -46,7 +46,7 @@ class Layout:
 
 
 def pillow() -> ModuleType:
-    """Returns Pillow's module of images; raises StartError where it is not installed."""
+    """Return Pillow's module of images; raise StartError where it is not installed."""
     try:
         from PIL import Image  # noqa: PLC0415 - an extra: only who declares jpegQuality needs it
     except ImportError as error:
@@ -58,7 +58,7 @@ def pillow() -> ModuleType:
 
 
 def layout(message: bytes) -> Layout | None:
-    """Returns the parts of a serialized image whose pixels stand without gaps; None for anything else."""
+    """Return the parts of a serialized image whose pixels stand without gaps; None for anything else."""
     order = "<" if message[1:2] == b"\x01" else ">"
     if message[:1] != b"\0" or len(message) < 16:
         return None
@@ -84,7 +84,7 @@ def _aligned(position: int) -> int:
 
 
 def pack(message: bytes, quality: int) -> bytes:
-    """Returns an image as what crosses; any other message, and an image that would not get smaller, as it is."""
+    """Return an image as what crosses; any other message, and an image that would not get smaller, as it is."""
     found = layout(message)
     if found is None or not found.size:
         return message
@@ -101,7 +101,7 @@ def pack(message: bytes, quality: int) -> bytes:
 
 
 def unpack(crossed: bytes) -> bytes:
-    """Returns the message that was packed; one that was not, as it is.
+    """Return the message that was packed; one that was not, as it is.
 
     Raises:
         JpegError: it is damaged, or decodes to another size than its head says.
@@ -134,7 +134,7 @@ def _parts(crossed: bytes) -> tuple[bytes, bytes]:
 
 
 def layout_of_head(head: bytes) -> Layout:
-    """Returns the parts of the image that a head announces; raises JpegError."""
+    """Return the parts of the image that a head announces; raise JpegError."""
     order = "<" if head[1:2] == b"\x01" else ">"
     size = struct.unpack_from(f"{order}I", head, len(head) - 4)[0] if len(head) >= 16 else 0
     found = layout(head + bytes(size)) if 0 < size <= MOST_BYTES else None

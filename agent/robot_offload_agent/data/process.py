@@ -39,7 +39,7 @@ NUMBERS = Channel(REPORT, reliable=False, priority=Priority.LOW)
 
 
 def channels(configuration: Configuration) -> list[Channel]:
-    """Returns the channels of the data session; the same on both sides."""
+    """Return the channels of the data session; the same on both sides."""
     found = [PROBE, NUMBERS]
     carried = configuration["link.type"] == "zenoh"
     for spec in configuration.inputs if carried else ():
@@ -61,7 +61,7 @@ def channels(configuration: Configuration) -> list[Channel]:
 
 
 def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
-    """Returns what the core's data process needs of the configuration; `rates_hz`: in force for each input."""
+    """Return what the core's data process needs of the configuration; `rates_hz`: in force for each input."""
     return DataPlan(
         tuple(
             InputPlan(
@@ -110,7 +110,7 @@ class DataShell(ABC):
         self.heard = HeardView(bus.folder)
 
     def run(self) -> None:
-        """Runs until it is ended."""
+        """Run until it is ended."""
         if carried_states(self.configuration):
             self.states = StateTopics(self.configuration, self.node, self.process)
         self.link.start()
@@ -118,7 +118,7 @@ class DataShell(ABC):
         spin_topics(self.node, self.work)
 
     def work(self) -> float:
-        """Looks at the graph; returns after how many seconds to look again."""
+        """Look at the graph; return after how many seconds to look again."""
         self.beacon.sign("ros")
         resolved = self.resolve()
         if self.states is not None:
@@ -126,7 +126,7 @@ class DataShell(ABC):
         return RESOLVED_S if resolved else UNRESOLVED_S
 
     def serve_bus(self) -> None:
-        """Reads orders; sends probes and reports."""
+        """Read orders; send probes and report."""
         while True:
             timeout_s = max(0.0, self.process.due_s + SLACK_S - now_s())
             select.select([self.bus.news], [], [], timeout_s)
@@ -143,13 +143,13 @@ class DataShell(ABC):
                 self.states.process.turn()
 
     def look_who_is_heard(self) -> None:
-        """Takes the newest beat of the partner, for what is sent next."""
+        """Take the newest beat of the partner, for what is sent next."""
         news = self.heard.news()
         if news is not None:
             self.process.handle(news)
 
     def on_message(self, channel: str, header: bytes, payload: bytes) -> None:
-        """Takes a message from the link, on one of its threads; counts the bytes of each topic."""
+        """Take a message from the link, on one of its threads; count the bytes of each topic."""
         kind, _, name = channel.partition("/")
         if kind in CARRYING:
             self.process.counters[f"{name}.bytes"] += len(payload)
@@ -162,30 +162,30 @@ class DataShell(ABC):
     # -- what the core's process needs --------------------------------------------------------------------------------
 
     def now_s(self) -> float:
-        """Returns the steady clock, seconds."""
+        """Return the steady clock, seconds."""
         return now_s()
 
     def system_s(self) -> float:
-        """Returns the system clock, seconds."""
+        """Return the system clock, seconds."""
         return wall_ns() / 1e9
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a message to another process of this agent."""
+        """Send a message to another process of this agent."""
         return self.bus.send(to, message)
 
     def renew(self, to: str, message: object) -> bool:
-        """Sends a level that has not changed to another process of this agent."""
+        """Send a level that has not changed to another process of this agent."""
         return self.bus.renew(to, message)
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
-        """Sends an output's message to another process of this agent."""
+        """Send an output's message to another process of this agent."""
         output = self.configuration.outputs[index]
         return self.bus.carry(
             to, kind, index, header, payload, output["topic"], reliable=output["reliability"] != "best_effort"
         )
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
-        """Sends over the link; counts the bytes of each topic."""
+        """Send over the link; count the bytes of each topic."""
         sent = self.link.send(channel, header, payload)
         name = channel.partition("/")[2]
         if sent and name:
@@ -193,35 +193,35 @@ class DataShell(ABC):
         return sent
 
     def link_status(self) -> tuple[bool, str]:
-        """Returns whether the data session is connected, and its endpoint."""
+        """Return whether the data session is connected, and its endpoint."""
         status = self.link.status()
         return status.connected, status.endpoint
 
     def reopen(self, reason: str) -> None:
-        """Drops the data session and opens a new one."""
+        """Drop the data session and open a new one."""
         self.link.reopen(reason)
 
     def warn(self, message: str) -> None:
-        """Logs a warning."""
+        """Log a warning."""
         log.warning("%s", message)
 
     # -- what each side does in its own way ---------------------------------------------------------------------------
 
     @abstractmethod
     def resolve(self) -> bool:
-        """Creates subscriptions and publishers whose types are known; returns whether nothing is left to do."""
+        """Create subscriptions and publishers whose types are known; return whether nothing is left to do."""
 
     @abstractmethod
     def on_room(self, channel: str) -> None:
-        """Takes that a channel has room again, on a thread of the link."""
+        """Take that a channel has room again, on a thread of the link."""
 
     @abstractmethod
     def types(self) -> dict[str, str]:
-        """Returns the interface types that this side has found in the graph."""
+        """Return the interface types that this side has found in the graph."""
 
 
 def start(configuration: Configuration, shell: type[DataShell]) -> None:
-    """Entry of the process."""
+    """Run the process."""
     started = shell(configuration, Bus(configuration.runtime_dir, "data"))
     realtime.request(configuration["realtime"], realtime.DEFAULT_PRIORITY)
     started.run()

@@ -32,20 +32,20 @@ class RobotDataShell(DataShell):
         ]
 
     def resolve(self) -> bool:
-        """Subscribes to inputs that have got a publisher; returns whether nothing is left to do."""
+        """Subscribe to inputs that have got a publisher; return whether nothing is left to do."""
         resolved = [subscription.resolve() for subscription in self.inputs]
         for subscription in self.inputs:
             self.process.note(f"input {subscription.spec.name}", subscription.problem)
         return all(resolved)
 
     def forward(self, spec: Named, payload: bytes, published_s: float | None) -> None:
-        """Takes an input's message, on the ROS thread."""
+        """Take an input's message, on the ROS thread."""
         self.look_who_is_heard()
         publishers = self.node.count_publishers(spec["topic"]) if spec["latched"] else 1
         self.process.forward(spec.name, payload, publishers, published_s)
 
     def _packer(self, spec: Named) -> Callable[[Any], Any]:
-        """Returns what makes JPEG of an input's images, on the ROS thread; raises StartError without Pillow."""
+        """Return what makes JPEG of an input's images, on the ROS thread; raise StartError without Pillow."""
         jpeg.pillow()
         name, quality, topic = spec.name, spec["jpeg_quality"], spec["topic"]
         message = (
@@ -61,17 +61,17 @@ class RobotDataShell(DataShell):
         return pack
 
     def on_room(self, channel: str) -> None:
-        """Sends what waits of an input."""
+        """Send what waits of an input."""
         kind, _, name = channel.partition("/")
         if kind == "in":
             with self.guard:
                 self.process.room(name)
 
     def types(self) -> dict[str, str]:
-        """Returns the types of the inputs that have been found in the graph."""
+        """Return the types of the inputs that have been found in the graph."""
         return {s.spec.name: s.type_name for s in self.inputs if s.type_name}
 
 
 def run(configuration: Configuration) -> None:
-    """Entry of the process."""
+    """Run the process."""
     start(configuration, RobotDataShell)

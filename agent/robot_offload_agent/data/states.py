@@ -36,7 +36,7 @@ AS_PUBLISHED = {"type": "auto", "reliability": "auto", "durability": "auto", "de
 
 
 def carried_states(configuration: Configuration) -> dict[str, StateSpec]:
-    """Returns the declared state by the names of its entries."""
+    """Return the declared state by the names of its entries."""
     return {state.name: spec for state, spec in zip(configuration.states, configuration.state_specs(), strict=True)}
 
 
@@ -73,13 +73,13 @@ class StateTopics:
         self.node.create_subscription(UInt8MultiArray, f"{full}/offload/state", hear, HEARD, raw=True)
 
     def _source(self, state: TopicState) -> str:
-        """Returns the topic that the node here publishes: the private one where it is an output too."""
+        """Return the topic that the node here publishes: the private one where it is an output too."""
         outputs = self.configuration.outputs
         private = (str(o[f"{self.side}_topic"]) for o in outputs if o["topic"] == state.topic)
         return next(private, state.topic)
 
     def resolve(self) -> bool:
-        """Hears topics that have got a publisher, makes publishers whose type is known; returns whether all are."""
+        """Hear topics that have got a publisher, make publishers whose type is known; return whether all are."""
         resolved = True
         for name, heard in self.heard.items():
             state = self.states[name]
@@ -97,7 +97,7 @@ class StateTopics:
         return types.pop() if len(types) == 1 else ""
 
     def restore(self, name: str, payload: bytes) -> bool:
-        """Publishes a state for this side's node; a topic's only when somebody listens."""
+        """Publish a state for this side's node; a topic's only when somebody listens."""
         publisher = self.publishers.get(name)
         if publisher is None or (name in self.heard and not publisher.get_subscription_count()):
             return False
@@ -105,7 +105,7 @@ class StateTopics:
         return True
 
     def has(self, name: str) -> bool:
-        """Returns whether a reader has acknowledged the newest snapshot; True where the middleware cannot say so."""
+        """Return whether a reader has acknowledged the newest snapshot; True where the middleware cannot say so."""
         publisher = self.publishers[name]
         try:
             return bool(publisher.get_subscription_count()) and publisher.wait_for_all_acked(AT_ONCE)
@@ -113,9 +113,9 @@ class StateTopics:
             return True
 
     def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
-        """Sets parameters at this side's nodes; see StatePorts."""
+        """Set parameters at this side's nodes; see StatePorts."""
         return self.copies.wish(name, payload, active) if self.copies is not None else None
 
     def holder(self) -> Holding:
-        """Returns who holds."""
+        """Return who holds."""
         return self.view.look()

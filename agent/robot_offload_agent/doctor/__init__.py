@@ -1,1 +1,1 @@
-"""What would bite on this robot, found before it does: `robot-offload-agent doctor`."""
+"""Find problems on this robot before the first drive: `robot-offload-agent doctor`."""

@@ -26,7 +26,7 @@ It changes nothing, and may run beside the agent. exit codes: 0 nothing stands i
 
 
 def main(words: list[str]) -> int:
-    """Runs the command; returns the exit code."""
+    """Run the command; return the exit code."""
     parser = argparse.ArgumentParser(
         prog="robot-offload-agent doctor", description=__doc__, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -49,7 +49,7 @@ def main(words: list[str]) -> int:
 
 
 def examine(configuration: Configuration, *, dial: bool) -> Iterator[Finding]:
-    """Looks at everything; takes some seconds. Raises ConfigurationError for values that no link can be opened with."""
+    """Look at everything; take some seconds. Raise ConfigurationError for values that no link can be opened with."""
     yield from _versions()
     yield from machine.judge(machine.look(), configuration)
     yield from machine.certificates(configuration)
@@ -67,7 +67,7 @@ def examine(configuration: Configuration, *, dial: bool) -> Iterator[Finding]:
 
 
 def _versions() -> Iterator[Finding]:
-    """What runs here, to be compared with the cloud's image; programs of one version are made for each other."""
+    """Yield what runs here, to be compared with the cloud's image; programs of one version are made for each other."""
     found = [f"Python {platform.python_version()}"]
     for name in ("robot-offload-agent", "robot-offload-core", "eclipse-zenoh"):
         try:

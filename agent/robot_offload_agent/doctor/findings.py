@@ -68,17 +68,17 @@ class Finding:
 
 
 def exit_code(findings: Iterable[Finding]) -> int:
-    """Returns 1 when an error is among the findings, else 0."""
+    """Return 1 when an error is among the findings, else 0."""
     return int(any(finding.level is Level.ERROR for finding in findings))
 
 
 def as_json(findings: Sequence[Finding]) -> str:
-    """Returns the findings as a JSON list, for programs."""
+    """Return the findings as a JSON list, for programs."""
     return json.dumps([asdict(finding) for finding in findings], indent=1)
 
 
 def as_text(findings: Sequence[Finding]) -> str:
-    """Returns the findings for people: what needs a hand first, what is fine in one line, what is in flight."""
+    """Return the findings for people: what needs a hand first, what is fine in one line, what is in flight."""
     order = [Level.ERROR, Level.WARNING, Level.UNKNOWN]
     lines = []
     for finding in sorted((f for f in findings if f.level is not Level.OK), key=lambda f: order.index(f.level)):

@@ -61,12 +61,12 @@ class Graph:
 
 
 def full_name(namespace: str, name: str) -> str:
-    """Returns a node's full name; `name` may be relative."""
+    """Return a node's full name; `name` may be relative."""
     return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
 
 
 def missing_types(configuration: Configuration, find: Callable[[str], Any]) -> Iterator[Finding]:
-    """Tries to import every declared type: of messages, services and actions.
+    """Try to import every declared type: of messages, services and actions.
 
     Args:
         configuration: of this side.
@@ -89,7 +89,7 @@ def missing_types(configuration: Configuration, find: Callable[[str], Any]) -> I
 
 
 def judge(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
-    """Returns what will bite in the robot's graph. Pure."""
+    """Return what will bite in the robot's graph. Pure."""
     if graph.problem:
         step = "Source ROS 2 in this shell, then start doctor again."
         yield Finding(Check.ROS_GRAPH, Level.UNKNOWN, f"the ROS graph cannot be seen: {graph.problem}", step)
@@ -106,7 +106,7 @@ def judge(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
 
 
 def _in_flight(counted: Mapping[str, int], configuration: Configuration) -> Iterator[Finding]:
-    """Says which goals and calls are open, how often a goal began anew, and how old handed-over state was."""
+    """Report which goals and call are open, how often a goal began anew, and how old handed-over state was."""
     found = []
     for action in (spec["name"] for spec in configuration.actions):
         running, waiting, resent = (counted.get(f"{action}.{word}", 0) for word in IN_FLIGHT)
@@ -125,7 +125,7 @@ def _in_flight(counted: Mapping[str, int], configuration: Configuration) -> Iter
 
 
 def _releases(graph: Graph) -> Finding:
-    """Both sides' releases: beats, notes and envelopes of one are made for each other."""
+    """Return both sides' releases: beats, notes and envelopes of one are made for each other."""
     if not graph.release or not graph.cloud_release:
         message = "the cloud's agent was not heard" if graph.release else "no agent of this robot was heard"
         step = "Start doctor again while the robot's agent runs and is connected: then both releases are compared."
@@ -200,7 +200,7 @@ def _timeouts(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
 
 
 def look(configuration: Configuration) -> Graph:
-    """Looks at the robot's graph for some seconds: read-only, as a node of its own that offers nothing."""
+    """Look at the robot's graph for some seconds: read-only, as a node of its own that offers nothing."""
     try:
         # Late: without a sourced ROS 2 all other checks still run.
         import rclpy  # noqa: PLC0415
@@ -227,7 +227,7 @@ def look(configuration: Configuration) -> Graph:
 
 
 def _diagnostics(node: Any) -> dict[str, dict[str, str]]:
-    """Returns what the robot's agent says of who acts, and what it counts; both come while the node is spun."""
+    """Return what the robot's agent says of who acts, and what it counts; both come while the node is spun."""
     from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415 - see look
 
     told: dict[str, dict[str, str]] = {PLACEMENT_STATUS: {}, DATA_STATUS: {}}
@@ -242,12 +242,12 @@ def _diagnostics(node: Any) -> dict[str, dict[str, str]]:
 
 
 def _is_count(word: str) -> bool:
-    """Returns whether a value is a count; a name on /diagnostics belongs to nobody, so anything may stand there."""
+    """Return whether a value is a count; a name on /diagnostics belongs to nobody, so anything may stand there."""
     return word.isascii() and word.isdigit() and len(word) <= MAX_DIGITS
 
 
 def _discover(node: Any, executor: Any, told: Mapping[str, Mapping[str, str]]) -> None:
-    """Waits until nothing new is found and the robot's agent, if one runs, has spoken of everything."""
+    """Wait until nothing new is found and the robot's agent, if one runs, has spoken of everything."""
     began_s = changed_s = now_s()
     found: object = None
     while (now := now_s()) < began_s + LATE_S:

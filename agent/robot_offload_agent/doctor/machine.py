@@ -64,7 +64,7 @@ class Machine:
 
 
 def look() -> Machine:
-    """Looks at this computer; asks nobody else and changes nothing."""
+    """Look at this computer; ask nobody else and change nothing."""
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     realtime, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
     unlimited = realtime == resource.RLIM_INFINITY or _may_nice()
@@ -83,7 +83,7 @@ def look() -> Machine:
 
 
 def judge(machine: Machine, configuration: Configuration) -> Iterator[Finding]:
-    """Returns what will bite on this computer. Pure."""
+    """Return what will bite on this computer. Pure."""
     yield _clock(machine.clock_error_s, configuration["max_clock_offset_ms"] / 1e3)
     yield _files(machine.open_files)
     yield _realtime(machine.realtime, configuration["realtime"])
@@ -94,7 +94,7 @@ def judge(machine: Machine, configuration: Configuration) -> Iterator[Finding]:
 
 
 def certificates(configuration: Configuration, now_s: float | None = None) -> Iterator[Finding]:
-    """Looks at the certificate files of a Zenoh link.
+    """Look at the certificate files of a Zenoh link.
 
     Args:
         configuration: of this side.
@@ -173,7 +173,7 @@ def _buffer(size: int | None) -> Finding:
 
 
 def _environment(environment: Mapping[str, str], domain: int) -> Iterator[Finding]:
-    """The shell's ROS settings against those of the configuration."""
+    """Yield the shell's ROS settings against those of the configuration."""
     step = "Source ROS 2 and load the bundle's file `environment`: set -a; . ./environment; set +a"
     if "ROS_DISTRO" not in environment:
         yield Finding(
@@ -194,7 +194,7 @@ def _environment(environment: Mapping[str, str], domain: int) -> Iterator[Findin
 
 
 def _clock_error_s() -> float | None:
-    """How wrong the clock may be by the kernel's own estimate (adjtimex, read only)."""
+    """Return how wrong the clock may be by the kernel's own estimate (adjtimex, read only)."""
     timex = _Timex()
     try:
         state = ctypes.CDLL(None).adjtimex(ctypes.byref(timex))

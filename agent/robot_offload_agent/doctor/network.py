@@ -42,7 +42,7 @@ class Endpoint:
 
 
 def endpoints(configuration: Configuration) -> Iterator[Endpoint]:
-    """Returns what this robot dials, each once."""
+    """Return what this robot dials, each once."""
     if configuration["link.type"] != "zenoh":
         return
     seen = set()
@@ -56,7 +56,7 @@ def endpoints(configuration: Configuration) -> Iterator[Endpoint]:
 
 
 def judge(reached: list[tuple[Endpoint, str]]) -> Iterator[Finding]:
-    """Returns whether the cloud can be reached; one way of the two is enough. Pure.
+    """Return whether the cloud can be reached; one way of the two is enough. Pure.
 
     Args:
         reached: each endpoint and its problem; empty: it answered.
@@ -80,7 +80,7 @@ def judge(reached: list[tuple[Endpoint, str]]) -> Iterator[Finding]:
 
 
 def reach(endpoint: Endpoint, own: tuple[str, str] | None = None, patience_s: float = PATIENCE_S) -> str:
-    """Returns why an endpoint does not answer; empty: it does. Opens no session.
+    """Return why an endpoint does not answer; empty: it does. Opens no session.
 
     Args:
         endpoint: where the robot dials.
@@ -104,7 +104,7 @@ def reach(endpoint: Endpoint, own: tuple[str, str] | None = None, patience_s: fl
 
 
 def _asked(opened: socket.socket, patience_s: float) -> str:
-    """Asks a QUIC server for its versions."""
+    """Ask a QUIC server for its versions."""
     identity = os.urandom(8)
     head = bytes([0xC0]) + UNKNOWN_VERSION + bytes([8]) + identity + bytes([8]) + os.urandom(8)
     opened.settimeout(patience_s / TRIES)
@@ -119,7 +119,7 @@ def _asked(opened: socket.socket, patience_s: float) -> str:
 
 
 def _greeted(opened: socket.socket, own: tuple[str, str] | None) -> str:
-    """Greets a TLS server; that it then refuses a client without certificate is an answer, too."""
+    """Greet a TLS server; that it then refuse a client without certificate is an answer, too."""
     context = ssl.create_default_context()
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     if own is not None:

@@ -9,7 +9,7 @@ from robot_offload_agent.link.zenoh_config import ZenohSettings
 
 
 def certificate_problem(settings: ZenohSettings) -> str:
-    """Returns what is wrong with the certificate files (missing, unreadable, not made for each other), else "".
+    """Return what is wrong with the certificate files (missing, unreadable, not made for each other), else "".
 
     Args:
         settings: of the link; the files are read anew each time.

@@ -19,7 +19,7 @@ from robot_offload_agent.ros import context
 from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.settings.parameters import Configuration
 
-IDLE_S = 60.0
+LINK_NODE_IDLE_S = 60.0
 """A node that carries nothing but a link has no other work to do."""
 
 
@@ -34,10 +34,12 @@ class LinkHandle:
         """See Link.start."""
         self.link.start()
         if self.node is not None:
-            threading.Thread(target=spin_topics, args=(self.node, lambda: IDLE_S), name="link", daemon=True).start()
+            threading.Thread(
+                target=spin_topics, args=(self.node, lambda: LINK_NODE_IDLE_S), name="link", daemon=True
+            ).start()
 
     def ended(self) -> bool:
-        """Whether the node that is spun here was told to end."""
+        """Return whether the node that is spun here was told to end."""
         return self.node is not None and not rclpy.ok()
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
@@ -61,7 +63,7 @@ def open_link(
     node: Node | None = None,
     on_room: OnRoom = no_room,
 ) -> LinkHandle:
-    """Makes the link of the configured type; `node` is used for DDS when given, else one is made and spun here.
+    """Make the link of the configured type; `node` is used for DDS when given, else one is made and spun here.
 
     Raises:
         ConfigurationError: a certificate file is missing.
@@ -77,7 +79,7 @@ def open_link(
 
 
 def check_link(configuration: Configuration) -> None:
-    """What can be checked before anything is opened; raises ConfigurationError."""
+    """Check what can be checked before anything is opened; raise ConfigurationError."""
     if configuration["link.type"] == "zenoh":
         for session in SESSION_LEASE_MS:
             problem = certificate_problem(zenoh_settings(configuration, session))

@@ -49,7 +49,7 @@ class Window:
     shrunk_s: float | None = None
 
     def acknowledged(self, sent_s: float, now_s: float) -> None:
-        """Takes what a chunk took: halves the window, once for all that were on their way, or lets it grow."""
+        """Take what a chunk took: halve the window, once for all that were on their way, or let it grow."""
         took_s = now_s - sent_s
         self.least_s = min(took_s, self.least_s) if self.least_s else took_s
         if took_s <= QUEUED_SHARE * self.least_s + QUEUED_S:
@@ -58,7 +58,7 @@ class Window:
             self.shrink(now_s)
 
     def shrink(self, now_s: float) -> None:
-        """Halves the window."""
+        """Halve the window."""
         self.size, self.shrunk_s = max(LEAST_CHUNKS, self.size / 2), now_s
 
 
@@ -86,7 +86,7 @@ class Outgoing:
         return -(-len(self.payload) // CHUNK_BYTES)
 
     def chunk(self, index: int) -> tuple[bytes, bytes]:
-        """Returns attachment and payload of a chunk."""
+        """Return attachment and payload of a chunk."""
         start = index * CHUNK_BYTES
         return PLACE.pack(self.number, index, self.count) + self.header, self.payload[start : start + CHUNK_BYTES]
 
@@ -108,7 +108,7 @@ class ChunkSender:
     given_up: int = 0
 
     def offer(self, header: bytes, payload: bytes, now_s: float) -> bool:
-        """Takes a message to send; False while another one is on its way."""
+        """Take a message to send; False while another one is on its way."""
         if self.is_busy():
             return False
         self.number = (self.number + 1) % (1 << 32)
@@ -118,12 +118,12 @@ class ChunkSender:
         return True
 
     def is_busy(self) -> bool:
-        """Returns whether a message is on its way; notes that another one was refused for that."""
+        """Return whether a message is on its way; note that another one was refused for that."""
         self.refused = self.present is not None
         return self.refused
 
     def next(self, now_s: float) -> tuple[bytes, bytes] | None:
-        """Returns attachment and payload of the chunk to send now, None while none is to be sent."""
+        """Return attachment and payload of the chunk to send now, None while none is to be sent."""
         message = self.present
         if message is None:
             return None
@@ -142,7 +142,7 @@ class ChunkSender:
         return message.chunk(index)
 
     def acknowledged(self, number: int, index: int, now_s: float) -> bool:
-        """Takes an acknowledgement; returns whether there is room again after a refusal. Unknown ones change nothing.
+        """Take an acknowledgement; return whether there is room again after a refusal. Unknown ones change nothing.
 
         They come in the order of sending: what was sent before and is still waited for found no room in the queue.
         """
@@ -173,7 +173,7 @@ class Assembly:
     whole: deque[int] = field(default_factory=lambda: deque(maxlen=AT_ONCE))
 
     def take(self, attachment: bytes, payload: bytes) -> tuple[bytes, bytes] | None:
-        """Takes a chunk; returns header and payload of the message that is whole now.
+        """Take a chunk; return header and payload of the message that is whole now.
 
         Raises:
             ValueError: the chunk is none of ours.
@@ -197,12 +197,12 @@ class Assembly:
 
 
 def receipt(attachment: bytes, channel: str) -> bytes:
-    """Returns the acknowledgement of a chunk."""
+    """Return the acknowledgement of a chunk."""
     return attachment[: RECEIPT.size] + channel.encode()
 
 
 def read_receipt(payload: bytes) -> tuple[int, int, str]:
-    """Returns number, index and channel of an acknowledgement.
+    """Return number, index and channel of an acknowledgement.
 
     Raises:
         ValueError: it is none.

@@ -20,7 +20,7 @@ OnRoom = Callable[[str], None]
 
 
 def no_room(_: str) -> None:
-    """Takes the place of an `OnRoom` where nothing waits."""
+    """Take the place of an `OnRoom` where nothing waits."""
 
 
 @dataclass(frozen=True)
@@ -115,24 +115,24 @@ class Link(Protocol):
     """One end of one session."""
 
     def start(self) -> None:
-        """Starts connecting (robot) or listening (cloud) in the background and returns at once."""
+        """Start connecting (robot) or listening (cloud) in the background and return at once."""
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Hands a message to the transport; never blocks longer than about 20 ms.
+        """Hand a message to the transport; never blocks longer than about 20 ms.
 
         Returns:
             False when it was certainly not sent (no session, queue full). True promises nothing.
         """
 
     def status(self) -> LinkStatus:
-        """The present state; cheap, callable from any thread."""
+        """Return the present state; cheap, callable from any thread."""
 
     def reopen(self, reason: str) -> None:
-        """Drops the session with everything buffered in it and opens a new one from a new source port.
+        """Drop the session with everything buffered in it and open a new one from a new source port.
 
         Called at each dead verdict: only the end of a session discards stale samples in the transport, and stale
         connection tracking on the path is left behind. Returns at once; calls during a running reopen are ignored.
         """
 
     def close(self) -> None:
-        """Ends the session and its threads for good."""
+        """End the session and its threads for good."""

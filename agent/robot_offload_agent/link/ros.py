@@ -47,7 +47,7 @@ class MalformedError(ValueError):
 
 
 def encode_beat(stamp_ns: int, text: bytes) -> bytes:
-    """A serialized std_msgs/Header.
+    """Return a serialized std_msgs/Header.
 
     Args:
         stamp_ns: the sender's system time.
@@ -63,7 +63,7 @@ def encode_beat(stamp_ns: int, text: bytes) -> bytes:
 
 
 def decode_beat(serialized: bytes) -> bytes:
-    """The text in frame_id of a serialized std_msgs/Header; b"" is a bare beat.
+    """Return the text in frame_id of a serialized std_msgs/Header; b"" is a bare beat.
 
     Raises:
         MalformedError: it is none.
@@ -79,7 +79,7 @@ def decode_beat(serialized: bytes) -> bytes:
 
 
 def encode_frame(header: bytes, payload: bytes) -> bytes:
-    """A serialized std_msgs/UInt8MultiArray without layout that holds header and payload.
+    """Return a serialized std_msgs/UInt8MultiArray without layout that holds header and payload.
 
     Raises:
         ValueError: the header is longer than 65535 bytes.
@@ -91,7 +91,7 @@ def encode_frame(header: bytes, payload: bytes) -> bytes:
 
 
 def decode_frame(serialized: bytes) -> tuple[bytes, bytes]:
-    """Header and payload.
+    """Return header and payload.
 
     Raises:
         MalformedError: these bytes do not come from `encode_frame`.
@@ -122,7 +122,7 @@ def _order(serialized: bytes) -> str:
 
 
 def topic(sender_side: str, channel: str) -> str:
-    """On which topic a side sends a channel.
+    """Return on which topic a side sends a channel.
 
     Raises:
         ConfigurationError: the channel's name is no topic.
@@ -167,7 +167,7 @@ class RosLink:
         self._counted_s = float("-inf")
 
     def start(self) -> None:
-        """Creates publishers and subscriptions."""
+        """Create publishers and subscriptions."""
         for channel in self._channels.values():
             kind, depth = (Header, 1) if channel.name == BEAT else (UInt8MultiArray, _DEPTH)
             reliable = channel.reliable and channel.name != BEAT
@@ -197,7 +197,7 @@ class RosLink:
         return receive
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Publishes; False when nobody is there to hear it.
+        """Publish; False when nobody is there to hear it.
 
         Raises:
             KeyError: no such channel.
@@ -222,7 +222,7 @@ class RosLink:
         return True
 
     def status(self) -> LinkStatus:
-        """Connected means that every channel has a publisher and a subscriber on the other side."""
+        """Return whether every channel has a publisher and a subscriber on the other side."""
         with self._lock:
             now = now_s()
             if now - self._counted_s >= _MATCHED_S:
@@ -244,11 +244,11 @@ class RosLink:
             return False
 
     def reopen(self, reason: str) -> None:
-        """Nothing to drop: DDS has no session."""
+        """Do nothing: DDS has no session to drop."""
         log.debug("Reopened nothing, DDS has no session reason=%s", reason)
 
     def close(self) -> None:
-        """Takes the topics out of the graph."""
+        """Take the topics out of the graph."""
         publishers, self._publishers = self._publishers, {}
         subscriptions, self._subscriptions = self._subscriptions, []
         for publisher in publishers.values():

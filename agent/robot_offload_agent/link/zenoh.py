@@ -58,7 +58,7 @@ class ZenohLink:
         wheel: WheelLog | None = None,
         on_room: OnRoom = no_room,
     ) -> None:
-        """Checks everything that can be checked without a network.
+        """Check everything that can be checked without a network.
 
         Args:
             settings: of the link.
@@ -104,7 +104,7 @@ class ZenohLink:
         self._closing = False
 
     def start(self) -> None:
-        """Starts connecting (robot) or listening (cloud) in the background and returns at once."""
+        """Start connecting (robot) or listening (cloud) in the background and return at once."""
         if self._thread is not None:
             raise RuntimeError("the link was started already")
         work = self._dial if self.settings.dials else self._listen
@@ -114,7 +114,7 @@ class ZenohLink:
         self._thread.start()
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Hands a message to the transport; see `port.Link.send`.
+        """Hand a message to the transport; see `port.Link.send`.
 
         Raises:
             KeyError: no such channel.
@@ -132,11 +132,11 @@ class ZenohLink:
         return session.connections > 0 and not self._reopening and not self._is_foreign(session)
 
     def _is_foreign(self, session: ZenohSession) -> bool:
-        """Whether the cloud at the other end has said that it serves another RobotOffload."""
+        """Return whether the cloud at the other end has said that it serves another RobotOffload."""
         return session.served_uid not in ("", self.settings.uid)
 
     def status(self) -> LinkStatus:
-        """The present state."""
+        """Return the present state."""
         with self._change:
             session = self._session
             connected = session is not None and self._up(session)
@@ -152,7 +152,7 @@ class ZenohLink:
             )
 
     def _judge(self, session: ZenohSession | None, connected: bool) -> tuple[LinkCause, str]:
-        """What is wrong at present; call with _change held."""
+        """Return what is wrong at present; call with _change held."""
         if self.settings.dials and session is not None and self._is_foreign(session):
             return LinkCause.OTHER_IDENTITY, zenoh_causes.other_identity(self.settings, session.served_uid)
         if connected and self._choice.fallback and self.settings.dials:
@@ -182,7 +182,7 @@ class ZenohLink:
                 self._change.notify_all()
 
     def close(self) -> None:
-        """Ends the session and its threads for good; returns within about a second."""
+        """End the session and its threads for good; return within about a second."""
         self._large.close()
         with self._change:
             self._closing = True
@@ -206,7 +206,7 @@ class ZenohLink:
         self._end_session("closed", wait_s=_CLOSE_S / 2)
 
     def _stay(self) -> None:
-        """Returns when the session has ended, for whatever reason."""
+        """Return when the session has ended, for whatever reason."""
         while True:
             with self._change:
                 # On the fallback the primary is tried again now and then.
@@ -225,7 +225,7 @@ class ZenohLink:
         return self._closing or self._session is None or self._session.connections == 0 or bool(self._reopening)
 
     def _begin(self, session: ZenohSession) -> None:
-        """Takes a session into use where there is none."""
+        """Take a session into use where there is none."""
         with self._change:
             self._session = session
             self._reopening = ""
@@ -235,7 +235,7 @@ class ZenohLink:
         log.info("%s the %s session endpoint=%s", what, self.settings.session, self._where(session.fallback))
 
     def _succeed(self, session: ZenohSession) -> None:
-        """Lets a second session take the place of the present one once it delivers, so that no silence lies between.
+        """Let a second session take the place of the present one once it delivers, so that no silence lies between.
 
         The message that shows it may have come by the first as well: one of a channel may be doubled.
         """
@@ -271,7 +271,7 @@ class ZenohLink:
             self._retire(old).join(wait_s)
 
     def _retire(self, session: ZenohSession) -> threading.Thread:
-        """Closes a session beside, for closing may hang as long as the network does."""
+        """Close a session beside, for closing may hang as long as the network does."""
         with self._change:
             self._earlier_sessions += session.opened
             self._earlier_malformed += session.malformed
@@ -296,7 +296,7 @@ class ZenohLink:
         self._end_session("closed", wait_s=_CLOSE_S / 2)
 
     def _look(self, session: ZenohSession, now: float) -> None:
-        """Judges who is connected; a robot that says nothing learns whom this cloud serves."""
+        """Judge who is connected; a robot that says nothing learns whom this cloud serves."""
         settings = self.settings
         with self._change:
             sessions, strangers = session.connections, session.strangers
@@ -321,7 +321,7 @@ class ZenohLink:
             log.warning("%s", message)
 
     def _handshake_failed(self, found: Found) -> None:
-        """A handshake at some listener of this process failed (thread of the log)."""
+        """Note that a handshake at a listener of this process failed (thread of the log)."""
         message = zenoh_causes.explain(found, self.settings, self._where(fallback=False))
         with self._change:
             self._counters["refused"] += 1
@@ -332,7 +332,7 @@ class ZenohLink:
     # -- both -------------------------------------------------------------------------------------------------------
 
     def _open(self, fallback: bool) -> ZenohSession | None:
-        """One attempt; the reason of a failure becomes the status message."""
+        """Return one attempt; the reason of a failure becomes the status message."""
         where, began_s = self._where(fallback), now_s()
         try:
             session = ZenohSession(self.settings, fallback, self._patience.next_ms(now_s()))
@@ -354,7 +354,7 @@ class ZenohLink:
         return None
 
     def _failure(self, error: zenoh.ZError, fallback: bool, began_s: float) -> Found:
-        """Why an attempt failed."""
+        """Return why an attempt failed."""
         if not self.settings.dials:
             # The wheel appends its source line.
             where = self._where(fallback)

@@ -45,7 +45,7 @@ class Found:
 
 
 def read_line(line: str) -> Found | None:
-    """Returns what a line says about a session that did not come about, None for any other line."""
+    """Return what a line says about a session that did not come about, None for any other line."""
     text = _SOURCE.sub("", _COLOURS.sub("", line).strip())
     if (dialled := _DIALLED.search(text)) is not None:
         return Found(_dialled(dialled[2]), _short(dialled[2]), dialled[1])
@@ -79,12 +79,12 @@ def _short(why: str) -> str:
 
 
 def most_telling(found: Iterable[Found]) -> Found | None:
-    """Returns the line that says most about why an attempt failed, None without any."""
+    """Return the line that says most about why an attempt failed, None without any."""
     return min(found, key=lambda one: _TELLING.index(one.cause), default=None)
 
 
 def explain(found: Found, settings: ZenohSettings, where: str) -> str:
-    """Returns the sentence for people: what is wrong at `where`, and the next step."""
+    """Return the sentence for people: what is wrong at `where`, and the next step."""
     if settings.dials:
         return f"No {settings.session} session with {where}: {_at_the_robot(found, settings)}"
     refused = found.cause is LinkCause.CERTIFICATE_REFUSED
@@ -112,7 +112,7 @@ def _at_the_robot(found: Found, settings: ZenohSettings) -> str:
 
 
 def other_identity(settings: ZenohSettings, cloud_uid: str) -> str:
-    """Returns the robot's sentence about a cloud that serves another RobotOffload."""
+    """Return the robot's sentence about a cloud that serves another RobotOffload."""
     return (
         f"This cloud serves the RobotOffload with uid {cloud_uid}, this robot's configuration is for {settings.uid}: "
         "the resource was made anew; write the bundle again"
@@ -120,7 +120,7 @@ def other_identity(settings: ZenohSettings, cloud_uid: str) -> str:
 
 
 def silent_robot(settings: ZenohSettings) -> str:
-    """Returns the cloud's sentence about a robot with the right certificate that says nothing to this cloud."""
+    """Return the cloud's sentence about a robot with the right certificate that says nothing to this cloud."""
     return (
         f"A robot with the certificate of {settings.peer_name} is connected and says nothing under uid {settings.uid}: "
         "its bundle is of an earlier RobotOffload of that name; write the bundle again"
@@ -128,7 +128,7 @@ def silent_robot(settings: ZenohSettings) -> str:
 
 
 def second_session(settings: ZenohSettings, sessions: int) -> str:
-    """Returns the cloud's sentence about two robots with one certificate."""
+    """Return the cloud's sentence about two robots with one certificate."""
     return (
         f"{sessions} {settings.session} sessions show the certificate of {settings.peer_name}: a second agent, or a "
         "copy of the robot's key; end the second agent, or revoke the certificate"
@@ -136,13 +136,13 @@ def second_session(settings: ZenohSettings, sessions: int) -> str:
 
 
 def stranger(settings: ZenohSettings, names: Iterable[str]) -> str:
-    """Returns the cloud's sentence about clients with another name in their certificate."""
+    """Return the cloud's sentence about clients with another name in their certificate."""
     shown = ", ".join(sorted(name or "none" for name in names))
     return f"Clients with the certificate of {shown} are connected; only {settings.peer_name} is served here"
 
 
 def udp_blocked(settings: ZenohSettings, where: str) -> str:
-    """Returns the robot's sentence about a fallback in use."""
+    """Return the robot's sentence about a fallback in use."""
     primary = ", ".join(settings.endpoints)
     return (
         f"UDP to {primary} gets no answer, {where} does: open the UDP port on the way; over TCP a loss is noticed later"

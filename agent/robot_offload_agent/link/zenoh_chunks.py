@@ -32,7 +32,7 @@ class Publish(Protocol):
     """Declares a publisher under a key of the session."""
 
     def __call__(self, own_key: str, *, reliable: bool, priority: zenoh.Priority) -> zenoh.Publisher:
-        """Returns it."""
+        """Return it."""
 
 
 class ChunkLane:
@@ -43,7 +43,7 @@ class ChunkLane:
     """
 
     def __init__(self, prefix: str, publish: Publish, on_room: Callable[[str], None]) -> None:
-        """Starts nothing yet.
+        """Start nothing yet.
 
         Args:
             prefix: of this side's keys in the session.
@@ -63,7 +63,7 @@ class ChunkLane:
         self._closing = False
 
     def hear(self, declare: Declare, others: str, channels: Collection[str], on_whole: OnWhole) -> Any:
-        """Declares what hears the other side's chunks.
+        """Declare what hears the other side's chunks.
 
         Args:
             declare: declares a subscriber of the session.
@@ -81,11 +81,11 @@ class ChunkLane:
         return declare(f"{others}/{PART}/**", receive)
 
     def hear_receipts(self, declare: Declare, others: str) -> Any:
-        """Declares what hears the other side's acknowledgements."""
+        """Declare what hears the other side's acknowledgements."""
         return declare(f"{others}/{RECEIPTS}", self._acknowledged)
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Takes a large message, and sends it from a thread of its own; False while another one is on its way."""
+        """Take a large message, and send it from a thread of its own; False while another one is on its way."""
         with self._change:
             sender = self._senders.get(channel)
             if sender is None:
@@ -100,7 +100,7 @@ class ChunkLane:
         return taken
 
     def is_busy(self, channel: str) -> bool:
-        """Returns whether a large message of a channel is on its way: none of it may be overtaken."""
+        """Return whether a large message of a channel is on its way: none of it may be overtaken."""
         sender = self._senders.get(channel)
         if sender is None:
             return False
@@ -108,7 +108,7 @@ class ChunkLane:
             return sender.is_busy()
 
     def close(self) -> None:
-        """Ends the thread; returns at once."""
+        """End the thread; return at once."""
         with self._change:
             self._closing = True
             self._change.notify_all()
@@ -129,7 +129,7 @@ class ChunkLane:
                     return  # the session has ended
 
     def _next(self, channel: str) -> tuple[bytes, bytes] | None:
-        """Returns the chunk of a channel that is to be sent now; call with _change held."""
+        """Return the chunk of a channel that is to be sent now; call with _change held."""
         sender = self._senders[channel]
         given_up = sender.given_up
         chunk = sender.next(now_s())

@@ -89,7 +89,7 @@ class ZenohSettings:
     backlog_ms: float = 150
 
     def __post_init__(self) -> None:
-        """Raises ConfigurationError naming the first value that cannot work."""
+        """Raise ConfigurationError naming the first value that cannot work."""
         if self.side not in ("robot", "cloud"):
             raise ConfigurationError(f"side {self.side!r}: say robot or cloud")
         if self.session not in ("pulse", "data"):
@@ -138,7 +138,7 @@ def _check_endpoint(endpoint: str, protocol: str) -> None:
 
 
 def key(settings: ZenohSettings, sender_side: str, channel: str) -> str:
-    """The key under which a side sends a channel.
+    """Return the key under which a side sends a channel.
 
     Raises:
         ConfigurationError: the channel's name is no key.
@@ -149,7 +149,7 @@ def key(settings: ZenohSettings, sender_side: str, channel: str) -> str:
 
 
 def acknowledgement_key(settings: ZenohSettings, sender_side: str) -> str:
-    """The key under which a side acknowledges bulk."""
+    """Return the key under which a side acknowledges bulk."""
     return _key(settings, sender_side, "_ack")
 
 
@@ -158,7 +158,7 @@ UID_KEY = f"{KEY_PREFIX}/_uid"
 
 
 def key_prefix(settings: ZenohSettings, sender_side: str) -> str:
-    """The beginning of all keys under which a side sends in the session."""
+    """Return the beginning of all keys under which a side sends in the session."""
     return f"{KEY_PREFIX}/{settings.uid}/{sender_side}/{settings.session}"
 
 
@@ -169,7 +169,7 @@ def _key(settings: ZenohSettings, sender_side: str, name: str) -> str:
 def session_config(
     settings: ZenohSettings, *, fallback: bool = False, open_timeout_ms: int | None = None
 ) -> dict[str, Any]:
-    """The configuration of a session: the robot's over the primary or the fallback, the cloud's over both.
+    """Return the configuration of a session: the robot's over the primary or the fallback, the cloud's over both.
 
     `open_timeout_ms` is that of the settings unless given.
 
@@ -218,7 +218,7 @@ def session_config(
 
 
 def access_control(settings: ZenohSettings) -> dict[str, Any]:
-    """Returns who may say and hear what in a session; everything else is denied, also queries and liveliness.
+    """Return who may say and hear what in a session; everything else is denied, also queries and liveliness.
 
     The cloud routes between its clients. Without these rules whoever holds a certificate of the robot, such as a copy
     of its bundle, speaks to the robot as if it were the cloud, and hears the robot.

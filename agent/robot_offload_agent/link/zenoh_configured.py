@@ -10,7 +10,7 @@ SESSION_LEASE_MS = {"pulse": 500, "data": 1000}
 
 
 def zenoh_settings(configuration: Configuration, session: str) -> ZenohSettings:
-    """The settings of one of the two Zenoh sessions."""
+    """Return the settings of one of the two Zenoh sessions."""
     return ZenohSettings(
         side=configuration["side"],
         session=session,

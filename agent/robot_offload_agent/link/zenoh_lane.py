@@ -34,7 +34,7 @@ _LONGEST_RETRY_S = 10.0
 
 
 def bears_loss() -> bool:
-    """Returns whether new TCP connections of this network namespace bear lost packets."""
+    """Return whether new TCP connections of this network namespace bear lost packets."""
     try:
         return CONGESTION_CONTROL.read_text(encoding="ascii").startswith("bbr")
     except OSError:
@@ -45,7 +45,7 @@ class LargeLane:
     """The robot's session for large messages, opened beside the session over QUIC when that does not carry them."""
 
     def __init__(self, settings: ZenohSettings, channels: Sequence[Channel], on_room: OnRoom = no_room) -> None:
-        """Opens nothing yet.
+        """Open nothing yet.
 
         Args:
             settings: of the link.
@@ -68,7 +68,7 @@ class LargeLane:
         self._closing = False
 
     def session_for(self, channel: str, size: int, main: ZenohSession) -> ZenohSession:
-        """Returns the session that carries a message.
+        """Return the session that carries a message.
 
         Args:
             channel: its name.
@@ -89,7 +89,7 @@ class LargeLane:
         return session if session is not None and session.connections > 0 else main
 
     def note(self, channel: str, *, sent: bool) -> None:
-        """Notes what became of a message: where QUIC carries all of a topic, it stays there."""
+        """Note what became of a message: where QUIC carries all of a topic, it stays there."""
         struggle = self._struggles.get(channel)
         if struggle is not None and not self._wanted and struggle.note(now_s(), sent=sent):
             self._want(True)
@@ -103,7 +103,7 @@ class LargeLane:
             self._change.notify_all()
 
     def drop(self) -> None:
-        """Ends the session with what is buffered in it; soon afterwards the next large message opens another."""
+        """End the session with what is buffered in it; soon afterwards the next large message opens another."""
         with self._change:
             self._dropped += 1
             if self._wanted:
@@ -113,7 +113,7 @@ class LargeLane:
         self._want(False)
 
     def came_late(self) -> None:
-        """Notes that an input was too old in the cloud while the link was there: QUIC did not carry the large ones.
+        """Note that an input was too old in the cloud while the link was there: QUIC did not carry the large ones.
 
         So the next large message opens the session: to learn that anew from refusals takes seconds.
         """
@@ -122,7 +122,7 @@ class LargeLane:
                 self._kept_until_s = now_s() + _KEPT_S
 
     def close(self) -> None:
-        """Ends it for good; returns at once."""
+        """End it for good; return at once."""
         with self._change:
             self._closing = True
             self._change.notify_all()
@@ -168,7 +168,7 @@ class LargeLane:
         return session
 
     def _use(self, session: ZenohSession, over: Callable[[], bool]) -> None:
-        """Returns when the session has ended or is not wanted any more."""
+        """Return when the session has ended or is not wanted any more."""
         log.info("Opened a session for large messages endpoint=%s", ", ".join(self._settings.fallback))
         self._session = session
         self._until(lambda: over() or session.connections == 0)

@@ -1,4 +1,4 @@
-"""The log of the Zenoh wheel, read: it alone says why a session was refused.
+"""Parse Zenoh's log, the only place that states why a session was refused.
 
 The wheel writes its log to the standard output of the process, past Python. So that file descriptor becomes a pipe that
 is read here. Nothing else in the agent's processes writes to it.
@@ -28,7 +28,7 @@ class WheelLog:
     """Reads the wheel's log from construction to `close`; one a process."""
 
     def __init__(self) -> None:
-        """Begins to read."""
+        """Begin to read."""
         self._change = threading.Condition()
         self._dialled: deque[tuple[float, Found]] = deque(maxlen=_KEPT)
         self._watchers: list[Callable[[Found], None]] = []
@@ -45,17 +45,17 @@ class WheelLog:
         self._thread.start()
 
     def close(self) -> None:
-        """Gives the standard output back and waits until all lines are read."""
+        """Give the standard output back and wait until all lines are read."""
         os.dup2(self._before, _STDOUT)
         os.close(self._before)
         self._thread.join()
 
     def watch(self, watcher: Callable[[Found], None]) -> None:
-        """Calls `watcher` on a thread of its own for what happens at listeners from now on."""
+        """Call `watcher` on a thread of its own for what happens at listeners from now on."""
         self._watchers.append(watcher)
 
     def dialled(self, endpoints: tuple[str, ...], since_s: float, wait_s: float) -> list[Found]:
-        """Returns what the wheel said about these endpoints since then; waits for the first such line for `wait_s`."""
+        """Return what the wheel said about these endpoints since then; wait for the first such line for `wait_s`."""
 
         def said() -> list[Found]:
             return [found for t_s, found in self._dialled if t_s >= since_s and found.endpoint in endpoints]

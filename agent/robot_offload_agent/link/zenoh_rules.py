@@ -37,7 +37,7 @@ class EndpointChoice:
     since_s: float = 0.0
 
     def failed(self, began_s: float, now_s: float) -> bool:
-        """Notes an attempt without success; returns whether it is the other's turn now."""
+        """Note an attempt without success; return whether it is the other's turn now."""
         if self.tries == 0:
             self.since_s = began_s
         self.tries += 1
@@ -48,7 +48,7 @@ class EndpointChoice:
         return True
 
     def opened(self, fallback: bool) -> None:
-        """Notes what is in use; when that session ends it is what is tried first."""
+        """Note what is in use; when that session ends it is what is tried first."""
         self.fallback, self.tries = fallback, 0
 
 
@@ -73,7 +73,7 @@ class Patience:
     tries: int = 0
 
     def next_ms(self, now_s: float) -> int:
-        """The limit of the attempt that begins now."""
+        """Return the limit of the attempt that begins now."""
         if self.began_s is None:
             self.began_s = now_s
         self.tries += 1
@@ -81,7 +81,7 @@ class Patience:
         return self.long_ms if long else self.short_ms
 
     def succeeded(self) -> None:
-        """Notes a session."""
+        """Note a session."""
         self.began_s, self.tries = None, 0
 
 
@@ -105,7 +105,7 @@ class Struggle:
     turns_s: deque[float] = field(default_factory=deque)
 
     def note(self, now_s: float, *, sent: bool) -> bool:
-        """Notes what became of a message; returns whether the session struggles."""
+        """Note what became of a message; return whether the session struggles."""
         if sent and self.refused:
             self.turns_s.append(now_s)
         self.refused = not sent
@@ -123,7 +123,7 @@ class Peer:
 
 
 def robots(peers: Iterable[Peer]) -> int:
-    """Returns how many robots these sessions of one certificate are.
+    """Return how many robots these sessions of one certificate are.
 
     Beside one over QUIC a robot has one over TLS for its large messages (see `zenoh_lane`).
     """
@@ -154,7 +154,7 @@ class Attendance:
     crowded: bool = False
 
     def look(self, now_s: float, sessions: int, received: int) -> LinkCause:
-        """Returns what is wrong with these sessions of the robot's certificate; `received` counts their messages."""
+        """Return what is wrong with these sessions of the robot's certificate; `received` counts their messages."""
         if sessions == 0 or received != self.received or self.silent_s is None:
             self.silent_s, self.received = (now_s if sessions else None), received
         if sessions < 2:
@@ -182,7 +182,7 @@ class Repetition:
     said: dict[str, float] = field(default_factory=dict)
 
     def is_due(self, sentence: str, now_s: float) -> bool:
-        """Returns whether to say it now, and notes that it was said."""
+        """Return whether to say it now, and note that it was said."""
         due = now_s - self.said.get(sentence, float("-inf")) >= self.period_s
         if due:
             self.said = {one: t_s for one, t_s in self.said.items() if now_s - t_s < self.period_s} | {sentence: now_s}
@@ -215,7 +215,7 @@ class Backlog:
     waiting: deque[tuple[int, float]] = field(default_factory=deque)
 
     def admit(self, now_s: float) -> int | None:
-        """The sequence (1 to 2**32 - 1) for a message that may be sent now, or None."""
+        """Return the sequence (1 to 2**32 - 1) for a message that may be sent now, or None."""
         if not self._has_room(now_s):
             self.refused = True
             return None
@@ -231,7 +231,7 @@ class Backlog:
         return not self.waiting or now_s - self.waiting[0][1] <= limit_s
 
     def acknowledged(self, sequence: int, now_s: float) -> bool:
-        """A message has arrived, and so have, or will never, those sent before it. Unknown ones change nothing.
+        """Take an arrived message: those sent before it have arrived too, or never will. Unknown ones change nothing.
 
         Returns:
             Whether there is room again after a refusal.

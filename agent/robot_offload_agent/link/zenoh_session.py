@@ -46,7 +46,7 @@ _BULK = {
 
 
 def _priority(channel: Channel) -> zenoh.Priority:
-    """Returns the queue of a channel's small messages."""
+    """Return the queue of a channel's small messages."""
     return zenoh.Priority.REAL_TIME if channel.urgent else _SMALL[channel.priority]
 
 
@@ -87,7 +87,7 @@ class ZenohSession:
     """
 
     def __init__(self, settings: ZenohSettings, fallback: bool = False, open_timeout_ms: int | None = None) -> None:
-        """Opens it; blocks for up to `open_timeout_ms`, longer only while a name is looked up.
+        """Open it; blocks for up to `open_timeout_ms`, longer only while a name is looked up.
 
         Args:
             settings: of the link.
@@ -129,7 +129,7 @@ class ZenohSession:
             raise PeerRefusedError(f"its certificate names {shown}, not {self.settings.peer_name}")
 
     def protocols(self) -> set[str]:
-        """The protocols of the present connections: `quic`, `tls`, or none."""
+        """Return the protocols of the present connections: `quic`, `tls`, or none."""
         try:
             return {link.src.partition("/")[0] for link in self._session.info.links()}
         except zenoh.ZError:
@@ -141,7 +141,7 @@ class ZenohSession:
         on_message: Callable[[ZenohSession, str, bytes, bytes], None],
         on_connection: Callable[[ZenohSession], None],
     ) -> None:
-        """Declares all channels.
+        """Declare all channels.
 
         Args:
             channels: the same as on the other side.
@@ -177,7 +177,7 @@ class ZenohSession:
         self._attend(on_connection)
 
     def speak(self, channels: Sequence[Channel], on_connection: Callable[[ZenohSession], None]) -> None:
-        """Declares all channels for sending only: beside another session that hears.
+        """Declare all channels for sending only: beside another session that hears.
 
         Args:
             channels: the same as on the other side.
@@ -204,7 +204,7 @@ class ZenohSession:
         self._declared.append(self._session.declare_subscriber(heard, self._acknowledged))
 
     def _attend(self, on_connection: Callable[[ZenohSession], None]) -> None:
-        """Follows who connects and who leaves."""
+        """Follow who connects and who leaves."""
         settings = self.settings
 
         def changed(event: Any) -> None:
@@ -224,7 +224,7 @@ class ZenohSession:
             self.connections = 0  # lost before anybody listened
 
     def _count_peer(self, session: str, up: bool) -> None:
-        """Notes that somebody came or went at the cloud."""
+        """Note that somebody came or went at the cloud."""
         known = (self.settings.peer_name, *self.settings.observers)
         if up:
             links = [link for link in self._session.info.links() if str(link.zid) == session]
@@ -239,7 +239,7 @@ class ZenohSession:
         self.strangers = frozenset(peer.name for peer in self._peers.values() if peer.name not in known)
 
     def introduce(self) -> None:
-        """Says which uid the cloud serves."""
+        """Report which uid the cloud serves."""
         try:
             self._introduction.put(self.settings.uid)
         except zenoh.ZError as error:
@@ -273,7 +273,7 @@ class ZenohSession:
         )
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Puts a message; False when it was certainly not sent.
+        """Put a message; False when it was certainly not sent.
 
         Raises:
             KeyError: no such channel is declared.
@@ -333,7 +333,7 @@ class ZenohSession:
         return self._malformed + self._chunks.malformed
 
     def close(self) -> None:
-        """Ends it and everything buffered in it; may take 20 s where TLS has data that it cannot send."""
+        """End it and everything buffered in it; may take 20 s where TLS has data that it cannot send."""
         self._chunks.close()
         try:
             self._session.close()  # type: ignore[no-untyped-call]  # the wheel does not annotate it

@@ -33,7 +33,7 @@ BEAT = Channel("beat", reliable=False, urgent=True)
 STATUS_PERIOD_S = 1.0
 LONGEST_S = 0.5
 """The main thread wakes up this often although beats go out without it: it shows that it lives."""
-LOOK_S = 0.1
+SESSION_LOOK_S = 0.1
 """How often the session's state is looked at; people read what comes of it."""
 
 
@@ -64,7 +64,7 @@ class PulseProcess:
         self.guard = Guard()
 
     def run(self) -> None:
-        """Runs until it is ended."""
+        """Run until it is ended."""
         gc.disable()  # nothing here makes cycles; a collection would hold up beats
         self.link = open_link(self.configuration, "pulse", [BEAT], self.on_message)
         self.link.start()
@@ -80,7 +80,7 @@ class PulseProcess:
             self.alarm.wait(LONGEST_S)
 
     def send(self, now: float) -> None:
-        """Sends one beat, with what control says by now; call with `speaking` held."""
+        """Send one beat, with what control says by now; call with `speaking` held."""
         assert self.link is not None
         self.read()  # only now: each waking up costs
         with self.lock:
@@ -95,7 +95,7 @@ class PulseProcess:
             self.bus.send("control", self.sent)
         if now < self.look_due_s:
             return
-        self.look_due_s = now + LOOK_S
+        self.look_due_s = now + SESSION_LOOK_S
         status = self.link.status()
         if status != self.status or now >= self.status_due_s:
             self.status, self.status_due_s = status, now + STATUS_PERIOD_S
@@ -105,13 +105,13 @@ class PulseProcess:
             self.bus.send("control", PulseStatus(*told, garbage, self.realtime, status.cause.value))
 
     def read(self) -> None:
-        """What control says."""
+        """Take what control reports."""
         while (message := self.bus.receive()) is not None:
             with self.guard:
                 self.handle(message)
 
     def handle(self, message: object) -> None:
-        """Takes one message of control."""
+        """Take one message of control."""
         if isinstance(message, Speak):
             with self.lock:
                 self.pulse = pulse.speak(self.pulse, message.incarnation, message.body, message.said_s)
@@ -119,7 +119,7 @@ class PulseProcess:
             self.link.reopen(message.reason)
 
     def on_message(self, _channel: str, _header: bytes, payload: bytes) -> None:
-        """A beat arrived (on a thread of the link)."""
+        """Take a beat that arrived (on a thread of the link)."""
         arrived_s = now_s()
         if not payload:
             self.garbage["BareBeat"] += 1  # feeds statistics only: it proves no round trip and renews nothing
@@ -146,13 +146,13 @@ class PulseProcess:
                 self.pass_on(Heard(partner.incarnation, partner.sent_us, partner.arrived_s))
 
     def answer(self, arrived_s: float) -> None:
-        """Sends the next beat with the one that has just come, where that spares the main thread to wake up."""
+        """Send the next beat with the one that has just come, where that spares the main thread to wake up."""
         with self.speaking:
             if self.link is not None and pulse.joins(self.pulse, arrived_s):
                 self.send(arrived_s)
 
     def pass_on(self, heard: Heard) -> None:
-        """Gives data the newest beat: in memory, or as a datagram where there is none."""
+        """Give data the newest beat: in memory, or as a datagram where there is none."""
         if self.heard is None:
             self.bus.send("data", heard)
         else:
@@ -160,5 +160,5 @@ class PulseProcess:
 
 
 def run(configuration: Configuration) -> None:
-    """Entry of the process."""
+    """Run the process."""
     PulseProcess(configuration, Bus(configuration.runtime_dir, "pulse")).run()

@@ -61,7 +61,7 @@ class AuditTrail:
     # -- deciding thread ----------------------------------------------------------------------------------------------
 
     def say(self, kind: Kind, who: str, **what: str) -> None:
-        """Takes an entry; returns at once."""
+        """Take an entry; return at once."""
         if len(self._waiting) >= WAITING:
             self.missed += 1
             self._unsaid += 1
@@ -70,7 +70,7 @@ class AuditTrail:
         self._wake.set()
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Takes a step: switches by hand, and pins of the robot itself, are entries."""
+        """Take a step: switches by hand, and pins of the robot itself, are entries."""
         if machine is not Machine.PLACEMENT:
             return
         if isinstance(event, placement.SwitchByHand):
@@ -84,15 +84,15 @@ class AuditTrail:
             )  # fmt: skip
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Takes a state that no step has led to: nobody's doing."""
+        """Take a state that no step has led to: nobody's doing."""
 
     def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
-        """Takes a step that broke a rule: nobody's doing."""
+        """Take a step that broke a rule: nobody's doing."""
 
     # -- writing thread -----------------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begins to write, in a thread of its own."""
+        """Begin to write, in a thread of its own."""
         threads.start("audit", self._run)
 
     def _run(self) -> None:
@@ -103,7 +103,7 @@ class AuditTrail:
                 time.sleep(RETRY_S)
 
     def turn(self) -> bool:
-        """Writes what waits; returns False when something is left that has to be tried again."""
+        """Write what waits; return False when something is left that has to be tried again."""
         try:
             if self._lock is None:
                 self._open()
@@ -122,7 +122,7 @@ class AuditTrail:
         return not self.problem
 
     def close(self) -> None:
-        """Lets the folder go."""
+        """Let the folder go."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None
@@ -134,7 +134,7 @@ class AuditTrail:
             log.warning("%s; the agent goes on reason=AuditFailed", problem)
 
     def _open(self) -> None:
-        """Takes the folder, and goes on with the chain that is in it."""
+        """Take the folder, and go on with the chain that is in it."""
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         lock = (self.folder / "lock").open("a")
         try:
@@ -183,12 +183,12 @@ class AuditTrail:
 
 
 def files(folder: Path) -> list[Path]:
-    """Returns the files of a trail, the oldest first."""
+    """Return the files of a trail, the oldest first."""
     return sorted(file for file in folder.glob("audit-*.log") if file.stem[len("audit-") :].isdigit())
 
 
 def lines(folder: Path) -> list[str]:
-    """Returns the lines of a trail with their ends, the oldest first; raises OSError."""
+    """Return the lines of a trail with their ends, the oldest first; raise OSError."""
     return [
         line for file in files(folder)
         for line in file.read_text(encoding="ascii", errors="replace").splitlines(keepends=True)
@@ -196,7 +196,7 @@ def lines(folder: Path) -> list[str]:
 
 
 def of(configuration: Configuration) -> AuditTrail:
-    """Returns the trail of a robot."""
+    """Return the trail of a robot."""
     return AuditTrail(state_dir(configuration) / FOLDER)
 
 

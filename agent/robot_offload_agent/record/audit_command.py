@@ -24,7 +24,7 @@ exit codes: 0 the trail is one chain, 1 it was altered, cannot be read or is in 
 
 
 def main(words: list[str]) -> int:
-    """Runs the command; returns the exit code."""
+    """Run the command; return the exit code."""
     parser = argparse.ArgumentParser(
         prog="robot-offload-agent audit", description=__doc__, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -72,7 +72,7 @@ class BlackBox:
         self._size = total_bytes  # the first turn begins a file
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Takes a step (deciding thread)."""
+        """Take a step (deciding thread)."""
         if self.ended:
             return
         if len(self._waiting) >= (WAITING // 2 if self._missed else WAITING):
@@ -84,21 +84,21 @@ class BlackBox:
         self._waiting.append((machine, now_s, event, after, commands))
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Takes a state that no step has led to (deciding thread)."""
+        """Take a state that no step has led to (deciding thread)."""
         self.stepped(machine, now_s, None, state, ())
 
     def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
-        """Takes a step that broke a rule (deciding thread)."""
+        """Take a step that broke a rule (deciding thread)."""
         if not self.ended:
             self._waiting.append(blackbox.broken_step(machine, now_s, event, rule))
 
     def finish(self) -> None:
-        """Has what waits written, because the process ends; returns after `LAST_S` at the latest (any thread)."""
+        """Have what waits written, because the process ends; return after `LAST_S` at the latest (any thread)."""
         self._last.set()
         self._done.wait(LAST_S)
 
     def start(self) -> None:
-        """Begins to write, in a thread of its own."""
+        """Begin to write, in a thread of its own."""
         threads.start("blackbox", self._run)
 
     def _run(self) -> None:
@@ -111,7 +111,7 @@ class BlackBox:
         self._done.set()
 
     def turn(self) -> None:
-        """Writes what has been taken since the last turn."""
+        """Write what has been taken since the last turn."""
         lines: list[str] = []
         budget = int(RATE_BYTES * TURN_S)
         while self._waiting and budget > 0:
@@ -150,7 +150,7 @@ class BlackBox:
         self._size += len(text)
 
     def _begin(self) -> None:
-        """Begins the next file and removes the oldest ones."""
+        """Begin the next file and remove the oldest ones."""
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         files = parts(self.folder)
         for old in files[: max(0, len(files) - PARTS + 1)]:
@@ -167,23 +167,23 @@ class BlackBox:
 
 
 def parts(folder: Path) -> list[Path]:
-    """Returns the files of a ring, the oldest first."""
+    """Return the files of a ring, the oldest first."""
     return sorted(file for file in folder.glob("box-*.log") if file.stem[len("box-") :].isdigit())
 
 
 def number_of(file: Path) -> int:
-    """Returns the number of a file of a ring."""
+    """Return the number of a file of a ring."""
     return int(file.stem[len("box-") :])
 
 
 def digest_of_core() -> str:
-    """Returns the name of this installation's core."""
+    """Return the name of this installation's core."""
     root = Path(robot_offload_core.__file__).parent
     return blackbox.digest((file.relative_to(root).as_posix(), file.read_bytes()) for file in root.rglob("*.py"))
 
 
 def of(configuration: Configuration, incarnation: str) -> BlackBox | None:
-    """Returns the box that a configuration asks for; None when it is turned off."""
+    """Return the box that a configuration asks for; None when it is turned off."""
     side, mib = configuration["side"], configuration["black_box_mib"]
     if not mib:
         return None

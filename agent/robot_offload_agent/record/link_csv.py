@@ -44,7 +44,7 @@ class Recorder:
         self._fresh = True
 
     def take(self, link: Link) -> None:
-        """The link after a beat: a new echo is a new line."""
+        """Take the link after a beat: a new echo is a new line."""
         sent_s, round_trip_s = link.echo_sent_s, link.round_trip_s
         if (
             self.ended
@@ -65,7 +65,7 @@ class Recorder:
         self._sent_s = sent_s
 
     def flush(self, now_s: float) -> None:
-        """Writes what has been collected, once a second."""
+        """Write what has been collected, once a second."""
         if self.ended or not self._lines or now_s - self._flushed_s < FLUSH_S:
             return
         self._flushed_s = now_s

@@ -23,55 +23,55 @@ _SECOND_NS = 1_000_000_000
 
 
 def goal_response(accepted: bool, stamp_ns: int) -> bytes:
-    """Returns the response to a `send_goal`."""
+    """Return the response to a `send_goal`."""
     return _ENCAPSULATION + _ACCEPTED.pack(accepted, *divmod(stamp_ns, _SECOND_NS))
 
 
 def is_accepted(response: bytes) -> bool:
-    """Returns what a response to a `send_goal` says."""
+    """Return what a response to a `send_goal` says."""
     return response[_STATUS_AT : _STATUS_AT + 1] == b"\x01"
 
 
 def result_request(goal_id: bytes) -> bytes:
-    """Returns a request for a goal's result."""
+    """Return a request for a goal's result."""
     return _ENCAPSULATION + goal_id
 
 
 def result_status(response: bytes) -> GoalStatus:
-    """Returns the status in a response to a `get_result`; raises ValueError when it is none."""
+    """Return the status in a response to a `get_result`; raise ValueError when it is none."""
     return GoalStatus(response[_STATUS_AT]) if len(response) > _STATUS_AT else GoalStatus.UNKNOWN
 
 
 def with_status(response: bytes, status: GoalStatus) -> bytes:
-    """Returns a response to a `get_result` with another status."""
+    """Return a response to a `get_result` with another status."""
     return response[:_STATUS_AT] + bytes([status]) + response[_STATUS_AT + 1 :]
 
 
 def cancel_request(goal_id: bytes) -> bytes:
-    """Returns a request to cancel one goal."""
+    """Return a request to cancel one goal."""
     return _ENCAPSULATION + goal_id + _TIME.pack(0, 0)
 
 
 def read_cancel_request(request: bytes) -> tuple[bytes, int]:
-    """Returns the goal id and the stamp, ns, of a request to cancel."""
+    """Return the goal id and the stamp, ns, of a request to cancel."""
     second, nanosecond = _TIME.unpack_from(request, 20)
     return request[4:20], second * _SECOND_NS + nanosecond
 
 
 def cancel_response(code: CancelCode, goals: Sequence[GoalEntry]) -> bytes:
-    """Returns the response to a request to cancel: the goals that are being cancelled."""
+    """Return the response to a request to cancel: the goals that are being cancelled."""
     entries = (goal.goal_id + _TIME.pack(*divmod(goal.stamp_ns, _SECOND_NS)) for goal in goals)
     return _ENCAPSULATION + _CANCELLED.pack(code, len(goals)) + b"".join(entries)
 
 
 def cancel_code(response: bytes) -> CancelCode:
-    """Returns the code of a response to a request to cancel; one that is unknown is REJECTED."""
+    """Return the code of a response to a request to cancel; one that is unknown is REJECTED."""
     code = response[_STATUS_AT] if len(response) > _STATUS_AT else CancelCode.REJECTED
     return CancelCode(code) if code in list(CancelCode) else CancelCode.REJECTED
 
 
 def status_array(goals: Sequence[GoalEntry]) -> bytes:
-    """Returns a GoalStatusArray."""
+    """Return a GoalStatusArray."""
     body = bytearray(struct.pack(f"{_ORDER}I", len(goals)))
     for goal in goals:
         body += goal.goal_id

@@ -21,5 +21,5 @@ class CloudRelayShell(RelayShell):
 
 
 def run(configuration: Configuration) -> None:
-    """Entry of the process."""
+    """Run the process."""
     start(configuration, CloudRelayShell)

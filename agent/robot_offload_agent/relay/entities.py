@@ -46,7 +46,7 @@ class Owner(Protocol):
     inherited: Inherited
 
     def later(self, act: Callable[[], None]) -> None:
-        """Calls a function after the present call into the relay has returned."""
+        """Call a function after the present call into the relay has returned."""
 
 
 class Server:
@@ -66,7 +66,7 @@ class Server:
         self.take(caller, request)
 
     def answer(self, caller: bytes, response: bytes) -> None:
-        """Answers a caller of this process or of its predecessor; raises NativeError."""
+        """Answer a caller of this process or of its predecessor; raise NativeError."""
         if caller in self.open:
             del self.open[caller]
             self.raw.answer(caller, response)
@@ -74,7 +74,7 @@ class Server:
             self.inherited.answer(self.raw, caller, response)
 
     def drop(self, caller: bytes) -> None:
-        """Forgets a caller that gets no answer."""
+        """Forget a caller that gets no answer."""
         self.open.pop(caller, None)
 
 
@@ -90,7 +90,7 @@ class ServiceServer:
         self.owner.process.called(self.face, self.name, caller, request)
 
     def failure(self, message: str) -> bytes | None:
-        """Returns a response that says what failed, None where the response cannot."""
+        """Return a response that says what failed, None where the response cannot."""
         fields = _fields(self.kind)
         if fields.get("success") != "boolean":
             return None
@@ -125,11 +125,11 @@ class ActionServer:
             self.owner.process.result_requested(self.face, self.name, caller, goal_id)
 
     def answer_result(self, caller: bytes, status: GoalStatus, payload: bytes) -> None:
-        """Answers a `get_result`; raises NativeError."""
+        """Answer a `get_result`; raise NativeError."""
         self.result.answer(caller, payload or cdr.with_status(self.default_result, status))
 
     def publish_status(self, goals: Sequence[GoalEntry]) -> None:
-        """Publishes the status of all goals."""
+        """Publish the status of all goals."""
         self.status.publish(cdr.status_array(goals))
 
 
@@ -145,7 +145,7 @@ class ServiceClient:
         owner.loop.clients.append(self.raw)
 
     def call(self, key: int, payload: bytes) -> None:
-        """Calls; raises NativeError."""
+        """Call; raise NativeError."""
         self.sequences[key] = self.raw.ask(payload, partial(self._answered, key))
 
     def _answered(self, key: int, response: bytes) -> None:
@@ -154,13 +154,13 @@ class ServiceClient:
         self.owner.process.call_answered(key, response, success)
 
     def forget(self, key: int) -> None:
-        """Drops a call."""
+        """Drop a call."""
         sequence = self.sequences.pop(key, None)
         if sequence is not None:
             self.raw.forget(sequence)
 
     def endpoints(self) -> str:
-        """Returns who serves, "" for nobody."""
+        """Return who serves, "" for nobody."""
         return endpoints((self.raw,))
 
 
@@ -180,7 +180,7 @@ class ActionClient:
         self.owner.process.feedback_arrived(self.face, self.name, payload)
 
     def offer(self, payload: bytes) -> None:
-        """Sends a goal. One that is no goal of this type counts as refused; raises NativeError for it."""
+        """Send a goal. One that is no goal of this type counts as refused; raise NativeError for it."""
         goal_id = goal_id_of(payload) or b""
 
         def answered(accepted: bool) -> None:
@@ -193,7 +193,7 @@ class ActionClient:
             raise
 
     def cancel(self, goal_id: bytes) -> None:
-        """Cancels a goal; raises NativeError."""
+        """Cancel a goal; raise NativeError."""
 
         def answered(response: bytes) -> None:
             self.owner.process.cancel_answered(self.face, self.name, goal_id, cdr.cancel_code(response))
@@ -201,7 +201,7 @@ class ActionClient:
         self.cancelling.ask(cdr.cancel_request(goal_id), answered)
 
     def ask_result(self, goal_id: bytes) -> None:
-        """Asks for a result; raises NativeError."""
+        """Ask for a result; raise NativeError."""
 
         def answered(response: bytes) -> None:
             status = cdr.result_status(response)
@@ -210,12 +210,12 @@ class ActionClient:
         self.result.ask(cdr.result_request(goal_id), answered)
 
     def endpoints(self) -> str:
-        """Returns who serves, "" for nobody."""
+        """Return who serves, "" for nobody."""
         return endpoints((self.send, self.cancelling, self.result))
 
 
 def endpoints(clients: Sequence[RawClient]) -> str:
-    """Returns a text that changes when one of these servers is started again; "" while one of them is missing."""
+    """Return a text that changes when one of these servers is started again; "" while one of them is missing."""
     if not all(client.is_ready() for client in clients):
         return ""
     found: list[str] = []
@@ -228,5 +228,5 @@ def endpoints(clients: Sequence[RawClient]) -> str:
 
 
 def _fields(kind: Any) -> dict[str, str]:
-    """The fields of a service's response and their types."""
+    """Return the fields of a service's response and their types."""
     return dict(kind.Response.get_fields_and_field_types())

@@ -27,9 +27,9 @@ KEY = slice(12, 15)
 """The entity's number in its participant."""
 PATIENCE_S = 15.0
 """A client that discovery has not found by then has gone."""
-AGAIN_S = (0.0, 0.5)
+ANSWER_TIMES_S = (0.0, 0.5)
 """An answer may leave before the client's reader is matched, so it is sent twice: clients leave out the second one."""
-LOOK_S = 0.05
+CLIENT_LOOK_S = 0.05
 """How often a client is looked for."""
 
 
@@ -59,14 +59,14 @@ class Inherited:
         self.possible: bool | None = True
 
     def answer(self, service: RawService, caller: bytes, response: bytes) -> None:
-        """Answers as soon as the client's writer is seen."""
+        """Answer as soon as the client's writer is seen."""
         self.waiting.append(_Waiting(service, caller, response, now_s() + PATIENCE_S))
 
     def turn(self) -> float:
-        """Sends what can be sent; returns when to call again at the latest, on the steady clock."""
+        """Send what can be sent; return when to call again at the latest, on the steady clock."""
         now = now_s()
         if self.possible is None:
-            return now + LOOK_S if self.waiting else float("inf")
+            return now + CLIENT_LOOK_S if self.waiting else float("inf")
         if not self.possible:
             self.lost += len(self.waiting)
             self.waiting.clear()
@@ -78,7 +78,7 @@ class Inherited:
                 self.lost += not waiting.sent
                 self.waiting.remove(waiting)
             else:
-                waiting.due_s = now + LOOK_S
+                waiting.due_s = now + CLIENT_LOOK_S
         return min((w.due_s for w in self.waiting), default=float("inf"))
 
     def _send(self, waiting: _Waiting, writer: bytes, now: float) -> None:
@@ -88,14 +88,14 @@ class Inherited:
             log.warning("A call of %s that was open before the restart could not be answered: %s", waiting.service.name,
                         error)  # fmt: skip
         waiting.sent += 1
-        if waiting.sent == len(AGAIN_S):
+        if waiting.sent == len(ANSWER_TIMES_S):
             self.waiting.remove(waiting)
         else:
-            waiting.due_s = now + AGAIN_S[waiting.sent] - AGAIN_S[waiting.sent - 1]
+            waiting.due_s = now + ANSWER_TIMES_S[waiting.sent] - ANSWER_TIMES_S[waiting.sent - 1]
 
 
 def find_writer(node: Node, service: str, caller: bytes) -> bytes | None:
-    """Returns the gid of the writer of requests of a caller's client; None while the graph does not show it."""
+    """Return the gid of the writer of requests of a caller's client; None while the graph does not show it."""
     readers = node.get_subscriptions_info_by_topic(f"rr{service}Reply", no_mangle=True)
     if not any(bytes(info.endpoint_gid)[:GID_BYTES] == caller[:GID_BYTES] for info in readers):
         return None  # its reader of answers has not been found, or has gone
@@ -134,7 +134,7 @@ class SelfTest:
         self.caller: bytes | None = None
 
     def turn(self) -> float:
-        """Does the next step; returns when to call again, on the steady clock: never after the end."""
+        """Do the next step; return when to call again, on the steady clock: never after the end."""
         now = now_s()
         if self.passed is not None or now > self.end_s:
             self.passed = bool(self.passed)

@@ -51,7 +51,7 @@ class Journal:
             self.compact(())
 
     def load(self) -> list[bytes]:
-        """Returns the records of a predecessor in their order; what is appended later follows them."""
+        """Return the records of a predecessor in their order; what is appended later follows them."""
         found, at = [], self.current * self.half_bytes + _HEAD.size
         limit = (self.current + 1) * self.half_bytes
         while at + _RECORD.size <= limit:
@@ -68,7 +68,7 @@ class Journal:
         return found
 
     def append(self, record: bytes) -> bool:
-        """Appends a record; returns False when there is no room for it."""
+        """Append a record; return False when there is no room for it."""
         end = self._write(record, self.end, self.nonce, (self.current + 1) * self.half_bytes)
         if end is None:
             return False
@@ -76,7 +76,7 @@ class Journal:
         return True
 
     def compact(self, records: Sequence[bytes]) -> bool:
-        """Replaces all records, at once or not at all; returns False when there is no room."""
+        """Replace all records, at once or not at all; return False when there is no room."""
         half = 1 - self.current
         nonce, at = os.urandom(16), half * self.half_bytes + _HEAD.size
         self.map[at : at + _RECORD.size] = bytes(_RECORD.size)
@@ -94,7 +94,7 @@ class Journal:
         return True
 
     def _write(self, record: bytes, at: int, nonce: bytes, limit: int) -> int | None:
-        """Writes a record and the end behind it; its size comes last, so a torn one is none."""
+        """Write a record and the end behind it; its size comes last, so a torn one is none."""
         begin = at + _RECORD.size
         end = begin + len(record)
         if not record or end + _RECORD.size > limit:
@@ -105,7 +105,7 @@ class Journal:
         return end
 
     def _head(self, half: int) -> tuple[int, bytes]:
-        """Generation and nonce of a half; generation 0 when nothing whole is there."""
+        """Return generation and nonce of a half; generation 0 when nothing whole is there."""
         magic, generation, nonce, checksum = _HEAD.unpack_from(self.map, half * self.half_bytes)
         whole = magic == _MAGIC and zlib.crc32(_HEAD.pack(magic, generation, nonce, 0)) == checksum
         return (generation, nonce) if whole else (0, b"")

@@ -33,8 +33,8 @@ from robot_offload_core.words.messages import RelayStatus
 
 log = logging.getLogger(__name__)
 
-LOOK_S = 1.0
-LOOK_SOON_S = 0.1
+GRAPH_LOOK_S = 1.0
+GRAPH_LOOK_SOON_S = 0.1
 """How often the graph is looked at, and while a server that is called has not been seen."""
 HURRIED_S = 3.0
 """After a start the graph is looked at often: goals of a predecessor wait for their servers."""
@@ -77,7 +77,7 @@ class RelayShell:
     # -- building -----------------------------------------------------------------------------------------------------
 
     def build(self, plan: RelayPlan) -> None:
-        """Makes the entities; raises StartError naming a type that is missing."""
+        """Make the entities; raise StartError naming a type that is missing."""
         public, side = self.side == "robot", self.side
         for name, kind, of_cloud in [(s.name, s.type, s.of_cloud) for s in plan.services]:
             if public:
@@ -115,18 +115,18 @@ class RelayShell:
         self.action_clients[face, name] = ActionClient(self, face, name, full, kind)
 
     def later(self, act: Callable[[], None]) -> None:
-        """Calls a function after the present call into the relay has returned."""
+        """Call a function after the present call into the relay has returned."""
         self.after.append(act)
 
     # -- running ------------------------------------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Runs until it is ended."""
+        """Run until it is ended."""
         threading.Thread(target=self.serve_bus, name="bus", daemon=True).start()
         self.loop.run(self.turn, self.guarded)
 
     def serve_bus(self) -> None:
-        """Reads messages of the other processes."""
+        """Read messages of the other processes."""
         while True:
             select.select([self.bus], [], [], BUS_S)
             self.beacon.sign("bus")
@@ -138,12 +138,12 @@ class RelayShell:
                 self.loop.wake()
 
     def guarded(self, act: Callable[[], None]) -> None:
-        """Calls what handles one message; what it raises is counted."""
+        """Call what handles one message; what it raises is counted."""
         with self.guard:
             act()
 
     def turn(self) -> float:
-        """Handles what was read and what is due; returns when to turn again."""
+        """Handle what was read and what is due; return when to turn again."""
         self.beacon.sign("ros")
         while self.inbox:
             self.guarded(partial(self.process.handle, self.inbox.popleft()))
@@ -152,13 +152,13 @@ class RelayShell:
         now = now_s()
         if now >= self.look_due_s:
             complete = self.look()
-            self.look_due_s = now + (LOOK_S if complete and now > self.hurried_s else LOOK_SOON_S)
+            self.look_due_s = now + (GRAPH_LOOK_S if complete and now > self.hurried_s else GRAPH_LOOK_SOON_S)
         inherited_due_s = self.inherited.turn()
         self.process.turn()
         return min(self.process.due_s, self.look_due_s, inherited_due_s)
 
     def look(self) -> bool:
-        """Reports the servers in the graph; returns whether those of the group are all there.
+        """Report the servers in the graph; return whether those of the group are all there.
 
         A successor waits until all are found: a server that it had found and lost would have forgotten its goals.
         """
@@ -172,15 +172,15 @@ class RelayShell:
     # -- what the core's process needs: time, messages ---------------------------------------------------------------
 
     def now_s(self) -> float:
-        """Returns the steady clock, seconds."""
+        """Return the steady clock, seconds."""
         return now_s()
 
     def wall_ns(self) -> int:
-        """Returns the system clock, nanoseconds."""
+        """Return the system clock, nanoseconds."""
         return wall_ns()
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a message to another process of this agent; to what diagnostics show the shell adds its own."""
+        """Send a message to another process of this agent; to what diagnostics show the shell adds its own."""
         if isinstance(message, RelayStatus) and message.counters:
             own = {f"{name}.failures": count for name, count in self.failures.items()}
             own["garbage.relay"] = self.bus.garbage + self.guard.count
@@ -190,30 +190,30 @@ class RelayShell:
         return self.bus.send(to, message)
 
     def warn(self, message: str) -> None:
-        """Logs a warning."""
+        """Log a warning."""
         log.warning("%s", message)
 
     # -- as a client ---------------------------------------------------------------------------------------------------
 
     def offer(self, face: Face, action: str, payload: bytes) -> None:
-        """Calls `send_goal`."""
+        """Call `send_goal`."""
         self.tried(action, partial(self.action_clients[face, action].offer, payload))
 
     def cancel(self, face: Face, action: str, goal_id: bytes) -> None:
-        """Calls `cancel_goal`."""
+        """Call `cancel_goal`."""
         self.tried(action, partial(self.action_clients[face, action].cancel, goal_id))
 
     def ask_result(self, face: Face, action: str, goal_id: bytes) -> None:
-        """Calls `get_result`."""
+        """Call `get_result`."""
         self.tried(action, partial(self.action_clients[face, action].ask_result, goal_id))
 
     def call(self, face: Face, service: str, key: int, payload: bytes) -> None:
-        """Calls a service."""
+        """Call a service."""
         client = self.calls[key] = self.service_clients[face, service]
         self.tried(service, partial(client.call, key, payload))
 
     def forget_call(self, key: int) -> None:
-        """Drops a call."""
+        """Drop a call."""
         client = self.calls.pop(key, None)
         if client is not None:
             client.forget(key)
@@ -221,35 +221,35 @@ class RelayShell:
     # -- as a server ---------------------------------------------------------------------------------------------------
 
     def answer_goal(self, face: Face, action: str, caller: bytes, accepted: bool, stamp_ns: int) -> None:
-        """Answers a `send_goal`."""
+        """Answer a `send_goal`."""
         server = self.action_servers[face, action].send
         self.tried(action, partial(server.answer, caller, cdr.goal_response(accepted, stamp_ns)))
 
     def answer_cancel(
         self, face: Face, action: str, caller: bytes, code: CancelCode, goals: Sequence[GoalEntry]
     ) -> None:
-        """Answers a `cancel_goal`."""
+        """Answer a `cancel_goal`."""
         server = self.action_servers[face, action].cancel
         self.tried(action, partial(server.answer, caller, cdr.cancel_response(code, goals)))
 
     def answer_result(self, face: Face, action: str, caller: bytes, status: GoalStatus, payload: bytes) -> None:
-        """Answers a `get_result`."""
+        """Answer a `get_result`."""
         self.tried(action, partial(self.action_servers[face, action].answer_result, caller, status, payload))
 
     def publish_feedback(self, face: Face, action: str, payload: bytes) -> None:
-        """Publishes a feedback message."""
+        """Publish a feedback message."""
         self.action_servers[face, action].feedback.publish(payload)
 
     def publish_status(self, face: Face, action: str, goals: Sequence[GoalEntry]) -> None:
-        """Publishes the status of an action's goals."""
+        """Publish the status of an action's goals."""
         self.action_servers[face, action].publish_status(goals)
 
     def answer_call(self, face: Face, service: str, caller: bytes, payload: bytes) -> None:
-        """Answers a service call."""
+        """Answer a service call."""
         self.tried(service, partial(self.service_servers[face, service].server.answer, caller, payload))
 
     def fail_call(self, face: Face, service: str, caller: bytes, reason: str, message: str) -> None:
-        """Answers a call that failed where its response can say so; else the caller hears nothing."""
+        """Answer a call that failed where its response can say so; else the caller hears nothing."""
         server = self.service_servers[face, service]
         response = server.failure(message)
         log.warning("A call of %s failed: %s reason=%s", service, message, reason)
@@ -259,7 +259,7 @@ class RelayShell:
             self.tried(service, partial(server.server.answer, caller, response))
 
     def tried(self, name: str, act: Callable[[], None]) -> None:
-        """Does what the middleware may refuse; a refusal is counted by name and logged once for each."""
+        """Do what the middleware may refuse; a refusal is counted by name and logged once for each."""
         try:
             act()
         except NativeError as error:
@@ -269,7 +269,7 @@ class RelayShell:
 
 
 def start(configuration: Configuration, make: Callable[[Configuration, Bus, RelayPlan], RelayShell]) -> None:
-    """Entry of the process; raises StartError for a type that is missing."""
+    """Run the process; raise StartError for a type that is missing."""
     plan = configuration.relay_plan()
     assert plan is not None, "a relay without a name to serve or use"
     shell = make(configuration, Bus(configuration.runtime_dir, "relay"), plan)

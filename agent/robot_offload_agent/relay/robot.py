@@ -51,18 +51,18 @@ class RobotRelayShell(RelayShell):
         return due_s
 
     def holder(self) -> Holding:
-        """Reads who holds."""
+        """Read who holds."""
         return self.view.look()
 
     def keep(self, record: bytes) -> bool:
-        """Appends a record to the journal."""
+        """Append a record to the journal."""
         return self.journal.append(record)
 
     def compact(self, records: Sequence[bytes]) -> bool:
-        """Replaces the journal."""
+        """Replace the journal."""
         return self.journal.compact(records)
 
 
 def run(configuration: Configuration) -> None:
-    """Entry of the process."""
+    """Run the process."""
     start(configuration, RobotRelayShell)

@@ -24,7 +24,7 @@ UNDESCRIBED = (Parameter("start_type_description_service", value=False),)
 
 
 def init(configuration: Configuration) -> None:
-    """Starts rclpy in this process, in the domain of this side; the agents ignore use_sim_time.
+    """Start rclpy in this process, in the domain of this side; the agents ignore use_sim_time.
 
     SIGTERM ends spinning, so that participants say goodbye. A thread that fails ends the process: half a process would
     look alive and do nothing, a dead one is started again.
@@ -35,7 +35,7 @@ def init(configuration: Configuration) -> None:
 
 
 def end_process(failure: threading.ExceptHookArgs) -> None:
-    """Logs an exception that leaves a thread; quiet while rclpy is shutting down."""
+    """Log an exception that leaves a thread; quiet while rclpy is shutting down."""
     if rclpy.ok():
         thread = failure.thread.name if failure.thread else "?"
         log.error("Thread %s failed", thread, exc_info=failure.exc_value)
@@ -43,7 +43,7 @@ def end_process(failure: threading.ExceptHookArgs) -> None:
 
 
 def run_until_ended(run: Callable[[Configuration], None], configuration: Configuration) -> None:
-    """Runs a process; that it is ended in the middle of its start is no error."""
+    """Run a process; that it is ended in the middle of its start is no error."""
     try:
         run(configuration)
     except (rclpy_native.RCLError, rclpy_native.InvalidHandle):
@@ -52,12 +52,12 @@ def run_until_ended(run: Callable[[Configuration], None], configuration: Configu
 
 
 def is_up() -> bool:
-    """Returns whether ROS of this process has not been shut down yet."""
+    """Return whether ROS of this process has not been shut down yet."""
     return bool(rclpy.ok())
 
 
 def make_node(configuration: Configuration, name: str) -> Node:
-    """Returns a plain node of an agent process, without the services that only cost memory."""
+    """Return a plain node of an agent process, without the services that only cost memory."""
     return Node(
         name,
         namespace=configuration["namespace"],
@@ -69,7 +69,7 @@ def make_node(configuration: Configuration, name: str) -> Node:
 
 
 def spin(*nodes: Node) -> None:
-    """Spins until rclpy is shut down. SingleThreadedExecutor only: the EventsExecutor deadlocks."""
+    """Spin until rclpy is shut down. SingleThreadedExecutor only: the EventsExecutor deadlocks."""
     executor = SingleThreadedExecutor()
     for node in nodes:
         executor.add_node(node)

@@ -26,13 +26,13 @@ class ActionTypes:
 
 
 def any_type(name: str) -> Any:
-    """Returns the class of a type of any kind; see `interface`."""
+    """Return the class of a type of any kind; see `interface`."""
     match = _NAME.fullmatch(name)
     return interface(name, match[2] if match else "msg")
 
 
 def message_type(name: str) -> Any:
-    """Returns the class of a message type such as `sensor_msgs/msg/LaserScan`; see `interface`.
+    """Return the class of a message type such as `sensor_msgs/msg/LaserScan`; see `interface`.
 
     Also of a message that an action is made of: its feedback with the goal's id, and the event of a `get_result`.
     """
@@ -44,12 +44,12 @@ def message_type(name: str) -> Any:
 
 
 def service_type(name: str) -> Any:
-    """Returns the class of a service type such as `nav_msgs/srv/GetPlan`; see `interface`."""
+    """Return the class of a service type such as `nav_msgs/srv/GetPlan`; see `interface`."""
     return interface(name, "srv")
 
 
 def action_types(name: str) -> ActionTypes:
-    """Returns the parts of an action type such as `nav2_msgs/action/FollowPath`; see `interface`."""
+    """Return the parts of an action type such as `nav2_msgs/action/FollowPath`; see `interface`."""
     parts = interface(name, "action").Impl
     return ActionTypes(
         parts.SendGoalService, parts.CancelGoalService, parts.GetResultService, parts.FeedbackMessage,
@@ -58,7 +58,7 @@ def action_types(name: str) -> ActionTypes:
 
 
 def interface(name: str, kind: str) -> Any:
-    """Returns the class of an interface type.
+    """Return the class of an interface type.
 
     Args:
         name: `PACKAGE/KIND/TYPE`; anybody in the graph can give a topic any type.

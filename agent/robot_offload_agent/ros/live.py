@@ -42,7 +42,7 @@ class Live:
         self._echo_sent_s: float | None = None
 
     def decided(self, site: Site, reason: str) -> None:
-        """Publishes who is in charge (0: the robot, 1: the cloud) and the word for why, when that has changed."""
+        """Publish who is in charge (0: the robot, 1: the cloud) and the word for why, when that has changed."""
         if (site, reason) == self._said:
             return
         self._said = site, reason
@@ -50,20 +50,20 @@ class Live:
         self._reason.publish(String(data=reason))
 
     def passes(self, site: Site | None) -> None:
-        """Publishes whose messages pass at the collector (0: the robot's, 1: the cloud's, -1: unknown), at changes."""
+        """Publish whose messages pass at the collector (0: the robot's, 1: the cloud's, -1: unknown), at changes."""
         number = NOBODY if site is None else NUMBERS[site]
         if number != self._gate:
             self._gate = number
             self._passing.publish(Int32(data=number))
 
     def note(self, message: str) -> None:
-        """Publishes a decision in a sentence, as a line of a log."""
+        """Publish a decision in a sentence, as a line of a log."""
         line = Log(level=Log.INFO, name=self._node.get_name(), msg=message)
         line.stamp = self._node.get_clock().now().to_msg()
         self._notes.publish(line)
 
     def measured(self, link: Link) -> None:
-        """Publishes the round trip of the newest echo, once, while somebody listens."""
+        """Publish the round trip of the newest echo, once, while somebody listens."""
         if link.echo_sent_s == self._echo_sent_s or link.round_trip_s is None:
             return
         self._echo_sent_s = link.echo_sent_s

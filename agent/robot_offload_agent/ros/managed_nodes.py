@@ -45,13 +45,13 @@ NAME_LIKENESS = 0.75
 
 
 def ros_name(side: Site, spec: NodeSpec) -> str:
-    """Returns the node's ROS name on a side: replicas in the cloud carry the prefix `remote_`."""
+    """Return the node's ROS name on a side: replicas in the cloud carry the prefix `remote_`."""
     head, slash, last = spec.name.rpartition("/")
     return f"{head}{slash}remote_{last}" if side is Site.CLOUD and spec.duplicated else spec.name
 
 
 def full_name(configuration: Configuration, name: str) -> str:
-    """Returns the full ROS name on this side of a node as the resource names it, also of one that is not managed."""
+    """Return the full ROS name on this side of a node as the resource names it, also of one that is not managed."""
     known = {spec.name: spec for spec in configuration.node_specs()}
     found = ros_name(configuration.side, known[name]) if name in known else name
     return found if found.startswith("/") else f"{configuration['namespace'].rstrip('/')}/{found}"
@@ -97,12 +97,12 @@ class ManagedNodes:
         return full if full.startswith("/") else f"{self.configuration['namespace'].rstrip('/')}/{full}"
 
     def duplicated_names(self) -> dict[str, str]:
-        """Returns the full ROS name of each duplicated node on this side."""
+        """Return the full ROS name of each duplicated node on this side."""
         specs = (spec for spec in self.configuration.node_specs() if spec.duplicated)
         return {spec.name: self._full_name(spec) for spec in specs}
 
     def missing_plain(self) -> dict[str, str]:
-        """Returns, for each node without a lifecycle, what of it is not in the graph; "" when all is there."""
+        """Return, for each node without a lifecycle, what of it is not in the graph; "" when all is there."""
         found = {}
         for name, (full, names) in self.plain.items():
             namespace, _, short = full.rpartition("/")
@@ -117,7 +117,7 @@ class ManagedNodes:
         return found
 
     def _alike(self, full: str) -> str:
-        """Returns the name that was probably meant, as a question; "" when no name is like it."""
+        """Return the name that was probably meant, as a question; "" when no name is like it."""
         running = {f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces()}
         close = difflib.get_close_matches(full, running - set(self.names.values()), 1, NAME_LIKENESS)
         return f"; did you mean {close[0]}?" if close else ""
@@ -128,7 +128,7 @@ class ManagedNodes:
             self.post(managed_nodes.Observed(name, state))
 
     def carry_out(self, command: managed_nodes.Command) -> None:
-        """Carries out one command of the core; news of nodes are for the log and not for us."""
+        """Carry out one command of the core; news of nodes are for the log and not for us."""
         match command:
             case managed_nodes.ChangeState():
                 self._change(command.name, command.transition)
@@ -191,7 +191,7 @@ class ManagedNodes:
         future.add_done_callback(done)
 
     def _call(self, client: Any, request: Any, done: Callable[[Any], None]) -> None:
-        """Calls, and forgets the call before: rclpy keeps one without an answer for ever."""
+        """Call, and forget the call before: rclpy keeps one without an answer for ever."""
         before = self.pending.get(client)
         if before is not None:
             client.remove_pending_request(before)
@@ -199,7 +199,7 @@ class ManagedNodes:
         future.add_done_callback(done)
 
     def other_managers(self) -> dict[str, str]:
-        """Returns, for each node that somebody else manages as well, who that is; "" for nobody."""
+        """Return, for each node that somebody else manages as well, who that is; "" for nobody."""
         services = {f"{full}/change_state": name for name, full in self.names.items()}
         found: dict[str, set[str]] = {name: set() for name in self.names}
         for other, namespace in self.node.get_node_names_and_namespaces():
@@ -217,7 +217,7 @@ class ManagedNodes:
         return lasting
 
     def strange(self) -> dict[str, tuple[str, str] | None]:
-        """Returns, for each node, (reason, message) when what runs is not what was declared."""
+        """Return, for each node, (reason, message) when what runs is not what was declared."""
         found: dict[str, tuple[str, str] | None] = {}
         running = {f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces()}
         for name, full in self.names.items():
@@ -235,6 +235,6 @@ class ManagedNodes:
         return lasting
 
     def undeclared(self) -> dict[str, Undeclared]:
-        """Returns, for each duplicated node that is seen, what it does beyond what is declared."""
+        """Return, for each duplicated node that is seen, what it does beyond what is declared."""
         names = [spec.name for spec in self.configuration.node_specs() if spec.duplicated]
         return self.declared.compare({name: self.names.get(name) or self.plain[name][0] for name in names})

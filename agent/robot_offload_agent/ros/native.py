@@ -44,7 +44,7 @@ class _ErrorText(Structure):
 
 @cache
 def library() -> Any:
-    """Returns librcl, through which the functions of rmw and rcutils are found too.
+    """Return librcl, through which the functions of rmw and rcutils are found too.
 
     Raises:
         StartError: it cannot be opened, or lacks a function.
@@ -92,7 +92,7 @@ class Form:
         self.allocator = library().rcutils_get_default_allocator()
 
     def write(self, message: int) -> bytes:
-        """Returns a message as serialized bytes; raises NativeError."""
+        """Return a message as serialized bytes; raise NativeError."""
         rcl, written = library(), _Bytes()
         _check(rcl.rcutils_uint8_array_init(byref(written), 0, byref(self.allocator)), "no memory")
         try:
@@ -102,13 +102,13 @@ class Form:
             rcl.rcutils_uint8_array_fini(byref(written))
 
     def read(self, data: bytes, message: int) -> None:
-        """Fills a message from serialized bytes; raises NativeError."""
+        """Fill a message from serialized bytes; raise NativeError."""
         given = _Bytes(ctypes.cast(ctypes.c_char_p(data), c_void_p), len(data), len(data), self.allocator)
         code = library().rmw_deserialize(byref(given), self.support, message)
         _check(code, f"{len(data)} bytes are no {self.name}")
 
     def empty(self) -> bytes:
-        """Returns the message with its defaults as serialized bytes."""
+        """Return the message with its defaults as serialized bytes."""
         message = self.create()
         try:
             return self.write(message)
@@ -123,7 +123,7 @@ def _pointer(capsule: object) -> int:
 
 
 def take_request(service: int, form: Form) -> tuple[bytes, bytes] | None:
-    """Takes the next request of a service, whose `rcl_service_t` is at an address.
+    """Take the next request of a service, whose `rcl_service_t` is at an address.
 
     Returns:
         The request's id (REQUEST_ID_BYTES) and its serialized bytes; None when there is none.
@@ -135,7 +135,7 @@ def take_request(service: int, form: Form) -> tuple[bytes, bytes] | None:
 
 
 def take_response(client: int, form: Form) -> tuple[int, bytes] | None:
-    """Takes the next response of a client, whose `rcl_client_t` is at an address.
+    """Take the next response of a client, whose `rcl_client_t` is at an address.
 
     Returns:
         The sequence number that `send_request` gave, and the response's serialized bytes; None when there is none.
@@ -161,7 +161,7 @@ def _take(function: Any, nothing: int, entity: int, form: Form) -> tuple[bytes, 
 
 
 def send_request(client: int, form: Form, data: bytes) -> int:
-    """Sends a request given as serialized bytes; returns its sequence number; raises NativeError."""
+    """Send a request given as serialized bytes; return its sequence number; raise NativeError."""
     message, sequence = form.create(), c_int64()
     try:
         form.read(data, message)
@@ -172,7 +172,7 @@ def send_request(client: int, form: Form, data: bytes) -> int:
 
 
 def send_response(service: int, form: Form, request: bytes, data: bytes) -> None:
-    """Answers the request of that id with serialized bytes; raises NativeError.
+    """Answer the request of that id with serialized bytes; raise NativeError.
 
     A client that has gone is no error: the middleware drops the answer.
     """

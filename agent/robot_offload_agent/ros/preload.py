@@ -37,14 +37,14 @@ OWN = (
 
 
 def preload(configuration: Configuration) -> None:
-    """Loads our own types and the declared ones; raises StartError naming one that is missing."""
+    """Load our own types and the declared ones; raise StartError naming one that is missing."""
     declared = {spec["type"] for spec in (*configuration.outputs, *configuration.inputs)} - {"auto"}
     for kind in (*OWN, *(message_type(name) for name in sorted(declared)), *_parts(configuration)):
         check_for_type_support(kind)
 
 
 def _parts(configuration: Configuration) -> Iterator[Any]:
-    """The interfaces that the declared services and actions are made of."""
+    """Yield the interfaces that the declared services and actions are made of."""
     for spec in (*configuration.services, *configuration.used_services):
         yield service_type(spec["type"])
     for spec in (*configuration.actions, *configuration.used_actions):

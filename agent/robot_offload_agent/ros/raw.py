@@ -34,13 +34,13 @@ NAMELESS = "_NODE_NAME_UNKNOWN_"
 
 
 def graph_type(node: Node, topic: str) -> str:
-    """Returns the type that publishers of a topic use now; "" when there is none or they disagree."""
+    """Return the type that publishers of a topic use now; "" when there is none or they disagree."""
     types = {info.topic_type for info in node.get_publishers_info_by_topic(topic)}
     return types.pop() if len(types) == 1 else ""
 
 
 def subscription_qos(node: Node, topic: str, spec: Named, latched: bool) -> QoSProfile | None:
-    """QoS that hears every publisher there is now; None while there is none and something must be read from them."""
+    """Return QoS that hears every publisher there is now; None while one must be read and there is none."""
     infos = node.get_publishers_info_by_topic(topic)
     if not infos and "auto" in (spec["reliability"], spec["durability"]):
         return None
@@ -50,7 +50,7 @@ def subscription_qos(node: Node, topic: str, spec: Named, latched: bool) -> QoSP
 
 
 def offered_qos(node: Node, output: Named, private: str) -> QoSProfile | None:
-    """Returns what the public topic of an output offers: what the replica's own publisher does; None without one.
+    """Return what the public topic of an output offers: what the replica's own publisher does; None without one.
 
     Reliable, so that every subscriber matches, but where the output says otherwise. A deadline or liveliness that the
     replica promises is promised to the consumers as well: subscribers that ask for one hear nobody else. Messages
@@ -76,7 +76,7 @@ def offered_qos(node: Node, output: Named, private: str) -> QoSProfile | None:
 
 
 def unheard(node: Node, topic: str) -> tuple[str, str] | None:
-    """Returns the problem that subscribers ask for more than `node` offers on a topic, None when all can hear."""
+    """Return the problem that subscribers ask for more than `node` offers on a topic, None when all can hear."""
     # As the graph has both: there an absent duration is infinite, in a profile of ours it is 0.
     ours = [i.qos_profile for i in node.get_publishers_info_by_topic(topic) if i.node_name == node.get_name()]
     deaf = sorted(
@@ -88,30 +88,30 @@ def unheard(node: Node, topic: str) -> tuple[str, str] | None:
 
 
 def endpoint(info: TopicEndpointInfo) -> Endpoint:
-    """Returns a publisher of the graph as the core judges it."""
+    """Return a publisher of the graph as the core judges it."""
     known = info.node_name not in ("", NAMELESS)
     node = f"{info.node_namespace.rstrip('/')}/{info.node_name}" if known else ""
     return Endpoint(bytes(info.endpoint_gid), node)
 
 
 def named_type(name: str, type_hash: str) -> str:
-    """Returns a type as the two sides compare it: its name, and behind a blank its hash if there is one."""
+    """Return a type as the two sides compare it: its name, and behind a blank its hash if there is one."""
     return f"{name} {type_hash}" if type_hash else name
 
 
 def graph_type_hash(node: Node, topic: str) -> str:
-    """Returns the hash of the type that all publishers of a topic use; "" where rmw gives none (before Iron)."""
+    """Return the hash of the type that all publishers of a topic use; "" where rmw gives none (before Iron)."""
     hashes = {str(getattr(info, "topic_type_hash", "") or "") for info in node.get_publishers_info_by_topic(topic)}
     return hashes.pop() if len(hashes) == 1 else ""
 
 
 def publication_qos(spec: Named, latched: bool) -> QoSProfile:
-    """QoS for what we publish: reliable, so that every kind of subscriber can match."""
+    """Return QoS for what we publish: reliable, so that every kind of subscriber can match."""
     return profile(spec, reliable=True, kept=latched)
 
 
 def profile(spec: Named, reliable: bool, kept: bool) -> QoSProfile:
-    """Returns the declared words, `auto` filled in from the two flags."""
+    """Return the declared words, `auto` filled in from the two flags."""
     if spec["reliability"] != "auto":
         reliable = spec["reliability"] == "reliable"
     if spec["durability"] != "auto":
@@ -124,7 +124,7 @@ def profile(spec: Named, reliable: bool, kept: bool) -> QoSProfile:
 
 
 def stamped(hear: OnStamped) -> WithInfo:
-    """Returns a callback that hands on the publisher's stamp with each message."""
+    """Return a callback that hands on the publisher's stamp with each message."""
 
     def heard(payload: bytes, info: Mapping[str, int]) -> None:
         stamp_ns = info["source_timestamp"]
@@ -161,7 +161,7 @@ class RawSubscription:
             message_type(self.type_name)  # a declared type that is missing stops the start
 
     def resolve(self) -> bool:
-        """Subscribes as soon as possible; call now and then, often until it returns True."""
+        """Subscribe as soon as possible; call now and then, often until it returns True."""
         name = self.type_name or graph_type(self.node, self.topic)
         qos = subscription_qos(self.node, self.topic, self.spec, self.latched)
         publishers = self.node.get_publishers_info_by_topic(self.topic)
@@ -186,7 +186,7 @@ class RawSubscription:
         return True
 
     def _mismatch(self) -> tuple[str, str] | None:
-        """Publishers that cannot be heard with what was declared."""
+        """Return publishers that cannot be heard with what was declared."""
         deaf_to = sorted(
             info.node_name for info in self.node.get_publishers_info_by_topic(self.topic)
             if qos_check_compatible(info.qos_profile, self.qos)[0] == QoSCompatibility.ERROR
@@ -198,5 +198,5 @@ class RawSubscription:
 
 
 def make_publisher(node: Node, topic: str, type_name: str, qos: QoSProfile) -> Publisher:
-    """Returns a publisher for serialized bytes; raises StartError when the type is missing."""
+    """Return a publisher for serialized bytes; raise StartError when the type is missing."""
     return node.create_publisher(message_type(type_name), topic, qos)

@@ -39,12 +39,12 @@ class RawService:
         self.entity = node.create_service(kind, name, _unused, qos_profile=QOS)
 
     def serve(self) -> None:
-        """Takes all requests that are there."""
+        """Take all requests that are there."""
         while (taken := native.take_request(self.entity.handle.pointer, self.request)) is not None:
             self.on_request(*taken)
 
     def answer(self, request: bytes, response: bytes) -> None:
-        """Answers the request of that id; raises NativeError."""
+        """Answer the request of that id; raise NativeError."""
         native.send_response(self.entity.handle.pointer, self.response, request, response)
 
 
@@ -63,21 +63,21 @@ class RawClient:
         self.waiting: dict[int, Callable[[bytes], None]] = {}
 
     def is_ready(self) -> bool:
-        """Returns whether a server is there and both directions of it have been found."""
+        """Return whether a server is there and both directions of it have been found."""
         return bool(self.entity.service_is_ready())
 
     def ask(self, request: bytes, on_response: Callable[[bytes], None]) -> int:
-        """Sends a request; returns its sequence number; raises NativeError."""
+        """Send a request; return its sequence number; raise NativeError."""
         sequence = native.send_request(self.entity.handle.pointer, self.request, request)
         self.waiting[sequence] = on_response
         return sequence
 
     def forget(self, sequence: int) -> None:
-        """Waits no longer for a response."""
+        """Wait no longer for a response."""
         self.waiting.pop(sequence, None)
 
     def serve(self) -> None:
-        """Takes all responses that are there; one that nobody waits for is left out."""
+        """Take all responses that are there; one that nobody waits for is left out."""
         while (taken := native.take_response(self.entity.handle.pointer, self.response)) is not None:
             on_response = self.waiting.pop(taken[0], None)
             if on_response is not None:
@@ -101,11 +101,11 @@ class Loop:
         self.clients: list[RawClient] = []
 
     def wake(self) -> None:
-        """Ends the present wait; any thread may call."""
+        """End the present wait; any thread may call."""
         self.guard.trigger()
 
     def run(self, turn: Callable[[], float], guarded: Callable[[Callable[[], None]], None]) -> None:
-        """Serves until rclpy is shut down.
+        """Serve until rclpy is shut down.
 
         Args:
             turn: called after each wait; returns when it wants to be called again at the latest, on the steady clock.
@@ -117,7 +117,7 @@ class Loop:
             due_s = turn()
 
     def wait(self, wait_s: float, guarded: Callable[[Callable[[], None]], None]) -> None:
-        """Waits, and hands on what arrived."""
+        """Wait, and hand on what arrived."""
         subscriptions = list(self.node.subscriptions)
         services, clients = list(self.services), list(self.clients)
         wait_set = rclpy_native.WaitSet(

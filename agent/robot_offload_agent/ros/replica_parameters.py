@@ -56,16 +56,16 @@ class ReplicaParameters:
         self.get = {name: node.create_client(GetParameters, f"{full}/get_parameters") for name, full in names.items()}
 
     def hear(self, stated: dict[str, Statement]) -> None:
-        """Takes what the other side states."""
+        """Take what the other side states."""
         self.compared = replica_parameters.heard(self.compared, stated)
 
     def look(self, now: float) -> None:
-        """Begins to read the nodes that are due."""
+        """Begin to read the nodes that are due."""
         for name, due_s in self.due_s.items():
             if now < due_s:
                 continue
             hasty = replica_parameters.unlike(self.compared, name)
-            period_s = replica_parameters.HASTY_PERIOD_S if hasty else replica_parameters.PERIOD_S
+            period_s = replica_parameters.HASTY_PERIOD_S if hasty else replica_parameters.READ_PERIOD_S
             self.due_s[name] = now + period_s
             if self.list[name].service_is_ready() and self.get[name].service_is_ready():
                 self._call(self.list[name], ListParameters.Request(), partial(self._listed, name))
@@ -74,13 +74,13 @@ class ReplicaParameters:
                 self._take(name, None)
 
     def _listed(self, name: str, response: Any) -> None:
-        """Asks for the values of all that counts (ROS thread)."""
+        """Ask for the values of all that counts (ROS thread)."""
         found = sorted(n for n in response.result.names if replica_parameters.counts(n, self.may_differ[name]))
         names = found[:MAX_READ]
         self._call(self.get[name], GetParameters.Request(names=names), partial(self._got, name, names))
 
     def _got(self, name: str, names: list[str], response: Any) -> None:
-        """Keeps the digests of the values (ROS thread)."""
+        """Keep the digests of the values (ROS thread)."""
         if len(response.values) != len(names):
             return  # one was undeclared meanwhile; the next reading finds what there is
         table = {
@@ -93,7 +93,7 @@ class ReplicaParameters:
         self.compared = replica_parameters.read(self.compared, name, table)
 
     def _call(self, client: Any, request: Any, done: Callable[[Any], None]) -> None:
-        """Calls, and forgets the call before: rclpy keeps one without an answer for ever."""
+        """Call, and forget the call before: rclpy keeps one without an answer for ever."""
         before = self.pending.get(client)
         if before is not None:
             client.remove_pending_request(before)
@@ -102,7 +102,7 @@ class ReplicaParameters:
 
 
 def _value(value: ParameterValue) -> object:
-    """Returns type and value in a form whose text is the same on both sides."""
+    """Return type and value in a form whose text is the same on both sides."""
     field = FIELDS.get(value.type)
     held = None if field is None else getattr(value, field)
     if held is not None and value.type >= ParameterType.PARAMETER_BYTE_ARRAY:

@@ -40,7 +40,7 @@ LISTENED_S = 0.5
 
 
 def describe(parameter: Parameter, read_only: bool = True) -> ParameterDescriptor:
-    """Returns what `ros2 param describe` shows."""
+    """Return what `ros2 param describe` shows."""
     text = parameter.text + (f" ({', '.join(parameter.choices)})" if parameter.choices else "")
     descriptor = ParameterDescriptor(description=text, read_only=read_only)
     if parameter.low is not None and parameter.high is not None:
@@ -103,7 +103,7 @@ class Report:
         return node
 
     def _guarded(self, parameters: Sequence[Any]) -> SetParametersResult:
-        """Settings of the resource are not set by hand."""
+        """Refuse to set settings of the resource by hand."""
         names = [p.name for p in parameters if p.name in RUN_TIME]
         if names and not self.showing:
             reason = f"{', '.join(names)}: comes from the resource; change it there, or set override to move the robot"
@@ -111,7 +111,7 @@ class Report:
         return SetParametersResult(successful=True)
 
     def show_settings(self, configuration: Configuration) -> None:
-        """Shows the settings in force as parameters, from any thread."""
+        """Show the settings in force as parameters, from any thread."""
         values = [NodeParameter(name, value=configuration[name]) for name in RUN_TIME]
 
         def show() -> None:
@@ -126,13 +126,13 @@ class Report:
             executor.create_task(show)
 
     def switcher_names(self) -> Mapping[str, Site]:
-        """Returns the switch services that this side serves: on a shared graph each name once."""
+        """Return the switch services that this side serves: on a shared graph each name once."""
         if self.side is Site.CLOUD:
             return services.CLOUD
         return services.LOCAL if self.configuration["link.type"] == "ros" else {**services.LOCAL, **services.CLOUD}
 
     def declare_override(self, override: Override, changed: Callable[[], None]) -> None:
-        """Takes the one parameter that can be set at run time: the maintenance override, and for how long."""
+        """Take the one parameter that can be set at run time: the maintenance override, and for how long."""
         node = self.switcher
         words = ", ".join(WORDS)
         node.declare_parameter(
@@ -143,7 +143,7 @@ class Report:
         )
 
         def given_for_s(parameters: Iterable[Any]) -> float:
-            """Takes the expiry, set together with the override or before."""
+            """Take the expiry, set together with the override or before."""
             given = [p.value for p in parameters if p.name == "override_for_s"]
             return float(given[-1] if given else node.get_parameter("override_for_s").value)
 
@@ -163,7 +163,7 @@ class Report:
         node.add_on_set_parameters_callback(on_set)
 
     def show_override(self, word: str) -> None:
-        """Sets the parameter as a person would, from any thread."""
+        """Set the parameter as a person would, from any thread."""
         node = self.switcher
         if node.executor is not None:
             node.executor.create_task(node.set_parameters, [NodeParameter("override", value=word)])
@@ -171,7 +171,7 @@ class Report:
     # -- publishing ---------------------------------------------------------------------------------------------------
 
     def note(self, key: str, problem: Problem | None) -> None:
-        """Keeps or clears a problem; each new one is logged once."""
+        """Keep or clear a problem; each new one is logged once."""
         if problem is None:
             self.problems.pop(key, None)
         elif self.problems.get(key) != problem:
@@ -179,16 +179,16 @@ class Report:
             log.warning("%s reason=%s", problem[1], problem[0])
 
     def publish_network_status(self, value: int) -> None:
-        """1: the link sustains the cloud, 0: it does not."""
+        """Publish 1 if the link sustains the cloud, else 0."""
         self.network_status.publish(Int32(data=value))
 
     def publish_placement(self, body: str) -> None:
-        """Publishes the latched placement (JSON)."""
+        """Publish the latched placement (JSON)."""
         if self.placement is not None:
             self.placement.publish(String(data=body))
 
     def publish_available(self, statements: Iterable[Available]) -> None:
-        """Publishes the latched statements on the nodes with placement Cloud: a status for each, OK while available.
+        """Publish the latched statements on the nodes with placement Cloud: a status for each, OK while available.
 
         The name of a status is the node's; the value `reason` is a word, empty while the node is available.
         """
@@ -207,7 +207,7 @@ class Report:
         self.availability.publish(array)
 
     def mirror_beat(self, text: str, beat: Beat) -> None:
-        """Publishes what was heard, for people and other monitors."""
+        """Publish what was heard, for people and other monitors."""
         if self.mirror is None:
             return
         if now_s() >= self.listened_due_s:
@@ -229,7 +229,7 @@ class Report:
         counters: Mapping[str, int],
         problems: Iterable[Problem],
     ) -> None:
-        """Publishes one /diagnostics message: link, placement, every node, counters, problems."""
+        """Publish one /diagnostics message: link, placement, every node, counters, problems."""
         statuses = [self._link(link, pulse), self._placement(placement)]
         statuses += [self._node(node) for node in nodes]
         found = [*self.problems.values(), *problems]

@@ -29,7 +29,7 @@ class SwitchServices:
         self.node = node
 
     def handler(self, site: Site) -> Callable[[Any, Any], Any]:
-        """Returns a service callback that waits for the answer without holding up the executor."""
+        """Return a service callback that waits for the answer without holding up the executor."""
 
         async def handle(_request: Any, response: Any) -> Any:
             future = Future(executor=self.node.executor)
@@ -43,7 +43,7 @@ class SwitchServices:
         return handle
 
     def answer(self, key: int, accepted: bool, message: str) -> None:
-        """Answers a call (deciding thread)."""
+        """Answer a call (deciding thread)."""
         with self.lock:
             future = self.waiting.pop(key, None)
         if future is not None and self.node.executor is not None:

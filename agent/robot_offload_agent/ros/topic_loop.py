@@ -27,12 +27,12 @@ class WithInfo:
         self.hear = hear
 
     def __call__(self, message: Any, info: Mapping[str, int]) -> None:
-        """Takes a message with its information, as rclpy calls a callback of two parameters."""
+        """Take a message with its information, as rclpy calls a callback of two parameters."""
         self.hear(message, info)
 
 
 def spin_topics(node: Node, work: Callable[[], float], is_over: Callable[[], bool] = lambda: False) -> None:
-    """Hands on the messages of all subscriptions of a node until rclpy is shut down.
+    """Hand on the messages of all subscriptions of a node until rclpy is shut down.
 
     Args:
         node: its timers, services, clients and event callbacks are not served.
@@ -56,7 +56,7 @@ class Topics:
         self.wait_set: Any = None
 
     def take(self, wait_s: float) -> None:
-        """Waits for messages and hands on one of each topic that has any."""
+        """Wait for messages and hand on one of each topic that has any."""
         subscriptions = tuple(self.node.subscriptions)
         if not subscriptions:
             time.sleep(wait_s)  # an empty wait set cannot be waited for

@@ -32,7 +32,7 @@ class Undeclared:
     calls: str = ""
 
     def __iter__(self) -> Iterator[str]:
-        """Yields the warnings that there are."""
+        """Yield the warnings that there are."""
         return filter(None, (self.publishes, self.serves, self.calls))
 
 
@@ -50,7 +50,7 @@ class Declared:
         self._topics = {output[f"{side}_topic"] for output in configuration.outputs} | set(OWN_TOPICS)
 
     def compare(self, names: Mapping[str, str]) -> dict[str, Undeclared]:
-        """Returns the warnings for each duplicated node that is seen.
+        """Return the warnings for each duplicated node that is seen.
 
         Args:
             names: full ROS name of each duplicated node, by its declared one.
@@ -70,7 +70,7 @@ class Declared:
         return found
 
     def _asked(self, kind: str, full: str) -> Named | None:
-        """Returns what a node has of a kind; None when the node is not in the graph."""
+        """Return what a node has of a kind; None when the node is not in the graph."""
         namespace, _, short = full.rpartition("/")
         try:
             found = getattr(self._node, f"get_{kind}_names_and_types_by_node")(short, namespace or "/")
@@ -79,7 +79,7 @@ class Declared:
         return tuple(sorted((name, types[0]) for name, types in found))
 
     def _strange(self, named: Iterable[tuple[str, str]], full: str) -> list[tuple[str, str]]:
-        """Returns what is neither declared, nor silent, nor the node's own."""
+        """Return what is neither declared, nor silent, nor the node's own."""
         known = self._topics | self._services
         return [
             (name, type_name)
@@ -126,7 +126,7 @@ class Declared:
 
 
 def _split(named: list[tuple[str, str]]) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """Returns actions and services; an action is known by its hidden service for goals."""
+    """Return actions and services; an action is known by its hidden service for goals."""
     actions = [
         (name.removesuffix(_GOALS), type_name.removesuffix(_GOAL_TYPE))
         for name, type_name in named

@@ -1,4 +1,4 @@
-"""An alarm that another thread can put off without waking the one that waits for it; Python has it from 3.13."""
+"""A timer that another thread can postpone without waking the waiting thread."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Alarm:
     """See the module; a timerfd of the steady clock (`clock.now_s`)."""
 
     def __init__(self) -> None:
-        """Makes one that rings never.
+        """Make one that rings never.
 
         Raises:
             OSError: the system gives none.
@@ -34,14 +34,14 @@ class Alarm:
             raise OSError(ctypes.get_errno(), "timerfd_create")
 
     def set(self, at_s: float) -> None:
-        """Lets it ring once at a time, at once if that has passed, and not at the time that was set before."""
+        """Let it ring once at a time, at once if that has passed, and not at the time that was set before."""
         at_s, at_ns = divmod(max(1, round(at_s * _NANOSECONDS)), _NANOSECONDS)
         times = _Times(0, 0, at_s, at_ns)
         if self._library.timerfd_settime(self._file, _ABSOLUTE, ctypes.byref(times), None) < 0:
             raise OSError(ctypes.get_errno(), "timerfd_settime")
 
     def wait(self, longest_s: float) -> bool:
-        """Returns True as soon as it rings, False after `longest_s` without."""
+        """Return True as soon as it rings, False after `longest_s` without."""
         rings, _, _ = select.select([self._file], [], [], longest_s)
         with contextlib.suppress(BlockingIOError):  # put off meanwhile
             if rings:
@@ -50,5 +50,5 @@ class Alarm:
         return False
 
     def close(self) -> None:
-        """Gives it back."""
+        """Give it back."""
         os.close(self._file)

@@ -24,7 +24,7 @@ class Beacon:
         self.due_s = 0.0
 
     def sign(self, thread: str) -> None:
-        """A thread is alive; cheap enough for every turn of a loop."""
+        """Sign that a thread is alive; cheap enough for every turn of a loop."""
         now = self.signed_s[thread] = now_s()
         if now >= self.due_s:
             self.due_s = now + PERIOD_S

@@ -93,7 +93,7 @@ class Bus:
     """
 
     def __init__(self, folder: Path, name: str) -> None:
-        """Binds `<folder>/<name>.sock` and `.bell`, taking them over from a dead predecessor."""
+        """Bind `<folder>/<name>.sock` and `.bell`, taking them over from a dead predecessor."""
         self.folder = folder
         self.name = name
         self.socket = _bound(folder / f"{name}.sock")
@@ -109,19 +109,19 @@ class Bus:
         self.too_large: dict[str, int] = {}
 
     def fileno(self) -> int:
-        """Returns the inbox's descriptor for select, for processes that wake for each datagram."""
+        """Return the inbox's descriptor for select, for processes that wake for each datagram."""
         return self.socket.fileno()
 
     @property
     def news(self) -> socket.socket:
-        """Returns what to select for in a process that wakes for what is new alone: the bell.
+        """Return what to select for in a process that wakes for what is new alone: the bell.
 
         While the inbox fills up faster than it is read, by whoever, it is the inbox.
         """
         return self.socket if self.last_row >= FULL else self.bell
 
     def send(self, to: str, message: Any) -> bool:
-        """Sends Letters or a registered dataclass; returns False when the receiver is absent or full."""
+        """Send Letters or a registered dataclass; return False when the receiver is absent or full."""
         if isinstance(message, Letters):
             return self._carry(to, LETTERS, b"", message.data, "letters", reliable=True)
         sent = self._send(to, _written(message))
@@ -129,13 +129,13 @@ class Bus:
         return sent
 
     def renew(self, to: str, message: Any) -> bool:
-        """Sends a level that has not changed: its receiver reads it when it wakes for another reason."""
+        """Send a level that has not changed: its receiver reads it when it wakes for another reason."""
         return self._send(to, _written(message))
 
     def carry(
         self, to: str, kind: bytes, index: int, header: bytes, payload: bytes, label: str = "", reliable: bool = True
     ) -> bool:
-        """Sends an output's message with its header.
+        """Send an output's message with its header.
 
         Args:
             to: the receiving process.
@@ -173,7 +173,7 @@ class Bus:
         return sent
 
     def losses(self) -> Counter[str]:
-        """Returns how many large messages were given up because their receiver did not keep up, by label."""
+        """Return how many large messages were given up because their receiver did not keep up, by label."""
         return self.parcels.lost
 
     def _send(self, to: str, datagram: bytes, file: int | None = None) -> bool:
@@ -193,7 +193,7 @@ class Bus:
         return False
 
     def _ring(self, to: str) -> None:
-        """Wakes a receiver; one whose bell is full of rings is woken already."""
+        """Wake a receiver; one whose bell is full of rings is woken already."""
         outgoing, _ = self.outgoing.get(to) or self._open(to)
         with contextlib.suppress(OSError):
             outgoing.sendto(b"", f"{self.folder}/{to}.bell")
@@ -206,7 +206,7 @@ class Bus:
             return self.outgoing[to]
 
     def receive(self) -> Any | None:
-        """Returns the next datagram as an object, None without one; garbage is counted, logged once and left out."""
+        """Return the next datagram as an object, None without one; garbage is counted, logged once and left out."""
         if not self.row:  # before the first of a row is read: what comes later rings again
             self._hush()
         while True:
@@ -233,13 +233,13 @@ class Bus:
                 return message
 
     def _hush(self) -> None:
-        """Takes all rings of the bell."""
+        """Take all rings of the bell."""
         with contextlib.suppress(BlockingIOError):
             while True:
                 self.bell.recv(1)
 
     def close(self) -> None:
-        """Closes the sockets."""
+        """Close the sockets."""
         self.parcels.close()
         for outgoing, _ in self.outgoing.values():
             outgoing.close()
@@ -252,7 +252,7 @@ def _socket() -> socket.socket:
 
 
 def _bound(path: Path) -> socket.socket:
-    """Returns a socket of this name, taken over from a dead predecessor."""
+    """Return a socket of this name, taken over from a dead predecessor."""
     with contextlib.suppress(FileNotFoundError):
         path.unlink()
     made = _socket()
@@ -261,7 +261,7 @@ def _bound(path: Path) -> socket.socket:
 
 
 def _written(message: Any) -> bytes:
-    """Returns the datagram of a registered dataclass."""
+    """Return the datagram of a registered dataclass."""
     record = records.packed(message)
     if record is not None:
         return record
@@ -269,7 +269,7 @@ def _written(message: Any) -> bytes:
 
 
 def _files(rights: list[tuple[int, int, bytes]]) -> list[int]:
-    """The descriptors that came with a datagram."""
+    """Return the descriptors that came with a datagram."""
     found = array.array("i")
     for level, kind, data in rights:
         if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
@@ -278,7 +278,7 @@ def _files(rights: list[tuple[int, int, bytes]]) -> list[int]:
 
 
 def _read(datagram: bytes, files: list[int]) -> Any | None:
-    """Reads a datagram; None for one whose payload its sender has given up meanwhile."""
+    """Read a datagram; None for one whose payload its sender has given up meanwhile."""
     kind = datagram[:1]
     if kind in (records.ARRIVED, records.SPEAK):
         return records.unpacked(datagram)
@@ -302,7 +302,7 @@ def _read(datagram: bytes, files: list[int]) -> Any | None:
 
 
 def _beside(kind: bytes, files: list[int]) -> bytes | None:
-    """The payload in the file that came with a datagram; None when its sender has given it up."""
+    """Return the payload in the file that came with a datagram; None when its sender has given it up."""
     if len(files) != 1:
         raise ValueError(f"{len(files)} files with kind {kind!r}")
     return parcels.unpack(files.pop())

@@ -65,17 +65,17 @@ class Child:
     quick_deaths: int = 0
 
     def begin(self, pid: int, now_s: float) -> None:
-        """A life begins."""
+        """Begin a life."""
         self.pid, self.started_s, self.signed_s, self.starts = pid, now_s, None, self.starts + 1
         self.given_up = False
 
     def sign(self, now_s: float) -> None:
-        """The process has given a sign of life."""
+        """Note a sign of life of the process."""
         if not self.given_up:
             self.signed_s = now_s
 
     def end(self, now_s: float, code: int) -> float:
-        """A life has ended with an exit code; returns in how many seconds the next one begins."""
+        """End a life with an exit code; return in how many seconds the next one begins."""
         self.broken += code == BROKEN_EXIT
         self.quick_deaths = 0 if now_s - self.started_s >= HEALTHY_S else self.quick_deaths + 1
         wait_s = min(RESTART_MAX_S, RESTART_UNIT_S * 2 ** (self.quick_deaths - 2)) if self.quick_deaths > 1 else 0.0
@@ -83,19 +83,19 @@ class Child:
         return wait_s
 
     def give_up(self, now_s: float) -> None:
-        """The process hangs and is being killed; one that does not die of that is killed again after as long a wait."""
+        """Note that the process hangs and is being killed; it is killed again after as long a wait if it lives on."""
         self.hangs += not self.given_up
         self.given_up, self.signed_s = True, now_s
 
     def silent_s(self, now_s: float) -> float:
-        """Returns by how much the process has been silent for longer than it may be; negative while all is well."""
+        """Return by how much the process has been silent for longer than it may be; negative while all is well."""
         if self.signed_s is None:
             return now_s - self.started_s - START_PATIENCE_S
         return now_s - self.signed_s - self.hung_s
 
 
 def run_child(child: Child, prefix: str, folder: Path, name: str) -> None:
-    """What a forked process does; never returns. `name` is the agent's identity."""
+    """Run a forked process and never return. `name` is the agent's identity."""
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C reaches all; the supervisor ends us in order
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -120,7 +120,7 @@ def run_child(child: Child, prefix: str, folder: Path, name: str) -> None:
 
 
 def _named(name: str) -> socket.socket | None:
-    """Takes a name by which the next supervisor finds this process when ours is gone; nothing else depends on it."""
+    """Take a name by which the next supervisor finds this process when ours is gone; nothing else depends on it."""
     try:
         held = identity.take(name)
     except OSError as error:
@@ -133,5 +133,5 @@ def _named(name: str) -> socket.socket | None:
 
 
 def describe(code: int) -> str:
-    """Returns an exit code in words."""
+    """Return an exit code in words."""
     return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

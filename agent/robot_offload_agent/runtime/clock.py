@@ -6,20 +6,20 @@ import time
 
 
 def now_s() -> float:
-    """Seconds of this host's steady clock. Never compared with another host's."""
+    """Return seconds of this host's steady clock. Never compared with another host's."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def now_us() -> int:
-    """The same in microseconds."""
+    """Return the same in microseconds."""
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME) // 1000
 
 
 def wall_us() -> int:
-    """System clock minus steady clock in microseconds, for the estimate of the offset that user nodes would see."""
+    """Return system clock minus steady clock in us, for the estimate of the offset that user nodes would see."""
     return time.clock_gettime_ns(time.CLOCK_REALTIME) // 1000 - now_us()
 
 
 def wall_ns() -> int:
-    """System clock in nanoseconds, for stamps that user nodes see."""
+    """Return system clock in nanoseconds, for stamps that user nodes see."""
     return time.clock_gettime_ns(time.CLOCK_REALTIME)

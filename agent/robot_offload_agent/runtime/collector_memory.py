@@ -44,7 +44,7 @@ class Memory:
             self.map[:] = bytes(MEMORY_BYTES)
 
     def save(self, state: Collector) -> None:
-        """Writes who passes now."""
+        """Write who passes now."""
         if state.charge is None:
             return
         token = state.charge.token
@@ -53,7 +53,7 @@ class Memory:
         self.map[:] = f"{zlib.crc32(text.encode()):08x} {text}".encode().ljust(MEMORY_BYTES, b"\0")
 
     def load(self) -> tuple[Charge, int, bool, int] | None:
-        """(charge, started_us, fell_back, stay), None when nothing whole is there."""
+        """Return (charge, started_us, fell_back, stay); None when nothing whole is there."""
         return _read(self.map)
 
 
@@ -66,7 +66,7 @@ class HolderView:
         self.last = NOBODY
 
     def look(self) -> Holding:
-        """Returns who holds now; while nothing whole is there what was read last holds."""
+        """Return who holds now; while nothing whole is there what was read last holds."""
         if self.map is None:
             try:
                 with self.path.open("rb") as file:

@@ -10,7 +10,7 @@ from robot_offload_agent.errors import ConfigurationError
 
 
 def prepare(folder: Path) -> None:
-    """Makes the runtime folder, or checks the one that exists.
+    """Make the runtime folder, or check the one that exists.
 
     Raises:
         ConfigurationError: it cannot be made, or another user could exchange what is in it.

@@ -27,7 +27,7 @@ class Guard:
         return None
 
     def __exit__(self, kind: object, error: BaseException | None, _: TracebackType | None) -> bool:
-        """Takes an exception; what is wrong with ourselves is none of a message and goes on."""
+        """Take an exception; what is wrong with ourselves is none of a message and go on."""
         if not isinstance(error, Exception) or isinstance(error, InvariantError | AssertionError):
             return False
         if self.is_up():

@@ -28,7 +28,7 @@ class HeardMemory:
     """The pulse process's end."""
 
     def __init__(self, folder: Path) -> None:
-        """Opens the file; what an earlier pulse process heard stands there until the next beat.
+        """Open the file; what an earlier pulse process heard stands there until the next beat.
 
         Raises:
             OSError: the folder cannot be written.
@@ -38,7 +38,7 @@ class HeardMemory:
             self.map = mmap.mmap(file.fileno(), MEMORY_BYTES)
 
     def write(self, heard: Heard) -> None:
-        """Replaces what is there."""
+        """Replace what is there."""
         body = LAYOUT.pack(heard.incarnation.encode("ascii", "replace"), heard.sent_us, heard.arrived_s)
         self.map[:] = body + CHECKSUM.pack(zlib.crc32(body))
 
@@ -52,7 +52,7 @@ class HeardView:
         self.bytes = b""
 
     def news(self) -> Heard | None:
-        """Returns the newest beat; None when there is none that is newer than at the last look."""
+        """Return the newest beat; None when there is none that is newer than at the last look."""
         if self.map is None:
             try:
                 with self.path.open("rb") as file:

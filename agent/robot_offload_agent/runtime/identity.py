@@ -37,7 +37,7 @@ class Holder:
 
 
 def take(name: str) -> socket.socket | Holder:
-    """Takes a name for as long as the returned socket, or a copy of it in another process, is open.
+    """Take a name for as long as the returned socket, or a copy of it in another process, is open.
 
     Returns the holder instead when somebody else has the name.
 
@@ -57,7 +57,7 @@ def take(name: str) -> socket.socket | Holder:
 
 
 def holder(name: str) -> Holder | None:
-    """Returns who holds a name, None when nobody does."""
+    """Return who holds a name, None when nobody does."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as asking:
         try:
             asking.connect(_PREFIX + name)
@@ -70,14 +70,14 @@ def holder(name: str) -> Holder | None:
 
 
 def answer(taken: socket.socket) -> None:
-    """Ends the connections of those who asked, so that the next ones can ask as well."""
+    """End the connections of those who asked, so that the next ones can ask as well."""
     with contextlib.suppress(BlockingIOError):
         while True:
             taken.accept()[0].close()
 
 
 def end_holder(name: str, patience_s: float) -> Holder | None:
-    """Ends a process of an earlier agent of ours that still holds a name; returns it when it cannot be ended.
+    """End a process of an earlier agent of ours that still holds a name; return it when it cannot be ended.
 
     Processes of other users are left alone. `patience_s` bounds the wait for its end.
     """

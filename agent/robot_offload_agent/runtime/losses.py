@@ -17,11 +17,11 @@ class Process(Protocol):
     counters: Counter[str]
 
     def note(self, key: str, problem: tuple[str, str] | None) -> None:
-        """Keeps or clears a problem for diagnostics."""
+        """Keep or clear a problem for diagnostics."""
 
 
 def report(bus: Bus, process: Process) -> None:
-    """Counts what was given up for newer messages; reports what was too large, which stays a problem."""
+    """Count what was given up for newer messages; report what was too large, which stays a problem."""
     for topic, count in bus.losses().items():
         process.counters[f"{topic}.given_up"] = count
     for topic, size in bus.too_large.items():

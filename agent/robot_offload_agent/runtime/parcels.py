@@ -42,7 +42,7 @@ class Parcels:
         self.lost: Counter[str] = Counter()
 
     def pack(self, payload: bytes, label: str, reliable: bool) -> Parcel:
-        """Puts a payload into a memory file, for which older ones may have to go.
+        """Put a payload into a memory file, for which older ones may have to go.
 
         Raises:
             OSError: the system is out of memory or of file descriptors.
@@ -65,12 +65,12 @@ class Parcels:
         return parcel
 
     def withdraw(self, parcel: Parcel) -> None:
-        """The datagram could not be sent."""
+        """Withdraw a parcel whose datagram could not be sent."""
         self.waiting.remove(parcel)
         os.close(parcel.file)
 
     def close(self) -> None:
-        """Closes this side's descriptors; what is on its way arrives."""
+        """Close this side's descriptors; what is on its way arrives."""
         while self.waiting:
             os.close(self.waiting.popleft().file)
 
@@ -87,7 +87,7 @@ class Parcels:
 
 
 def unpack(file: int) -> bytes | None:
-    """Returns the payload of a received memory file and frees it; None when its sender gave it up meanwhile."""
+    """Return the payload of a received memory file and frees it; None when its sender gave it up meanwhile."""
     try:
         size = os.fstat(file).st_size
         payload = os.pread(file, size, 0) if size <= LARGEST_BYTES else b""

@@ -13,7 +13,7 @@ START_PRIORITY = 1
 
 
 def request(wanted: bool, priority: int) -> str:
-    """Puts all threads of this process, and those that they will start, under SCHED_FIFO.
+    """Put all threads of this process, and those that they will start, under SCHED_FIFO.
 
     A process asks for it when it has started: a start is a tenth of a second of computing that would hold up those that
     work, and threads of one priority do not take turns.

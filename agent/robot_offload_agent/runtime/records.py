@@ -24,7 +24,7 @@ _MAY_ACT, _IN_CHARGE, _PRESENT = 1, 2, 4
 
 
 def packed(message: Any) -> bytes | None:
-    """Returns the datagram of a message that has a record and fits it, else None."""
+    """Return the datagram of a message that has a record and fits it, else None."""
     try:
         if message.__class__ is Arrived:
             return _pack_arrived(message)
@@ -36,7 +36,7 @@ def packed(message: Any) -> bytes | None:
 
 
 def unpacked(datagram: bytes) -> Arrived | Speak:
-    """Returns the message of a datagram whose kind is ARRIVED or SPEAK; raises ValueError for anything else in it."""
+    """Return the message of a datagram whose kind is ARRIVED or SPEAK; raise ValueError for anything else in it."""
     try:
         return _arrived(datagram) if datagram[:1] == ARRIVED else _permission(datagram)
     except struct.error as error:

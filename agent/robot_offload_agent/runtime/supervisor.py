@@ -72,7 +72,7 @@ class Supervisor:
     systemd: Systemd = field(default_factory=Systemd, repr=False)
 
     def run(self) -> int:
-        """Runs until a signal or a fatal message; returns the exit code.
+        """Run until a signal or a fatal message; return the exit code.
 
         Raises:
             AlreadyRunningError: another supervisor holds this identity on this host.
@@ -126,7 +126,7 @@ class Supervisor:
             ) from error
 
     def _sleep(self, bus: Bus, wake: int) -> None:
-        """Waits for a message, the death of a child, a signal, a question who we are, or the next start."""
+        """Wait for a message, the death of a child, a signal, a question who we are, or the next start."""
         assert self.name is not None
         due_s = min((child.start_due_s for child in self.children if not child.pid), default=float("inf"))
         sources: list[Any] = [bus.news, wake, self.name]
@@ -138,7 +138,7 @@ class Supervisor:
     # -- one of its kind ----------------------------------------------------------------------------------------------
 
     def _take_identity(self) -> None:
-        """Takes the identity, and ends what an earlier supervisor of it has left."""
+        """Take the identity, and end what an earlier supervisor of it has left."""
         try:
             taken = take(self.identity)
         except OSError as error:  # for example forbidden by a policy of the system

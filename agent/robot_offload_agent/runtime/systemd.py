@@ -17,7 +17,7 @@ class Systemd:
     """The connection to the service manager that started this process."""
 
     def __init__(self) -> None:
-        """Reads the environment and removes it, because child processes are no services."""
+        """Read the environment and remove it, because child processes are no services."""
         address = os.environ.pop("NOTIFY_SOCKET", "")
         period_us = os.environ.pop("WATCHDOG_USEC", "")
         meant_for = os.environ.pop("WATCHDOG_PID", str(os.getpid()))
@@ -28,7 +28,7 @@ class Systemd:
         self.due_s = 0.0
 
     def say(self, *words: str) -> None:
-        """Sends assignments such as `READY=1`. Nobody waits: a manager that does not read misses them."""
+        """Send assignments such as `READY=1`. Nobody waits: a manager that does not read misses them."""
         if not self.address:
             return
         manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
@@ -36,7 +36,7 @@ class Systemd:
             manager.sendto("\n".join(words).encode(), self.address)
 
     def live(self, now_s: float) -> None:
-        """Feeds the watchdog when that is due."""
+        """Feed the watchdog when that is due."""
         if self.period_s and now_s >= self.due_s:
             self.due_s = now_s + self.period_s
             self.say("WATCHDOG=1")

@@ -12,7 +12,7 @@ NAME_LENGTH = 15
 
 
 def start(name: str, run: Callable[[], None]) -> None:
-    """Starts a thread that ends with the process."""
+    """Start a thread that ends with the process."""
 
     def named() -> None:
         with suppress(OSError):

@@ -25,7 +25,7 @@ GENERATOR = "rosidl_generator_py.generate_py_impl"
 
 
 def save() -> None:
-    """Sets all of it, where the system has it and the user has not set it otherwise."""
+    """Set all of it, where the system has it and the user has not set it otherwise."""
     sys.modules[GENERATOR] = None  # type: ignore[assignment]  # an import of it fails
     os.environ.setdefault("ZENOH_RUNTIME", ZENOH_RUNTIME)
     gc.set_threshold(*COLLECT_AFTER)

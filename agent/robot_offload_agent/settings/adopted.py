@@ -67,7 +67,7 @@ class RobotSettings:
         return " ".join(each.partition("/")[2] for each in found if "/" in each)[:MAX_MESSAGE]
 
     def limits(self) -> Limits:
-        """For the other processes."""
+        """Return the limits for the other processes."""
         settings = self.present.settings()
         return Limits(
             settings.max_command_age_s, settings.lease_s, input_limits(self.present),
@@ -75,7 +75,7 @@ class RobotSettings:
         )  # fmt: skip
 
     def take(self, text: str) -> str:
-        """Notes of the cloud; returns what it says of its end."""
+        """Note of the cloud; return what it says of its end."""
         try:
             notes = decode_cloud(text)
         except NotesError as error:
@@ -101,7 +101,7 @@ class RobotSettings:
         self, left: str, site: Site, reason: str, message: str, credential: Credential = UNKNOWN,
         parameters: dict[str, Statement] | None = None, audit: str = "",
     ) -> str:  # fmt: skip
-        """Returns the notes for the cloud."""
+        """Return the notes for the cloud."""
         judgement = self.judgement
         digest = "" if judgement.reason is Answer.KEEPING else self.judged
         accepted = judgement.configuration is not None

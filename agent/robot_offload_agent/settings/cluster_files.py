@@ -26,7 +26,7 @@ age says that the agent lives. With the control process's ticks of 20 ms and mor
 
 
 def wall_text() -> str:
-    """The system clock, RFC 3339 in UTC."""
+    """Return the system clock, RFC 3339 in UTC."""
     return datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
@@ -45,7 +45,7 @@ class ClusterFiles:
         self.written_s = float("-inf")
 
     def start(self) -> None:
-        """Begins to watch."""
+        """Begin to watch."""
         if self.settings_file:
             Watch(Path(self.settings_file), self._settings).start()
         if self.handover_file:
@@ -54,7 +54,7 @@ class ClusterFiles:
             Watch(Path(self.certificate_file), self._answer).start()
 
     def tell(self, state: dict[str, Any], now: float, figures: Callable[[], dict[str, Any]]) -> None:
-        """Writes the state when it has changed, or when the last writing is a while ago.
+        """Write the state when it has changed, or when the last writing is a while ago.
 
         `figures` differ each time: they are worth the next writing, not one of their own.
         """

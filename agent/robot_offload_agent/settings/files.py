@@ -26,7 +26,7 @@ TEXT_BYTES = 1 << 20
 
 
 def write_whole(path: Path, text: str, *, durable: bool = False) -> None:
-    """Replaces a file at once: a reader sees the old text or the new one.
+    """Replace a file at once: a reader sees the old text or the new one.
 
     Args:
         path: its folder is made when it is missing.
@@ -53,7 +53,7 @@ def write_whole(path: Path, text: str, *, durable: bool = False) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The text of a file.
+    """Return the text of a file.
 
     Raises:
         OSError: it cannot be read.
@@ -77,7 +77,7 @@ class NewestWriter:
         threading.Thread(target=self._work, name="writer", daemon=True).start()
 
     def write(self, text: str) -> None:
-        """Returns at once."""
+        """Return at once."""
         self.text = text
         self.changed.set()
 
@@ -110,11 +110,11 @@ class Watch:
         self.guard = Guard()
 
     def start(self) -> None:
-        """Begins to watch."""
+        """Begin to watch."""
         threading.Thread(target=self._work, name="watch", daemon=True).start()
 
     def look(self) -> None:
-        """Looks once, and reads what looks changed."""
+        """Look once, and read what looks changed."""
         seen = _appearance(self.path)
         if seen and seen == self.seen:
             return
@@ -136,7 +136,7 @@ class Watch:
 
 
 def _appearance(path: Path) -> tuple[int, ...]:
-    """What is another when the file is another; () when it cannot be seen."""
+    """Return what is another when the file is another; () when it cannot be seen."""
     try:
         found = path.stat()
     except OSError:
@@ -145,7 +145,7 @@ def _appearance(path: Path) -> tuple[int, ...]:
 
 
 def age_s(path: Path) -> float:
-    """How long ago a file was written, by this host's system clock; infinite when it is not there."""
+    """Return how long ago a file was written, by this host's system clock; infinite when it is not there."""
     with contextlib.suppress(OSError):
         return time.clock_gettime(time.CLOCK_REALTIME) - path.stat().st_mtime
     return float("inf")

@@ -110,7 +110,7 @@ Event = SettingsRead | AnswerRead | HandoverAsked | RobotSaid | Seen
 
 
 def step(liaison: Liaison, event: Event, now_s: float) -> Liaison:
-    """Takes in one event."""
+    """Take in one event."""
     match event:
         case SettingsRead():
             liaison = replace(liaison, offer=event.offer, problem=event.problem)
@@ -130,7 +130,7 @@ def step(liaison: Liaison, event: Event, now_s: float) -> Liaison:
 
 
 def notes(liaison: Liaison, now_s: float) -> CloudNotes:
-    """What to tell the robot; settings that it could not keep are offered again and again."""
+    """Return what to tell the robot; settings that it could not keep are offered again and again."""
     robot = liaison.robot
     answered = robot is not None and _answered(robot, liaison.offer) and robot.reason != Answer.NOT_KEPT
     leaving = liaison.leaving if now_s < liaison.leaving_until_s else ""
@@ -139,7 +139,7 @@ def notes(liaison: Liaison, now_s: float) -> CloudNotes:
 
 
 def taken(liaison: Liaison) -> Offer | None:
-    """The settings offered, once the robot has taken them."""
+    """Return the settings offered, once the robot has taken them."""
     robot = liaison.robot
     return liaison.offer if robot is not None and robot.accepted and _answered(robot, liaison.offer) else None
 
@@ -152,7 +152,7 @@ def state(
     nodes: Iterable[tuple[str, str]],
     ready: bool,
 ) -> dict[str, Any]:
-    """The content of the state file, without the time of writing and the figures."""
+    """Return the content of the state file, without the time of writing and the figures."""
     site, reason, message = _placement(liaison)
     return {
         "version": VERSION,
@@ -176,7 +176,7 @@ def state(
 def figures(
     health: Health | None, glance: Glance, carried: Iterable[Carried], ages_ms: Mapping[str, int]
 ) -> dict[str, Any]:
-    """Returns the part of the state file that differs each time.
+    """Return the part of the state file that differs each time.
 
     Args:
         health: of the link; None: not known.
@@ -199,7 +199,7 @@ def figures(
 
 
 def _left(liaison: Liaison) -> bool:
-    """Nobody has to be asked any more: the robot acts and will not choose this cloud, or there is none."""
+    """Return whether no robot has to be asked: the robot acts and will not choose this cloud, or there is none."""
     if not liaison.leaving or liaison.handed_over == liaison.leaving:
         return False
     robot = liaison.robot

@@ -108,7 +108,7 @@ class RobotNotes:
 
 
 def encode(notes: CloudNotes | RobotNotes) -> str:
-    """The text of notes."""
+    """Return the text of notes."""
     if isinstance(notes, RobotNotes):
         parts = {"credential": vars(notes.credential), "parameters": _stated(notes.parameters)}
         return json.dumps({**vars(notes), **parts}, separators=(",", ":"))
@@ -127,7 +127,7 @@ def encode(notes: CloudNotes | RobotNotes) -> str:
 
 
 def decode_cloud(text: str) -> CloudNotes:
-    """Notes of the cloud; raises NotesError."""
+    """Note of the cloud; raise NotesError."""
     body = _table(text)
     leaving, offered = body.get("leaving"), body.get("offer")
     if not isinstance(leaving, str) or len(leaving) > MAX_NAME:
@@ -147,7 +147,7 @@ def decode_cloud(text: str) -> CloudNotes:
 
 
 def decode_robot(text: str) -> RobotNotes:
-    """Notes of the robot; raises NotesError. What a newer robot says besides is left out."""
+    """Note of the robot; raise NotesError. What a newer robot says besides is left out."""
     body = _table(text)
     known = {key: value for key, value in body.items() if key in RobotNotes.__dataclass_fields__}
     known["credential"] = _credential(known.get("credential"))
@@ -175,7 +175,7 @@ def decode_robot(text: str) -> RobotNotes:
 
 
 def _credential(value: object) -> Credential:
-    """What the robot says of its certificate; nothing of it when a part has another form."""
+    """Return what the robot says of its certificate; nothing of it when a part has another form."""
     told = {key: value.get(key, "") for key in vars(Credential())} if isinstance(value, dict) else {}
     if not all(isinstance(text, str) for text in told.values()):
         return Credential()
@@ -191,7 +191,7 @@ def _stated(parameters: dict[str, Statement]) -> dict[str, list[object]]:
 
 
 def _statements(value: object) -> dict[str, Statement]:
-    """What the other side states of its nodes' parameters; raises NotesError."""
+    """Return what the other side states of its nodes' parameters; raise NotesError."""
     if not isinstance(value, dict) or len(value) > MAX_NODES:
         raise NotesError(f"the parameters are no table of up to {MAX_NODES} nodes")
     found = {}
@@ -218,12 +218,12 @@ def _is_table(value: object) -> bool:
 
 
 def _release(value: object) -> str:
-    """The release that the cloud says; "" for anything else."""
+    """Return the release that the cloud says; "" for anything else."""
     return value if isinstance(value, str) and RELEASE.fullmatch(value) else ""
 
 
 def _vetoes(value: object) -> tuple[tuple[str, str], ...]:
-    """What the cloud found that forbids it; raises NotesError."""
+    """Return what the cloud found that forbids it; raise NotesError."""
     if not isinstance(value, list) or len(value) > MAX_VETOES:
         raise NotesError(f"the vetoes are no list of up to {MAX_VETOES}")
     found = []

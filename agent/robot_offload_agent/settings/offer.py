@@ -97,7 +97,7 @@ class Judgement:
 
 
 def read_offer(text: str) -> Offer:
-    """The settings file of the cloud's agent; raises ConfigurationError."""
+    """Return the settings file of the cloud's agent; raise ConfigurationError."""
     found = document(text, "settings_file")
     parameters = flatten(block(found, "settings_file"))
     generation = parameters.pop("generation", 0)
@@ -111,12 +111,12 @@ def read_offer(text: str) -> Offer:
 
 
 def author_of(value: object) -> str:
-    """Returns who changed the settings, as somebody else wrote it: one line, or nothing."""
+    """Return who changed the settings, as somebody else wrote it: one line, or nothing."""
     return value[:MAX_AUTHOR] if isinstance(value, str) and value.isascii() and value.isprintable() else ""
 
 
 def judge(local: Configuration, running: int, offer: Offer) -> Judgement:
-    """Holds an offer against the robot's own file; `running` is the generation that runs now."""
+    """Hold an offer against the robot's own file; `running` is the generation that runs now."""
     if offer.generation < max(running, local["generation"]):
         message = (
             f"Generation {offer.generation} is older than {max(running, local['generation'])}, which the robot runs; "
@@ -140,12 +140,12 @@ def judge(local: Configuration, running: int, offer: Offer) -> Judgement:
 
 
 def input_limits(configuration: Configuration) -> tuple[tuple[str, float, float], ...]:
-    """(input, max_age_ms, max_rate_hz) of every input."""
+    """Return (input, max_age_ms, max_rate_hz) of every input."""
     return tuple((i.name, i["max_age_ms"], i["max_rate_hz"]) for i in configuration.inputs)
 
 
 def offered_limits(configuration: Configuration, offer: Offer | None) -> tuple[tuple[str, float, float], ...]:
-    """The same with what an offer says of them; only for offers that the robot has taken."""
+    """Return the same with what an offer says of them; only for offers that the robot has taken."""
     told = offer.parameters if offer is not None else {}
     return tuple(
         (
@@ -158,7 +158,7 @@ def offered_limits(configuration: Configuration, offer: Offer | None) -> tuple[t
 
 
 def _member(name: str) -> tuple[str, str] | None:
-    """(prefix, key) of a parameter of a node, an output or an input."""
+    """Return (prefix, key) of a parameter of a node, an output or an input."""
     found = MEMBER.fullmatch(name)
     tables = dict(GROUPS.values())
     if found is None or found[3] not in tables[found[1]]:
@@ -184,7 +184,7 @@ def _invalid(offer: Offer) -> Iterator[str]:
 
 
 def _fixed(local: Configuration, offer: Offer) -> Iterator[str]:
-    """Changes of what cannot change at run time."""
+    """Change of what cannot change at run time."""
     for name, value in offer.parameters.items():
         member = _member(name)
         known = local.values.get(name)

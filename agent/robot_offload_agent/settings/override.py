@@ -19,7 +19,7 @@ WORDS = ("Auto", "Robot", "Cloud")
 
 
 def state_dir(configuration: Configuration) -> Path:
-    """Folder for what outlives a reboot."""
+    """Return folder for what outlives a reboot."""
     if configuration["state_dir"]:
         return Path(configuration["state_dir"])
     base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
@@ -46,7 +46,7 @@ class Override:
         self.expire()
 
     def set(self, word: str, for_s: float) -> None:
-        """Sets and keeps it; `for_s` 0 means until it is set to Auto.
+        """Set and keep it; `for_s` 0 means until it is set to Auto.
 
         Raises:
             OSError: it cannot be kept; then it is not set either, because it would be forgotten by the next start.
@@ -56,14 +56,14 @@ class Override:
         self.word, self.until_wall_s = word, until_wall_s
 
     def expire(self) -> bool:
-        """Back to Auto when its time is over; whether that was now."""
+        """Return to Auto when its time is over; return whether that was now."""
         if self.until_wall_s is None or _wall_s() < self.until_wall_s:
             return False
         self.word, self.until_wall_s = "Auto", None
         return True
 
     def wish(self, now: float) -> Wish | None:
-        """For the placement machine."""
+        """Return the request for the placement machine."""
         if self.word == "Auto":
             return None
         left_s = None if self.until_wall_s is None else self.until_wall_s - _wall_s()

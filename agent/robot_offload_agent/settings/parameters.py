@@ -180,7 +180,7 @@ class Configuration:
         return Path(base) / "robot-offload" / f"{self['uid']}-{self['side']}"
 
     def settings(self) -> Settings:
-        """The core's settings; raises ConfigurationError naming the parameters that cannot work together."""
+        """Return the core's settings; raise ConfigurationError naming the parameters that cannot work together."""
         seconds = {
             name[: -len("_ms")].replace("heartbeat_period", "beat_period") + "_s": self[name] / 1e3
             for name in GENERAL
@@ -199,28 +199,28 @@ class Configuration:
         return settings
 
     def output_specs(self) -> tuple[OutputSpec, ...]:
-        """For the collector core."""
+        """Return the outputs for the collector's core."""
         return tuple(output_spec(o.name, o.values) for o in self.outputs)
 
     def input_specs(self) -> tuple[InputSpec, ...]:
-        """For the health core, which names them to people: by their topics."""
+        """Return the inputs for the health core, which names them by their topics."""
         return tuple(input_spec(i.values) for i in self.inputs)
 
     def silent(self, topic: str) -> bool:
-        """Returns whether a topic is one that nobody outside its side needs, by `silent`."""
+        """Return whether a topic is one that nobody outside its side needs, by `silent`."""
         return is_silent(topic, listed(self["silent"]), self["namespace"])
 
     def state_specs(self) -> tuple[StateSpec, ...]:
-        """What the standby gets to know; raises ConfigurationError naming the parameter that cannot work."""
+        """Return what the standby gets to know; raise ConfigurationError naming the parameter that cannot work."""
         return tuple(state_spec(state.name, state.values) for state in self.states)
 
     def relay_plan(self) -> RelayPlan | None:
-        """For the relay; None without a served or used name: then there is no relay. Raises ConfigurationError."""
+        """Return the relay's plan; None without a served or used name. Raise ConfigurationError."""
         declared = {group: [(n.name, n.values) for n in getattr(self, group)] for group in SERVED}
         return relay_plan(declared, self.settings()) if any(declared.values()) else None
 
     def node_specs(self) -> tuple[NodeSpec, ...]:
-        """For the guardian core of this side: CORE is a node that the robot cannot do without, on that side or both."""
+        """Return the nodes for the guardian of this side; CORE is a node that the robot cannot do without."""
         hot = "standby_robot" if self.side is Site.ROBOT else "standby_cloud"
         return tuple(
             NodeSpec(
@@ -236,7 +236,7 @@ class Configuration:
 
 
 def load(path: Path) -> Configuration:
-    """Reads a parameter file; raises ConfigurationError naming every parameter that is wrong."""
+    """Read a parameter file; raise ConfigurationError naming every parameter that is wrong."""
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
@@ -246,12 +246,12 @@ def load(path: Path) -> Configuration:
 
 
 def read(text: str, where: str) -> dict[str, Any]:
-    """The parameters in the text of a parameter file, as nested blocks; raises ConfigurationError."""
+    """Return the parameters in the text of a parameter file, as nested blocks; raise ConfigurationError."""
     return block(document(text, where), where)
 
 
 def document(text: str, where: str) -> Any:
-    """Returns what a YAML text holds; raises ConfigurationError."""
+    """Return what a YAML text holds; raise ConfigurationError."""
     try:
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
             raise ConfigurationError(f"{where}: aliases (`*name`) are not allowed; write each value out")
@@ -261,7 +261,7 @@ def document(text: str, where: str) -> Any:
 
 
 def block(found: Any, where: str) -> dict[str, Any]:
-    """Returns the parameters of a parameter file's document, as nested blocks; raises ConfigurationError."""
+    """Return the parameters of a parameter file's document, as nested blocks; raise ConfigurationError."""
     try:
         tree = found["/**"]["ros__parameters"]
         assert isinstance(tree, dict)
@@ -273,7 +273,7 @@ def block(found: Any, where: str) -> dict[str, Any]:
 
 
 def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested blocks -> dotted names."""
+    """Return nested blocks -> dotted names."""
     flat: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, dict):
@@ -284,7 +284,7 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def parse(given: Mapping[str, Any]) -> Configuration:
-    """Checks names, types, ranges; raises ConfigurationError with one line per problem."""
+    """Check names, types, ranges; raise ConfigurationError with one line per problem."""
     table = dict(GENERAL)
     problems: list[str] = []
     for group, (prefix, members) in GROUPS.items():
@@ -324,7 +324,7 @@ def parse(given: Mapping[str, Any]) -> Configuration:
 
 
 def contradictions(configuration: Configuration) -> Iterator[str]:
-    """Values that are good by themselves and cannot work together."""
+    """Yield values that are good by themselves and cannot work together."""
     nodes = {node.name for node in configuration.nodes}
     owner: dict[str, str] = {}
     for prefix, members in (("output", configuration.outputs), ("input", configuration.inputs)):
@@ -343,7 +343,7 @@ def contradictions(configuration: Configuration) -> Iterator[str]:
 
 
 def too_tight(configuration: Configuration) -> str:
-    """Returns the limits that are broken although all is well (rules of the core), "" for none."""
+    """Return the limits that are broken although all is well (rules of the core), "" for none."""
     settings = configuration.settings()
     outputs = [(f"output.{o.name}.deadline_ms", o.too_tight()) for o in configuration.output_specs()]
     inputs = [(f"input.{i.name}.max_age_ms", i.too_tight(settings)) for i in configuration.input_specs()]
@@ -351,12 +351,12 @@ def too_tight(configuration: Configuration) -> str:
 
 
 def listed(names: list[str]) -> list[str]:
-    """A list parameter without the placeholder for an empty list."""
+    """Return a list parameter without the placeholder for an empty list."""
     return [name for name in names if name != "none"]
 
 
 def check(parameter: Parameter, value: Any) -> Value:
-    """The value in the parameter's type; raises ValueError saying what is allowed."""
+    """Return the value in the parameter's type; raise ValueError saying what is allowed."""
     if value is None:
         raise ValueError("must be given")
     if parameter.type is float and isinstance(value, int) and not isinstance(value, bool):

@@ -34,7 +34,7 @@ class StrangerError(ReportError):
 
 
 def encode(incarnation: str, plain: Mapping[str, Any], lists: Mapping[str, Mapping[str, Any]]) -> str:
-    """Returns a report of at most MAX_REPORT bytes.
+    """Return a report of at most MAX_REPORT bytes.
 
     Args:
         incarnation: of the robot's control process.
@@ -63,7 +63,7 @@ def _text(body: Mapping[str, Any]) -> str:
 
 
 def decode(text: str, incarnation: str, topics: Mapping[str, str]) -> dict[str, Any]:
-    """Returns the report of the robot served, its topics by the names that people know.
+    """Return the report of the robot served, its topics by the names that people know.
 
     What the fields hold is judged by whoever makes metrics of it; here it is small, flat and of this robot.
 
@@ -99,7 +99,7 @@ def decode(text: str, incarnation: str, topics: Mapping[str, str]) -> dict[str, 
 
 
 def _shallow(value: object, depth: int) -> bool:
-    """Returns whether tables and lists are nested no deeper than that."""
+    """Return whether tables and lists are nested no deeper than that."""
     if not isinstance(value, dict | list):
         return True
     inner = value.values() if isinstance(value, dict) else value

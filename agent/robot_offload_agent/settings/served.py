@@ -73,12 +73,12 @@ _WORDS: dict[str, Callable[[Any], Any]] = {"mode": ServiceMode, "on_switch": OnS
 
 
 def private_name(side: str, name: str) -> str:
-    """Returns the name by which a side's group serves or uses a public name."""
+    """Return the name by which a side's group serves or uses a public name."""
     return f"/offload/{side}{name}"
 
 
 def relay_plan(declared: Mapping[str, Sequence[tuple[str, Mapping[str, Any]]]], settings: Settings) -> RelayPlan:
-    """Returns the core's plan of a relay.
+    """Return the core's plan of a relay.
 
     Args:
         declared: (identifier, values) of each member, by list.

@@ -30,7 +30,7 @@ KEPT: dict[str, tuple[str, dict[str, Parameter]]] = {"states": ("state", STATE)}
 
 
 def state_spec(name: str, values: Mapping[str, Any]) -> StateSpec:
-    """Returns one entry of state; raises ConfigurationError naming the parameter that cannot work."""
+    """Return one entry of state; raise ConfigurationError naming the parameter that cannot work."""
     node = values["node"]
     spec: StateSpec
     if values["kind"] == "Topic":

@@ -19,12 +19,12 @@ Problem = tuple[str, str]
 
 
 def path(configuration: Configuration) -> Path:
-    """The file."""
+    """Return the file."""
     return state_dir(configuration) / "settings.json"
 
 
 def keep(configuration: Configuration, offer: Offer) -> None:
-    """Writes an offer that was taken; raises OSError when it cannot be kept."""
+    """Write an offer that was taken; raise OSError when it cannot be kept."""
     body = {
         "version": VERSION, "uid": configuration["uid"], "generation": offer.generation,
         "parameters": dict(offer.parameters),
@@ -33,7 +33,7 @@ def keep(configuration: Configuration, offer: Offer) -> None:
 
 
 def load(configuration: Configuration) -> tuple[Configuration, Offer | None, Problem | None]:
-    """(configuration in force, the kept offer that is in it, what is wrong with the kept file)."""
+    """Return (configuration in force, the kept offer that is in it, what is wrong with the kept file)."""
     where = path(configuration)
     try:
         body = json.loads(read_text(where))
@@ -58,5 +58,5 @@ def load(configuration: Configuration) -> tuple[Configuration, Offer | None, Pro
 
 
 def in_force(configuration: Configuration) -> Configuration:
-    """What holds at the start of a process of this side."""
+    """Return what holds at the start of a process of this side."""
     return load(configuration)[0] if configuration["side"] == "robot" else configuration

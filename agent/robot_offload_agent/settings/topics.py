@@ -62,7 +62,7 @@ INPUT: dict[str, Parameter] = {
 
 
 def output_spec(name: str, values: Mapping[str, Any]) -> OutputSpec:
-    """Returns what the collector knows of an output: `name` is its identifier, `values` its parameters."""
+    """Return what the collector knows of an output: `name` is its identifier, `values` its parameters."""
     rate_hz = values["rate_hz"]
     return OutputSpec(
         name,
@@ -82,13 +82,13 @@ def output_spec(name: str, values: Mapping[str, Any]) -> OutputSpec:
 
 
 def completed(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the parameters of a node, output or input, with what follows from others of them."""
+    """Return the parameters of a node, output or input, with what follows from others of them."""
     shared = values.get("shared", False)
     return {**values, "depth": max(values["depth"], SHARED_DEPTH)} if shared else dict(values)
 
 
 def output_problems(name: str, values: Mapping[str, Any]) -> Iterator[str]:
-    """Yields what cannot work about an output, with the parameter's name."""
+    """Yield what cannot work about an output, with the parameter's name."""
     spec = output_spec(name, values)
     if problem := spec.problem():
         yield f"parameter output.{name}.deadline_ms: {problem}"
@@ -100,7 +100,7 @@ def output_problems(name: str, values: Mapping[str, Any]) -> Iterator[str]:
 
 
 def input_spec(values: Mapping[str, Any]) -> InputSpec:
-    """Returns what the core knows of an input, which it names to people by its topic."""
+    """Return what the core knows of an input, which it names to people by its topic."""
     return InputSpec(
         values["topic"],
         values["max_age_ms"] / 1e3,
@@ -112,7 +112,7 @@ def input_spec(values: Mapping[str, Any]) -> InputSpec:
 
 
 def is_silent(topic: str, silent: Sequence[str], namespace: str) -> bool:
-    """Returns whether a full name is one of `silent`: a name, `NAME/*` (one level below) or `NAME/**` (all below)."""
+    """Return whether a full name is one of `silent`: a name, `NAME/*` (one level below) or `NAME/**` (all below)."""
     base = namespace.rstrip("/")
     for pattern in silent:
         full = pattern if pattern.startswith("/") else f"{base}/{pattern}"

@@ -69,7 +69,7 @@ class TunnelConfiguration:
 
 
 def read(file: Path) -> TunnelConfiguration:
-    """Returns the configuration in a file.
+    """Return the configuration in a file.
 
     Raises:
         ConfigurationError: the file cannot be read, or what it says cannot work.
@@ -82,7 +82,7 @@ def read(file: Path) -> TunnelConfiguration:
 
 
 def parse(document: Any) -> TunnelConfiguration:
-    """Returns the configuration that a YAML document holds.
+    """Return the configuration that a YAML document holds.
 
     Raises:
         ConfigurationError: what it says cannot work.

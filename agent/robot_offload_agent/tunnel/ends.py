@@ -51,12 +51,12 @@ class Stream:
     writer: asyncio.StreamWriter
 
     def abort(self) -> None:
-        """Drops the connection at once, with what was not sent yet."""
+        """Drop the connection at once, with what was not sent yet."""
         self.writer.transport.abort()
 
 
 def context(configuration: TunnelConfiguration) -> ssl.SSLContext:
-    """Returns what this end proves itself with and whom it trusts: TLS 1.3, certificates on both sides.
+    """Return what this end proves itself with and whom it trusts: TLS 1.3, certificates on both sides.
 
     Raises:
         ConfigurationError: a file is missing or does not hold what it should.
@@ -76,7 +76,7 @@ def context(configuration: TunnelConfiguration) -> ssl.SSLContext:
 
 
 def newest(configuration: TunnelConfiguration) -> TunnelConfiguration:
-    """Returns the configuration with the pair that the agent has renewed; as it is while there is none."""
+    """Return the configuration with the pair that the agent has renewed; as it is while there is none."""
     certificate, key = (Path(configuration.own) / name for name in ("robot.pem", "robot.key"))
     if not configuration.own or not (certificate.exists() and key.exists()):
         return configuration
@@ -87,7 +87,7 @@ class Tunnel:
     """One end. It carries one connection at a time: the newest one, because an older one is what a cut left behind."""
 
     def __init__(self, configuration: TunnelConfiguration) -> None:
-        """Opens nothing yet.
+        """Open nothing yet.
 
         Raises:
             ConfigurationError: the certificates cannot be used.
@@ -101,7 +101,7 @@ class Tunnel:
         self._failed = 0
 
     async def run(self) -> None:
-        """Listens until it is cancelled.
+        """Listen until it is cancelled.
 
         Raises:
             ConfigurationError: the address to listen on cannot be had.
@@ -142,7 +142,7 @@ class Tunnel:
             accepted.abort()
 
     def _is_the_robot(self, writer: asyncio.StreamWriter) -> bool:
-        """Returns whether a certificate that the authority signed is this robot's; an authority may serve many."""
+        """Return whether a certificate that the authority signed is this robot's; an authority may serve many."""
         wanted, found = self._configuration.peer_name, common_name(writer.get_extra_info("peercert"))
         if wanted in ("", found):
             return True
@@ -161,11 +161,11 @@ class Tunnel:
             self._failed = self._failed + 1 if now_s() - started_s < SHORT_LIFE_S else 0
 
     def _limits_s(self) -> tuple[float, float]:
-        """Returns how long the accepted and the dialled connection may be silent."""
+        """Return how long the accepted and the dialled connection may be silent."""
         return (SILENT_S, FAR_SILENT_S) if self._robot else (FAR_SILENT_S, SILENT_S)
 
     async def _dial(self) -> Stream:
-        """Returns a connection to the cloud, however long it takes."""
+        """Return a connection to the cloud, however long it takes."""
         await asyncio.sleep(min(PAUSE_S * 2**self._failed, LONGEST_PAUSE_S) if self._failed else 0)
         while True:
             for address in tuple(self._addresses):
@@ -199,7 +199,7 @@ class Tunnel:
         return Stream(reader, writer)
 
     def _proof(self) -> ssl.SSLContext:
-        """Returns with what to dial: the robot's newest pair, and the bundle's at every other try after a failure."""
+        """Return with what to dial: the robot's newest pair, and the bundle's at every other try after a failure."""
         chosen = newest(self._configuration)
         if chosen is self._configuration or self._failed % 2:
             return self._context
@@ -210,7 +210,7 @@ class Tunnel:
             return self._context
 
     async def _router(self) -> Stream:
-        """Returns a connection to the router beside this end; it may be just starting."""
+        """Return a connection to the router beside this end; it may be just starting."""
         address, until_s = self._configuration.connect[0], now_s() + ROUTER_S
         while True:
             try:
@@ -225,13 +225,13 @@ class Tunnel:
 
 
 def common_name(certificate: Mapping[str, Any] | None) -> str:
-    """Returns the common name in a certificate as the module ssl describes it; empty: it has none."""
+    """Return the common name in a certificate as the module ssl describes it; empty: it has none."""
     names = [value for part in (certificate or {}).get("subject", ()) for key, value in part if key == "commonName"]
     return str(names[-1]) if names else ""
 
 
 async def join(one: Stream, other: Stream, one_s: float, other_s: float) -> str:
-    """Carries bytes both ways until one of the two connections ends, and returns why.
+    """Carry bytes both ways until one of the two connections ends, and return why.
 
     Args:
         one: the accepted connection.
@@ -263,11 +263,11 @@ class Heard:
         self._last_s = [now_s(), now_s()]
 
     def now(self, which: int) -> None:
-        """Notes that bytes came."""
+        """Note that bytes came."""
         self._last_s[which] = now_s()
 
     async def until_silent(self) -> None:
-        """Returns when one of them has sent nothing for too long."""
+        """Return when one of them has sent nothing for too long."""
         while all(now_s() - last_s < limit_s for last_s, limit_s in zip(self._last_s, self._limits_s, strict=True)):
             await asyncio.sleep(min(self._limits_s) / 8)
 
@@ -280,7 +280,7 @@ async def _pump(source: Stream, target: Stream, heard: Heard, which: int) -> Non
 
 
 def tune(writer: asyncio.StreamWriter) -> None:
-    """Sends small messages at once, and gives a connection up when nobody acknowledges them."""
+    """Send small messages at once, and give a connection up when nobody acknowledges them."""
     connection = writer.get_extra_info("socket")
     with suppress(OSError):  # closed meanwhile
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

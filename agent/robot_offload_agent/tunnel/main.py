@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 def parser() -> argparse.ArgumentParser:
-    """Returns the command line."""
+    """Return the command line."""
     result = argparse.ArgumentParser(
         prog="robot-offload-tunnel", description=__doc__, epilog="exit codes: 0 ended by a signal, 2 bad configuration"
     )
@@ -29,7 +29,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs the tunnel and returns the exit code."""
+    """Run the tunnel and return the exit code."""
     options = parser().parse_args(arguments)
     logging.basicConfig(
         level="INFO", stream=sys.stderr, format="%(asctime)s.%(msecs)03d %(levelname)s tunnel: %(message)s",

@@ -18,7 +18,7 @@ class Names:
         self._lookups: dict[Address, asyncio.Task[None]] = {}
 
     async def hosts(self, address: Address) -> tuple[str, ...]:
-        """Returns IP addresses; empty: not known yet. Starts a new lookup each time, one at a time for each name."""
+        """Return IP addresses; empty: not known yet. Start a new lookup each time, one at a time for each name."""
         if not address.is_name:
             return (address.host,)
         lookup = self._lookups.get(address)

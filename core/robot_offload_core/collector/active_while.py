@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def note(outputs: tuple[OutputState, ...], gate: Gate, now_s: float) -> tuple[OutputState, ...]:
-    """Notes since when the `while` of each output is true on each side."""
+    """Note since when the `while` of each output is true on each side."""
 
     def since(before_s: float | None, holds: bool) -> float | None:
         return (now_s if before_s is None else before_s) if holds else None
@@ -31,7 +31,7 @@ def note(outputs: tuple[OutputState, ...], gate: Gate, now_s: float) -> tuple[Ou
 
 
 def awaited(output: OutputState, site: Site) -> bool:
-    """Whether a changeover to a side waits for its first message of an output.
+    """Return whether a changeover to a side waits for its first message of an output.
 
     It does for rated ones, those with a `while` only while that is true there; a node that calls names outside cannot
     speak before its calls are admitted, which is after the changeover.
@@ -42,7 +42,7 @@ def awaited(output: OutputState, site: Site) -> bool:
 
 
 def must_speak(output: OutputState, side: Site, activation_s: float, now_s: float) -> bool:
-    """Whether the silence of a rated output is a fault of a side now.
+    """Return whether the silence of a rated output is a fault of a side now.
 
     With a `while`: from its first message on after that became true, at the latest when a node would have become
     Active, until it is true no more.

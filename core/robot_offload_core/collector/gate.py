@@ -26,31 +26,32 @@ from robot_offload_core.words.settings import OutputSpec
 from robot_offload_core.words.token import Site, Token
 
 PAUSE_S = 0.120
-"""Own turns this far apart are a pause of ours, not silence of an output: six turns of 20 ms."""
+"""Turns of this process further apart are a pause of the process, not silence of an output: six turns of 20 ms."""
 HEALTHY_S = 0.5
-"""Without a pause for so long the process is healthy. A second pause sooner than that earns no second grace."""
+"""After this long without a pause the process counts as healthy. An earlier second pause is not excused."""
 PAUSE_GRACE_S = 0.100
-"""So long after a pause silence is not reported: what waited is too old by then, new messages must come first."""
+"""After a pause, silence is not reported for this long: what waited is too old by then, new messages must come
+first."""
 
 
 def start(
     outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: float,
     loss_timeout_s: float = 0.0, activation_s: float = 0.0,
 ) -> Collector:  # fmt: skip
-    """A collector that passes the robot until control speaks."""
+    """Return a collector that passes the robot until control speaks."""
     states = tuple(OutputState(spec) for spec in outputs)
     return Collector(max_age_s, gate_timeout_s, states, loss_timeout_s=loss_timeout_s, activation_s=activation_s)
 
 
 def set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
-    """Takes control's wish. It can only move forward: an epoch already left behind is never entered again."""
+    """Take control's wish. It can only move forward: an epoch already left behind is never entered again."""
     after = _change_over_idle(_set_gate(collector, gate, now_s), now_s)
     check(collector, after, gate)
     return after
 
 
 def check(before: Collector, after: Collector, event: object) -> None:
-    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
     if after.charge is before.charge and after.next is before.next and after.fell_back is before.fell_back:
         return
     ours, theirs, following = before.charge, after.charge, after.next
@@ -67,7 +68,7 @@ def check(before: Collector, after: Collector, event: object) -> None:
 
 
 def _change_over_idle(collector: Collector, now_s: float) -> Collector:
-    """Changes over on control's word when no output is to be waited for.
+    """Change over on control's word when no output is to be waited for.
 
     An idle robot must be able to change: where nobody need speak there is nothing to pass twice and nothing to lose.
     """
@@ -105,7 +106,7 @@ def limit(
     loss_timeout_s: float = 0.0,
     activation_s: float = 0.0,
 ) -> Collector:
-    """Limits that were changed at run time; safe at any moment, they only say what is refused or taken for lost."""
+    """Take limits that were changed at run time; safe at any moment, they only bound what is refused or lost."""
     return replace(
         collector, max_age_s=max_age_s, gate_timeout_s=gate_timeout_s, loss_timeout_s=loss_timeout_s,
         activation_s=activation_s,
@@ -113,7 +114,7 @@ def limit(
 
 
 def turn(collector: Collector, now_s: float) -> Collector:
-    """A turn of the process's loop: notices a pause of its own, and what `tick` notices."""
+    """Take a turn of the process's loop: notice a pause of its own, and what `tick` notices."""
     if collector.turned_s is not None and now_s - collector.turned_s > PAUSE_S:
         in_a_row = collector.paused_s is not None and now_s - collector.paused_s < HEALTHY_S
         judged_from_s = collector.judged_from_s if in_a_row else now_s + PAUSE_GRACE_S
@@ -122,7 +123,7 @@ def turn(collector: Collector, now_s: float) -> Collector:
 
 
 def tick(collector: Collector, now_s: float) -> Collector:
-    """Falls back to the robot when control has been silent for too long."""
+    """Return falls back to the robot when control has been silent for too long."""
     spoken_s = collector.resumed_s if collector.gate_s is None else collector.gate_s
     if collector.fell_back or spoken_s is None or now_s - spoken_s <= collector.gate_timeout_s:
         return collector
@@ -132,20 +133,20 @@ def tick(collector: Collector, now_s: float) -> Collector:
 
 
 def site(collector: Collector) -> Site:
-    """Returns the side that passes: the robot also before control has spoken and after falling back."""
+    """Return the side that passes: the robot also before control has spoken and after falling back."""
     charge = collector.charge
     return Site.ROBOT if charge is None or collector.fell_back else charge.site
 
 
 def count_stay(before: Collector, after: Collector) -> Collector:
-    """Returns `after` with a stay of its own when another side passes than in `before`."""
+    """Return `after` with a stay of its own when another side passes than in `before`."""
     return after if site(before) is site(after) else replace(after, stay=before.stay + 1)
 
 
 def resume(
     collector: Collector, charge: Charge, started_us: int, fell_back: bool, now_s: float, stay: int = 0
 ) -> Collector:
-    """Takes up what a collector that died had reached, so that nothing already left behind passes again.
+    """Take up what a collector that died had reached, so that nothing already left behind passes again.
 
     For the cloud it passes nothing before control has spoken, and nothing sent before `now_s`: the predecessor may have
     passed it. Silence counts from now: a restart of ours is nobody's silence.
@@ -154,7 +155,7 @@ def resume(
 
 
 def offer_robot(collector: Collector, index: int, sequence: int, now_s: float) -> tuple[Collector, Passage]:
-    """The robot's replica has published on output `index`; `sequence` grows with each of its messages."""
+    """Take a message of the robot's replica on output `index`; `sequence` grows with each of its messages."""
     collector = tick(collector, now_s)
     passes = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
     hot = Site.ROBOT in collector.outputs[index].spec.hot
@@ -167,7 +168,7 @@ def offer_robot(collector: Collector, index: int, sequence: int, now_s: float) -
 
 
 def offer_cloud(collector: Collector, index: int, envelope: Envelope, now_s: float) -> tuple[Collector, Passage]:
-    """A message of the cloud's replica has arrived for output `index`."""
+    """Take a message of the cloud's replica for output `index`."""
     collector = standby.hear(tick(collector, now_s), index, envelope, now_s)
     if collector.fell_back or collector.charge is None or collector.gate_s is None:
         return collector, Passage(Ruling.CONTROL_SILENT)
@@ -195,7 +196,7 @@ def offer_cloud(collector: Collector, index: int, envelope: Envelope, now_s: flo
 
 
 def admits_effect(collector: Collector, token: Token, now_s: float) -> Passage:
-    """Whether an effect that is not collected (a request through the agents) may be admitted: the holder's only."""
+    """Return whether an effect that is not collected (a request through the agents) is the active side's."""
     collector = tick(collector, now_s)
     charge = collector.charge
     if collector.fell_back or charge is None or collector.gate_s is None:
@@ -206,7 +207,7 @@ def admits_effect(collector: Collector, token: Token, now_s: float) -> Passage:
 
 
 def report(collector: Collector, now_s: float) -> GateReport:
-    """The state as control needs it."""
+    """Return the state as control needs it."""
     judged = now_s >= collector.judged_from_s
     rated = [(i, o) for i, o in enumerate(collector.outputs) if o.spec.rated]
     idle = tuple(i for i, o in rated if not active_while.must_speak(o, Site.ROBOT, collector.activation_s, now_s))
@@ -244,7 +245,7 @@ def report(collector: Collector, now_s: float) -> GateReport:
 
 
 def next_deadline_s(collector: Collector, now_s: float) -> float:
-    """Returns when silence next changes what is reported or passes; infinite when it changes nothing."""
+    """Return when silence next changes what is reported or passes; infinite when it changes nothing."""
     times = [collector.judged_from_s]
     if not collector.fell_back:
         times += [t + collector.gate_timeout_s for t in (collector.gate_s, collector.resumed_s) if t is not None]
@@ -262,7 +263,7 @@ def next_deadline_s(collector: Collector, now_s: float) -> float:
 def _offer_next(
     collector: Collector, index: int, sequence: int, born_s: float, now_s: float
 ) -> tuple[Collector, Passage]:
-    """A valid message of the side that is to take over: flips once all rated outputs of it flow.
+    """Take a valid message of the side that is to take over: change over once all rated outputs of it flow.
 
     The newest messages of its other outputs pass with it, as long as they are no older than any message may be: else
     their consumers would wait for the old side's and the new side's period together.
@@ -294,7 +295,7 @@ def _flows(collector: Collector, output: OutputState, side: Site, now_s: float) 
 
 
 def _awaited(collector: Collector, output: OutputState, side: Site) -> bool:
-    """Whether a changeover to a side waits for an output: for no slow one while nobody acts, or nobody may."""
+    """Return whether a changeover to a side waits for an output: for no slow one while nobody acts, or nobody may."""
     held = not (collector.prompt and slow_outputs.is_slow(output.spec, collector.activation_s))
     return held and active_while.awaited(output, side)
 

@@ -12,15 +12,17 @@ from dataclasses import dataclass
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Token
 
-WINDOW_S = 60.0
-"""Messages of the last minute count."""
+LATENESS_WINDOW_S = 60.0
+"""Messages of this window are compared."""
 FACTOR = 1.5
 EXTRA_S = 0.005
+"""Added to the latest message of the window."""
 LEAST_S = 0.010
+"""Least margin with which a message is waited for."""
 TAUGHT = 100
 """Fewer messages than this teach nothing: until then the margin is the loss timeout."""
 FLOOR_S = 600.0
-"""How long a message that was taken for lost and came after all keeps the margin up."""
+"""How long a message that was taken for lost, and came, keeps the margin up."""
 BUCKET_S = 1.0
 """Within one second only the latest message is kept."""
 
@@ -51,7 +53,7 @@ UNHEARD = Lateness()
 
 
 def hear(known: Lateness, token: Token, sequence: int, now_s: float, period_s: float, deadline_s: float) -> Lateness:
-    """Takes a message of the cloud, also one that does not pass any more.
+    """Take a message of the cloud, also one that does not pass any more.
 
     Only messages of one token say something, and only those that came within the output's deadline: what comes later
     shows an outage, which ends a stay by the hard limit and is nothing to wait for. Messages that were lost in between
@@ -63,7 +65,7 @@ def hear(known: Lateness, token: Token, sequence: int, now_s: float, period_s: f
     late_s = now_s - known.arrived_s - period_s
     if token != known.token or late_s + period_s > deadline_s:
         return newer
-    kept = [(at_s, value_s) for at_s, value_s in known.late if now_s - at_s <= WINDOW_S and value_s > late_s]
+    kept = [(at_s, value_s) for at_s, value_s in known.late if now_s - at_s <= LATENESS_WINDOW_S and value_s > late_s]
     if not kept or now_s - kept[-1][0] > BUCKET_S:
         kept.append((now_s, late_s))
     newer = replace(newer, seen=min(TAUGHT, known.seen + 1), late=tuple(kept))
@@ -73,7 +75,7 @@ def hear(known: Lateness, token: Token, sequence: int, now_s: float, period_s: f
 
 
 def margin_s(known: Lateness, now_s: float, untaught_s: float, least_s: float, most_s: float) -> float:
-    """Returns how much longer than a period the next message is waited for, seconds.
+    """Return how much longer than a period the next message is waited for, seconds.
 
     Args:
         known: what the messages so far have taught.
@@ -84,7 +86,7 @@ def margin_s(known: Lateness, now_s: float, untaught_s: float, least_s: float, m
     """
     if known.seen < TAUGHT:
         return min(max(untaught_s, least_s), most_s)
-    largest_s = next((value_s for at_s, value_s in known.late if now_s - at_s <= WINDOW_S), 0.0)
+    largest_s = next((value_s for at_s, value_s in known.late if now_s - at_s <= LATENESS_WINDOW_S), 0.0)
     wanted_s = max(FACTOR * largest_s + EXTRA_S, LEAST_S, _floor_s(known, now_s), least_s)
     return min(wanted_s, most_s)
 

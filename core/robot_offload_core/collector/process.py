@@ -14,7 +14,7 @@ from robot_offload_core.collector import gate, results, standby
 from robot_offload_core.collector.state import Collector
 from robot_offload_core.topics import tallies
 from robot_offload_core.topics.pauses import Pauses
-from robot_offload_core.topics.shared import MAX_LATCHED, Loop
+from robot_offload_core.topics.shared import MAX_LATCHED_OF_OTHERS, Loop
 from robot_offload_core.topics.tallies import GAP_MS, bucket
 from robot_offload_core.words import envelope, gates
 from robot_offload_core.words.envelope import Envelope, EnvelopeError
@@ -44,50 +44,51 @@ DEADLINE_MARGIN_S = 0.0005
 REPORTS_PER_LEASE = 5
 """Control gets a report this often in any case, ten times a second at least; one without news does not wake it."""
 EARLY_S = 0.020
-"""A report that is due so soon goes with a message that has just come: waking up costs more than what is done then."""
+"""A report that is due within this time goes with a message that has just come: a wake-up costs more than the
+report."""
 SLACK_S = 0.010
-"""One that is due waits so long for a message to come."""
+"""How long a due report waits for the next message, so that one wake-up serves both."""
 REPEAT_PERIOD_S = 5.0
-"""The data process gets the latched messages of others again this often; it knows them unless it was started anew."""
+"""How often the data process gets the latched messages of others again: it may have been started anew."""
 DETAIL_PERIOD_S = 1.0
-"""Problems, counters and ages go to control this often; a report in between carries none."""
+"""How often problems, counters and ages go to control; a report in between carries none."""
 
 
 class CollectorPorts(Protocol):
     """What the shell does for the collector."""
 
     def now_s(self) -> float:
-        """Returns the steady clock, seconds."""
+        """Return the steady clock, seconds."""
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a message to another process of this agent."""
+        """Send a message to another process of this agent."""
 
     def renew(self, to: str, message: object) -> bool:
-        """Sends a level that has not changed: it is read when its receiver wakes for another reason."""
+        """Send a level that has not changed: it is read when its receiver wakes for another reason."""
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
-        """Sends an output's message with its header to another process of this agent."""
+        """Send an output's message with its header to another process of this agent."""
 
     def topics_of(self, index: int) -> tuple[str, str]:
-        """Returns the public topic of output `index` and the private one of the robot's replica, for sentences."""
+        """Return the public topic of output `index` and the private one of the robot's replica, for sentences."""
 
     def publish(self, index: int, payload: Any) -> None:
-        """Publishes a message to the consumers of output `index`."""
+        """Publish a message to the consumers of output `index`."""
 
     def fill(self, index: int, payload: Any) -> None:
-        """Publishes on the private topic of the robot's replica what it would hear on the public one."""
+        """Publish on the private topic of the robot's replica what it would hear on the public one."""
 
     def type_of(self, index: int) -> str:
-        """Returns the interface type that output `index` is published with, "" while there is no publisher.
+        """Return the interface type that output `index` is published with, "" while there is no publisher.
 
         Behind a blank stands the type's hash where the middleware gives one.
         """
 
     def save(self, state: Collector) -> None:
-        """Keeps who passes now, for the next life of this process."""
+        """Keep who passes now, for the next life of this process."""
 
     def fell_silent(self) -> None:
-        """Logs that control has been silent for too long."""
+        """Log that control has been silent for too long."""
 
 
 @dataclass(frozen=True)
@@ -149,14 +150,14 @@ class CollectorProcess:
         self.reported: gates.GateReport | None = None
 
     def note(self, key: str, problem: tuple[str, str] | None) -> None:
-        """Keeps or clears a problem for diagnostics."""
+        """Keep or clear a problem for diagnostics."""
         if problem is None:
             self.problems.pop(key, None)
         else:
             self.problems[key] = problem
 
     def rival(self, index: int, nodes: Sequence[str]) -> str:
-        """Notes who else publishes an output's public topic; returns the sentence about it, "" for nobody."""
+        """Note who else publishes an output's public topic; return the sentence about it, "" for nobody."""
         name = self.plan.outputs[index].name
         topic, private = self.ports.topics_of(index)
         message = f"{topic} has another publisher: {', '.join(nodes)}; remap its output to {private}" if nodes else ""
@@ -167,7 +168,7 @@ class CollectorProcess:
         return message
 
     def compare_types(self) -> None:
-        """Notes each output whose types differ."""
+        """Note each output whose types differ."""
         for index, spec in enumerate(self.plan.outputs):
             ours, theirs = self.ports.type_of(index), self.cloud_types.get(spec.name, "")
             message = f"Output {spec.name} is {ours} here and {theirs} in the cloud"
@@ -175,7 +176,7 @@ class CollectorProcess:
             self.note(f"type {spec.name}", (Reason.TYPES_DIFFER.value, message) if differs else None)
 
     def _look_at_frames(self) -> None:
-        """Notes frames that nobody declared, those that others publish too, and messages that are no transforms."""
+        """Note frames that nobody declared, those that others publish too, and messages that are no transforms."""
         now_s = self.ports.now_s()
         for index, loop in self.loops.items():
             name, frames = self.plan.outputs[index].name, ", ".join(sorted(loop.undeclared))
@@ -186,7 +187,7 @@ class CollectorProcess:
                 self.counters[f"{name}.no_transforms"] = loop.strange
 
     def _refusal(self, index: int) -> str:
-        """Returns why a message of the cloud cannot be published at all, "" when it can."""
+        """Return why a message of the cloud cannot be published at all, "" when it can."""
         ours, theirs = self.ports.type_of(index), self.cloud_types.get(self.plan.outputs[index].name, "")
         if not ours or not theirs:
             return "NoType"
@@ -195,7 +196,7 @@ class CollectorProcess:
     # -- messages of the two replicas ---------------------------------------------------------------------------------
 
     def offer_robot(self, index: int, payload: Any) -> None:
-        """Takes a message of the robot's replica; one of a rated output that waited through a pause is dropped."""
+        """Take a message of the robot's replica; one of a rated output that waited through a pause is dropped."""
         now_s = self.ports.now_s()
         spec = self.plan.outputs[index]
         if index in self.loops:
@@ -217,7 +218,7 @@ class CollectorProcess:
         self._mirror(published)
 
     def _mirror(self, published: list[tuple[int, Any]]) -> None:
-        """Sends what passed of the robot to consumers in the cloud."""
+        """Send what passed of the robot to consumers in the cloud."""
         mirrored = [(other, passed) for other, passed in published if self.plan.mirrored[other]]
         if not mirrored:
             return
@@ -231,7 +232,7 @@ class CollectorProcess:
         return envelope.encode(Envelope(token, self.sequence, 0))
 
     def hear_others(self, index: int, payload: Any) -> None:
-        """Takes a message of the public topic of a shared output: what others say there the replicas hear as well."""
+        """Take a message of the public topic of a shared output: what others say there the replicas hear as well."""
         said = self.loops[index].others(payload, self.ports.now_s())
         if said is None:
             return
@@ -239,14 +240,14 @@ class CollectorProcess:
         self.ports.fill(index, said)
         self.ports.carry("data", OTHERS, index, self._header(), said)
         if self.plan.outputs[index].latched:
-            values = self.latched_others.setdefault(index, deque(maxlen=MAX_LATCHED))
+            values = self.latched_others.setdefault(index, deque(maxlen=MAX_LATCHED_OF_OTHERS))
             if said in values:
                 values.remove(said)
             values.append(said)
         self.counters[f"{self.plan.outputs[index].name}.others"] += 1
 
     def _repeat_others(self, now_s: float) -> None:
-        """Says the latched messages of others again to a data process that may have been started anew."""
+        """Report the latched messages of others again to a data process that may have been started anew."""
         if now_s < self.repeat_due_s:
             return
         self.repeat_due_s = now_s + REPEAT_PERIOD_S
@@ -255,7 +256,7 @@ class CollectorProcess:
                 self.ports.carry("data", OTHERS, index, self._header(), said)
 
     def offer_cloud(self, message: Carried) -> None:
-        """Takes a message of the cloud's replica, which the data process carried here."""
+        """Take a message of the cloud's replica, which the data process carried here."""
         index = message.index
         try:
             header = envelope.decode(message.header)
@@ -282,7 +283,7 @@ class CollectorProcess:
             self.report()
 
     def _publish(self, index: int, payload: Any, passage: Passage) -> list[tuple[int, Any]]:
-        """Publishes a message, or holds it for the changeover, as the machine says; returns all that was published."""
+        """Publish a message, or hold it for the changeover, as the machine says; return all that was published."""
         if passage.reason is Ruling.NOT_ALL_READY:
             self.held[index] = payload
         if not passage.passes:
@@ -299,17 +300,17 @@ class CollectorProcess:
         return passing
 
     def look_due_s(self) -> float:
-        """Returns when `report` is worth more than at the next turn: a message of the cloud is missed then."""
+        """Return when `report` is worth more than at the next turn: a message of the cloud is missed then."""
         return standby.next_look_s(self.state, self.ports.now_s())
 
     def turn_due_s(self) -> float:
-        """Returns when to look again if no message comes: when something falls silent, after TURN_S at the latest."""
+        """Return when to look again if no message comes: when something falls silent, after TURN_S at the latest."""
         now_s = self.ports.now_s()
         deadline_s = min(gate.next_deadline_s(self.state, now_s) + DEADLINE_MARGIN_S, self.look_due_s())
         return min(deadline_s, max(now_s, self.report_due_s + SLACK_S), now_s + TURN_S)
 
     def _release(self, before: Collector) -> None:
-        """Publishes what is kept of the robot's Hot replicas when it has taken over."""
+        """Publish what is kept of the robot's Hot replicas when it has taken over."""
         self.state, outputs = standby.release(before, self.state, self.ports.now_s())
         passing = [(index, self.standby[index]) for index in outputs if index in self.standby]
         for index, payload in passing:
@@ -321,7 +322,7 @@ class CollectorProcess:
         self._mirror(passing)
 
     def _give_to_standby(self, index: int, payload: Any) -> None:
-        """Lets the robot's replica hear on its private topic what the cloud's has said."""
+        """Let the robot's replica hear on its private topic what the cloud's has said."""
         said = self.loops[index].holder(payload, self.ports.now_s())
         if said is not None:
             self.ports.fill(index, said)
@@ -331,7 +332,7 @@ class CollectorProcess:
         self.counters[f"{name}.{side}.{'passed' if passage.passes else passage.reason}"] += 1
 
     def _count_gap(self, index: int) -> None:
-        """Counts the time since a rated output last passed: what the driver sees of everything."""
+        """Count the time since a rated output last passed: what the driver sees of everything."""
         spec, now_s = self.plan.outputs[index], self.ports.now_s()
         if not spec.deadline_s:
             return
@@ -344,7 +345,7 @@ class CollectorProcess:
             self.counters[f"{spec.name}.overdue_ms"] += max(0, round(gap_ms - spec.deadline_s * 1e3))
 
     def _keep(self, state: Collector) -> bool:
-        """Takes over the next state; returns whether who passes has changed, which is remembered."""
+        """Take over the next state; return whether who passes has changed, which is remembered."""
         before, self.state = self.state, gate.count_stay(self.state, state)
         state = self.state
         changed = (before.charge, before.fell_back) != (state.charge, state.fell_back)
@@ -356,7 +357,7 @@ class CollectorProcess:
     # -- words of control ---------------------------------------------------------------------------------------------
 
     def handle(self, message: object) -> None:
-        """Takes one datagram of another process."""
+        """Take one datagram of another process."""
         if isinstance(message, SetGate):
             before = self.state
             if self._keep(gate.set_gate(before, message.gate, self.ports.now_s())):
@@ -372,11 +373,11 @@ class CollectorProcess:
             self.state = gate.limit(self.state, *limits)
 
     def woke(self) -> None:
-        """Notes a sign of life of the process: a long silence of ours is a pause."""
+        """Note a sign of life of the process: a long silence of ours is a pause."""
         self.pauses.waited(self.ports.now_s())
 
     def report(self, *, only_news: bool = False) -> None:
-        """Reports to control, and notices that control fell silent."""
+        """Report to control, and notice that control fell silent."""
         now_s = self.ports.now_s()
         before = self.state
         if self._keep(gate.turn(before, now_s)):
@@ -400,11 +401,11 @@ class CollectorProcess:
 
 
 def same_type(one: str, other: str) -> bool:
-    """Returns whether two types are the same: by name, and by hash where both have one."""
+    """Return whether two types are the same: by name, and by hash where both have one."""
     names, hashes = zip(*((text.partition(" ")[0], text.partition(" ")[2]) for text in (one, other)), strict=True)
     return names[0] == names[1] and ("" in hashes or hashes[0] == hashes[1])
 
 
 def report_period_s(lease_s: float) -> float:
-    """Returns how often control gets a report in any case, seconds."""
+    """Return how often control gets a report in any case, seconds."""
     return min(0.1, lease_s / REPORTS_PER_LEASE)

@@ -13,7 +13,7 @@ from robot_offload_core.words.replace import replace
 
 
 def offer(collector: Collector, index: int, envelope: Envelope, now_s: float) -> tuple[Collector, Passage]:
-    """Returns whether a message that arrived from the cloud for output `index` passes.
+    """Return whether a message that arrived from the cloud for output `index` passes.
 
     Args:
         collector: state of the gate.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 PARTICIPANT_LEASE_S = 25.0
 """Fast DDS forgets a participant that was killed after 20 s."""
 NAME_S = 1.5
-"""Discovery on one host: so long the name of an endpoint's node may be on its way."""
+"""How long the name of an endpoint's node may be on its way: discovery on one host."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Rivals:
     seen_s: dict[bytes, float] = field(default_factory=dict)
 
     def look(self, found: Iterable[Endpoint], publishers: int, now_s: float) -> list[str]:
-        """Returns the nodes of the publishers that are not ours, sorted.
+        """Return the nodes of the publishers that are not ours, sorted.
 
         Args:
             found: all publishers of the topic.

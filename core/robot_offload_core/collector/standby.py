@@ -14,15 +14,15 @@ from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site
 
-LOOK_S = 0.005
-"""Least distance of two looks for a message that is overdue."""
+OVERDUE_LOOK_S = 0.005
+"""Least distance of two looks for an overdue message."""
 
 if TYPE_CHECKING:
     from robot_offload_core.collector.state import Collector, OutputState
 
 
 def hear(collector: Collector, index: int, envelope: Envelope, now_s: float) -> Collector:
-    """Notes how late a message of the cloud came, whether or not it passes; only Hot outputs are waited for."""
+    """Note how late a message of the cloud came, whether or not it passes; only Hot outputs are waited for."""
     state, charge, following = collector.outputs[index], collector.charge, collector.next
     known, spec = state.late, state.spec
     ours = (charge and charge.token, following and following.token, known.token)
@@ -34,7 +34,7 @@ def hear(collector: Collector, index: int, envelope: Envelope, now_s: float) -> 
 
 
 def note(outputs: tuple[OutputState, ...], gate: Gate) -> tuple[OutputState, ...]:
-    """Notes the least margins that control names."""
+    """Note the least margins that control names."""
     named = dict(gate.floors)
     return tuple(
         o if o.floor_s == named.get(i, 0.0) else replace(o, floor_s=named.get(i, 0.0)) for i, o in enumerate(outputs)
@@ -47,7 +47,7 @@ def _hot(collector: Collector, output: OutputState) -> bool:
 
 
 def due_s(collector: Collector, output: OutputState, now_s: float) -> float:
-    """Returns when the cloud's next message of a Hot output will be taken for lost; infinite when it is not waited for.
+    """Return when the cloud's next message of a Hot output will be taken for lost; infinite when it is not waited for.
 
     It is not before the cloud has spoken in its present stay, nor from a collector that is about to read what came
     while it stood still.
@@ -62,17 +62,17 @@ def due_s(collector: Collector, output: OutputState, now_s: float) -> float:
 
 
 def next_look_s(collector: Collector, now_s: float) -> float:
-    """Returns when to look again: a message of the cloud is missed then; infinite when none is waited for.
+    """Return when to look again: a message of the cloud is missed then; infinite when none is waited for.
 
     Once it is overdue only a message of the robot's replica is missing, which is looked for often.
     """
     times = (due_s(collector, o, now_s) for o in collector.outputs if not o.late.missed)
     due = min(times, default=math.inf)
-    return due if due == math.inf else max(due, now_s + LOOK_S)
+    return due if due == math.inf else max(due, now_s + OVERDUE_LOOK_S)
 
 
 def look(collector: Collector, now_s: float) -> Collector:
-    """Notes which messages of the cloud have not come in time; called when all that arrived was read."""
+    """Note which messages of the cloud have not come in time; called when all that arrived was read."""
     outputs = tuple(
         replace(o, late=replace(o.late, missed=True)) if not o.late.missed and missed(collector, o, now_s) else o
         for o in collector.outputs
@@ -81,7 +81,7 @@ def look(collector: Collector, now_s: float) -> Collector:
 
 
 def missed(collector: Collector, output: OutputState, now_s: float) -> bool:
-    """Returns whether the cloud's next message is lost: it did not come, and the robot's replica has spoken since.
+    """Return whether the cloud's next message is lost: it did not come, and the robot's replica has spoken since.
 
     Both silent prove nothing.
     """
@@ -90,7 +90,7 @@ def missed(collector: Collector, output: OutputState, now_s: float) -> bool:
 
 
 def release(before: Collector, after: Collector, now_s: float) -> tuple[Collector, tuple[int, ...]]:
-    """Returns the outputs whose kept message of the robot passes now, because the robot has taken over from the cloud.
+    """Return the outputs whose kept message of the robot passes now, because the robot has taken over from the cloud.
 
     Those of Hot replicas do that are no older than a period (without a rate: than any message may be), and the latched
     ones of them whatever their age.

@@ -8,7 +8,7 @@ from robot_offload_core.words.settings import OutputSpec
 
 
 def holding(outputs: tuple[OutputSpec, ...], executing: Collection[str], flowing: Collection[int]) -> tuple[int, ...]:
-    """Returns the outputs, by index, whose `while` is true on a side.
+    """Return the outputs, by index, whose `while` is true on a side.
 
     Args:
         outputs: from the configuration.
@@ -22,5 +22,7 @@ def holding(outputs: tuple[OutputSpec, ...], executing: Collection[str], flowing
     )
 
 
-RELAY_SILENT_S = 0.35
-"""A relay reports ten times a second: after so long without a report nobody knows what it executes."""
+RELAY_UNHEARD_S = 0.35
+"""After this long without a report (three are missing) nothing is known of what a relay executes, so its outputs
+with `while`
+are not judged. Shorter than RELAY_GONE_S: not judging an output costs nothing."""

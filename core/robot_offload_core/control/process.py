@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
-from robot_offload_core.control.holding import RELAY_SILENT_S, holding
+from robot_offload_core.control.holding import RELAY_UNHEARD_S, holding
 from robot_offload_core.control.nodes import guardians, managed_nodes
 from robot_offload_core.control.nodes.guardians import Flowing, Guardian
 from robot_offload_core.control.nodes.managed_nodes import NodeEvent
@@ -30,22 +30,22 @@ class ControlPorts(Protocol):
     """What the shell does for a control process."""
 
     def now_s(self) -> float:
-        """Returns the steady clock, seconds."""
+        """Return the steady clock, seconds."""
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a message to another process of this agent."""
+        """Send a message to another process of this agent."""
 
     def renew(self, to: str, message: object) -> bool:
-        """Sends a level that has not changed: it is read when its receiver wakes for another reason."""
+        """Send a level that has not changed: it is read when its receiver wakes for another reason."""
 
     def carry_out(self, command: managed_nodes.Command) -> None:
-        """Calls a lifecycle service or the driver, or logs what the guardian reports."""
+        """Call a lifecycle service or the driver, or log what the guardian reports."""
 
     def answer(self, key: int, accepted: bool, message: str) -> None:
-        """Answers a switch by hand."""
+        """Answer a switch by hand."""
 
     def network_status(self, sustained: int) -> None:
-        """Publishes that the link sustains the cloud (1), or does not any more (0)."""
+        """Publish that the link sustains the cloud (1), or does not any more (0)."""
 
 
 class ControlProcess(ABC):
@@ -80,7 +80,7 @@ class ControlProcess(ABC):
         self.witness: Witness | None = None
 
     def watched_by(self, witness: Witness) -> None:
-        """Lets `witness` see every step from now on."""
+        """Let `witness` see every step from now on."""
         self.witness = witness
         witness.restated(Machine.GUARDIAN, self.ports.now_s(), self.guardian)
 
@@ -88,7 +88,7 @@ class ControlProcess(ABC):
         self, machine: Machine, step: Callable[[Before, Taken, float], tuple[Before, Done]],
         before: Before, event: Taken, now_s: float,
     ) -> tuple[Before, Done]:  # fmt: skip
-        """Returns what a step of a machine comes to; the witness sees the step, also one that breaks a rule.
+        """Return what a step of a machine comes to; the witness sees the step, also one that breaks a rule.
 
         Raises:
             InvariantError, AssertionError: the step breaks a rule.
@@ -104,7 +104,7 @@ class ControlProcess(ABC):
         return after, commands
 
     def guard(self, event: guardians.Event) -> None:
-        """Steps the guardian and has its commands carried out."""
+        """Step the guardian and has its commands carried out."""
         now_s = self.ports.now_s()
         self.guardian, commands = self.watched(Machine.GUARDIAN, guardians.step, self.guardian, event, now_s)
         for command in commands:
@@ -112,7 +112,7 @@ class ControlProcess(ABC):
         self.check_ready()
 
     def check_ready(self) -> None:
-        """Takes the readiness of this side's nodes into account when it changed, and once at the start."""
+        """Take the readiness of this side's nodes into account when it changed, and once at the start."""
         if self.guardian is self._checked:
             return
         self._checked = self.guardian
@@ -122,15 +122,15 @@ class ControlProcess(ABC):
             self.ready_changed(ready)
 
     def is_ready(self) -> bool:
-        """Returns whether this side's CORE nodes are Active."""
+        """Return whether this side's CORE nodes are Active."""
         return guardians.is_ready(self.guardian)
 
     def asleep(self) -> tuple[int, ...]:
-        """Returns the rated outputs, by index, whose node is known and not Active; where that matters, on the robot."""
+        """Return the rated outputs, by index, whose node is known and not Active; where that matters, on the robot."""
         return ()
 
     def note_flowing(self, outputs: tuple[int, ...]) -> None:
-        """Takes which rated outputs of this side flow: their nodes live, however long they take to answer."""
+        """Take which rated outputs of this side flow: their nodes live, however long they take to answer."""
         rated = [(i, name) for i, (o, name) in enumerate(self._published) if o.deadline_s > 0 and name]
         silent = {name for i, name in rated if i not in outputs}
         names = tuple(dict.fromkeys(name for _, name in rated if name not in silent))
@@ -138,32 +138,32 @@ class ControlProcess(ABC):
             self.guard(Flowing(names))
 
     def holding(self) -> tuple[int, ...]:
-        """Returns the outputs, by index, whose `while` is true on this side; none by a relay that has fallen silent."""
+        """Return the outputs, by index, whose `while` is true on this side; none by a relay that has fallen silent."""
         executing = () if self.unjudged() else self.executing
         return holding(self._outputs, executing, self.occasions)
 
     def unjudged(self) -> tuple[str, str] | None:
-        """Returns a problem while the relay is silent: outputs that are rated while an action runs are not judged."""
+        """Return a problem while the relay is silent: outputs that are rated while an action runs are not judged."""
         names = [o.shown for o in self._outputs if o.while_ is not None and o.while_.actions]
-        silent = self.relay_s is None or self.ports.now_s() - self.relay_s > RELAY_SILENT_S
+        silent = self.relay_s is None or self.ports.now_s() - self.relay_s > RELAY_UNHEARD_S
         if not names or not silent:
             return None
         message = f"The relay does not say which goals run: {', '.join(names)} may be silent unnoticed"
         return Problem.RELAY_SILENT, message
 
     def degraded(self) -> tuple[str, str] | None:
-        """Returns a problem while nodes that are not CORE are dead, refuse or were given up."""
+        """Return a problem while nodes that are not CORE are dead, refuse or were given up."""
         names = guardians.degraded(self.guardian)
         if not names:
             return None
         return NodeEvent.DEGRADED, f"Should be Active and are not: {', '.join(names)}; nobody waits for them"
 
     def node_states(self) -> tuple[tuple[str, str], ...]:
-        """Returns (node, state) of this side; one without a lifecycle is active while it is seen."""
+        """Return (node, state) of this side; one without a lifecycle is active while it is seen."""
         return tuple((n.spec.name, n.state.value) for n in self.guardian.nodes)
 
     def turn(self) -> None:
-        """Lets time pass: the machine's tick, the guardian's, and the network status."""
+        """Let time pass: the machine's tick, the guardian's, and the network status."""
         self.tick()
         self._guard_tick()
         if self.sustained() != self.told_sustained:
@@ -171,7 +171,7 @@ class ControlProcess(ABC):
             self.ports.network_status(self.told_sustained)
 
     def _guard_tick(self) -> None:
-        """Lets time pass for the guardian, unless it could do nothing: its last Tick did nothing and nothing is due."""
+        """Let time pass for the guardian, unless it could do nothing: its last Tick did nothing and nothing is due."""
         now_s = self.ports.now_s()
         if self.guardian is self._idle and now_s < self._idle_until_s:
             return
@@ -181,27 +181,27 @@ class ControlProcess(ABC):
         self._idle_until_s = guardians.due_s(self.guardian, now_s)
 
     def next_deadline_s(self) -> float:
-        """Returns when a turn is worth more than at the next period; infinite when there is nothing to wait for."""
+        """Return when a turn is worth more than at the next period; infinite when there is nothing to wait for."""
         return float("inf")
 
     # -- what each side does in its own way ---------------------------------------------------------------------------
 
     @abstractmethod
     def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None = None) -> None:
-        """Takes a beat of the other side, and our own newest, if that came along."""
+        """Take a beat of the other side, and our own newest, if that came along."""
 
     @abstractmethod
     def handle(self, message: object) -> None:
-        """Takes any other datagram."""
+        """Take any other datagram."""
 
     @abstractmethod
     def tick(self) -> None:
-        """Lets time pass for the machine."""
+        """Let time pass for the machine."""
 
     @abstractmethod
     def ready_changed(self, ready: bool) -> None:
-        """Takes the changed readiness of this side's nodes."""
+        """Take the changed readiness of this side's nodes."""
 
     @abstractmethod
     def sustained(self) -> int:
-        """Returns 1 while the link sustains the cloud."""
+        """Return 1 while the link sustains the cloud."""

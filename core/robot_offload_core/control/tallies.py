@@ -35,7 +35,7 @@ class LinkTally:
         self._alarm: tuple[str, float] = ("", 0.0)
 
     def look(self, link: Link, now_s: float, loss_timeout_s: float) -> None:
-        """Takes the link after a beat."""
+        """Take the link after a beat."""
         seen, self._seen = self._seen, link
         if link is seen or not link.peer:
             return
@@ -55,7 +55,7 @@ class LinkTally:
             self.latency_sum_ms += link.round_trip_s * 1e3
 
     def decided(self, decided: Decided, peer: str, now_s: float) -> None:
-        """Takes a decision about the placement; `peer` is the cloud that was heard until then."""
+        """Take a decision about the placement; `peer` is the cloud that was heard until then."""
         if not decided.switched:
             return
         key = (decided.site.value, decided.verdict.reason.value)

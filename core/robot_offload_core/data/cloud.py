@@ -20,7 +20,7 @@ from robot_offload_core.words.messages import DataStatus, Egress, Limits, Report
 from robot_offload_core.words.token import Site, Token
 
 REPORT_PERIOD_S = 0.2
-"""Reports of the robot that come faster are left out; one comes a second."""
+"""Least distance of two reports of the robot; those that come faster are dropped, as one a second is enough."""
 CLOSED = Egress("", "", SetEgress(None, 0.0))
 MAX_LATCHED = 32
 """Values kept per latched topic."""
@@ -49,13 +49,13 @@ class CloudDataPorts(DataPorts, Protocol):
     """What the shell does for the cloud's data process besides."""
 
     def publish_output(self, index: int, payload: Any) -> None:
-        """Publishes a message of output `index` to its consumers in the cloud."""
+        """Publish a message of output `index` to its consumers in the cloud."""
 
     def fill(self, index: int, payload: Any) -> None:
-        """Publishes on the private topic of the replica here what it would hear on the public one."""
+        """Publish on the replica's private topic what it would otherwise receive on the public topic."""
 
     def publish_input(self, name: str, payload: Any) -> bool:
-        """Publishes a message of an input to the replicas; returns False while its type is not known."""
+        """Publish a message of an input to the replicas; return False while its type is not known."""
 
 
 class CloudDataProcess(DataProcess):
@@ -99,7 +99,7 @@ class CloudDataProcess(DataProcess):
     # -- towards the robot --------------------------------------------------------------------------------------------
 
     def leave(self, index: int, payload: Any, published_s: float | None = None) -> None:
-        """Lets a message of a node here leave, only under a valid lease, read at this very moment.
+        """Send a message of a cloud node to the robot if the lease, checked now, is valid.
 
         Args:
             index: of the output.
@@ -137,7 +137,7 @@ class CloudDataProcess(DataProcess):
             self._say_own(index, message)
 
     def _seal(self, index: int, message: Kept, token: Token) -> None:
-        """Gives a message the header under which it leaves."""
+        """Give a message the header under which it leaves."""
         echo_us = message.echo_us if message.robot == token.robot else 0
         latched = index in self.last_values
         message.header = envelope.encode(Envelope(token, self._next_sequence(index, token), echo_us, latched))
@@ -149,7 +149,7 @@ class CloudDataProcess(DataProcess):
         self.counters[f"{name}.{'sent' if sent else 'unsent'}"] += 1
 
     def _say_own(self, index: int, message: Kept) -> None:
-        """Lets the consumers here hear a message that left, once the cloud is in charge under its token."""
+        """Let the consumers here hear a message that left, once the cloud is in charge under its token."""
         if not self.plan.outputs[index].mirrored or not self.plan.carried or message.token is None:
             return
         with self.ports.lock:
@@ -161,7 +161,7 @@ class CloudDataProcess(DataProcess):
                 self._say(index, message.payload)
 
     def _begin_stay(self) -> None:
-        """Lets the newest messages be heard of outputs that may not speak again soon, as the cloud is in charge now.
+        """Publish the newest message of each output that may stay silent for a while: the cloud is active now.
 
         What left while the cloud got ready may have met a collector that was not waiting for it yet: so it leaves again
         under the same sequence, by which it passes once. What Hot replicas said before leaves for the first time: the
@@ -180,32 +180,32 @@ class CloudDataProcess(DataProcess):
             self._say_own(index, message)
 
     def _say(self, index: int, payload: Any) -> None:
-        """Publishes to the consumers here."""
+        """Publish to the consumers here."""
         if index in self.loops:
             self.loops[index].say(payload, self.ports.now_s())
         self.ports.publish_output(index, payload)
 
     def hear_others(self, index: int, payload: Any) -> None:
-        """Takes a message of the public topic of a shared output here: the replica hears what others say there."""
+        """Take a message of the public topic of a shared output here: the replica hears what others say there."""
         with self.ports.lock:
             said = self.loops[index].others(payload, self.ports.now_s())
         if said is not None:
             self.ports.fill(index, said)
 
     def look_at_frames(self, index: int, nodes: Collection[str]) -> None:
-        """Notes frames of the group that one of these other publishers of the public topic here publishes too."""
+        """Record transform frames of our nodes that another publisher in the cloud publishes as well."""
         name = self.plan.outputs[index].name
         with self.ports.lock:
             taken = self.loops[index].taken(Site.CLOUD, nodes, self.ports.now_s())
         self.note(f"taken {name}", taken)
 
     def _of_replica(self, index: int, payload: Any) -> Any | None:
-        """Returns what the replica said in a message of its private topic; None for what we have put there."""
+        """Return what the replica said in a message of its private topic; None for what we have put there."""
         with self.ports.lock:
             return self.loops[index].replica(payload, self.ports.now_s())
 
     def _next_sequence(self, index: int, token: Token) -> int:
-        """Returns the sequence of the next message of an output under a token."""
+        """Return the sequence of the next message of an output under a token."""
         key = (index, token)
         if key not in self.sequence:
             for old in [k for k in self.sequence if k[0] == index]:
@@ -217,7 +217,7 @@ class CloudDataProcess(DataProcess):
     # -- from the robot -----------------------------------------------------------------------------------------------
 
     def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
-        """Takes an input, or what has passed at the robot's collector."""
+        """Take an input, or what has passed at the robot's collector."""
         del header
         if opened.token.robot != self.egress.robot or not opened.token.robot:
             self.counters[f"{name}.foreign"] += 1
@@ -257,14 +257,14 @@ class CloudDataProcess(DataProcess):
         self.counters[f"{name}.{'published' if published else 'no_type'}"] += 1
 
     def _give_to_standby(self, index: int, payload: Any) -> None:
-        """Lets the replica here hear on its private topic what the robot's has said."""
+        """Let the replica here hear on its private topic what the robot's has said."""
         with self.ports.lock:
             said = self.loops[index].holder(payload, self.ports.now_s())
         if said is not None:
             self.ports.fill(index, said)
 
     def _take_others(self, index: int, name: str, opened: Envelope, payload: Any) -> None:
-        """Takes what somebody outside the group said on the robot: for the replica and the consumers here."""
+        """Take what somebody outside the group said on the robot: for the replica and the consumers here."""
         source, channel = (opened.token.robot, opened.sequence), others_of(name)
         with self.ports.lock:
             before = self.newest.get(channel)
@@ -283,19 +283,19 @@ class CloudDataProcess(DataProcess):
         self.counters[f"{name}.others"] += 1
 
     def repeat_others(self, index: int) -> None:
-        """Fills the latched messages of others in again: the publisher of the private topic was made a moment ago."""
+        """Fill the latched messages of others in again: the publisher of the private topic was made a moment ago."""
         for payload in tuple(self.latched.get(others_of(self.plan.outputs[index].name), ())):
             with self.ports.lock:
                 said = self.loops[index].far(payload, self.ports.now_s())
             self.ports.fill(index, said)
 
     def _keep_latched(self, name: str, payload: Any) -> None:
-        """Keeps the values that make up the robot's hash: the newest ones, as many as give it."""
+        """Keep the values that make up the robot's hash: the newest ones, as many as give it."""
         self.latched[name] = [*[v for v in self.latched[name] if v != payload][1 - MAX_LATCHED :], payload]
         self._drop_older(name)
 
     def _drop_older(self, name: str) -> None:
-        """Keeps the newest values, as many as have the hash that the robot names; all while none have."""
+        """Keep the newest values, as many as have the hash that the robot names; all while none have."""
         values = self.latched[name]
         target = self.wanted.get(name, "")
         for start_at in range(1, len(values)):
@@ -304,24 +304,24 @@ class CloudDataProcess(DataProcess):
                 break
 
     def watch(self, name: str) -> None:
-        """Notes that an input arrived by itself, as on DDS transports; only its silence can be judged there."""
+        """Note that an input arrived by itself, as on DDS transports; only its silence can be judged there."""
         self.accepted[name] = (self.ports.now_s(), 0.0)
 
     # -- levels -------------------------------------------------------------------------------------------------------
 
     def order(self, message: object) -> None:
-        """Takes the lease from control."""
+        """Take the lease from control."""
         if isinstance(message, Egress):
             before, self.egress = self.egress.egress, message
             if message.egress.in_charge and not (before.in_charge and message.egress.token == before.token):
                 self._begin_stay()
 
     def limit(self, limits: Limits) -> None:
-        """Takes the oldest age of each input."""
+        """Take the oldest age of each input."""
         self.max_age_ms.update({name: age_ms for name, age_ms, _ in limits.inputs})
 
     def make_probe(self) -> Probe:
-        """Returns identity, hashes held, types found in the graph, node states and a request."""
+        """Return identity, hashes held, types found in the graph, node states and a request."""
         egress = self.egress
         prepares = egress.egress.token is not None and not egress.egress.in_charge
         preparing = egress.egress.token.epoch if prepares and egress.egress.token is not None else 0
@@ -331,11 +331,11 @@ class CloudDataProcess(DataProcess):
         )  # fmt: skip
 
     def knows(self, incarnation: str) -> bool:
-        """Returns True for the robot served: a second one of the same identity must not disturb the first."""
+        """Return True for the robot served: a second one of the same identity must not disturb the first."""
         return bool(incarnation) and incarnation == self.egress.robot
 
     def reported(self, payload: Any) -> None:
-        """Passes the robot's own numbers to control: small ones, and few."""
+        """Pass the robot's own numbers to control: small ones, and few."""
         now_s = self.ports.now_s()
         if len(payload) > MAX_REPORT or now_s < self.report_due_s:
             self.counters["garbage.report"] += 1
@@ -349,7 +349,7 @@ class CloudDataProcess(DataProcess):
         self.ports.send("control", Reported(text))
 
     def probed(self, received: Probe) -> None:
-        """Takes types and wanted hashes from the robot."""
+        """Take types and wanted hashes from the robot."""
         if received.latched != self.wanted:
             self.wanted = received.latched
             with self.ports.lock:
@@ -359,11 +359,11 @@ class CloudDataProcess(DataProcess):
             self.known_types.setdefault(name, type_name)
 
     def complete(self) -> bool:
-        """Returns whether the latched inputs are the robot's."""
+        """Return whether the latched inputs are the robot's."""
         return all(self.latched.get(n) and self.digest(n) == h for n, h in self.wanted.items())
 
     def report(self, now_s: float, detailed: bool) -> None:
-        """Reports to control."""
+        """Report to control."""
         _, endpoint = self.ports.link_status()
         ages = tuple(
             None if name not in self.accepted else now_s - self.accepted[name][0] + self.accepted[name][1]

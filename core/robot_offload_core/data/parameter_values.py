@@ -49,12 +49,12 @@ Tables = Mapping[str, Table]
 
 
 def encode(tables: Tables) -> bytes:
-    """Returns the message of these parameters; equal ones give equal messages."""
+    """Return the message of these parameters; equal ones give equal messages."""
     return json.dumps(tables, sort_keys=True, separators=(",", ":")).encode()
 
 
 def decode(message: bytes) -> dict[str, dict[str, Value]] | None:
-    """Returns the parameters of a message; None where it is none of ours."""
+    """Return the parameters of a message; None where it is none of ours."""
     try:
         found = json.loads(message)
     except (ValueError, RecursionError):
@@ -78,7 +78,7 @@ def _table(found: object) -> dict[str, Value] | None:
 
 
 def _fits(kind: object, value: object) -> bool:
-    """Returns whether a value is of its type."""
+    """Return whether a value is of its type."""
     if isinstance(kind, bool) or not isinstance(kind, int) or kind not in set(Type):
         return False
     element = _ELEMENTS.get(Type(kind))
@@ -100,7 +100,7 @@ def _is_one(kind: Type, value: object) -> bool:
 
 
 def here(table: Table, site: Site) -> dict[str, Value]:
-    """Returns parameters with the private topics of the other side written as those of this one."""
+    """Return parameters with the private topics of the other side written as those of this one."""
     return {name: (kind, _renamed(value, site)) for name, (kind, value) in table.items()}
 
 
@@ -111,7 +111,7 @@ def _renamed(value: Any, site: Site) -> Any:
 
 
 def unlike(wanted: Table, own: Table) -> dict[str, Value]:
-    """Returns what is to be set so that `own` has the values of `wanted`: names that `own` lacks are left out.
+    """Return what is to be set so that `own` has the values of `wanted`: names that `own` lacks are left out.
 
     Values are compared as text: NaN equals NaN.
     """
@@ -119,11 +119,11 @@ def unlike(wanted: Table, own: Table) -> dict[str, Value]:
 
 
 def absent(wanted: Table, own: Table) -> list[str]:
-    """Returns the names that the node here has not declared."""
+    """Return the names that the node here has not declared."""
     return sorted(name for name in wanted if name not in own)
 
 
 def sentence(refused: Sequence[str]) -> str:
-    """Returns what is said of parameters that were not taken, each as `NODE.NAME (REASON)`; "": none."""
+    """Return what is said of parameters that were not taken, each as `NODE.NAME (REASON)`; "": none."""
     more = f" and {len(refused) - MAX_SHOWN} more" if len(refused) > MAX_SHOWN else ""
     return f"the replica did not take {', '.join(refused[:MAX_SHOWN])}{more}" if refused else ""

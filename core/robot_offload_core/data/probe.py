@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import is_incarnation
 
-PERIOD_S = 0.1
+PROBE_PERIOD_S = 0.1
+"""Ten probes a second, each way."""
 VERSION = 2
 
 
@@ -80,7 +81,7 @@ class Probe:
 
 
 def encode(sent: Probe | Sign) -> bytes:
-    """The bytes of a whole probe, or of a sign of life."""
+    """Return the bytes of a whole probe, or of a sign of life."""
     body: dict[str, object] = {"v": VERSION, "i": sent.incarnation, "d": sent.digest, "h": sent.held}
     if isinstance(sent, Probe):
         body |= {"l": sent.latched, "t": sent.types, "n": sent.nodes, "w": sent.word, "s": sent.notes}
@@ -89,13 +90,13 @@ def encode(sent: Probe | Sign) -> bytes:
 
 
 def signed(probe: Probe, held: str) -> Probe:
-    """Returns the probe with its digest and with what its sender has got of the other side."""
+    """Return the probe with its digest and with what its sender has got of the other side."""
     bare = replace(probe, digest="", held="")
     return replace(probe, digest=digest([encode(bare)]), held=held)
 
 
 def decode(data: bytes) -> Probe | Sign:
-    """Reads a probe; raises ProbeError for anything that is none."""
+    """Read a probe; raise ProbeError for anything that is none."""
     try:
         body = json.loads(data) if len(data) <= MAX_BYTES else None
     except (ValueError, RecursionError) as error:
@@ -135,7 +136,7 @@ def _table(value: object) -> dict[str, str]:
 
 
 def digest(values: list[bytes]) -> str:
-    """Hash of a latched topic's kept values, in order."""
+    """Return hash of a latched topic's kept values, in order."""
     total = hashlib.sha256()
     for value in values:
         total.update(len(value).to_bytes(8, "big") + value)

@@ -23,11 +23,13 @@ from robot_offload_core.words.messages import Heard, Letters, Limits, Notes, Reo
 from robot_offload_core.words.settings import OutputSpec
 
 STATUS_PERIOD_S = 0.040
+"""How often control gets a report."""
 SIGN_S = 0.050
 """Most time between two signs of life: far below `pauses.LIMIT_S`."""
 EARLY_PROBE_S = 0.030
-"""A probe that is due so soon goes with a report: waking up costs more than what is done then."""
+"""A probe that is due within this time goes with a report: a wake-up costs more than the probe."""
 DETAIL_PERIOD_S = 1.0
+"""How often problems and counters go with it."""
 RELAY = "relay"
 """Channel of what the two relays write to each other."""
 REPORT = "report"
@@ -41,37 +43,37 @@ class DataPorts(Protocol):
 
     @property
     def lock(self) -> AbstractContextManager[Any]:
-        """Returns what guards state that several threads change."""
+        """Return what guards state that several threads change."""
 
     def now_s(self) -> float:
-        """Returns the steady clock, seconds."""
+        """Return the steady clock, seconds."""
 
     def system_s(self) -> float:
-        """Returns the system clock, seconds."""
+        """Return the system clock, seconds."""
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a message to another process of this agent."""
+        """Send a message to another process of this agent."""
 
     def renew(self, to: str, message: object) -> bool:
-        """Sends a level that has not changed: it is read when its receiver wakes for another reason."""
+        """Send a level that has not changed: it is read when its receiver wakes for another reason."""
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
-        """Sends an output's message with its header to another process of this agent."""
+        """Send an output's message with its header to another process of this agent."""
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
-        """Sends over the link; returns False when the message was certainly not sent."""
+        """Send over the link; return False when the message was certainly not sent."""
 
     def link_status(self) -> tuple[bool, str]:
-        """Returns whether the data session is connected, and its endpoint."""
+        """Return whether the data session is connected, and its endpoint."""
 
     def reopen(self, reason: str) -> None:
-        """Drops the data session and opens a new one."""
+        """Drop the data session and open a new one."""
 
     def types(self) -> dict[str, str]:
-        """Returns the interface types that this side has found in the graph, by input or output."""
+        """Return the interface types that this side has found in the graph, by input or output."""
 
     def warn(self, message: str) -> None:
-        """Logs a warning."""
+        """Log a warning."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ class DataPlan:
 
 
 def others_of(name: str) -> str:
-    """Returns the channel of what others say on a shared output."""
+    """Return the channel of what others say on a shared output."""
     return f"others/{name}"
 
 
@@ -181,7 +183,7 @@ class DataProcess(ABC):
     # -- the bus ------------------------------------------------------------------------------------------------------
 
     def handle(self, message: object) -> None:
-        """Takes one datagram of another process."""
+        """Take one datagram of another process."""
         if isinstance(message, Heard):
             self.heard = message
         elif isinstance(message, Reopen):
@@ -199,7 +201,7 @@ class DataProcess(ABC):
             self.order(message)
 
     def woke(self) -> None:
-        """Notes a sign of life of the process: a long silence of ours is a pause."""
+        """Note a sign of life of the process: a long silence of ours is a pause."""
         self.pauses.waited(self.ports.now_s())
 
     @property
@@ -208,11 +210,11 @@ class DataProcess(ABC):
         return min(self.status_due_s, self.probe_due_s, self.pauses.alive_s + SIGN_S)
 
     def turn(self) -> None:
-        """Sends the probe and the report that are due."""
+        """Send the probe and the report that are due."""
         now_s = self.ports.now_s()
         soon_s = EARLY_PROBE_S if now_s >= self.status_due_s else 0.0
         if now_s >= self.probe_due_s - soon_s:
-            self.probe_due_s = now_s + probe.PERIOD_S
+            self.probe_due_s = now_s + probe.PROBE_PERIOD_S
             self._send_probe(now_s)
         if now_s >= self.status_due_s:
             self.status_due_s = self.next_status_s(now_s)
@@ -221,17 +223,17 @@ class DataProcess(ABC):
             self.report(now_s, detailed)
 
     def waited_s(self, waits: Waits, published_s: float | None) -> float:
-        """Returns how long a message of a node here waited before we took it; `published_s`: its publisher's stamp."""
+        """Return how long a message of a node here waited before we took it; `published_s`: its publisher's stamp."""
         if published_s is None:
             return 0.0
         return waits.waited_s(published_s, self.ports.system_s(), self.ports.now_s())
 
     def next_status_s(self, now_s: float) -> float:
-        """Returns when to report again after a report."""
+        """Return when to report again after a report."""
         return now_s + STATUS_PERIOD_S
 
     def _send_probe(self, now_s: float) -> None:
-        """Sends a sign of life; whole while the other side has not got what we hold now, and once a second."""
+        """Send a sign of life; whole while the other side has not got what we hold now, and once a second."""
         held = self.probe.digest if self.probe else ""
         made = probe.signed(replace(self.make_probe(), notes=self.notes), held)
         sent: Probe | Sign = Sign(made.incarnation, made.digest, held)
@@ -240,13 +242,13 @@ class DataProcess(ABC):
         self.ports.cross("probe", b"-", probe.encode(sent))
 
     def lack(self, lacks: dict[str, str]) -> None:
-        """Takes what this side lacks of the other one's state, by name; a change is said at once."""
+        """Take what this side lacks of the other one's state, by name; a change is said at once."""
         if lacks != self.lacks:
             self.lacks = lacks
             self.probe_due_s = self.status_due_s = self.ports.now_s()
 
     def fits(self, name: str, payload: Any) -> bool:
-        """Returns whether a message is small enough to cross; one that is not is counted and said by name."""
+        """Return whether a message is small enough to cross; one that is not is counted and said by name."""
         key, most = f"size {name}", self.plan.max_message_size
         if len(payload) <= most:
             if key in self.problems:
@@ -258,14 +260,14 @@ class DataProcess(ABC):
         return False
 
     def note(self, key: str, problem: tuple[str, str] | None) -> None:
-        """Keeps or clears a problem for diagnostics."""
+        """Keep or clear a problem for diagnostics."""
         if problem is None:
             self.problems.pop(key, None)
         else:
             self.problems[key] = problem
 
     def details(self, detailed: bool) -> tuple[tuple[tuple[str, str], ...], tuple[tuple[str, int], ...]]:
-        """Returns problems and counters for a detailed report, nothing otherwise."""
+        """Return problems and counters for a detailed report, nothing otherwise."""
         if not detailed:
             return (), ()
         return tuple(self.problems.values()), tuple(sorted(self.counters.items()))
@@ -273,7 +275,7 @@ class DataProcess(ABC):
     # -- the link -----------------------------------------------------------------------------------------------------
 
     def arrived(self, channel: str, header: bytes, payload: Any) -> None:
-        """Takes a message of the other side."""
+        """Take a message of the other side."""
         if channel == "probe":
             self._probe_arrived(payload)
             return
@@ -312,12 +314,12 @@ class DataProcess(ABC):
         self._pass_notes(whole)
 
     def reported(self, payload: Any) -> None:
-        """Takes a report of the other side; nobody waits for one here."""
+        """Take a report of the other side; nobody waits for one here."""
         del payload
         self.counters["garbage.report"] += 1
 
     def _refuse(self, error: ProbeError) -> None:
-        """Counts what is no probe of ours; another version is a problem that somebody has to solve."""
+        """Count what is no probe of ours; another version is a problem that somebody has to solve."""
         self.counters["garbage.probe"] += 1
         if error.reason == "OtherVersion":
             message = f"The other side's agent is of another release ({error}); install the same one on both sides"
@@ -326,14 +328,14 @@ class DataProcess(ABC):
             self.ports.warn(f"Ignoring a foreign probe ({error}); more of them are only counted")
 
     def _pass_notes(self, received: Probe) -> None:
-        """Passes notes of the other side's control to ours: at changes, and once a second because ours may be new."""
+        """Pass notes of the other side's control to ours: at changes, and once a second because ours may be new."""
         notes, now_s = (received.incarnation, received.notes), self.ports.now_s()
         if received.notes and (notes != self.notes_passed or now_s >= self.notes_due_s):
             self.notes_passed, self.notes_due_s = notes, now_s + DETAIL_PERIOD_S
             self.ports.send("control", Notes(*notes))
 
     def occasions(self, now_s: float) -> tuple[int, ...]:
-        """Returns the outputs, by index, whose `while.topic` has arrived within its time."""
+        """Return the outputs, by index, whose `while.topic` has arrived within its time."""
         names = {i.topic or i.name: i.name for i in self.plan.inputs}
         found = []
         for index, output in enumerate(self.plan.outputs):
@@ -345,15 +347,15 @@ class DataProcess(ABC):
         return tuple(found)
 
     def probe_age_s(self, now_s: float) -> float | None:
-        """Returns seconds since the other side was last heard on the data session; None: never."""
+        """Return seconds since the other side was last heard on the data session; None: never."""
         return None if self.probe_s is None else now_s - self.probe_s
 
     def digests(self) -> dict[str, str]:
-        """Returns the hash of the values held of each latched input."""
+        """Return the hash of the values held of each latched input."""
         return {name: self.digest(name) for name, values in self.latched.items() if values}
 
     def digest(self, name: str) -> str:
-        """Returns the hash of the values held of one latched input.
+        """Return the hash of the values held of one latched input.
 
         A list of values is never changed, a change is another list: so each is hashed once, however large it is.
         """
@@ -367,28 +369,28 @@ class DataProcess(ABC):
 
     @abstractmethod
     def order(self, message: object) -> None:
-        """Takes a message of control or of the collector."""
+        """Take a message of control or of the collector."""
 
     @abstractmethod
     def limit(self, limits: Limits) -> None:
-        """Takes limits that control has changed."""
+        """Take limits that control has changed."""
 
     @abstractmethod
     def make_probe(self) -> Probe:
-        """Returns what this side says in its probes."""
+        """Return what this side says in its probes."""
 
     @abstractmethod
     def knows(self, incarnation: str) -> bool:
-        """Returns whether a probe of that incarnation of the other side is for us."""
+        """Return whether a probe of that incarnation of the other side is for us."""
 
     @abstractmethod
     def probed(self, received: Probe) -> None:
-        """Takes a probe of the other side."""
+        """Take a probe of the other side."""
 
     @abstractmethod
     def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
-        """Takes a message of the other side that arrived on channel kind/name."""
+        """Take a message of the other side that arrived on channel kind/name."""
 
     @abstractmethod
     def report(self, now_s: float, detailed: bool) -> None:
-        """Reports to control."""
+        """Report to control."""

@@ -18,15 +18,15 @@ from robot_offload_core.words.messages import ENVELOPE, OTHERS, PASSED, Carried,
 from robot_offload_core.words.token import Site, Token
 
 RESEND_PERIOD_S = 0.5
-"""Latched values are sent again this often until the cloud shows that it holds them."""
+"""How often latched values are sent again until the cloud shows that it holds them."""
 OTHERS_AFTER_S = 0.5
 """Silence of our cloud's probes after which those of another agent count: as long as control waits for them."""
 MAX_LATCHED = 32
 """Values kept per latched topic; one per publisher, several for topics such as /tf_static."""
 LATEST_S = 1.0
-"""A message that has waited for room so long is left out: nobody calls it the latest any more."""
+"""A message that waited this long for bandwidth is dropped as outdated."""
 ARRIVED_S = 0.025
-"""So long after a probe of the cloud should have come control gets a report: then it has come, if it is not lost."""
+"""Delay of the report to control after the cloud's probe was due: by then it has arrived, unless it was lost."""
 EARLY_SHARE = 0.8
 """Share of the least distance of two messages after which one passes: publishers jitter, not every second may fall."""
 
@@ -66,7 +66,7 @@ class RobotDataProcess(DataProcess):
         self._limit_rates((i.name, i.max_age_ms, i.rate_hz) for i in plan.inputs)
 
     def forward(self, name: str, payload: Any, publishers: int = 1, published_s: float | None = None) -> None:
-        """Sends an input's message to the cloud.
+        """Send an input's message to the cloud.
 
         Args:
             name: of the input.
@@ -97,7 +97,7 @@ class RobotDataProcess(DataProcess):
         self.send_input(name, payload if packer is None else packer(payload), waited_s)
 
     def send_input(self, name: str, payload: Any, waited_s: float = 0.0) -> None:
-        """Sends with a header that lets the cloud bound the message's age; it waited so long for us already."""
+        """Send with a header that lets the cloud bound the message's age; it waited so long for us already."""
         header = self._header(name, waited_s)
         sent = self._cross_input(name, header, payload)
         with self.ports.lock:
@@ -117,14 +117,14 @@ class RobotDataProcess(DataProcess):
         return envelope.encode(Envelope(token, sequence, heard.echo_us(waited_s) if heard else 0))
 
     def _cross_input(self, name: str, header: bytes, payload: Any) -> bool:
-        """Sends an input's message; returns whether the link took it."""
+        """Send an input's message; return whether the link took it."""
         sent = self.ports.cross(f"in/{name}", header, payload)
         self.counters[f"{name}.{'sent' if sent else 'unsent'}"] += 1
         self.thinning[name].count(len(payload) if sent else 0, sent=sent)
         return sent
 
     def room(self, name: str) -> None:
-        """Sends what waits of an input, as the link has room again; its age counts from when it came."""
+        """Send what waits of an input, as the link has room again; its age counts from when it came."""
         with self.ports.lock:
             waiting = self.waiting.pop(name, None)
         if waiting is None or self.ports.now_s() - waiting[0] > LATEST_S:
@@ -135,7 +135,7 @@ class RobotDataProcess(DataProcess):
             self.thinning[name].count_later(len(waiting[2]))
 
     def order(self, message: object) -> None:
-        """Takes the identity from control, and what has passed from the collector, for consumers in the cloud."""
+        """Take the identity from control, and what has passed from the collector, for consumers in the cloud."""
         if isinstance(message, Orders):
             if message.preparing != self.orders.preparing:
                 self.status_due_s = self.ports.now_s()
@@ -154,7 +154,7 @@ class RobotDataProcess(DataProcess):
             self.ports.cross(channel, message.header, message.payload)
 
     def _keep_others(self, channel: str, payload: Any) -> None:
-        """Keeps a latched message that somebody outside the group said, and sends it if it is new."""
+        """Keep a latched message that somebody outside the group said, and send it if it is new."""
         with self.ports.lock:
             if payload in self.latched[channel]:
                 return
@@ -163,18 +163,18 @@ class RobotDataProcess(DataProcess):
         self.ports.cross(channel, self._header(channel), payload)
 
     def limit(self, limits: Limits) -> None:
-        """Takes the rates of the inputs."""
+        """Take the rates of the inputs."""
         self._limit_rates(limits.inputs)
 
     def _limit_rates(self, limits: Iterable[tuple[str, float, float]]) -> None:
         self.least_s.update({name: 1 / rate_hz if rate_hz else 0.0 for name, _, rate_hz in limits})
 
     def make_probe(self) -> Probe:
-        """Returns identity, hashes of latched inputs, types found in the graph, and the answer to a request."""
+        """Return identity, hashes of latched inputs, types found in the graph, and the answer to a request."""
         return Probe(self.orders.incarnation, self.digests(), self.ports.types(), word=self.orders.word)
 
     def knows(self, incarnation: str) -> bool:
-        """Returns True for the cloud that the pulse hears, and for any other while that one is silent here.
+        """Return True for the cloud that the pulse hears, and for any other while that one is silent here.
 
         Control compares it with the one that the pulse hears; of two agents (DDS) the one that is heard goes on.
         """
@@ -185,7 +185,7 @@ class RobotDataProcess(DataProcess):
         return bool(incarnation) and (incarnation == partner or not live)
 
     def probed(self, received: Probe) -> None:
-        """Sends latched values again that the cloud does not hold, and hands its types to the collector."""
+        """Send latched values again that the cloud does not hold, and hand its types to the collector."""
         now_s = self.ports.now_s()
         types = tuple(sorted((name, of) for name, of in received.types.items() if name in self.index))
         tell = self.ports.renew if types == self.told_types else self.ports.send
@@ -204,30 +204,30 @@ class RobotDataProcess(DataProcess):
                         self.send_input(name, value)
 
     def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
-        """Hands a message of the cloud's replica to the collector, which decides."""
+        """Hand a message of the cloud's replica to the collector, which decides."""
         del opened
         if kind == "out" and name in self.index:
             delivered = self.ports.carry("collector", ENVELOPE, self.index[name], header, payload)
             self.counters[f"{name}.{'arrived' if delivered else 'undelivered'}"] += 1
 
     def next_status_s(self, now_s: float) -> float:
-        """Returns when to report again: after the next probe of the cloud, sooner while something is under way."""
+        """Return when to report again: after the next probe of the cloud, sooner while something is under way."""
         received, heard_s = self.probe, self.probe_s
         usual_s = super().next_status_s(now_s)
         if self.hurries or received is None or received.preparing or heard_s is None or self.orders.preparing:
             return usual_s
-        if self.lacks or received.lacks or now_s - heard_s > 2 * probe.PERIOD_S:
+        if self.lacks or received.lacks or now_s - heard_s > 2 * probe.PROBE_PERIOD_S:
             return usual_s
-        due_s = heard_s + probe.PERIOD_S + ARRIVED_S
-        return due_s if due_s >= usual_s else due_s + probe.PERIOD_S
+        due_s = heard_s + probe.PROBE_PERIOD_S + ARRIVED_S
+        return due_s if due_s >= usual_s else due_s + probe.PROBE_PERIOD_S
 
     def _lacking(self, site: Site, preparing: int, lacks: dict[str, str]) -> StateReported:
-        """Returns what a side lacks of the other one's state, as control takes it."""
+        """Return what a side lacks of the other one's state, as control takes it."""
         before_active = tuple(why for name, why in lacks.items() if name in self.before_active)
         return StateReported(site, preparing, tuple(lacks.values()), before_active)
 
     def report(self, now_s: float, detailed: bool) -> None:
-        """Reports to control."""
+        """Report to control."""
         connected, endpoint = self.ports.link_status()
         for name, thinning in self.thinning.items():
             if thinning.is_due(now_s):

@@ -28,32 +28,33 @@ from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.token import Site, Token
 
 CHANNEL = "state/"
-AGAIN_S = 1.0
+SNAPSHOT_RESEND_S = 1.0
+"""How often a snapshot is sent again until the other side has it."""
 READ_S = 2.0
-"""A snapshot waits no longer for a reader that does not take it: a node may listen only when it is Active."""
+"""How long a snapshot waits for a reader that does not take it: a node may listen only when it is Active."""
 
 
 class StatePorts(Protocol):
     """What the shell does for the exchange."""
 
     def restore(self, name: str, payload: bytes) -> bool:
-        """Gives a state to this side's node; returns whether it has it.
+        """Give a state to this side's node; return whether it has it.
 
         A snapshot is kept until the node takes it; a topic's message is given when the node listens.
         """
 
     def has(self, name: str) -> bool:
-        """Returns whether the newest snapshot that was given has reached this side's node, without waiting for that."""
+        """Return whether the newest snapshot that was given has reached this side's node, without waiting for that."""
 
     def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
-        """Sets parameters at the nodes here, once for each `payload` and `active` (is the declaring node Active?).
+        """Set parameters at the nodes here, once for each `payload` and `active` (is the declaring node Active?).
 
         Returns:
             What was not taken, as a sentence, "" when all was; None while that is not known yet.
         """
 
     def holder(self) -> Holding:
-        """Returns who holds, from the collector's memory (robot only)."""
+        """Return who holds, from the collector's memory (robot only)."""
 
 
 @dataclass
@@ -124,7 +125,7 @@ class StateProcess(ABC):
         self._say_lacks(data.ports.now_s())
 
     def published(self, name: str, payload: bytes, published_s: float | None = None) -> None:
-        """Takes what the node here said; what is no whole snapshot goes no further.
+        """Take what the node here said; what is no whole snapshot goes no further.
 
         Args:
             name: of the entry.
@@ -146,22 +147,22 @@ class StateProcess(ABC):
             self.data.note(f"set {name}", None)
         heard = self.data.heard
         partner, echo_us = (heard.incarnation, heard.echo_us(waited_s)) if heard else ("", 0)
-        self.said[name] = _Said(stay, payload, partner, echo_us, self.data.ports.now_s() + AGAIN_S)
+        self.said[name] = _Said(stay, payload, partner, echo_us, self.data.ports.now_s() + SNAPSHOT_RESEND_S)
         self._send(name)
 
     def _waited_s(self, name: str, published_s: float | None) -> float:
-        """Returns how long at most a snapshot waited for us: a standby must not take it for younger than it is."""
+        """Return how long at most a snapshot waited for us: a standby must not take it for younger than it is."""
         if name not in self.readings:
             return 0.0
         waited_s = self.data.waited_s(self.waits[name], published_s)
         return max(waited_s, self.data.pauses.at_most_s(self.data.ports.now_s()))
 
     def turn(self) -> None:
-        """Sends again what is due, gives what a node can take now, and says what a standby lacks."""
+        """Send again what is due, give what a node can take now, and report what a standby lacks."""
         now_s = self.data.ports.now_s()
         for name, said in list(self.said.items()):
             if now_s >= said.due_s:
-                said.due_s = now_s + AGAIN_S
+                said.due_s = now_s + SNAPSHOT_RESEND_S
                 self._send(name)
         active = self.active()
         for name, kept in list(self.kept.items()):
@@ -177,7 +178,7 @@ class StateProcess(ABC):
         self._say_lacks(now_s)
 
     def _give(self, name: str, kept: _Kept, active: bool) -> None:
-        """Gives a topic's message to a node that is Active, parameters to one in any state."""
+        """Give a topic's message to a node that is Active, parameters to one in any state."""
         if not isinstance(self.states[name], ParameterState):
             kept.given = active and (kept.given or self.ports.restore(name, kept.payload))
             return
@@ -187,7 +188,7 @@ class StateProcess(ABC):
         self.data.note(f"set {name}", ("ParameterRefused", said) if kept.refused else None)
 
     def _read(self, name: str, now_s: float) -> None:
-        """Notes what has reached the node here, and since when nothing young has."""
+        """Note what has reached the node here, and since when nothing young has."""
         reading, state = self.readings[name], self.states[name]
         assert isinstance(state, SnapshotState)
         given = reading.given
@@ -197,7 +198,7 @@ class StateProcess(ABC):
         reading.waits_s = None if not waits else now_s if reading.waits_s is None else reading.waits_s
 
     def _note_ages(self, now_s: float) -> None:
-        """Counts how old the state was that this side went on with at a change."""
+        """Count how old the state was that this side went on with at a change."""
         for name, standing in self.standing.items():
             aged_s = standing.aged_s(now_s)
             if aged_s != float("inf"):
@@ -205,11 +206,11 @@ class StateProcess(ABC):
                 self.data.counters[f"state {name}.changes"] += 1
 
     def _say_lacks(self, now_s: float) -> None:
-        """Says what this side lacks unless it holds: before anybody was heard it lacks each snapshot."""
+        """Report what this side lacks unless it holds: before anybody was heard it lacks each snapshot."""
         self.data.lack(self._lacks(now_s) if self.stay() is None else {})
 
     def _lacks(self, now_s: float) -> dict[str, str]:
-        """Returns why this side does not know a state of the one that acts, by name."""
+        """Return why this side does not know a state of the one that acts, by name."""
         lacks = {}
         for name, state in self.states.items():
             kept = self.kept.get(name)
@@ -225,12 +226,12 @@ class StateProcess(ABC):
         return lacks
 
     def _waits(self, name: str, now_s: float) -> bool:
-        """Returns whether what was published is still to reach the node here."""
+        """Return whether what was published is still to reach the node here."""
         since_s = self.readings[name].waits_s
         return since_s is not None and now_s - since_s < READ_S
 
     def arrived(self, name: str, header: bytes, payload: bytes) -> None:
-        """Takes a snapshot of the other side's node."""
+        """Take a snapshot of the other side's node."""
         try:
             opened = envelope.decode(header)
         except EnvelopeError:
@@ -277,7 +278,7 @@ class StateProcess(ABC):
         return not refused
 
     def _send(self, name: str) -> None:
-        """Sends what was said in this stay: what is of an earlier one, the other side has known and gone on from."""
+        """Send only state published during the current stay; the other side already has everything older."""
         token, said = self.holding(), self.said[name]
         if token is None or said.stay != self.stay():
             return
@@ -301,27 +302,27 @@ class StateProcess(ABC):
 
     @abstractmethod
     def holding(self) -> Token | None:
-        """Returns the token under which this side sends state; None: it does not hold."""
+        """Return the token under which this side sends state; None: it does not hold."""
 
     @abstractmethod
     def stay(self) -> object:
-        """Returns something that differs in each stay of this side as the holder; None: it does not hold."""
+        """Return something that differs in each stay of this side as the holder; None: it does not hold."""
 
     @abstractmethod
     def accepts(self, token: Token) -> bool:
-        """Returns whether a snapshot under that token is the holder's, and this side stands by."""
+        """Return whether a snapshot under that token is the holder's, and this side stands by."""
 
     @abstractmethod
     def known(self, token: Token) -> bool:
-        """Returns whether the echo reference of a message under that token counts on our clock."""
+        """Return whether the echo reference of a message under that token counts on our clock."""
 
     @abstractmethod
     def active(self) -> tuple[str, ...]:
-        """Returns this side's nodes that are Active."""
+        """Return this side's nodes that are Active."""
 
     @abstractmethod
     def stands_by(self) -> bool:
-        """Returns whether the other side holds and can be heard."""
+        """Return whether the other side holds and can be heard."""
 
 
 class RobotStates(StateProcess):

@@ -45,7 +45,7 @@ class Envelope:
 
 
 def encode(envelope: Envelope) -> bytes:
-    """The header's bytes."""
+    """Return the header's bytes."""
     token = envelope.token
     robot = bytes.fromhex(token.robot) if token.robot else ABSENT
     cloud = bytes.fromhex(token.cloud) if token.cloud else ABSENT
@@ -54,7 +54,7 @@ def encode(envelope: Envelope) -> bytes:
 
 
 def decode(data: bytes) -> Envelope:
-    """Reads a header; raises EnvelopeError."""
+    """Read a header; raise EnvelopeError."""
     if len(data) != LAYOUT.size:
         raise EnvelopeError(f"{len(data)} bytes instead of {LAYOUT.size}")
     magic, flags, robot, epoch, cloud, sequence, echo_us = LAYOUT.unpack(data)

@@ -37,7 +37,7 @@ class Token:
 
 
 def presence(robot: str, cloud: str) -> Token:
-    """Returns the token under which nodes with placement Cloud speak, whoever is in charge; no stay has epoch 0."""
+    """Return the token under which nodes with placement Cloud speak, whoever is in charge; no stay has epoch 0."""
     return Token(robot, 0, cloud)
 
 

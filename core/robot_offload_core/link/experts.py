@@ -27,7 +27,9 @@ from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import Settings
 
 EXPOSED_PER_S = 10.0
+"""Cost of a second in the cloud on a bad link."""
 WASTED_PER_S = 1.0
+"""Cost of a second on the robot beside a good link."""
 SWITCH = 0.5
 """Prices: a second in the cloud over a bad link, a second on the robot beside a good one, a change of side."""
 SILENT_BEATS = 2.25
@@ -85,6 +87,7 @@ EVERYBODY = (1 << len(EXPERTS)) - 1
 NOBODY = 0
 FIRST = min(range(len(EXPERTS)), key=lambda index: EXPERTS[index].learnt)
 LONGEST_MEMORY_S = max(window_s for window_s, _ in MEMORIES)
+"""Longest window of the rules that remember."""
 LONGEST_WAIT_S = max(expert.back for expert in EXPERTS) / WASTED_PER_S + LONGEST_MEMORY_S
 """On a link that stays good every rule is in the cloud after this, and after the limit in which truth becomes known."""
 ZEROS = (0.0,) * len(EXPERTS)
@@ -154,17 +157,17 @@ class Outlook:
 
 
 def in_cloud(outlook: Outlook) -> bool:
-    """The leader is in the cloud."""
+    """Return whether the leader is in the cloud."""
     return bool(outlook.clouds >> outlook.leader & 1)
 
 
 def looks_bad(outlook: Outlook, seen: LinkState, settings: Settings) -> bool:
-    """The leader's signal says bad."""
+    """Return whether the leader's signal is bad."""
     return _signals(seen, settings)[SIGNAL[outlook.leader]]
 
 
 def wait_s(outlook: Outlook) -> float:
-    """How long the leader needs until it moves, if the link stays as it must for that."""
+    """Return how long the leader needs until it moves, if the link stays as it must for that."""
     expert, regret = EXPERTS[outlook.leader], outlook.regrets[outlook.leader]
     if in_cloud(outlook):
         return max(0.0, expert.out - regret) / EXPOSED_PER_S
@@ -172,12 +175,12 @@ def wait_s(outlook: Outlook) -> float:
 
 
 def usual_s(lengths_s: tuple[float, ...]) -> float | None:
-    """The median length of the spells; None when there were fewer than three."""
+    """Return the median length of the spells; None when there were fewer than three."""
     return sorted(lengths_s)[len(lengths_s) // 2] if len(lengths_s) >= 3 else None
 
 
 def heard(outlook: Outlook, sent_s: float, latency_s: float, settings: Settings) -> Outlook:
-    """An echo came back: tells the truth about the moments until its beat was sent."""
+    """Return an echo came back: tells the truth about the moments until its beat was sent."""
     pending = outlook.pending
     if not pending or pending[0][0] > sent_s + ROUNDING:
         return outlook
@@ -193,7 +196,7 @@ def heard(outlook: Outlook, sent_s: float, latency_s: float, settings: Settings)
 
 
 def advance(outlook: Outlook, seen: LinkState, settings: Settings, now_s: float) -> Outlook:
-    """Lets the rules live until now; the link looks as `seen` since the last call."""
+    """Let the rules live until now; the link looks as `seen` since the last call."""
     period_s = settings.beat_period_s
     if outlook.ticked_s is None:
         return outlook if seen.silent_s > settings.loss_timeout_s else replace(outlook, ticked_s=now_s)
@@ -205,7 +208,7 @@ def advance(outlook: Outlook, seen: LinkState, settings: Settings, now_s: float)
 
 
 def _overdue(outlook: Outlook, now_s: float, settings: Settings) -> Outlook:
-    """Moments whose beats cannot come back in time any more were bad ones."""
+    """Return moments whose beats cannot come back in time any more were bad ones."""
     wait_s = settings.allowed_loop_s + UNKNOWN_BEATS * settings.beat_period_s
     while outlook.pending and now_s - outlook.pending[0][0] > wait_s:
         (at_s, clouds), *rest = outlook.pending
@@ -250,14 +253,14 @@ def _tick(outlook: Outlook, seen: LinkState, settings: Settings, at_s: float) ->
 
 
 def _signals(seen: LinkState, settings: Settings) -> list[bool]:
-    """Whether the link looks bad, for each share of the limit."""
+    """Return whether the link looks bad, for each share of the limit."""
     limit_s = settings.allowed_loop_s
     silent = seen.silent_s > SILENT_BEATS * settings.beat_period_s
     return [seen.bad or silent or seen.latency_s > share * limit_s for share in SHARES]
 
 
 def _remembered(outlook: Outlook, period_s: float) -> list[bool]:
-    """Returns whether each memory holds a rule on the robot; the first one is of those that have none."""
+    """Return whether each memory holds a rule on the robot; the first one is of those that have none."""
     held = [False]
     for window_s, share in MEMORIES:
         beats = round(window_s / period_s)
@@ -266,7 +269,7 @@ def _remembered(outlook: Outlook, period_s: float) -> list[bool]:
 
 
 def _live(outlook: Outlook, bad: list[bool], remembered: list[bool], lost: bool, period_s: float) -> Outlook:
-    """Lets every rule live for one tick. The hard limit holds for all of them."""
+    """Let every rule live for one tick. The hard limit holds for all of them."""
     out_step, back_step = EXPOSED_PER_S * period_s, WASTED_PER_S * period_s
     regrets, clouds, moved = list(outlook.regrets), outlook.clouds, NOBODY
     if lost:
@@ -296,7 +299,7 @@ def _live(outlook: Outlook, bad: list[bool], remembered: list[bool], lost: bool,
 
 
 def _review(outlook: Outlook, period_s: float) -> Outlook:
-    """Lets charges melt and finds out who leads."""
+    """Let charges melt and find out who leads."""
     figures = outlook.figures
     melted = 0.5 ** (outlook.ticks * period_s / figures.half_life_s)
     charges = tuple([each * melted for each in outlook.charges])

@@ -45,6 +45,7 @@ class Link:
         down_s: newest one-way estimate towards us; None before an offset is known.
         first_sequence, last_sequence, received: for the share of lost beats.
         offset: see Offset.
+        sent_us: when its newest beat was sent, on its clock; -1: none was heard.
     """
 
     peer: str = ""
@@ -57,6 +58,7 @@ class Link:
     last_sequence: int = 0
     received: int = 0
     offset: Offset | None = None
+    sent_us: int = -1
 
 
 @dataclass(frozen=True)
@@ -76,17 +78,29 @@ class Health:
     clock_uncertainty_ms: float | None
 
 
-def hear(link: Link, beat: Beat, ours: str, arrived_s: float, wall_us: int) -> Link:
-    """Takes in a beat. `ours` is our incarnation: an echo of anybody else's beat proves nothing.
+def is_news(link: Link, beat: Beat) -> bool:
+    """Return whether a beat is newer than all that were heard of its sender: late and doubled copies are not.
 
-    A beat of a new incarnation starts a new Link; an older one than the newest changes nothing.
+    Order is by send time, not by sequence: the steady clock of the sender's host goes on when only its pulse process
+    restarts. Our own pulse process leaves copies out as well, and forgets what it has heard when it restarts.
     """
+    return beat.incarnation != link.peer or beat.sent_us > link.sent_us
+
+
+def hear(link: Link, beat: Beat, ours: str, arrived_s: float, wall_us: int) -> Link:
+    """Take in a beat. `ours` is our incarnation: an echo of anybody else's beat proves nothing.
+
+    A beat of a new incarnation starts a new Link; one that is not news changes nothing.
+    """
+    if not is_news(link, beat):
+        return link
     if beat.incarnation != link.peer:
         link = Link(peer=beat.incarnation, first_sequence=beat.sequence, last_sequence=beat.sequence - 1)
     sequence = beat.sequence
     if sequence < link.last_sequence:  # the sender's pulse process restarted and counts from 0 again
         link = replace(link, first_sequence=sequence, received=0)
-    link = replace(link, heard_s=arrived_s, last_sequence=sequence, received=link.received + 1)
+    received = link.received + 1
+    link = replace(link, heard_s=arrived_s, sent_us=beat.sent_us, last_sequence=sequence, received=received)
     echo = beat.echo
     if echo is None or echo.incarnation != ours:
         return link
@@ -122,7 +136,7 @@ def _offset(
 
 
 def latency_s(link: Link, now_s: float, beat_period_s: float) -> float:
-    """The loop latency that counts now: the newest round trip, or more when echoes are overdue; inf when none.
+    """Return the loop latency that counts now: the newest round trip, or more when echoes are overdue; inf when none.
 
     A healthy loop shows its newest echo at most one round trip and two beat periods (one on each side) old. What is
     older than that has been under way for at least the difference.
@@ -133,14 +147,14 @@ def latency_s(link: Link, now_s: float, beat_period_s: float) -> float:
 
 
 def clock_excess_s(link: Link) -> float:
-    """How far apart the two system clocks are for sure; 0 while the uncertainty explains the difference."""
+    """Return how far apart the two system clocks are for sure; 0 while the uncertainty explains the difference."""
     if link.offset is None:
         return 0.0
     return max(0.0, abs(link.offset.wall_s) - link.offset.uncertainty_s)
 
 
 def health(link: Link, now_s: float) -> Health:
-    """The summary at `now_s`."""
+    """Return the summary at `now_s`."""
     ordered = sorted(link.window)
     expected = link.last_sequence - link.first_sequence + 1
     offset = link.offset
@@ -162,7 +176,7 @@ def health(link: Link, now_s: float) -> Health:
 
 
 def quantile(ordered: list[float] | tuple[float, ...], share: float) -> float | None:
-    """The value that `share` of the ascending `ordered` values do not exceed (nearest rank); None when empty."""
+    """Return the value that `share` of the ascending `ordered` values do not exceed (nearest rank); None when empty."""
     if not ordered:
         return None
     return ordered[min(len(ordered) - 1, int(len(ordered) * share))]

@@ -8,7 +8,7 @@ from robot_offload_core.link import links
 from robot_offload_core.link.links import Link
 from robot_offload_core.words.replace import replace
 
-WINDOW_S = 2.0
+LOSS_WINDOW_S = 2.0
 """Loss is the share of the beats of this time: a hundred at the default period, so one lost beat is one per cent."""
 SLACK_BEATS = 2
 """So many beats may be on their way before the silence counts as loss."""
@@ -20,7 +20,7 @@ class Glance:
 
     Attributes:
         latency_ms: the loop latency that counts now, with overdue echoes; None: no loop is known.
-        loss_share: of the last WINDOW_S, the beats that should have come and did not, 0 to 1; None: none was due.
+        loss_share: of the last LOSS_WINDOW_S, the beats that should have come and did not, 0 to 1; None: none was due.
     """
 
     latency_ms: float | None = None
@@ -35,15 +35,15 @@ class Watched:
 
 
 def watch(watched: Watched, link: Link, now_s: float) -> Watched:
-    """Takes one look at the link; looks older than the window are dropped, but for the one at its edge."""
+    """Take one look at the link; look older than the window are dropped, but for the one at its edge."""
     kept = watched.seen if watched.seen and watched.seen[-1][1].peer == link.peer else ()
-    while len(kept) > 1 and kept[1][0] <= now_s - WINDOW_S:
+    while len(kept) > 1 and kept[1][0] <= now_s - LOSS_WINDOW_S:
         kept = kept[1:]
     return replace(watched, seen=(*kept, (now_s, replace(link, window=()))))
 
 
 def glance(watched: Watched, now_s: float, beat_period_s: float) -> Glance:
-    """Returns what the newest look shows at `now_s`."""
+    """Return what the newest look shows at `now_s`."""
     if not watched.seen or watched.seen[-1][1].heard_s is None:
         return Glance()
     (_, then), (_, link) = watched.seen[0], watched.seen[-1]

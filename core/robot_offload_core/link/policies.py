@@ -28,7 +28,7 @@ from robot_offload_core.words.token import Site
 THERE_AND_BACK = 2 * SWITCH
 """Price of leaving a side and returning to it."""
 PROVEN_S = 4.0
-"""A link that was good for so long without a break ends every hold-down."""
+"""A link that was good for this long without a break ends every hold-down."""
 UNTAUGHT = Outlook()
 ROUNDING_S = 1e-6
 """Less than this is left of a wait only because sums of floats are not exact."""
@@ -82,13 +82,13 @@ CLOUD_PREFERRED = Verdict(Site.CLOUD, Reason.CLOUD_PREFERRED, "The link is good 
 
 
 def heard(policy: Policy, sent_s: float, latency_s: float, settings: Settings) -> Policy:
-    """A beat sent at `sent_s` was echoed after a loop latency of `latency_s`."""
+    """Take a beat sent at `sent_s` that was echoed after a loop latency of `latency_s`."""
     outlook = experts.heard(policy.outlook, sent_s, latency_s, settings)
     return policy if outlook is policy.outlook else replace(policy, outlook=outlook)
 
 
 def echoed(policy: Policy, before: Link, link: Link, settings: Settings) -> Policy:
-    """A beat of the cloud turned `before` into `link`: it may have echoed a beat that was not echoed before."""
+    """Return a beat of the cloud turned `before` into `link`: it may have echoed a beat that was not echoed before."""
     sent_s, round_trip_s = link.echo_sent_s, link.round_trip_s
     if sent_s is None or round_trip_s is None or sent_s == before.echo_sent_s:
         return policy
@@ -96,13 +96,13 @@ def echoed(policy: Policy, before: Link, link: Link, settings: Settings) -> Poli
 
 
 def entered(policy: Policy, site: Site, now_s: float) -> Policy:
-    """Placement changed to `site`: how long the link is good or bad is counted anew."""
+    """Return placement changed to `site`: how long the link is good or bad is counted anew."""
     policy = replace(policy, updated_s=now_s, good_s=0.0, bad_s=0.0)
     return policy if site is Site.ROBOT else replace(policy, gained=0.0, entered_s=now_s)
 
 
 def lost(policy: Policy, settings: Settings, now_s: float) -> Policy:
-    """The stay in the cloud is over, by a loss or because the rule said so: it shows whether returning was right."""
+    """End the stay in the cloud, by a loss or by the rule: it shows whether returning was right."""
     hold_down_s = policy.hold_down_s
     if policy.entered_s is not None:
         short = now_s - policy.entered_s < settings.flap_window_s
@@ -112,13 +112,13 @@ def lost(policy: Policy, settings: Settings, now_s: float) -> Policy:
 
 
 def flapped(policy: Policy, settings: Settings, now_s: float) -> Policy:
-    """Short stays followed each other, whatever each of them brought: the wait before the next return grows."""
+    """Return short stays followed each other, whatever each of them brought: the wait before the next return grows."""
     hold_down_s = _learned(policy.hold_down_s, True, settings.hold_down_initial_s, settings.hold_down_max_s)
     return replace(policy, hold_down_s=hold_down_s, hold_until_s=now_s + hold_down_s, entered_s=None)
 
 
 def decide(policy: Policy, site: Site, fitness: Fitness, settings: Settings, now_s: float) -> tuple[Policy, Verdict]:
-    """Reckons the time since the last call to `site` (where we were) and says where to be."""
+    """Reckon the time since the last call to `site` (where we were) and report where to be."""
     policy = _reckon(policy, site, fitness, settings, now_s)
     if settings.prefer is Site.ROBOT:
         return policy, ROBOT_PREFERRED
@@ -128,7 +128,7 @@ def decide(policy: Policy, site: Site, fitness: Fitness, settings: Settings, now
 
 
 def waits(policy: Policy) -> bool:
-    """On a link that is good, the outlook still waits before it returns."""
+    """Return on a link that is good, the outlook still waits before it returns."""
     return not experts.in_cloud(policy.outlook)
 
 
@@ -146,7 +146,7 @@ def _reckon(policy: Policy, site: Site, fitness: Fitness, settings: Settings, no
 
 
 def _in_cloud(policy: Policy, fitness: Fitness, settings: Settings) -> Verdict:
-    """Leaves when the outlook has left and the link looks bad to it; one that is only waiting ends no stay."""
+    """Leave when the outlook has left and the link looks bad to it; one that is only waiting ends no stay."""
     outlook = policy.outlook
     if not experts.in_cloud(outlook):
         if not fitness.ok:
@@ -185,7 +185,7 @@ def _seen(fitness: Fitness) -> LinkState:
 
 
 def _usual(lengths_s: tuple[float, ...], name: str) -> str:
-    """What such spells are like here, as a part of a sentence; nothing while too few are known."""
+    """Return what such spells are like here, as a part of a sentence; nothing while too few are known."""
     usual_s = experts.usual_s(lengths_s)
     if usual_s is None:
         return ""
@@ -193,7 +193,7 @@ def _usual(lengths_s: tuple[float, ...], name: str) -> str:
 
 
 def _learned(patience_s: float, wrong: bool, first_s: float, most_s: float) -> float:
-    """A patience after a move that it led to: doubled (from `first_s`, up to `most_s`), or halved (below that 0)."""
+    """Return a patience after a move: doubled (from `first_s`, up to `most_s`), or halved (below that 0)."""
     if wrong:
         return min(most_s, max(first_s, 2 * patience_s))
     return patience_s / 2 if patience_s / 2 >= first_s else 0.0

@@ -57,7 +57,7 @@ class Pulse:
 
 
 def speak(pulse: Pulse, incarnation: str, body: Permission | CloudReport, said_s: float) -> Pulse:
-    """Control renewed what it wants said, at `said_s` by this host's steady clock.
+    """Return control renewed what it wants said, at `said_s` by this host's steady clock.
 
     That is when control said it, not when it was read: a word may have waited in the inbox of a pulse process that was
     stopped, and a permission must not look fresh because of that.
@@ -66,7 +66,7 @@ def speak(pulse: Pulse, incarnation: str, body: Permission | CloudReport, said_s
 
 
 def hear(pulse: Pulse, beat: Beat, arrived_s: float) -> tuple[Pulse, bool]:
-    """Takes in a beat; returns whether it is newer than all of its sender's before (then control must see it).
+    """Take in a beat; return whether it is newer than all of its sender's before (then control must see it).
 
     Order is by send time, not by sequence: the steady clock of the sender's host goes on when only its pulse process
     restarts. Foreign uids and our own side's beats are not ours.
@@ -82,7 +82,7 @@ def hear(pulse: Pulse, beat: Beat, arrived_s: float) -> tuple[Pulse, bool]:
 
 
 def compose(pulse: Pulse, now_s: float, wall_us: int) -> tuple[Pulse, Beat]:
-    """The next beat. `wall_us` is this host's system clock minus its steady clock."""
+    """Return the next beat. `wall_us` is this host's system clock minus its steady clock."""
     silent_s = None if pulse.spoken_s is None else now_s - pulse.spoken_s
     body = pulse.body
     if (
@@ -107,13 +107,13 @@ def compose(pulse: Pulse, now_s: float, wall_us: int) -> tuple[Pulse, Beat]:
 
 
 def _next_due_s(pulse: Pulse, now_s: float) -> float:
-    """Returns when a beat is due after one at `now_s`; after a stall beats are not caught up in a burst."""
+    """Return when a beat is due after one at `now_s`; after a stall beats are not caught up in a burst."""
     period_s = pulse.beat_period_s
     return min(now_s, max(pulse.due_s, now_s - WAIT_PERIODS * period_s)) + period_s
 
 
 def joins(pulse: Pulse, arrived_s: float) -> bool:
-    """Returns whether the next beat goes out with the one that has just been heard, at `arrived_s`.
+    """Return whether the next beat goes out with the one that has just been heard, at `arrived_s`.
 
     On the robot alone: two sides that answer each other would beat as fast as the link is.
     """
@@ -124,13 +124,13 @@ def joins(pulse: Pulse, arrived_s: float) -> bool:
 
 
 def wake_s(pulse: Pulse) -> float:
-    """Returns when the next beat goes out by itself: when it is due, on the robot a little later."""
+    """Return when the next beat goes out by itself: when it is due, on the robot a little later."""
     waited_s = WAIT_PERIODS * pulse.beat_period_s if pulse.side is Site.ROBOT else 0.0
     return pulse.due_s + waited_s
 
 
 def partner(pulse: Pulse) -> Heard | None:
-    """The sender that this side talks to: the one named by control, else the one heard last."""
+    """Return the sender that this side talks to: the one named by control, else the one heard last."""
     named = pulse.body.cloud if isinstance(pulse.body, Permission) else pulse.body.serves if pulse.body else ""
     matching = next((h for h in pulse.heard if h.incarnation == named), None)
     return matching or (pulse.heard[-1] if pulse.heard else None)

@@ -70,7 +70,7 @@ class Entry:
 
 
 def line(before: Head, at: str, kind: Kind, who: str, what: Mapping[str, str]) -> tuple[Head, str]:
-    """Returns the next line of a trail (with its end) and the head that it makes."""
+    """Return the next line of a trail (with its end) and the head that it makes."""
     texts = {name[:MAX_TEXT]: text[:MAX_TEXT] for name, text in what.items()}
     body = [FORMAT, before.number + 1, at, kind.value, who[:MAX_TEXT], texts, before.digest]
     head = Head(before.number + 1, _digest(body))
@@ -78,7 +78,7 @@ def line(before: Head, at: str, kind: Kind, who: str, what: Mapping[str, str]) -
 
 
 def parse(text: str) -> Entry | None:
-    """Returns what a line says; None for one that is torn, altered or of another format."""
+    """Return what a line says; None for one that is torn, altered or of another format."""
     try:
         body = json.loads(text)
         form, number, at, kind, who, what, previous, digest = body
@@ -94,7 +94,7 @@ def parse(text: str) -> Entry | None:
 
 
 def other_format(text: str) -> int | None:
-    """Returns the format of a line that another version of the agent wrote; None: the line is of this one, or none."""
+    """Return the format of a line that another version of the agent wrote; None: the line is of this one, or none."""
     try:
         body = json.loads(text)
     except (ValueError, RecursionError):
@@ -104,7 +104,7 @@ def other_format(text: str) -> int | None:
 
 
 def parse_head(text: str) -> Head | None:
-    """Returns the head that a text names, `NUMBER:DIGEST`; None for anything else."""
+    """Return the head that a text names, `NUMBER:DIGEST`; None for anything else."""
     number, _, digest = text.partition(":")
     known = number.isascii() and number.isdigit() and len(number) < 16 and _DIGEST.fullmatch(digest)
     return Head(int(number), digest) if known else None
@@ -131,7 +131,7 @@ class Verdict:
 
 
 def verify(lines: Iterable[str], known: Head | None = None) -> Verdict:
-    """Checks a trail, the oldest line first.
+    """Check a trail, the oldest line first.
 
     Args:
         lines: of all files of the trail.
@@ -168,7 +168,7 @@ def verify(lines: Iterable[str], known: Head | None = None) -> Verdict:
 
 
 def sentences(verdict: Verdict) -> list[str]:
-    """Returns what a check has found, for people; the last sentence names the head to keep."""
+    """Return what a check has found, for people; the last sentence names the head to keep."""
     unchecked = _unchecked(verdict)
     if not verdict.entries:
         return [*verdict.problems, *unchecked, "The trail has no entry" if not unchecked else "No line was checked"]
@@ -191,7 +191,7 @@ def _unchecked(verdict: Verdict) -> list[str]:
 
 
 def exported(lines: Iterable[str]) -> list[dict[str, object]]:
-    """Returns the good entries as plain values, for other programs."""
+    """Return the good entries as plain values, for other programs."""
     entries = (parse(text) for text in lines)
     return [
         {"number": e.head.number, "at": e.at, "kind": e.kind, "who": e.who, "what": dict(e.what),
@@ -201,7 +201,7 @@ def exported(lines: Iterable[str]) -> list[dict[str, object]]:
 
 
 def _covers_torn(following: list[str]) -> bool:
-    """Returns whether the next line says that the one before it was found torn."""
+    """Return whether the next line says that the one before it was found torn."""
     entry = parse(following[0]) if following else None
     return entry is not None and entry.kind == Kind.TORN.value
 

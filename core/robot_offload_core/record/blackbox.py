@@ -65,7 +65,7 @@ KINDS: Final = {
 
 
 def digest(sources: Iterable[tuple[str, bytes]]) -> str:
-    """Returns a name of the core's code, made of its files (name, content): another one may decide otherwise."""
+    """Return a name of the core's code, made of its files (name, content): another one may decide otherwise."""
     found = hashlib.sha256()
     for name, content in sorted(sources):
         found.update(name.encode() + b"\0" + content)
@@ -76,23 +76,23 @@ def digest(sources: Iterable[tuple[str, bytes]]) -> str:
 
 
 def line(record: list[Any]) -> str:
-    """Returns a record as a line, with its sum."""
+    """Return a record as a line, with its sum."""
     text = json.dumps(record, separators=(",", ":"), ensure_ascii=True)
     return f"{zlib.crc32(text.encode()):08x} {text}\n"
 
 
 def header(facts: dict[str, Any]) -> str:
-    """Returns the first line of a file; of `facts`, `process` names who writes and `core` the code."""
+    """Return the first line of a file; of `facts`, `process` names who writes and `core` the code."""
     return line(["box", FORMAT, facts])
 
 
 def key_frame(machine: Machine, now_s: float, state: Any, *, was_set: bool = False) -> str:
-    """Returns the line of a state; `was_set`: no step has led to it."""
+    """Return the line of a state; `was_set`: no step has led to it."""
     return line(["set" if was_set else "state", machine.value, now_s, codec.plain(comparable(state))])
 
 
 def step(machine: Machine, now_s: float, event: Any, commands: Iterable[Any]) -> str:
-    """Returns the lines of a step: the event, and what was decided."""
+    """Return the lines of a step: the event, and what was decided."""
     lines = [line(["step", machine.value, now_s, type(event).__name__, codec.plain(event)])]
     for decision in decisions(machine, commands):
         lines.append(line(["did", machine.value, now_s, type(decision).__name__, codec.plain(decision)]))
@@ -100,23 +100,23 @@ def step(machine: Machine, now_s: float, event: Any, commands: Iterable[Any]) ->
 
 
 def broken_step(machine: Machine, now_s: float, event: Any, rule: str) -> str:
-    """Returns the line of a step that broke a rule of its machine."""
+    """Return the line of a step that broke a rule of its machine."""
     return line(["broke", machine.value, now_s, type(event).__name__, codec.plain(event), rule])
 
 
 def gap(steps: int) -> str:
-    """Returns the line that says how many steps are missing."""
+    """Return the line that says how many steps are missing."""
     return line(["gap", steps])
 
 
 def decisions(machine: Machine, commands: Iterable[Any]) -> list[Any]:
-    """Returns those of a machine's commands that a box keeps."""
+    """Return those of a machine's commands that a box keeps."""
     kinds = tuple(KINDS[machine].decisions.values())
     return [command for command in commands if isinstance(command, kinds)]
 
 
 def comparable(state: Any) -> Any:
-    """Returns a state without what was given out last: levels are given out again and decide nothing."""
+    """Return a state without what was given out last: levels are given out again and decide nothing."""
     return replace(state, levels=(), levels_s=-1.0) if isinstance(state, placement.Robot) else state
 
 
@@ -180,7 +180,7 @@ Record = Header | KeyFrame | Step | Did | Broke | Gap
 
 
 def parse(text: str) -> Record:
-    """Returns what a line says; a Gap for one that is torn, altered, or of a type that this release does not have."""
+    """Return what a line says; a Gap for one that is torn, altered, or of a type that this release does not have."""
     words = text.rstrip("\n")
     try:
         if int(words[:SUM_LENGTH], 16) != zlib.crc32(words[SUM_LENGTH + 1 :].encode()):
@@ -260,7 +260,7 @@ Found = Header | Gap | Replayed | RuleBroken | Differs
 
 
 def replay(lines: Iterable[str]) -> Iterator[Found]:
-    """Runs the core over the lines of a box.
+    """Run the core over the lines of a box.
 
     A machine is replayed from its first key frame on; later ones are compared with what the replay has come to. Headers
     and gaps are handed through. A machine that breaks a rule goes on with its next key frame.
@@ -323,7 +323,7 @@ class _Player:
             yield Differs(self.machine, record.now_s, _rules(written), _rules(rule))
 
     def settle(self) -> Iterator[Found]:
-        """Gives out the newest step, now that all of its decisions have been read."""
+        """Give out the newest step, now that all of its decisions have been read."""
         step, written = self.step, tuple(self.written)
         self.step, self.written = None, []
         if step is not None:

@@ -43,7 +43,7 @@ from robot_offload_core.words.messages import Egress, Letters, RelayStatus
 from robot_offload_core.words.token import Site, Token
 
 ORPHAN_S = 1.0
-"""Attempts of an ended token run so long: the robot may still name them."""
+"""How long attempts of an ended token go on, so that the robot can name those that continue."""
 
 
 @dataclass(frozen=True)
@@ -93,12 +93,12 @@ class CloudRelay(RelayProcess):
     # -- who may ------------------------------------------------------------------------------------------------------
 
     def admits(self, token: Token) -> bool:
-        """Returns whether something may begin under a token: exactly the one that this side may act under, now."""
+        """Return whether something may begin under a token: exactly the one that this side may act under, now."""
         egress = self.egress.egress if self.egress is not None else None
         return egress is not None and egress.token == token and self.ports.now_s() < egress.lease_end_s
 
     def admits_present(self, token: Token) -> bool:
-        """Returns whether a node with placement Cloud may begin something under a token: exactly that of presence."""
+        """Return whether a node with placement Cloud may begin something under a token: exactly that of presence."""
         egress = self.egress.egress if self.egress is not None else None
         return egress is not None and egress.presence == token and self.ports.now_s() < egress.presence_end_s
 
@@ -112,11 +112,11 @@ class CloudRelay(RelayProcess):
         return admitted
 
     def admits_standby(self, token: Token) -> bool:
-        """Returns whether a word for the standby counts: of the robot that is served, and of no older epoch."""
+        """Return whether a word for the standby counts: of the robot that is served, and of no older epoch."""
         return self.egress is not None and token.robot == self.egress.robot and token.epoch >= self.newest
 
     def take_egress(self, egress: Egress) -> None:
-        """Takes what control says; a token that is replaced has ended."""
+        """Take what control says; a token that is replaced has ended."""
         now_s = self.ports.now_s()
         before = self.egress.egress.token if self.egress is not None else None
         after = egress.egress.token
@@ -137,13 +137,13 @@ class CloudRelay(RelayProcess):
 
     @property
     def due_s(self) -> float:
-        """Returns when `turn` has something to do."""
+        """Return when `turn` has something to do."""
         runs = [self._runs_until_s(run) for run in self.own.runs.values() if not run.cancel]
         inherited = [self._inherited_until_s(action) for action in self.inherited & self.own.seen.keys()]
         return min([self.post.due_s(), self.status_due_s, self.own.due_s(), self.used.due_s(), *runs, *inherited])
 
     def turn(self) -> None:
-        """Does what is due."""
+        """Do what is due."""
         now_s = self.ports.now_s()
         self._cancel_orphans(now_s)
         self._cancel_inherited(now_s)
@@ -153,7 +153,7 @@ class CloudRelay(RelayProcess):
         self._report(now_s)
 
     def handle(self, message: object) -> None:
-        """Takes control's level and the robot relay's words."""
+        """Take control's level and the robot relay's words."""
         if isinstance(message, Egress):
             self.take_egress(message)
         elif isinstance(message, Letters):
@@ -166,7 +166,7 @@ class CloudRelay(RelayProcess):
                 self._take(word)
 
     def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
-        """Takes the servers in the graph."""
+        """Take the servers in the graph."""
         seen = {name: endpoints for face, name, endpoints in servers if face is Face.GROUP}
         self.services = seen
         actions = {spec.name for spec in self.plan.actions}
@@ -202,7 +202,7 @@ class CloudRelay(RelayProcess):
         self.own.offer(word.action, word.attempt, word.payload, word.token, mirror=word.mirror)
 
     def _resume(self, word: ResumeWord) -> None:
-        """Goes on with an attempt; the grant of its token may come a little later than the word."""
+        """Go on with an attempt; the grant of its token may come a little later than the word."""
         if word.action not in self._actions:
             self.counters["resumes.undeclared"] += 1
             self._outcome(RunGone(word.attempt))
@@ -223,7 +223,7 @@ class CloudRelay(RelayProcess):
         self.ports.call(Face.GROUP, word.service, self.number, word.payload)
 
     def _outcome(self, outcome: Outcome) -> None:
-        """Reports what a server did; without a lease too: no answer and no result is an effect."""
+        """Report what a server did; without a lease too: no answer and no result is an effect."""
         match outcome:
             case OfferAnswered():
                 verdict = CallVerdict.DONE if outcome.accepted else CallVerdict.REFUSED
@@ -236,18 +236,18 @@ class CloudRelay(RelayProcess):
     # -- servers here -------------------------------------------------------------------------------------------------
 
     def offer_answered(self, face: Face, name: str, goal_id: bytes, accepted: bool) -> None:
-        """Takes the answer to an offer."""
+        """Take the answer to an offer."""
         self.own.offer_answered(goal_id, accepted)
 
     def cancel_answered(self, face: Face, name: str, goal_id: bytes, code: CancelCode) -> None:
-        """Takes the answer to a cancel."""
+        """Take the answer to a cancel."""
         if goal_id == ALL_GOALS:
             self.sweeping.pop(name, None)
         else:
             self.own.cancel_answered(goal_id, code)
 
     def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
-        """Takes a result, and whether this side was still allowed to act."""
+        """Take a result, and whether this side was still allowed to act."""
         run = self.own.runs.get(goal_id)
         leased = run is not None and (self.admits(run.token) or self.admits_present(run.token))
         if len(payload) > MAX_PAYLOAD:
@@ -256,14 +256,14 @@ class CloudRelay(RelayProcess):
         self.own.result_arrived(goal_id, status, payload, leased)
 
     def feedback_arrived(self, face: Face, name: str, payload: bytes) -> None:
-        """Passes feedback on; the robot decides whether a client hears it."""
+        """Pass feedback on; the robot decides whether a client hears it."""
         attempt = goal_id_of(payload)
         sequence = self.own.feedback_arrived(attempt) if attempt is not None else 0
         if sequence and len(payload) <= MAX_PAYLOAD:
             self.post.write_once(FeedbackWord(Face.GROUP, name, sequence, payload))
 
     def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
-        """Takes an answer and passes it on to the relay that asked."""
+        """Take an answer and pass it on to the relay that asked."""
         pending = self.calls.pop(key, None)
         if pending is None or pending.peer != self.post.courier.peer:
             return
@@ -276,7 +276,7 @@ class CloudRelay(RelayProcess):
     # -- replicas here, as clients of used names ----------------------------------------------------------------------
 
     def acts_under(self, spec: UsedService | UsedAction) -> Token | None:
-        """Returns the token under which the node of a used name may act now; None while it stands by."""
+        """Return the token under which the node of a used name may act now; None while it stands by."""
         egress = self.egress.egress if self.egress is not None else None
         if egress is None:
             return None
@@ -285,25 +285,25 @@ class CloudRelay(RelayProcess):
         return egress.token if egress.token is not None and self.admits(egress.token) else None
 
     def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
-        """Takes a replica's call at a used name."""
+        """Take a replica's call at a used name."""
         self.used.called(name, caller, payload)
 
     def goal_requested(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
-        """Takes a replica's goal at a used action."""
+        """Take a replica's goal at a used action."""
         self.used.goal_requested(name, caller, payload)
 
     def cancel_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes, stamp_ns: int) -> None:
-        """Takes a replica's cancel."""
+        """Take a replica's cancel."""
         self.used.cancel_requested(CancelRequested(name, caller, goal_id, stamp_ns))
 
     def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
-        """Takes a replica's question for a result."""
+        """Take a replica's question for a result."""
         self.used.near.ask_result(name, caller, goal_id)
 
     # -- levels -------------------------------------------------------------------------------------------------------
 
     def _cancel_orphans(self, now_s: float) -> None:
-        """Cancels attempts of a token that ended a second ago (rule 4)."""
+        """Cancel attempts of a token that ended a second ago (rule 4)."""
         for attempt, run in list(self.own.runs.items()):
             if now_s >= self._runs_until_s(run):
                 self.own.cancel(attempt)
@@ -320,14 +320,14 @@ class CloudRelay(RelayProcess):
         return max(self.inherited_s, end_s + ORPHAN_S, *runs, named_s if isfinite(named_s) else 0.0)
 
     def _named_s(self) -> float:
-        """When the robot's relay, once it knows this one, has named its attempts and cancelled what it has given up.
+        """Return when the robot's relay has named its attempts and cancelled what it has given up.
 
         Its letters are written again meanwhile, so that it must be heard. While it is not: never.
         """
         return self.post.known_s + ORPHAN_S if self.post.heard() else float("inf")
 
     def _cancel_inherited(self, now_s: float) -> None:
-        """Ends what a predecessor began and the robot does not name: all goals of an action, their ids are unknown.
+        """End what a predecessor began and the robot does not name: all goals of an action, their ids are unknown.
 
         Not before nothing of that action may run on. Until the server has answered nothing new is offered to it,
         because the cancel would end that too.
@@ -342,7 +342,7 @@ class CloudRelay(RelayProcess):
             self.ports.cancel(Face.GROUP, action, ALL_GOALS)
 
     def _unname(self) -> None:
-        """Lets mirrors run on for as long as a new relay of the robot may take to name them again."""
+        """Let mirrors run on for as long as a new relay of the robot may take to name them again."""
         until_s = self.ports.now_s() + SEEN_WITHIN_S
         for run in self.own.runs.values():
             run.named_until_s = min(run.named_until_s, until_s)
@@ -365,7 +365,7 @@ class CloudRelay(RelayProcess):
         return tuple(sorted({run.action for run in self.own.runs.values() if run.accepted}))
 
     def _busy(self, now_s: float) -> bool:
-        """Returns whether the nodes still have goals or calls of an ended token, for `cancelDeadline`."""
+        """Return whether the nodes still have goals or calls of an ended token, for `cancelDeadline`."""
         token = self.egress.egress.token if self.egress is not None else None
         runs = [r for r in self.own.runs.values() if r.action not in self._of_cloud and r.named_until_s <= now_s]
         ended_s = max((self.ends.get(run.token, 0.0) for run in runs), default=self.ended_s)

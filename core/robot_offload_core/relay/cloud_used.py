@@ -67,7 +67,7 @@ class CloudUsed:
     # -- services -----------------------------------------------------------------------------------------------------
 
     def called(self, name: str, caller: bytes, payload: bytes) -> None:
-        """Passes a replica's call to the robot's relay; a standby's fails at once."""
+        """Pass a replica's call to the robot's relay; a standby's fails at once."""
         spec, self.number = self.services[name], self.number + 1
         token = self.acts_under(spec)
         self.calls[self.number] = UsedOut(name, caller, self.ports.now_s() + spec.timeout_s)
@@ -79,7 +79,7 @@ class CloudUsed:
             self.post.write(CallWord(Face.PUBLIC, name, self.number, token, False, payload))
 
     def answered(self, word: CalledWord) -> None:
-        """Takes the robot relay's answer."""
+        """Take the robot relay's answer."""
         call = self.calls.get(word.key)
         if call is None:
             return
@@ -97,7 +97,7 @@ class CloudUsed:
     # -- goals --------------------------------------------------------------------------------------------------------
 
     def goal_requested(self, name: str, caller: bytes, payload: bytes) -> None:
-        """Accepts a replica's goal and passes it to the robot's relay; a standby's is refused at once."""
+        """Accept a replica's goal and pass it to the robot's relay; a standby's is refused at once."""
         token, goal_id = self.acts_under(self.actions[name]), goal_id_of(payload)
         standby = token is None or not self.post.courier.peer
         if token is None or standby or goal_id is None or len(payload) > MAX_PAYLOAD:
@@ -108,12 +108,12 @@ class CloudUsed:
             self.post.write(OfferWord(Face.PUBLIC, name, goal_id, token, False, payload))
 
     def cancel_requested(self, asked: CancelRequested) -> None:
-        """Takes a replica's cancel."""
+        """Take a replica's cancel."""
         for goal_id in self.near.cancel(asked):
             self.post.write(CancelWord(Face.PUBLIC, asked.action, goal_id))
 
     def take(self, word: OfferedWord | EndedWord | FeedbackWord) -> None:
-        """Takes what the robot's relay says of a goal."""
+        """Take what the robot's relay says of a goal."""
         match word:
             case OfferedWord() if word.verdict is CallVerdict.DONE:
                 self.near.executing(word.attempt)
@@ -125,7 +125,7 @@ class CloudUsed:
                 self.near.feed(word.action, goal_id_of(word.payload) or b"", word.payload)
 
     def robot_relay_met(self) -> None:
-        """Another relay serves the robot: open calls fail, it is asked what became of the goals."""
+        """Meet another relay of the robot: open calls fail, it is asked what became of the goals."""
         for key in list(self.calls):
             self._fail(key, Failure.UNKNOWN)
         for goal in self.near.live():
@@ -140,12 +140,12 @@ class CloudUsed:
     # -- levels -------------------------------------------------------------------------------------------------------
 
     def turn(self) -> None:
-        """Gives up calls that waited too long."""
+        """Give up calls that waited too long."""
         now_s = self.ports.now_s()
         for key, call in list(self.calls.items()):
             if now_s >= call.until_s:
                 self._fail(key, Failure.TIMEOUT)
 
     def due_s(self) -> float:
-        """Returns when `turn` has something to do."""
+        """Return when `turn` has something to do."""
         return min((call.until_s for call in self.calls.values()), default=float("inf"))

@@ -11,8 +11,9 @@ from robot_offload_core.relay.goals.words import Hello, Word, WordError
 from robot_offload_core.words.messages import Letters
 
 HELLO_S = 0.1
+"""How often one relay shows the other that it lives."""
 HEARD_S = 0.35
-"""Without a hello for so long the other relay is not heard: three of them may be lost."""
+"""Without a hello for this long (three may be lost) the other relay is not heard."""
 
 
 class Post:
@@ -37,21 +38,21 @@ class Post:
         self.problem: tuple[str, str] | None = None
 
     def heard(self) -> bool:
-        """Returns whether the other relay is heard."""
+        """Return whether the other relay is heard."""
         return self.hello is not None and self.ports.now_s() - self.hello_s <= HEARD_S
 
     def write(self, word: Word) -> None:
-        """Writes a letter; it is written again until it is acknowledged."""
+        """Write a letter; it is written again until it is acknowledged."""
         for frame in self.courier.write(word, self.ports.now_s()):
             self._cross(frame)
 
     def write_once(self, word: Word) -> None:
-        """Writes a word that may be lost."""
+        """Write a word that may be lost."""
         if self.courier.peer:
             self._cross(self.courier.once(word))
 
     def take(self, data: bytes) -> tuple[Word | None, bool]:
-        """Takes a frame; returns its word, None for none of ours, and whether another relay than before wrote it."""
+        """Take a frame; return its word, None for none of ours, and whether another relay than before wrote it."""
         try:
             frame = words.decode(data)
         except WordError as error:
@@ -77,7 +78,7 @@ class Post:
         return frame.word, met
 
     def turn(self, hello: Hello) -> None:
-        """Sends what is due: acknowledgements, letters again, a hello at changes and each 100 ms."""
+        """Send what is due: acknowledgements, letters again, a hello at changes and each 100 ms."""
         now_s = self.ports.now_s()
         for frame in self.courier.due(now_s):
             self._cross(frame)
@@ -86,7 +87,7 @@ class Post:
             self._cross(self.courier.once(hello))
 
     def due_s(self) -> float:
-        """Returns when `turn` has something to send."""
+        """Return when `turn` has something to send."""
         return min(self.hello_due_s, self.courier.due_s())
 
     def _cross(self, frame: bytes) -> None:

@@ -22,7 +22,7 @@ JOURNAL_BYTES = 24 * 1024 * 1024
 MAX_PAYLOAD = 1024 * 1024
 """Bytes of a request, a goal, a feedback message or a result; larger ones are refused and counted by name."""
 STATUS_S = 0.1
-"""Control gets a status at changes and this often."""
+"""How often control gets a status, beside those at changes."""
 
 
 @dataclass(frozen=True)
@@ -58,19 +58,19 @@ class RelayProcess(ABC):
 
     @abstractmethod
     def turn(self) -> None:
-        """Does what is due: sends again what was not acknowledged, ends what timed out, reports."""
+        """Do what is due: send again what was not acknowledged, end what timed out, report."""
 
     # -- messages -----------------------------------------------------------------------------------------------------
 
     @abstractmethod
     def handle(self, message: object) -> None:
-        """Takes a message of another process of this agent: RelayOrders or Egress of control, Letters of data."""
+        """Take a message of another process of this agent: RelayOrders or Egress of control, Letters of data."""
 
     # -- this side's graph --------------------------------------------------------------------------------------------
 
     @abstractmethod
     def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
-        """Takes the servers in the graph that this relay calls: (face, public name, endpoints).
+        """Take the servers in the graph that this relay calls: (face, public name, endpoints).
 
         To be called at changes and once a second. `endpoints` is any text that changes when the server was started
         again (the sorted gids of its request readers): a server that changed has forgotten its goals.
@@ -80,47 +80,47 @@ class RelayProcess(ABC):
 
     @abstractmethod
     def offer_answered(self, face: Face, name: str, goal_id: bytes, accepted: bool) -> None:
-        """A server has answered `send_goal`."""
+        """Take a server's answer to `send_goal`."""
 
     @abstractmethod
     def cancel_answered(self, face: Face, name: str, goal_id: bytes, code: CancelCode) -> None:
-        """A server has answered `cancel_goal`."""
+        """Take a server's answer to `cancel_goal`."""
 
     @abstractmethod
     def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
-        """A server has answered `get_result` (`UNKNOWN`: it does not know the goal); `payload`: the whole response."""
+        """Take a server's answer to `get_result` (`UNKNOWN`: it does not know the goal) with its whole response."""
 
     @abstractmethod
     def feedback_arrived(self, face: Face, name: str, payload: bytes) -> None:
-        """A server has published feedback."""
+        """Take feedback that a server has published."""
 
     @abstractmethod
     def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
-        """A server has answered a call. `success`: False when the response has a boolean `success` that is false."""
+        """Take a server's answer to a call; `success` is False if the response has a `success` that is false."""
 
     # -- requests of clients ------------------------------------------------------------------------------------------
 
     @abstractmethod
     def goal_requested(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
-        """A client calls `send_goal`."""
+        """Take a client's call of `send_goal`."""
 
     @abstractmethod
     def cancel_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes, stamp_ns: int) -> None:
-        """A client calls `cancel_goal`; zero id and stamp 0 mean all goals, see action_msgs/srv/CancelGoal."""
+        """Take a client's call of `cancel_goal`; zero id and stamp 0 mean all goals (action_msgs/srv/CancelGoal)."""
 
     @abstractmethod
     def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
-        """A client calls `get_result`."""
+        """Take a client's call of `get_result`."""
 
     @abstractmethod
     def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
-        """A client calls a service."""
+        """Take a client's call of a service."""
 
 
 def status_problems(
     status: RelayStatus, post: Post, counters: Counter[str], levels: Mapping[str, int] = MappingProxyType({})
 ) -> RelayStatus:
-    """Returns the status with what diagnostics show; `levels`: how many of what are open now, also when none are."""
+    """Return the status with what diagnostics show; `levels`: how many of what are open now, also when none are."""
     problems = (post.problem,) if post.problem is not None else ()
     counted = tuple(sorted({**(counters + post.counters), **levels}.items()))
     return replace(status, problems=problems, counters=counted)

@@ -30,8 +30,8 @@ from robot_offload_core.relay.robot_used import RobotUsed
 from robot_offload_core.words.messages import Letters, RelayOrders, RelayStatus
 from robot_offload_core.words.token import Site, Token, presence
 
-LOOK_S = 0.02
-"""While anything is open the holder is looked at this often: the collector's memory wakes nobody."""
+HOLDER_LOOK_S = 0.02
+"""How often the holder is looked at while anything is open: the collector's memory wakes no process."""
 GOALS_PENDING = "GoalsPending"
 DIVERGED = "Diverged"
 
@@ -72,7 +72,7 @@ class RobotRelay(RelayProcess):
         self._succeed(list(records))
 
     def _succeed(self, records: list[bytes]) -> None:
-        """Goes on where a predecessor ended: its goals, its waiting clients; its open calls fail."""
+        """Go on where a predecessor ended: its goals, its waiting clients; its open calls fail."""
         said = journal.replay(records)
         self.counters["journal.dropped"] += said.dropped
         self.ledger = journal.restored(self.ledger, said)
@@ -85,7 +85,7 @@ class RobotRelay(RelayProcess):
     # -- the machines -------------------------------------------------------------------------------------------------
 
     def view(self) -> state.View:
-        """Returns what holds now: the collector's memory is read, the rest is what was said last."""
+        """Return what holds now: the collector's memory is read, the rest is what was said last."""
         orders = self.orders
         candidate = orders.candidate if orders is not None else None
         able = frozenset(orders.able) if orders is not None else frozenset()
@@ -96,7 +96,7 @@ class RobotRelay(RelayProcess):
         return state.View(self.ports.holder(), candidate, able, self.up, self.post.heard(), present, standby)
 
     def step(self, event: Event) -> None:
-        """Steps the ledger; what its commands lead to at once follows behind."""
+        """Step the ledger; what its commands lead to at once follows behind."""
         self.queue.append(event)
         if self.running:
             return
@@ -123,7 +123,7 @@ class RobotRelay(RelayProcess):
             self._carry_out(command)
 
     def _keep(self, record: bytes) -> bool:
-        """Appends to the journal, which is written anew in the fewest records when it is full."""
+        """Append to the journal, which is written anew in the fewest records when it is full."""
         if self.ports.keep(record):
             return True
         self.counters["journal.compacted"] += 1
@@ -186,14 +186,14 @@ class RobotRelay(RelayProcess):
 
     @property
     def due_s(self) -> float:
-        """Returns when `turn` has something to do."""
+        """Return when `turn` has something to do."""
         if self.dirty:
             return float("-inf")
         parts = (self.post, self.own, self.requests, self.used)
         return min(self.status_due_s, self.look_due_s, *(part.due_s() for part in parts))
 
     def turn(self) -> None:
-        """Does what is due."""
+        """Do what is due."""
         now_s = self.ports.now_s()
         self.dirty = False
         self.own.turn()
@@ -203,17 +203,17 @@ class RobotRelay(RelayProcess):
         self._report(now_s)
 
     def _look(self, now_s: float) -> None:
-        """Looks at the holder and at deadlines: often while anything is open."""
+        """Look at the holder and at deadlines: often while anything is open."""
         self.step(state.Looked())
         self.requests.settle()
         self.used.settle()
         live = any(goal.ended_s is None for goal in self.ledger.goals.values())
         idle = self.requests.idle() and self.used.idle() and not live
-        self.look_due_s = now_s + (STATUS_S if idle else LOOK_S)
+        self.look_due_s = now_s + (STATUS_S if idle else HOLDER_LOOK_S)
         self.fed = {attempt: n for attempt, n in self.fed.items() if attempt in self.ledger.index}
 
     def handle(self, message: object) -> None:
-        """Takes control's orders and the cloud relay's words."""
+        """Take control's orders and the cloud relay's words."""
         if isinstance(message, RelayOrders):
             self.orders = self.requests.orders = self.used.orders = message
             self.post.agent = message.cloud
@@ -230,7 +230,7 @@ class RobotRelay(RelayProcess):
                 self._take(word)
 
     def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
-        """Takes the servers in the graph."""
+        """Take the servers in the graph."""
         servers = list(servers)
         self.used.servers_seen(servers)
         seen = {name: endpoints for face, name, endpoints in servers if face is Face.GROUP}
@@ -242,7 +242,7 @@ class RobotRelay(RelayProcess):
         self.own.servers_seen({name: endpoints for name, endpoints in seen.items() if name in self.ledger.actions})
 
     def _see(self) -> None:
-        """Works out which servers are up: seen, and their nodes Active; the cloud's as its relay says."""
+        """Work out which servers are up: seen, and their nodes Active; the cloud's as its relay says."""
         active = self.orders.active if self.orders is not None else ()
         ours = {(Site.ROBOT, name) for name in self.services if not self._of.get(name) or self._of[name] in active}
         theirs = {(Site.CLOUD, name) for name in self.post.hello.up} if self.post.hello is not None else set()
@@ -275,7 +275,7 @@ class RobotRelay(RelayProcess):
                 pass
 
     def _feedback(self, action: str, payload: bytes, sequence: int) -> None:
-        """Passes feedback of the holder's copy, in order, under the client's id (rule 5)."""
+        """Pass feedback of the holder's copy, in order, under the client's id (rule 5)."""
         attempt = goal_id_of(payload)
         if attempt is None or sequence <= self.fed.get(attempt, 0):
             return
@@ -289,22 +289,22 @@ class RobotRelay(RelayProcess):
     # -- servers here -------------------------------------------------------------------------------------------------
 
     def offer_answered(self, face: Face, name: str, goal_id: bytes, accepted: bool) -> None:
-        """Takes the answer to an offer."""
+        """Take the answer to an offer."""
         self._at(face).offer_answered(goal_id, accepted)
 
     def cancel_answered(self, face: Face, name: str, goal_id: bytes, code: CancelCode) -> None:
-        """Takes the answer to a cancel."""
+        """Take the answer to a cancel."""
         self._at(face).cancel_answered(goal_id, code)
 
     def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
-        """Takes a result."""
+        """Take a result."""
         if len(payload) > MAX_PAYLOAD:
             self.counters[f"{name}.too_large"] += 1
             payload = b""
         self._at(face).result_arrived(goal_id, status, payload)
 
     def feedback_arrived(self, face: Face, name: str, payload: bytes) -> None:
-        """Takes feedback of the robot's replica, or of a server outside the group."""
+        """Take feedback of the robot's replica, or of a server outside the group."""
         if face is Face.PUBLIC:
             self.used.feedback_arrived(name, payload)
             return
@@ -314,7 +314,7 @@ class RobotRelay(RelayProcess):
             self._feedback(name, payload, sequence)
 
     def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
-        """Takes the answer of a served service, or of a used one (their keys are negative)."""
+        """Take the answer of a served service, or of a used one (their keys are negative)."""
         (self.requests if key > 0 else self.used).answered(key, payload, success)
 
     def _at(self, face: Face) -> Executor:
@@ -323,7 +323,7 @@ class RobotRelay(RelayProcess):
     # -- clients ------------------------------------------------------------------------------------------------------
 
     def goal_requested(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
-        """Takes a goal: of a client at a served action, or of the robot's group at a used one."""
+        """Take a goal: of a client at a served action, or of the robot's group at a used one."""
         goal_id = goal_id_of(payload)
         if face is Face.GROUP:
             self.used.goal_requested(name, caller, payload)
@@ -334,7 +334,7 @@ class RobotRelay(RelayProcess):
             self.step(state.GoalRequested(name, caller, goal_id, payload, self.ports.wall_ns()))
 
     def cancel_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes, stamp_ns: int) -> None:
-        """Takes a client's cancel."""
+        """Take a client's cancel."""
         asked = state.CancelRequested(name, caller, goal_id, stamp_ns)
         if face is Face.GROUP:
             self.used.cancel_requested(asked)
@@ -342,14 +342,14 @@ class RobotRelay(RelayProcess):
             self.step(asked)
 
     def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
-        """Takes a client's question for a result."""
+        """Take a client's question for a result."""
         if face is Face.GROUP:
             self.used.near.ask_result(name, caller, goal_id)
         else:
             self.step(state.ResultRequested(name, caller, goal_id))
 
     def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
-        """Takes a call: of a client at a served service, or of the robot's group at a used one."""
+        """Take a call: of a client at a served service, or of the robot's group at a used one."""
         (self.used if face is Face.GROUP else self.requests).called(name, caller, payload)
 
     # -- levels -------------------------------------------------------------------------------------------------------
@@ -400,7 +400,7 @@ class RobotRelay(RelayProcess):
             self.ports.send(process, status_problems(status, self.post, self.counters, self._levels(view)))
 
     def _levels(self, view: state.View) -> dict[str, int]:
-        """Returns how many goals and calls are open, for diagnostics: of each action and service, and of all."""
+        """Return how many goals and calls are open, for diagnostics: of each action and service, and of all."""
         by_action = questions.open_goals(self.ledger, view)
         calls = Counter(request.spec.name for request in self.requests.desk.requests)
         return {

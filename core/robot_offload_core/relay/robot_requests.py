@@ -45,13 +45,13 @@ class RobotRequests:
         self.orders: RelayOrders | None = None
 
     def fail_open(self, calls: dict[bytes, str]) -> None:
-        """Fails the calls that a predecessor had open: nobody knows whether they were executed."""
+        """Fail the calls that a predecessor had open: nobody knows whether they were executed."""
         for caller, service in calls.items():
             if service in self.desk.services:
                 self._carry_out(Fail(service, caller, Failure.RELAY_RESTARTED))
 
     def settle(self) -> None:
-        """Lets the desk and the used calls decide under the present view."""
+        """Let the desk and the used calls decide under the present view."""
         now_s, view = self.ports.now_s(), self.view()
         if not view.heard and view.holding.site is Site.ROBOT:
             self.desk.lost(Site.CLOUD)
@@ -61,7 +61,7 @@ class RobotRequests:
     # -- served services ----------------------------------------------------------------------------------------------
 
     def called(self, name: str, caller: bytes, payload: bytes) -> None:
-        """Takes a client's call."""
+        """Take a client's call."""
         if len(payload) > MAX_PAYLOAD:
             self._carry_out(Fail(name, caller, Failure.TOO_LARGE))
             return
@@ -72,13 +72,13 @@ class RobotRequests:
         self.settle()
 
     def answered(self, number: int, payload: bytes, success: bool) -> None:
-        """Takes the answer of a server."""
+        """Take the answer of a server."""
         for order in self.desk.answered(number, payload, success):
             self._carry_out(order)
         self.settle()
 
     def take(self, word: CalledWord) -> None:
-        """Takes the cloud relay's answer to an ask."""
+        """Take the cloud relay's answer to an ask."""
         if word.verdict in (CallVerdict.DONE, CallVerdict.FAILED):
             self.answered(word.key, word.payload, word.verdict is CallVerdict.DONE)
         else:
@@ -116,9 +116,9 @@ class RobotRequests:
     # -- levels -------------------------------------------------------------------------------------------------------
 
     def due_s(self) -> float:
-        """Returns when `settle` has something to do."""
+        """Return when `settle` has something to do."""
         return self.desk.due_s()
 
     def idle(self) -> bool:
-        """Returns whether no call is open."""
+        """Return whether no call is open."""
         return not self.desk.requests

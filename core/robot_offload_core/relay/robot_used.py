@@ -66,7 +66,7 @@ class RobotUsed:
         self.number = 0
 
     def succeed(self, said: journal.Replayed) -> None:
-        """Goes on with the goals of a predecessor; its open calls fail."""
+        """Go on with the goals of a predecessor; its open calls fail."""
         for caller, service in said.calls.items():
             if service in self.calls.services:
                 self._fail(
@@ -80,7 +80,7 @@ class RobotUsed:
                 self.near.end(near.id)
 
     def _go_on(self, kept: journal.UsedKept) -> None:
-        """Takes a goal of a predecessor: one that was offered runs, or its server says that it does not."""
+        """Take a goal of a predecessor: one that was offered runs, or its server says that it does not."""
         spec = self.goals.actions.get(kept.action)
         if spec is None:
             return
@@ -92,14 +92,14 @@ class RobotUsed:
             self.out.resume(spec.name, goal.id, NOBODY)
 
     def records(self) -> list[bytes]:
-        """Returns what a successor needs of this, as records of the journal."""
+        """Return what a successor needs of this, as records of the journal."""
         used = [_record(g) for g in self.goals.goals.values()]
         near = [journal.near_kept(goal) for goal in self.near.goals.values()]
         calls = [journal.call_opened(c.caller, c.spec.name) for c in self.calls.calls if c.caller]
         return used + near + calls
 
     def settle(self) -> None:
-        """Lets calls and goals be decided under the present view."""
+        """Let calls and goals be decided under the present view."""
         now_s, view = self.ports.now_s(), self.view()
         effects = self.orders.effects if self.orders is not None else None
         for call, verdict in self.calls.settle(view, effects, now_s):
@@ -111,7 +111,7 @@ class RobotUsed:
     # -- services -----------------------------------------------------------------------------------------------------
 
     def called(self, name: str, caller: bytes, payload: bytes) -> None:
-        """Takes a call of the robot's group."""
+        """Take a call of the robot's group."""
         spec = self.calls.services[name]
         until_s = self.ports.now_s() + spec.timeout_s
         call = UsedCall(spec, Site.ROBOT, None, payload, until_s, caller)
@@ -123,7 +123,7 @@ class RobotUsed:
         self.settle()
 
     def called_in_cloud(self, word: CallWord) -> None:
-        """Takes a call of the cloud's group."""
+        """Take a call of the cloud's group."""
         spec = self.calls.services.get(word.service)
         if spec is None:
             self.post.write(CalledWord(Face.PUBLIC, word.key, CallVerdict.REFUSED, b""))
@@ -149,7 +149,7 @@ class RobotUsed:
         self.ports.fail_call(Face.GROUP, call.spec.name, call.caller, why.value, SENTENCES[why])
 
     def answered(self, number: int, payload: bytes, success: bool) -> None:
-        """Takes the answer of a service outside; the keys of its calls are negative."""
+        """Take the answer of a service outside; the keys of its calls are negative."""
         call = self.calls.answered(number)
         if call is None:
             return
@@ -163,7 +163,7 @@ class RobotUsed:
     # -- goals: clients of the robot's group --------------------------------------------------------------------------
 
     def goal_requested(self, name: str, caller: bytes, payload: bytes) -> None:
-        """Takes a goal of the robot's group: accepted at once where its side may act or is preparing."""
+        """Take a goal of the robot's group: accepted at once where its side may act or is preparing."""
         spec, goal_id = self.goals.actions[name], goal_id_of(payload)
         effects = self.orders.effects if self.orders is not None else None
         standby = admit(self.view(), effects, Site.ROBOT, None) is Admission.REFUSE
@@ -174,14 +174,14 @@ class RobotUsed:
             self._add(UsedGoal(goal_id, spec, Site.ROBOT, None, payload, self.ports.now_s() + spec.timeout_s))
 
     def cancel_requested(self, asked: CancelRequested) -> None:
-        """Takes a cancel of the robot's group."""
+        """Take a cancel of the robot's group."""
         for goal_id in self.near.cancel(asked):
             self._cancel(goal_id)
 
     # -- goals: the cloud relay's words -------------------------------------------------------------------------------
 
     def take(self, word: OfferWord | CancelWord | ResumeWord) -> None:
-        """Takes what the cloud's relay says of a goal of its group."""
+        """Take what the cloud's relay says of a goal of its group."""
         spec = self.goals.actions.get(word.action)
         if spec is None:
             self._tell_ended(word.attempt, GoalStatus.UNKNOWN, b"")
@@ -195,7 +195,7 @@ class RobotUsed:
             self._add(UsedGoal(word.attempt, spec, Site.CLOUD, word.token, word.payload, until_s, relay=peer))
 
     def _resume(self, word: ResumeWord, name: str) -> None:
-        """The cloud's relay asks what became of a goal: we are another relay than the one that it gave the goal to."""
+        """Answer what became of a goal that the cloud's relay gave to our predecessor."""
         goal = self.goals.goals.get(word.attempt)
         if goal is None:
             stay = self.view().holding.stay if word.token == self.view().holding.token else NO_STAY
@@ -207,7 +207,7 @@ class RobotUsed:
             self.post.write(OfferedWord(Face.PUBLIC, goal.id, CallVerdict.DONE))
 
     def cloud_relay_met(self) -> None:
-        """Another relay serves the cloud's group: the clients of the former one hear nothing any more."""
+        """Meet another relay of the cloud's group: the clients of the former one hear nothing any more."""
         for goal in self.goals.orphaned(self.post.courier.peer, self.ports.now_s()):
             self.keep(journal.used_ended(goal.id))
         self.settle()
@@ -291,7 +291,7 @@ class RobotUsed:
     # -- servers outside ----------------------------------------------------------------------------------------------
 
     def feedback_arrived(self, name: str, payload: bytes) -> None:
-        """Takes feedback of a server outside."""
+        """Take feedback of a server outside."""
         goal_id = goal_id_of(payload)
         goal = self.goals.goals.get(goal_id) if goal_id is not None else None
         if goal is None or goal.spec.name != name or len(payload) > MAX_PAYLOAD:
@@ -302,7 +302,7 @@ class RobotUsed:
             self.post.write_once(FeedbackWord(Face.PUBLIC, name, self.out.feedback_arrived(goal.id), payload))
 
     def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
-        """Takes the servers in the graph."""
+        """Take the servers in the graph."""
         actions = self.goals.actions
         self.out.servers_seen({name: text for face, name, text in servers if face is Face.PUBLIC and name in actions})
         self.settle()
@@ -310,11 +310,11 @@ class RobotUsed:
     # -- levels -------------------------------------------------------------------------------------------------------
 
     def due_s(self) -> float:
-        """Returns when there is something to do."""
+        """Return when there is something to do."""
         return min(self.calls.due_s(), self.goals.due_s(), self.out.due_s())
 
     def idle(self) -> bool:
-        """Returns whether no call and no goal is open."""
+        """Return whether no call and no goal is open."""
         return not (self.calls.calls or self.goals.goals)
 
 

@@ -27,7 +27,7 @@ class Mirror:
 
 
 def own(mirror: Mirror, token: Token, *, in_charge: bool) -> tuple[Mirror, bool]:
-    """Returns whether a message of a replica here, sent under `token`, goes to the consumers here.
+    """Return whether a message of a replica here, sent under `token`, goes to the consumers here.
 
     Args:
         mirror: state of the gate.
@@ -38,7 +38,7 @@ def own(mirror: Mirror, token: Token, *, in_charge: bool) -> tuple[Mirror, bool]
 
 
 def mirrored(mirror: Mirror, token: Token) -> tuple[Mirror, bool]:
-    """Returns whether a message that has passed at the robot under `token` goes to the consumers here."""
+    """Return whether a message that has passed at the robot under `token` goes to the consumers here."""
     return _pass(mirror, token, Site.ROBOT)
 
 

@@ -17,6 +17,7 @@ SLOWER = 1.3
 FASTER = 0.9
 """The distance shrinks by this after each calm stretch: from a third of a rate to all of it in six seconds."""
 CALM_S = 0.5
+"""After this long without a refusal the pace rises again."""
 REFUSALS_S = 0.3
 """Refusals within this time are one: all that is sent before an acknowledgement meets the same full link."""
 AVERAGED = 0.1
@@ -46,7 +47,7 @@ class Pace:
     changed_s: float = float("-inf")
 
     def passes(self, now_s: float) -> bool:
-        """Takes a message; returns whether it is sent."""
+        """Take a message; return whether it is sent."""
         if not self.slowest_s:
             return True
         if self.came_s is not None:
@@ -63,7 +64,7 @@ class Pace:
         return True
 
     def slow(self, now_s: float) -> bool:
-        """Makes the distance longer; returns whether that was possible."""
+        """Make the distance longer; return whether that was possible."""
         if not self.slowest_s or not self.usual_s or self.least_s >= self.slowest_s:
             return False
         self.least_s = min(self.slowest_s, SLOWER * max(self.least_s, self.usual_s))
@@ -86,11 +87,11 @@ class Paces:
         self._refused_s = float("-inf")
 
     def passes(self, name: str, now_s: float) -> bool:
-        """Takes a message of an input; returns whether it is sent."""
+        """Take a message of an input; return whether it is sent."""
         return self.of[name].passes(now_s)
 
     def refused(self, name: str, now_s: float) -> None:
-        """Notes that the link has refused a message: the lowest priority that can be thinned is."""
+        """Note that the link has refused a message: the lowest priority that can be thinned is."""
         own = self.of[name]
         for pace in self.of.values():
             if pace.least_s:

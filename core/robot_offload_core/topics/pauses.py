@@ -21,12 +21,12 @@ class Pauses:
         self.lasted_s = 0.0
 
     def waited(self, now: float) -> bool:
-        """A sign of life; whether what is handled now may have waited through a pause."""
+        """Sign life; return whether what is handled now may have waited through a pause."""
         if now - self.alive_s > LIMIT_S:
             self.until_s, self.lasted_s = now + DRAIN_S, now - self.alive_s
         self.alive_s = now
         return now < self.until_s
 
     def at_most_s(self, now: float) -> float:
-        """A sign of life; how long what is handled now may have waited through a pause, 0 when there was none."""
+        """Sign life; return how long what is handled now may have waited through a pause, 0 without one."""
         return self.lasted_s + DRAIN_S if self.waited(now) else 0.0

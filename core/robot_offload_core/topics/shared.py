@@ -22,6 +22,7 @@ ECHO_S = 3.0
 """What has not come back by then was lost on the way."""
 MAX_ECHOES = 4096
 OWN_FRAME_S = 1.0
+"""Longest age of a replica's newest transform at which it still publishes the frame itself."""
 OWN_PERIODS = 2.0
 OWN_JITTER_S = 0.05
 """A replica publishes a frame itself while its newest transform is no older than two of its periods and a jitter, at
@@ -30,9 +31,9 @@ FADING = 0.9
 """What is left of the longest distance of two transforms at each further one: a burst is no period."""
 
 
-MAX_LATCHED = 64
+MAX_LATCHED_OF_OTHERS = 64
 TAKEN_S = 10.0
-"""So long a frame of the group that somebody else has published stays a problem; static ones are published once."""
+"""How long a frame of the group that another node has published stays a problem; static ones are published once."""
 
 
 class Echoes:
@@ -42,12 +43,12 @@ class Echoes:
     """
 
     def __init__(self, *, latched: bool = False) -> None:
-        self.lasting: deque[Any] = deque(maxlen=MAX_LATCHED if latched else 0)
+        self.lasting: deque[Any] = deque(maxlen=MAX_LATCHED_OF_OTHERS if latched else 0)
         self.waiting: dict[Any, int] = {}
         self.order: deque[tuple[float, Any]] = deque()
 
     def put(self, payload: Any, now_s: float) -> None:
-        """Notes a message just before it is published."""
+        """Note a message just before it is published."""
         if self.lasting.maxlen:
             self.lasting.append(payload)
             return
@@ -57,7 +58,7 @@ class Echoes:
         self.waiting[payload] = self.waiting.get(payload, 0) + 1
 
     def own(self, payload: Any, now_s: float) -> bool:
-        """Returns whether a message that was heard is one of ours that came back; each counts once, or is latched."""
+        """Return whether a message that was heard is one of ours that came back; each counts once, or is latched."""
         if self.lasting.maxlen:
             return payload in self.lasting
         while self.order and now_s - self.order[0][0] > ECHO_S:
@@ -98,11 +99,11 @@ class Loop:
         self.taken_s: dict[str, float] = {}
 
     def say(self, payload: Any, now_s: float) -> None:
-        """Notes a message just before it is published on the public topic."""
+        """Note a message just before it is published on the public topic."""
         self.said.put(payload, now_s)
 
     def others(self, payload: Any, now_s: float) -> Any | None:
-        """Takes a message of the public topic; returns what others said in it, to be filled in; None for nothing.
+        """Take a message of the public topic; return what others said in it, to be filled in; None for nothing.
 
         The group's own frames are left out whoever says them: a frame has one parent.
         """
@@ -118,7 +119,7 @@ class Loop:
         return self._fill(self._only(payload, theirs), now_s)
 
     def taken(self, side: Site, nodes: Collection[str], now_s: float) -> tuple[str, str] | None:
-        """Returns the problem that somebody else publishes frames of the group; None when nobody does.
+        """Return the problem that somebody else publishes frames of the group; None when nobody does.
 
         Args:
             side: where this is.
@@ -133,7 +134,7 @@ class Loop:
         return Problem.FRAME_TAKEN, f"{frames} of the group is published on {self.topic} {where} also by {culprit}"
 
     def replica(self, payload: Any, now_s: float) -> Any | None:
-        """Takes a message of the private topic; returns what the replica said in it; None for nothing of it."""
+        """Return the part of a private-topic message that the replica itself published, or None."""
         if self.filled.own(payload, now_s):
             return None
         if not self.frames:
@@ -149,7 +150,7 @@ class Loop:
         return self._only(payload, ours)
 
     def _heard(self, child: str, now_s: float) -> None:
-        """Notes that the replica has published a frame, and in which distance it does."""
+        """Note that the replica has published a frame, and in which distance it does."""
         if child in self.heard_s:
             distance_s = now_s - self.heard_s[child]
             usual_s = FADING * self.period_s.get(child, 0.0)
@@ -157,18 +158,18 @@ class Loop:
         self.heard_s[child] = now_s
 
     def _publishes(self, child: str, now_s: float) -> bool:
-        """Returns whether the replica of this side publishes a frame itself at present."""
+        """Return whether the replica of this side publishes a frame itself at present."""
         if child not in self.heard_s:
             return False
         period_s = self.period_s.get(child, OWN_FRAME_S)
         return now_s - self.heard_s[child] <= min(OWN_FRAME_S, OWN_PERIODS * period_s + OWN_JITTER_S)
 
     def holder(self, payload: Any, now_s: float) -> Any | None:
-        """Takes a message of the other side that has passed; returns what of it is to be filled in on this one."""
+        """Take a message of the other side that has passed; return what of it is to be filled in on this one."""
         return self._fill(self._only(payload, lambda t: not self._publishes(t.child, now_s)), now_s)
 
     def far(self, payload: Any, now_s: float) -> Any | None:
-        """Takes what others said on the robot, here in the cloud; returns what is to be filled in."""
+        """Take what others said on the robot, here in the cloud; return what is to be filled in."""
         return self._fill(payload, now_s)
 
     def _fill(self, payload: Any | None, now_s: float) -> Any | None:

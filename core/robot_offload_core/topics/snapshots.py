@@ -50,7 +50,7 @@ class Snapshot:
 
 
 def parse(message: bytes, max_size: int) -> Snapshot | Refused:
-    """Reads a snapshot from a serialized UInt8MultiArray.
+    """Read a snapshot from a serialized UInt8MultiArray.
 
     Args:
         message: CDR as the middleware gives it; may come from anybody.
@@ -94,12 +94,12 @@ class Standing:
     age_s: float = 0.0
 
     def aged_s(self, now_s: float) -> float:
-        """Returns an upper bound of the age of what the standby has, seconds; infinite before the first one."""
+        """Return an upper bound of the age of what the standby has, seconds; infinite before the first one."""
         return float("inf") if self.taken_s is None else now_s - self.taken_s + self.age_s
 
 
 def take(standing: Standing, opened: Envelope, now_s: float) -> Standing | Refused:
-    """Returns the standing with a newer snapshot, or that the snapshot is not newer.
+    """Return the standing with a newer snapshot, or that the snapshot is not newer.
 
     Args:
         standing: what the standby has.

@@ -37,17 +37,17 @@ class SwitchSilence:
         self.gap_ms: float | None = None
 
     def passes(self, site: Site, now_s: float) -> None:
-        """Takes the side that passes from now on."""
+        """Take the side that passes from now on."""
         if site is not self.site:
             self.site, self.changed_s, self.gap_ms = site, now_s, None
 
     def ended(self, before_s: float, now_s: float) -> None:
-        """Takes the moments of two commands of one output that follow each other."""
+        """Take the moments of two commands of one output that follow each other."""
         if self.changed_s is not None and before_s <= self.changed_s + SWITCH_S:
             self.gap_ms = max(self.gap_ms or 0.0, (now_s - before_s) * 1e3)
 
     def known(self, now_s: float) -> tuple[Site, float, float] | None:
-        """Returns the side, when it began to pass, and the silence around that; None: it is not over yet."""
+        """Return the side, when it began to pass, and the silence around that; None: it is not over yet."""
         if self.changed_s is None or self.gap_ms is None or now_s <= self.changed_s + SWITCH_S:
             return None
         return self.site, self.changed_s, round(self.gap_ms, 1)
@@ -60,16 +60,16 @@ class Ages:
         self._newest: dict[str, tuple[float, float]] = {}
 
     def came(self, name: str, age_s: float, now_s: float) -> None:
-        """Takes a message; an age that is not known is infinite."""
+        """Take a message; an age that is not known is infinite."""
         self._newest[name] = now_s, age_s
 
     def known(self, now_s: float) -> tuple[tuple[str, int], ...]:
-        """Returns the ages in ms of topics that speak now."""
+        """Return the ages in ms of topics that speak now."""
         newest = self._newest.copy()  # another thread may add to them
         fresh = {name: age_s for name, (at_s, age_s) in newest.items() if now_s - at_s <= AGE_COUNTS_S and age_s < inf}
         return tuple((name, round(age_s * 1e3)) for name, age_s in fresh.items())
 
 
 def bucket(bounds: tuple[int, ...], value: float) -> int:
-    """Returns the index of the count to which a value belongs."""
+    """Return the index of the count to which a value belongs."""
     return bisect_left(bounds, value)

@@ -35,7 +35,7 @@ class Transform:
 
 
 def read(payload: bytes) -> list[Transform]:
-    """Returns the transforms of a message.
+    """Return the transforms of a message.
 
     Raises:
         TransformsError: the bytes are no TFMessage.
@@ -57,7 +57,7 @@ def read(payload: bytes) -> list[Transform]:
 
 
 def only(payload: bytes, wanted: Callable[[Transform], bool]) -> bytes | None:
-    """Returns a message with the wanted transforms alone, None when there are none; the same bytes when all are.
+    """Return a message with the wanted transforms alone, None when there are none; the same bytes when all are.
 
     Raises:
         TransformsError: the bytes are no TFMessage.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-WINDOW_S = 10.0
+WAITS_WINDOW_S = 10.0
 """The smallest way is that of the present window and the one before: a clock that was set is believed after two."""
 STEP_S = 0.020
 """More than a system clock is slewed by between two messages: it was set."""
@@ -29,7 +29,7 @@ class Waits:
         self.learns_s = -math.inf
 
     def waited_s(self, published_s: float, system_s: float, now_s: float) -> float:
-        """Returns how much longer the way of a message was than the shortest one of late, 0 where nothing is known.
+        """Return how much longer the way of a message was than the shortest one of late, 0 where nothing is known.
 
         Args:
             published_s: the publisher's stamp, by the system clock of its host.
@@ -42,8 +42,8 @@ class Waits:
             self.learns_s = now_s + ON_THE_WAY_S
         if now_s < self.learns_s:
             return 0.0
-        if now_s - self.window_s > WINDOW_S:
-            idle = now_s - self.window_s > 2 * WINDOW_S
+        if now_s - self.window_s > WAITS_WINDOW_S:
+            idle = now_s - self.window_s > 2 * WAITS_WINDOW_S
             self.shortest_before_s = math.inf if idle else self.shortest_s
             self.shortest_s, self.window_s = math.inf, now_s
         way_s = system_s - published_s

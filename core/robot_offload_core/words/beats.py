@@ -78,7 +78,7 @@ class Permission:
     presence: bool = False
 
     def token(self, robot: str) -> Token:
-        """The token that a grant names."""
+        """Return the token that a grant names."""
         return Token(robot, self.epoch, self.cloud)
 
 
@@ -135,7 +135,7 @@ class Beat:
 
 
 def encode(beat: Beat) -> str:
-    """The text of a beat; raises BeatError if it would not be read back."""
+    """Encode a beat as text; raise BeatError if decoding would not return the same beat."""
     echo = beat.echo
     words = [
         VERSION,
@@ -174,14 +174,14 @@ def encode(beat: Beat) -> str:
 
 
 def _grant(body: Permission) -> int:
-    """Returns the value of a grant on the wire."""
+    """Return the value of a grant on the wire."""
     if body.granted:
         return GRANT_IN_CHARGE if body.in_charge else GRANT_CANDIDATE
     return GRANT_PRESENCE if body.presence else 0
 
 
 def encode_fitting(beat: Beat) -> str:
-    """Returns the text of a beat; of a bare one, which renews nothing, when the whole would be too long to be read."""
+    """Return the text of a beat; of a bare one, which renews nothing, when the whole would be too long to be read."""
     try:
         return encode(beat)
     except BeatError:
@@ -189,7 +189,7 @@ def encode_fitting(beat: Beat) -> str:
 
 
 def _age(age_us: int) -> str:
-    """Returns an age as it is written: whole milliseconds, rounded up, never more than MAX_AGE_MS; -1 never."""
+    """Return an age as it is written: whole milliseconds, rounded up, never more than MAX_AGE_MS; -1 never."""
     return "-1" if age_us < 0 else str(min(MAX_AGE_MS, -(-age_us // 1000)))
 
 
@@ -238,7 +238,7 @@ _USUAL = re.compile(
 
 
 def decode(text: str) -> Beat:
-    """Reads a beat; raises BeatError for anything that is not one."""
+    """Read a beat; raise BeatError for anything that is not one."""
     if len(text) > MAX_LENGTH:
         raise BeatError("BadForm", "too long")
     usual = _USUAL.fullmatch(text)
@@ -248,7 +248,7 @@ def decode(text: str) -> Beat:
 
 
 def _usual(found: tuple[str, ...]) -> Beat:
-    """Returns the beat of a match, in less than half the time that reading it word by word takes."""
+    """Return the beat of a match, in less than half the time that reading it word by word takes."""
     uid, cloud, incarnation, sequence, sent_us, wall_us, control_us, echoed, echo_number, echo_us, hold_us = found[:11]
     body: Permission | CloudReport
     if cloud is None:

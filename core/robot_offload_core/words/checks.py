@@ -21,12 +21,12 @@ class InvariantError(Exception):
 
 
 def rule_of(error: InvariantError | AssertionError) -> str:
-    """Returns which rule was broken, in words."""
+    """Return which rule was broken, in words."""
     return error.rule if isinstance(error, InvariantError) else str(error) or "an assertion of the core"
 
 
 def require(machine: str, event: object, *rules: tuple[bool, str]) -> None:
-    """Raises InvariantError with the first of `rules` (holds, what does not hold) that is broken."""
+    """Raise InvariantError with the first of `rules` (holds, what does not hold) that is broken."""
     for holds, rule in rules:
         if not holds:
             raise InvariantError(machine, rule, event)

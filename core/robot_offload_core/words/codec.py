@@ -18,12 +18,12 @@ class CodecError(ValueError):
 
 
 def plain(value: Any) -> Any:
-    """Returns dataclasses as lists of their fields, enums as their values, tuples as lists."""
+    """Return dataclasses as lists of their fields, enums as their values, tuples as lists."""
     return _writer(value.__class__)(value)
 
 
 def typed(kind: Any, value: Any) -> Any:
-    """Returns the inverse of `plain` for the type `kind`; raises CodecError."""
+    """Return the inverse of `plain` for the type `kind`; raise CodecError."""
     return _reader(kind)(value)
 
 
@@ -34,7 +34,7 @@ def _names(cls: Any) -> tuple[str, ...]:
 
 @cache
 def _writer(kind: Any) -> Reader:
-    """Returns what writes values of one class: worked out once, as for reading."""
+    """Return what writes values of one class: worked out once, as for reading."""
     if is_dataclass(kind):
         names = tuple(field.name for field in fields(kind))
         return lambda value: [_writer((v := getattr(value, name)).__class__)(v) for name in names]
@@ -51,7 +51,7 @@ def _same(value: Any) -> Any:
 
 @cache
 def _reader(kind: Any) -> Reader:
-    """Returns what reads one type: worked out once, because messages are read some hundred times a second."""
+    """Return what reads one type: worked out once, because messages are read some hundred times a second."""
     origin = get_origin(kind)
     if origin in (Union, UnionType):
         return _union(kind)

@@ -80,7 +80,7 @@ class While:
     within_s: float = 0.0
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         if bool(self.actions) == bool(self.topic):
             raise SettingsError("while: must name either actions or one topic")
         _check_names("while.actions", self.actions)
@@ -97,7 +97,7 @@ class Frame:
     child: str
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         for field, value in (("frames.parent", self.parent), ("frames.child", self.child)):
             if not _FRAME.fullmatch(value):
                 raise SettingsError(f"{field}: {value!r} must be a frame's name without a leading slash")
@@ -130,7 +130,7 @@ class ServiceSpec:
     hot: tuple[Site, ...] = ()
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         _check_name("name", self.name)
         _check_type("type", self.type, _SERVICE_TYPE, "PKG/srv/Name")
         _check_positive("timeout_s", self.timeout_s)
@@ -171,7 +171,7 @@ class ActionSpec:
     hot: tuple[Site, ...] = ()
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         _check_name("name", self.name)
         _check_type("type", self.type, _ACTION_TYPE, "PKG/action/Name")
         for field in ("hold_for_s", "timeout_s", "result_timeout_s"):
@@ -201,7 +201,7 @@ class UsedService:
     of_cloud: bool = False
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         _check_name("name", self.name)
         _check_type("type", self.type, _SERVICE_TYPE, "PKG/srv/Name")
         _check_positive("timeout_s", self.timeout_s)
@@ -228,7 +228,7 @@ class UsedAction:
     of_cloud: bool = False
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         _check_name("name", self.name)
         _check_type("type", self.type, _ACTION_TYPE, "PKG/action/Name")
         _check_positive("timeout_s", self.timeout_s)
@@ -253,7 +253,7 @@ class TopicState:
     type: str = "auto"
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         _check_name("topic", self.topic)
         _check_name("restore", self.restore)
         if self.topic == self.restore:
@@ -275,7 +275,7 @@ class ParameterState:
     except_: tuple[str, ...] = ()
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         if len(set(self.nodes)) != len(self.nodes):
             raise SettingsError("nodes: must name each node once")
 
@@ -295,7 +295,7 @@ class SnapshotState:
     max_size: int = MEBIBYTE
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         _check_positive("max_age_s", self.max_age_s)
         if not 0 < self.max_size <= LARGEST_SNAPSHOT:
             raise SettingsError(f"max_size: must be from 1 to {LARGEST_SNAPSHOT} bytes")

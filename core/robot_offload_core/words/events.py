@@ -10,7 +10,7 @@ from robot_offload_core.words.token import Site, Token
 
 
 def assert_never(unexpected: NoReturn) -> NoReturn:
-    """Ends a `match` over a union: a kind that no case takes in is an error of types, and raises at run time.
+    """End a `match` over a union: a kind that no case takes in is an error of types, and raise at run time.
 
     Raises:
         TypeError: something came that is none of the union's types.
@@ -57,13 +57,13 @@ class Witness(Protocol):
     """Sees every step of a control process's machines, as a black box does."""
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Takes a step: event in, state after it and commands out. Must return at once."""
+        """Take a step: event in, state after it and commands out. Must return at once."""
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Takes a state that no step has led to: the first one, or one with settings changed."""
+        """Take a state that no step has led to: the first one, or one with settings changed."""
 
     def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
-        """Takes an event whose step broke a rule of the machine: the process ends as soon as this returns."""
+        """Take an event whose step broke a rule of the machine: the process ends as soon as this returns."""
 
 
 @dataclass(frozen=True)

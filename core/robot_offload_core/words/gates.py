@@ -126,7 +126,7 @@ class GateReport:
 
     @staticmethod
     def names(indices: tuple[int, ...], outputs: tuple[OutputSpec, ...]) -> tuple[str, ...]:
-        """Returns the names of these outputs, as far as they are known here."""
+        """Return the names of these outputs, as far as they are known here."""
         if not indices:
             return ()
         return tuple(outputs[i].shown for i in indices if i < len(outputs))

@@ -47,7 +47,7 @@ class Heard:
     arrived_s: float
 
     def echo_us(self, waited_s: float) -> int:
-        """Returns what an envelope refers to when its message waited so long before it was taken: an older beat."""
+        """Return what an envelope refers to when its message waited so long before it was taken: an older beat."""
         return max(1, self.sent_us - round(waited_s * 1e6))
 
 

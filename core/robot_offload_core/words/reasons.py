@@ -25,14 +25,14 @@ class Explained(str, Enum):
     advice: str
 
     def __new__(cls, word: str, cause: str, advice: str = "") -> Explained:
-        """Makes the member with the value `word`."""
+        """Make the member with the value `word`."""
         member = str.__new__(cls, word)
         member._value_ = word
         member.cause, member.advice = cause, advice
         return member
 
     def __str__(self) -> str:
-        """Returns the word itself."""
+        """Return the word itself."""
         return self._value_
 
     __hash__ = str.__hash__  # a member is the key that its word is
@@ -69,7 +69,7 @@ class Reason(Explained):
     kind: Kind
 
     def __new__(cls, word: str, kind: Kind, cause: str, advice: str = "") -> Reason:
-        """Makes the member with the value `word`."""
+        """Make the member with the value `word`."""
         member = str.__new__(cls, word)
         member._value_ = word
         member.kind, member.cause, member.advice = kind, cause, advice
@@ -77,7 +77,7 @@ class Reason(Explained):
 
     @property
     def urgent(self) -> bool:
-        """Waits for no dwell, starts no hold-down and lets no retry wait: a veto, a pin or a switch by hand."""
+        """Wait for no dwell, start no hold-down and let no retry wait: a veto, a pin or a switch by hand."""
         return self.kind in (Kind.VETO, Kind.PIN, Kind.HAND)
 
     @property
@@ -87,17 +87,25 @@ class Reason(Explained):
 
     @property
     def yields_to_need(self) -> bool:
-        """Asks for the robot, but not for a standstill: given up when the robot cannot act and the cloud can."""
+        """Ask for the robot, but not for a standstill: given up when the robot cannot act and the cloud can."""
         return self.kind is not Kind.PIN and (self.kind is not Kind.VETO or self in _YIELDING_VETOES)
 
     @property
     def forbids(self) -> bool:
-        """Forbids the cloud and ends a stay there, when another process finds it.
+        """Forbid the cloud and end a stay there, when another process finds it.
 
         What does not is judged only before a stay: it hinders the policy, delays a pin or a switch by hand, and is
         otherwise only reported.
         """
         return self.kind in (Kind.LIMIT, Kind.VETO)
+
+    @property
+    def hardens(self) -> bool:
+        """Return whether this veto becomes a hard limit when the robot is not in charge by the activation deadline.
+
+        While such a veto stands consumers may hear two producers: goals and nodes buy no more time for it.
+        """
+        return self in _HARDENING_VETOES
 
     STARTING = "Starting", Kind.STATE, "The control process has just started", "Wait for the first beat of the cloud"
 
@@ -284,6 +292,9 @@ class Reason(Explained):
 _YIELDING_VETOES = frozenset({Reason.POD_STOPPING})
 """Vetoes for which no robot stands still; for all others that is better than to let the cloud act."""
 
+_HARDENING_VETOES = frozenset({Reason.SECOND_PUBLISHER, Reason.UNDECLARED_PUBLISHER, Reason.SECOND_LIFECYCLE_MANAGER})
+"""Vetoes that are about two at once: "never two" comes before "never none" and before "nothing lost"."""
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -295,7 +306,7 @@ class Verdict:
 
 
 def silence(site: Site, names: tuple[str, ...]) -> str:
-    """Returns the sentence about rated outputs of a side that are silent."""
+    """Return the sentence about rated outputs of a side that are silent."""
     who = f"output{'s' * (len(names) > 1)} {', '.join(names)}" if names else "rated outputs"
     verb = "is" if len(names) == 1 else "are"
     return f"The {site.value}'s {who} {verb} silent"

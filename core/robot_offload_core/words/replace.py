@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 else:
 
     def replace(state, /, **changes):
-        """A copy of `state` with `changes`; raises TypeError for a field that it does not have."""
+        """Return a copy of `state` with `changes`; raise TypeError for a field that it does not have."""
         fields = state.__dict__
         joined = {**fields, **changes}
         if len(joined) != len(fields):

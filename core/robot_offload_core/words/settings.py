@@ -21,7 +21,9 @@ STALL_BEATS = 2.5
 STALL_LEAST_S = 0.050
 """Two turns of a control process (20 ms) and its slack (10 ms)."""
 PAUSE_MOST_S = 0.150
+"""Longest gap between steps of the cloud that leaves its lease valid (see pause_s)."""
 ROBOT_LIVE_LEAST_S = 1.0
+"""Least silence after which another incarnation of the robot may be served."""
 LOOKS_S = 0.060
 """Shortest deadline of an output that can be judged: a look of the collector may be late."""
 LARGEST_MESSAGE = 16 * MEBIBYTE
@@ -130,7 +132,7 @@ class Settings:
         return self.prepare_deadline_s or self.activation_deadline_s
 
     def check(self) -> None:
-        """Raises SettingsError naming the first setting that cannot work."""
+        """Raise SettingsError naming the first setting that cannot work."""
         for rule in RULES:
             message = rule.broken(self)
             if message:
@@ -254,16 +256,16 @@ class OutputSpec:
 
     @property
     def shown(self) -> str:
-        """Returns how the output is called in sentences: its topic, else its identifier."""
+        """Return how the output is called in sentences: its topic, else its identifier."""
         return self.topic or self.name
 
     @property
     def rated(self) -> bool:
-        """Returns whether the silence of a side's replica is judged."""
+        """Return whether the silence of a side's replica is judged."""
         return self.deadline_s > 0 and not self.of_cloud
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         if problem := self.problem():
             raise SettingsError(f"deadline_s: {problem}")
         if self.while_ is not None:
@@ -284,13 +286,13 @@ class OutputSpec:
             raise SettingsError("max_age_s: must be at least 0")
 
     def problem(self) -> str:
-        """Returns why its deadline is none; "" when all is well."""
+        """Return why its deadline is none; "" when all is well."""
         if not self.deadline_s or self.deadline_s > self.period_s:
             return ""
         return f"must exceed the period, {self.period_s * 1e3:g} ms at {1 / self.period_s:g} Hz"
 
     def too_tight(self) -> str:
-        """Returns why its deadline may be missed although all is well; "" when it is kept."""
+        """Return why its deadline may be missed although all is well; "" when it is kept."""
         if not 0 < self.deadline_s < LOOKS_S:
             return ""
         return f"should be at least {LOOKS_S * 1e3:g} ms: a look of the collector may be late"
@@ -317,7 +319,7 @@ class InputSpec:
     latest: bool = False
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         for name in ("max_age_s", "max_rate_hz", "min_rate_hz"):
             if not getattr(self, name) >= 0:
                 raise SettingsError(f"{name}: must be at least 0")
@@ -325,7 +327,7 @@ class InputSpec:
             raise SettingsError(f"min_rate_hz: must not exceed max_rate_hz, {self.max_rate_hz:g} Hz")
 
     def too_tight(self, settings: Settings) -> str:
-        """Returns why its limit is broken on a good link too; "" when it is kept there."""
+        """Return why its limit is broken on a good link too; "" when it is kept there."""
         least_s = settings.allowed_loop_s + settings.beat_period_s
         if not self.max_age_s or self.max_age_s > least_s:
             return ""
@@ -354,6 +356,6 @@ class NodeSpec:
     names: tuple[str, ...] = ()
 
     def check(self) -> None:
-        """Raises SettingsError naming the first value that cannot work."""
+        """Raise SettingsError naming the first value that cannot work."""
         if self.duplicated and not self.lifecycle and not self.hot:
             raise SettingsError("hot: must be true, a node without a lifecycle is active on both sides")

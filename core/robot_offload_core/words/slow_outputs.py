@@ -15,6 +15,7 @@ from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import OutputSpec
 
 NEVER_S = -1e9
+"""A time before all others."""
 
 
 @dataclass(frozen=True)
@@ -34,31 +35,31 @@ class SlowOutput:
     woken_s: float = NEVER_S
 
     def excused(self, now_s: float) -> bool:
-        """Whether its node has returned no longer ago than it may be silent."""
+        """Return whether its node has returned no longer ago than it may be silent."""
         return now_s - self.woken_s <= self.deadline_s
 
     def unseen(self, since_s: float, now_s: float) -> bool:
-        """Whether nothing is known of it since `since_s`, for longer than it may be silent."""
+        """Return whether nothing is known of it since `since_s`, for longer than it may be silent."""
         return now_s - max(since_s, self.seen_s, self.woken_s) > self.deadline_s
 
 
 def start(outputs: tuple[OutputSpec, ...]) -> tuple[SlowOutput, ...]:
-    """Returns what is known at the start: of every rated output, because which ones are slow is a setting."""
+    """Return what is known at the start: of every rated output, because which ones are slow is a setting."""
     return tuple(SlowOutput(i, o.deadline_s) for i, o in enumerate(outputs) if o.rated)
 
 
 def is_slow(output: OutputSpec, activation_s: float) -> bool:
-    """Returns whether a rated output has more time for its next message than nodes have to wake (0: unknown, no)."""
+    """Return whether a rated output has more time for its next message than nodes have to wake (0: unknown, no)."""
     return output.rated and 0.0 < activation_s < output.deadline_s
 
 
 def see(known: tuple[SlowOutput, ...], flowing: Collection[int], now_s: float) -> tuple[SlowOutput, ...]:
-    """Notes the outputs, by index, of which the collector knows a message in time."""
+    """Note the outputs, by index, of which the collector knows a message in time."""
     return tuple(replace(one, seen_s=now_s) if one.index in flowing else one for one in known)
 
 
 def wake(known: tuple[SlowOutput, ...], asleep: Collection[int], now_s: float) -> tuple[SlowOutput, ...]:
-    """Notes whose nodes sleep. A return counts when a message was seen since the one that counted before."""
+    """Note whose nodes sleep. A return counts when a message was seen since the one that counted before."""
     return tuple(_woken(one, one.index in asleep, now_s) for one in known)
 
 

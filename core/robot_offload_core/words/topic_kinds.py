@@ -8,7 +8,7 @@ from robot_offload_core.words.reasons import Reason
 
 
 def otherwise(topic: str, declared: str, found: Iterable[tuple[str, str]]) -> tuple[str, str] | None:
-    """Returns the problem, (reason, message), of a topic that is published with another type than declared.
+    """Return the problem, (reason, message), of a topic that is published with another type than declared.
 
     Args:
         topic: public or private name.

@@ -1,5 +1,7 @@
 """`python -m robot_offload_lab.bench`."""
 
-from robot_offload_lab.bench.main import app
+import typer
 
-app()
+from robot_offload_lab.bench.main import bench
+
+typer.run(bench)

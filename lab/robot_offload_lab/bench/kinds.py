@@ -52,7 +52,7 @@ KINDS: Final = (
 
 
 def offload(transport: str, link_ms: float) -> RobotOffload:
-    """Returns a RobotOffload whose node in the cloud sends every message back, by link and collector.
+    """Return a RobotOffload whose node in the cloud sends every message back, by link and collector.
 
     Args:
         transport: `spec.transport.type`.

@@ -1,7 +1,8 @@
-"""What links of several kinds carry: both agents between two network namespaces, one load as a required input.
+"""`python -m robot_offload_lab.bench.link_table`: what links of several kinds carry.
 
-The link is changed while everything runs, so each kind takes seconds. The rows stay in `links.json`, so that a table
-can be measured in several turns; with `--docs` the page is written anew from all of them.
+Both agents run between two network namespaces, with one load as a required input. The link is changed while everything
+runs, so each kind takes seconds. The rows stay in `links.json`, so that a table can be measured in several turns; with
+`--docs` the file beside the page is written anew from all of them.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
-from robot_offload.errors import InputError
+import typer
+
+from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.bench import machine
 from robot_offload_lab.bench.across import AcrossHosts
 from robot_offload_lab.bench.analysis import links
@@ -25,9 +28,7 @@ from robot_offload_lab.wire.options import LinkOptions
 from robot_offload_lab.wire.two_hosts import TwoHosts
 
 FILE: Final = "links.json"
-PAGE: Final = Path("explanation/links.md")
-BEGIN: Final = "<!-- link table: written by `make bench-links`; changes between these lines are lost -->\n"
-END: Final = "<!-- end of the link table -->\n"
+TABLE: Final = Path("explanation/links.csv")
 SETTLE_S: Final = 4.0
 """After each change of the link: until it is known what it carries."""
 MAX_AGE_MS: Final = 500
@@ -44,7 +45,7 @@ SWITCHING: Final = (
 
 
 def case(load: TopicLoad) -> BenchCase:
-    """Returns the resource in which a load is a required input, thinned to what the link carries, newest first."""
+    """Return the resource in which a load is a required input, thinned to what the link carries, newest first."""
     settings = (("minRate", 3), ("latest", True))
     return BenchCase(
         f"links-{load.name}", LinkOptions(delay="5ms"), tolerance_ms=TOLERANCE_MS, cloud_rate_hz=20.0,
@@ -56,7 +57,7 @@ def measure(
     loads: Sequence[TopicLoad], cells_of: Callable[[str], Sequence[Cell]], seconds: float, out: Path,
     known: Sequence[Row], kept: Callable[[Row], None], limit_s: float,
 ) -> bool:  # fmt: skip
-    """Measures what is not known yet; returns whether that is everything.
+    """Measure what is not known yet; return whether that is everything.
 
     Args:
         loads: what is published.
@@ -110,7 +111,7 @@ def _row(load: TopicLoad, cell: Cell, window: Interval, evidence: Evidence, aver
 
 
 def read(out: Path) -> list[Row]:
-    """Returns the rows that are kept in a folder.
+    """Return the rows that are kept in a folder.
 
     Raises:
         InputError: the file is something else.
@@ -120,35 +121,27 @@ def read(out: Path) -> list[Row]:
 
 
 def keep(out: Path, rows: Sequence[Row]) -> list[Row]:
-    """Adds rows to those of a folder; returns all."""
+    """Add rows to those of a folder; return all."""
     found = links.merged(read(out), rows)
     out.mkdir(parents=True, exist_ok=True)
     (out / FILE).write_text(links.encode(found), encoding="utf-8")
     return found
 
 
-def write_page(docs: Path, rows: Sequence[Row]) -> Path:
-    """Writes the table into its page, between the two lines; returns the page.
-
-    Raises:
-        InputError: the page lacks the lines.
-    """
-    path = docs / PAGE
-    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise InputError(f"{path}: the two lines around the table are missing; restore them")
-    path.write_text(f"{before}{BEGIN}\n{links.page(rows)}\n{END}{after}", encoding="utf-8")
+def write_table(docs: Path, rows: Sequence[Row]) -> Path:
+    """Write all rows beside the page about links; return the file."""
+    path = docs / TABLE
+    path.write_text(links.table(rows), encoding="utf-8")
     return path
 
 
 def fresh(rows: Sequence[Row]) -> list[Row]:
-    """Returns the rows of today: what `--resume` does not measure again."""
+    """Return the rows of today: what `--resume` does not measure again."""
     return [row for row in rows if row.date == time.strftime("%Y-%m-%d", time.gmtime())]
 
 
 def chosen(loads: Sequence[TopicLoad], names: Sequence[str]) -> list[TopicLoad]:
-    """Returns the loads of these names, all without any.
+    """Return the loads of these names, all without any.
 
     Raises:
         InputError: there is no such load.
@@ -157,3 +150,47 @@ def chosen(loads: Sequence[TopicLoad], names: Sequence[str]) -> list[TopicLoad]:
     if unknown:
         raise InputError(f"--load: there is no {unknown[0]!r}; known are {', '.join(load.name for load in loads)}")
     return [replace(load) for load in loads if not names or load.name in names]
+
+
+def main(
+    *,
+    full: Annotated[
+        bool,
+        typer.Option("--full/--quick", help="All kinds of link that are wide enough for a load, or a share of them."),
+    ] = False,
+    load: Annotated[list[str] | None, typer.Option(help="Load to measure; more than once. Default: all.")] = None,
+    seconds: Annotated[float, typer.Option(min=2, help="Seconds of each observation.")] = 10.0,
+    limit: Annotated[
+        float, typer.Option(min=30, metavar="SECONDS", help="Begin no other link after so long; --resume goes on.")
+    ] = 240.0,
+    resume: Annotated[bool, typer.Option("--resume", help="Skip what this folder has from today.")] = False,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of links.json and logs.")] = Path("out/bench"),
+    docs: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the docs, to refresh explanation/links.csv.")
+    ] = None,
+) -> None:
+    """Measure what links carry of images and point clouds: delivered, age, time in the cloud, false alarms. Needs root.
+
+    Ends with 0 when all of the table is there, 3 when the limit came first.
+    """
+
+    def keep_and_print(row: Row) -> None:
+        keep(out, [row])
+        typer.echo(links.table([row]).splitlines()[1])
+
+    try:
+        known = fresh(read(out)) if resume else []
+        cells_of = links.wide_enough if full else links.SOME.__getitem__
+        done = measure(chosen(links.LOADS, load or ()), cells_of, seconds, out, known, keep_and_print, limit)
+        if docs is not None:
+            typer.echo(f"Table: {write_table(docs, read(out))}")
+    except RobotOffloadError as error:
+        for line in error.lines:
+            typer.echo(line, err=True)
+        raise typer.Exit(error.exit_code) from error
+    if not done:
+        raise typer.Exit(3)
+
+
+if __name__ == "__main__":
+    typer.run(main)

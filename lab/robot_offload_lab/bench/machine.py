@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import os
 import platform
+import subprocess
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -14,7 +15,7 @@ PACKAGES: Final = {"ros-jazzy-rclpy": "rclpy (Jazzy)", "eclipse-zenoh": "Zenoh",
 
 
 def describe() -> dict[str, Any]:
-    """Cores, processor, memory, system and versions."""
+    """Return cores, processor, memory, system and versions."""
     return {
         "cores": os.cpu_count(),
         "processor": _field(Path("/proc/cpuinfo"), "model name") or platform.machine(),
@@ -26,7 +27,7 @@ def describe() -> dict[str, Any]:
 
 
 def words(known: Mapping[str, Any]) -> str:
-    """Returns what `describe` gave, in one line."""
+    """Return what `describe` gave, in one line."""
     versions = ", ".join(f"{name} {version}" for name, version in known["versions"].items())
     return (
         f"{known['cores']} cores ({known['processor']}), {known['memory_gb']} GB, {known['system']}, "
@@ -34,13 +35,22 @@ def words(known: Mapping[str, Any]) -> str:
     )
 
 
+def commit() -> str:
+    """Return the commit of this clone; the version where there is none."""
+    done = subprocess.run(
+        ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return done.stdout.strip() or metadata.version("robot-offload")
+
+
 def load() -> float:
-    """Processes that ran or waited to run, averaged over the last minute."""
+    """Return processes that ran or waited to run, averaged over the last minute."""
     return os.getloadavg()[0]
 
 
 def today() -> str:
-    """Returns the date, for the page."""
+    """Return the date, for the page."""
     return datetime.datetime.now(tz=datetime.UTC).strftime("%Y-%m-%d")
 
 
@@ -55,7 +65,7 @@ def _versions() -> Mapping[str, str]:
 
 
 def _field(path: Path, name: str) -> str:
-    """Returns the first `name : value` of a file of the kernel; empty when there is none."""
+    """Return the first `name : value` of a file of the kernel; empty when there is none."""
     for line in path.read_text().splitlines():
         key, _, value = line.partition(":")
         if key.strip() == name:

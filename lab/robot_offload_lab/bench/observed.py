@@ -147,14 +147,14 @@ Kind = TypeVar("Kind", bound=Observation)
 
 
 def parse(lines: Iterable[str]) -> Iterator[Observation]:
-    """Yields every whole line; an unfinished last one (the observer was ended) is left out."""
+    """Yield every whole line; an unfinished last one (the observer was ended) is left out."""
     for line in lines:
         if line.endswith("\n"):
             yield LINES.decode(line)
 
 
 def read(path: Path) -> tuple[Observation, ...]:
-    """Returns what an observer has written; nothing when it never came to write."""
+    """Return what an observer has written; nothing when it never came to write."""
     if not path.exists():
         return ()
     with path.open(encoding="utf-8") as lines:
@@ -162,10 +162,10 @@ def read(path: Path) -> tuple[Observation, ...]:
 
 
 def only(kind: type[Kind], observations: Iterable[Observation]) -> tuple[Kind, ...]:
-    """Returns those of one kind, in the order of time."""
+    """Return those of one kind, in the order of time."""
     return tuple(sorted((o for o in observations if isinstance(o, kind)), key=lambda o: o.t_s))
 
 
 def size_of(sequence: int, sizes: Sequence[int]) -> int:
-    """Returns the payload of the message with this number: the sizes take turns."""
+    """Return the payload of the message with this number: the sizes take turns."""
     return sizes[sequence % len(sizes)]

@@ -1,11 +1,11 @@
 """`python -m robot_offload_lab.bench.operator_scale`: many RobotOffloads on one real API server.
 
-Starts the test cluster's control plane and one operator process and applies the objects, a few at a time, some with a
-parameter file of the size of Nav2's. Then robots report: their Leases move, as the reporters beside their agents move
-them. Measured are: how long each object takes until its status says that everything is applied, alone and while all
-others are looked at in a resync; how many requests that took and how many are sent while nothing changes; the processor
-time; how long a new operator needs until it has seen all, and its memory then. Nothing here asserts: the table names
-the aims.
+Starts the test cluster's control plane and one operator process with the rights that the chart gives it, and applies
+the objects, a few at a time, some with a parameter file of the size of Nav2's. Then robots report: their Leases move,
+as the reporters beside their agents move them. Measured are: how long each object takes until its status says that
+everything is applied, alone and while all others are looked at in a resync; how many requests that took and how many
+are sent while nothing changes; the processor time; how long a new operator needs until it has seen all, and its memory
+then. Nothing here asserts: the table names the aims.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from robot_offload.kube.configuration import connect
 from robot_offload.kube.errors import AlreadyExistsError
 from robot_offload.kube.kinds import NAMESPACE, ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi, Manifest
-from robot_offload_lab.bench.operator_world import PATIENCE_S, PLACE, Operator, control_plane, moving_leases
+from robot_offload_lab.bench.operator_world import PATIENCE_S, PLACE, Operator, account, control_plane, moving_leases
 
 _APPLIED: Final = 'robot_offload_condition{status="True",type="ResourcesApplied"}'
 _AT_ONCE: Final = 8
@@ -141,7 +141,8 @@ def main(
 
 async def _measure(kubeconfig: Path, directory: Path, options: Options) -> Measured:
     api, objects, load = connect(str(kubeconfig)), options.objects, os.getloadavg()[0]
-    operator = Operator(kubeconfig, directory / "first.log", options.source, options.steady_s)
+    rights = account(kubeconfig, directory)
+    operator = Operator(rights, directory / "first.log", options.source, options.steady_s)
     try:
         operator.port()
         await _make_place(api)
@@ -156,7 +157,7 @@ async def _measure(kubeconfig: Path, directory: Path, options: Options) -> Measu
             late = [await _settle(api, _walker(f"late-{number}")) for number in range(_DURING_RESYNC)]
             operator.stop()
             began = time.monotonic()
-            operator = Operator(kubeconfig, directory / "second.log", options.source, options.steady_s)
+            operator = Operator(rights, directory / "second.log", options.source, options.steady_s)
             await _until(lambda: operator.metrics().get(_APPLIED, 0) >= objects + _DURING_RESYNC)
             restart_s = time.monotonic() - began
             restart_reads, restart_writes = await _quiet(operator)
@@ -194,7 +195,7 @@ def _p99(values: Sequence[float]) -> float:
 
 
 async def _settle_all(api: KubeApi, options: Options) -> list[float]:
-    """Applies all objects, a few at once; returns the seconds that each took."""
+    """Apply all objects, a few at once; return the seconds that each took."""
     names = iter(range(options.objects))
 
     async def one_after_the_other() -> list[float]:
@@ -218,7 +219,7 @@ async def _make_place(api: KubeApi) -> None:
 
 
 async def _settle(api: KubeApi, manifest: Manifest) -> float:
-    """Applies one object and waits for its status; returns the seconds it took."""
+    """Apply one object and wait for its status; return the seconds it took."""
     began, name = time.monotonic(), manifest["metadata"]["name"]
     await api.create(manifest)
     while time.monotonic() - began < PATIENCE_S:
@@ -234,7 +235,7 @@ def _applied(offload: Manifest | None) -> bool:
 
 
 async def _quiet(operator: Operator) -> tuple[int, int]:
-    """Reads and writes, once no request has come for some seconds."""
+    """Read and write, once no request has come for some seconds."""
     last, calm = operator.requests(), 0
     while calm < 5:
         await asyncio.sleep(1.0)
@@ -266,7 +267,7 @@ def _walker(name: str) -> Manifest:
 
 
 def _nav2(name: str) -> Manifest:
-    """A robot whose nodes all read one large parameter file."""
+    """Return a robot whose nodes all read one large parameter file."""
     run = {
         "package": "nav2_nodes",
         "executable": "node",
@@ -290,7 +291,7 @@ def _offload(name: str, nodes: list[Manifest]) -> Manifest:
 
 
 def _parameters() -> str:
-    """A parameter file of the size of Nav2's."""
+    """Return a parameter file of the size of Nav2's."""
     lines = [f"    controller.critic_{number}.weight: {number / 7:.6f}\n" for number in range(60)]
     nodes = [f"node_{number}:\n  ros__parameters:\n" + "".join(lines) for number in range(_NODES)]
     text = "".join(nodes)

@@ -16,10 +16,15 @@ from pathlib import Path
 from typing import Final
 
 from robot_offload.errors import RobotOffloadError
+from robot_offload_lab.cluster import programs
+from robot_offload_lab.cluster.commands import Helm, Kubectl
 
 PLACE: Final = "bench"
 """The namespace of the objects."""
 PATIENCE_S: Final = 120.0
+_HOME: Final = "default"
+"""Where the operator is at home."""
+_CHART: Final = Path(__file__).resolve().parents[3] / "charts" / "robot-offload"
 _READS: Final = ("get", "list", "watch")
 _LEASE_EVERY_S: Final = 10.0
 """The reporter's period."""
@@ -37,7 +42,7 @@ class Operator:
             **os.environ,
             **images,
             "KUBECONFIG": str(kubeconfig),
-            "POD_NAMESPACE": "default",
+            "POD_NAMESPACE": _HOME,
             "POD_NAME": "bench",
             "METRICS_PORT": "0",
             "HEALTH_PORT": "0",
@@ -51,7 +56,7 @@ class Operator:
             )
 
     def port(self) -> int:
-        """Of /metrics, as soon as it serves."""
+        """Return of /metrics, as soon as it serves."""
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             for line in self._log.read_text(errors="replace").splitlines():
@@ -63,13 +68,13 @@ class Operator:
         raise RobotOffloadError(f"the operator does not serve; see {self._log}")
 
     def metrics(self) -> dict[str, float]:
-        """Returns all metrics by name and labels."""
+        """Return all metrics by name and labels."""
         with urllib.request.urlopen(f"http://127.0.0.1:{self.port()}/metrics", timeout=30) as answer:
             lines = answer.read().decode().splitlines()
         return {name: float(value) for name, value in (line.rsplit(" ", 1) for line in lines if line[0] != "#")}
 
     def requests(self) -> tuple[int, int]:
-        """Reads and writes so far."""
+        """Read and write so far."""
         counts = {
             match.group(1): int(value)
             for name, value in self.metrics().items()
@@ -79,18 +84,18 @@ class Operator:
         return reads, sum(counts.values()) - reads
 
     def memory_mib(self) -> tuple[float, float]:
-        """Resident memory now and at its highest."""
+        """Return resident memory now and at its highest."""
         text = Path(f"/proc/{self._process.pid}/status").read_text(encoding="utf-8")
         now, peak = (re.search(rf"{name}:\s+(\d+) kB", text) for name in ("VmRSS", "VmHWM"))
         return (int(now.group(1)) / 1024 if now else 0.0, int(peak.group(1)) / 1024 if peak else 0.0)
 
     def cpu_s(self) -> float:
-        """Returns the processor time so far, of all its threads."""
+        """Return the processor time so far, of all its threads."""
         fields = Path(f"/proc/{self._process.pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def stop(self) -> None:
-        """Ends it; the next one may lead at once."""
+        """End it; the next one may lead at once."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
         self._process.wait(60)
@@ -98,7 +103,7 @@ class Operator:
 
 @contextmanager
 def control_plane(kubeconfig: Path | None) -> Iterator[Path]:
-    """Yields the kubeconfig of the given API server, or of a new one that lasts as long as the block."""
+    """Yield the kubeconfig of the given API server, or of a new one that lasts as long as the block."""
     if kubeconfig is not None:
         yield kubeconfig
         return
@@ -113,9 +118,29 @@ def control_plane(kubeconfig: Path | None) -> Iterator[Path]:
         subprocess.run([*command, "down"], capture_output=True, check=False)
 
 
+def account(administrator: Path, directory: Path) -> Path:
+    """Install the rights that the chart gives the operator; return a kubeconfig with these and no others.
+
+    Args:
+        administrator: kubeconfig of whoever may give rights.
+        directory: where the new one is written.
+    """
+    built = programs.ensure(lambda _: None)
+    helm = Helm(built.path("helm"), administrator, _HOME)
+    kubectl = Kubectl(built.path("kubectl"), administrator, _HOME)
+    shown = [part for name in ("serviceaccount", "rbac") for part in ("--show-only", f"templates/{name}.yaml")]
+    kubectl("apply", "--server-side", "-f", "-", stdin=helm("template", "robot-offload", str(_CHART), *shown))
+    token = kubectl("create", "token", "robot-offload-operator", "--duration=24h").strip()
+    config = json.loads(kubectl("config", "view", "--raw", "--minify", "-o", "json"))
+    config["users"][0]["user"] = {"token": token}
+    path = directory / "account.kubeconfig"
+    path.write_text(json.dumps(config))
+    return path
+
+
 @contextmanager
 def moving_leases(kubeconfig: Path, objects: int) -> Iterator[None]:
-    """Renews the Leases of all robots while the block runs, in a process of its own."""
+    """Renew the Leases of all robots while the block runs, in a process of its own."""
     command = [sys.executable, "-m", "robot_offload_lab.bench.parts.fleet", str(kubeconfig), PLACE, str(objects)]
     process = subprocess.Popen([*command, str(_LEASE_EVERY_S)]) if objects else None
     try:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Final, Literal
 
+from robot_offload.errors import InputError
 from robot_offload_lab.bench.results import Priority
 from robot_offload_lab.bench.world import Setting
 
-Form = Literal["short", "long"]
+Form = Literal["short", "long", "own"]
 
 
 @dataclass(frozen=True)
@@ -19,17 +19,15 @@ class Amounts:
     """How much of everything.
 
     Attributes:
-        form: of the run, for the page: a long one is not replaced by a short one.
+        form: of the run. A long one is not replaced by a short one; `own` is neither.
         switches: commanded ones.
         cuts: of 2 s in both directions.
         one_way: cuts of 2 s in each single direction.
         long_cuts: of 10 s in both directions.
-        stretches, minutes: of watching for false alarms.
-        latency_s, resources_s: length of these observations, seconds.
+        resources_s: length of the observation of processor time and memory, seconds.
         messages: of each of the ten publishers, at 10 Hz.
         rounds: of activating and deactivating.
         detections: cuts in each case of detection. quiet_s: seconds without a cut before them.
-        stage_s: length of each stage of size and rate in front of the collector, seconds.
         mirror_cuts: cuts with goals that both sides execute. state_cuts: cuts with snapshots of each size.
         hot_switches, hot_cuts: commanded ones and cuts between Hot sides. hot_minutes: of watching for false takeovers.
     """
@@ -39,15 +37,11 @@ class Amounts:
     cuts: int
     one_way: int
     long_cuts: int
-    stretches: int
-    minutes: float
-    latency_s: float
     resources_s: float
     messages: int
     rounds: int
     detections: int
     quiet_s: float
-    stage_s: float
     mirror_cuts: int
     state_cuts: int
     hot_switches: int
@@ -56,20 +50,40 @@ class Amounts:
 
 
 QUICK: Final = Amounts(
-    form="short", switches=20, cuts=4, one_way=1, long_cuts=1, stretches=1, minutes=0.4, latency_s=12.0,
-    resources_s=10.0, messages=80, rounds=30, detections=3, quiet_s=15.0, stage_s=2.0,
+    form="short", switches=20, cuts=4, one_way=1, long_cuts=1,
+    resources_s=10.0, messages=80, rounds=30, detections=3, quiet_s=15.0,
     mirror_cuts=5, state_cuts=8,
     hot_switches=6, hot_cuts=5, hot_minutes=0.4,
 )  # fmt: skip
 """Everything with real-time priority in some 15 minutes."""
 FULL: Final = Amounts(
-    form="long", switches=1000, cuts=100, one_way=20, long_cuts=20, stretches=3, minutes=10.0, latency_s=60.0,
-    resources_s=60.0, messages=600, rounds=300, detections=30, quiet_s=300.0, stage_s=10.0,
+    form="long", switches=1000, cuts=100, one_way=20, long_cuts=20,
+    resources_s=60.0, messages=600, rounds=300, detections=30, quiet_s=300.0,
     mirror_cuts=200, state_cuts=200,
     hot_switches=100, hot_cuts=200, hot_minutes=60.0,
 )  # fmt: skip
 """The numbers of the table."""
-FORMS: Final[dict[Form, Amounts]] = {"short": QUICK, "long": FULL}
+
+
+def changed(amounts: Amounts, settings: Sequence[str]) -> Amounts:
+    """Return the amounts with other values, each written as NAME=VALUE.
+
+    Raises:
+        InputError: a setting names no amount, or its value is not a positive number.
+    """
+    known = {item.name: type(getattr(amounts, item.name)) for item in fields(amounts) if item.name != "form"}
+    for setting in settings:
+        name, _, value = setting.partition("=")
+        if name not in known:
+            raise InputError(f"--set: there is no amount {name!r}; known are {', '.join(known)}")
+        try:
+            number = known[name](value)
+        except ValueError:
+            number = 0
+        if number <= 0:
+            raise InputError(f"--set: {setting!r} is not valid; write for example {name}={getattr(amounts, name)}")
+        amounts = replace(amounts, form="own", **{name: number})
+    return amounts
 
 
 @dataclass(frozen=True)
@@ -84,7 +98,6 @@ class Order:
         domains: ROS domains of robot and cloud; None picks free ones.
         cases: of a group that has several, the ones to run; empty: all.
         against: commit whose agents are weighed beside; empty: none.
-        advance: called with how much of `Group.steps` is done; may be called often.
     """
 
     amounts: Amounts
@@ -92,12 +105,11 @@ class Order:
     out: Path
     seed: int
     domains: tuple[int, int] | None
-    advance: Callable[[float], None]
     cases: tuple[str, ...] = ()
     against: str = ""
 
     def wants(self, case: str) -> bool:
-        """Returns whether a case is to run."""
+        """Return whether a case is to run."""
         return not self.cases or case in self.cases
 
     @property
@@ -111,25 +123,17 @@ class Order:
         return self.domains[0] if self.domains else None
 
     def folder(self, name: str) -> Path:
-        """For the files of one run."""
+        """Return the folder for the files of one run."""
         return self.out / "runs" / f"{name}-{self.priority}"
 
     def setting(self, name: str) -> Setting:
-        """For a world whose files go to a folder of that name."""
+        """Return the setting for a world whose files go to a folder of that name."""
         return Setting(self.folder(name), self.realtime, self.domains, self.seed)
 
     def watching(self, name: str) -> Setting:
-        """Returns the same with the observer of the lease."""
+        """Return the same with the observer of the lease."""
         return replace(self.setting(name), lease=True)
 
     def serving(self, name: str) -> Setting:
-        """Returns the same with a client of actions and services."""
+        """Return the same with a client of actions and services."""
         return replace(self.setting(name), goals=True)
-
-    def loaded(self, name: str) -> Setting:
-        """Returns the same with a process on each processor that never rests, at normal priority."""
-        return replace(self.serving(name), load=os.cpu_count() or 1)
-
-    def timing(self, name: str) -> Setting:
-        """Returns the same with everything that latencies are compared with."""
-        return replace(self.setting(name), latency=True)

@@ -35,18 +35,18 @@ class Reading:
 
 
 def read(pids: Iterable[int]) -> Reading:
-    """Now."""
+    """Return now."""
     fields = [int(word) for word in Path("/proc/stat").read_text().splitlines()[0].split()[1:]][:_COUNTED]
     return Reading(steady_s(), sum(fields) - sum(fields[_IDLE]), sum(fields), sum(_cpu_s(pid) for pid in pids))
 
 
 def machine_percent(before: Reading, after: Reading) -> float:
-    """Returns how busy all cores together were: 100 is every core."""
+    """Return how busy all cores together were: 100 is every core."""
     return 100.0 * (after.busy - before.busy) / max(1, after.total - before.total)
 
 
 def own_percent(before: Reading, after: Reading) -> float:
-    """Of one core, by the processes asked for."""
+    """Return of one core, by the processes asked for."""
     return 100.0 * (after.own_s - before.own_s) / (after.t_s - before.t_s)
 
 

@@ -80,7 +80,7 @@ class BenchCase:
         return 1000.0 / self.robot_rate_hz
 
     def describe(self) -> str:
-        """Returns the link in words, for tables."""
+        """Return the link in words, for tables."""
         link = self.link
         words = [f"{link.delay} ± {link.jitter} each way" if link.jitter != "0ms" else f"{link.delay} each way"]
         if link.loss != "0%":
@@ -89,7 +89,7 @@ class BenchCase:
 
 
 def offload(case: BenchCase) -> RobotOffload:
-    """Returns the resource of a case."""
+    """Return the resource of a case."""
     return parse_object(_document(case), f"case {case.name}")
 
 
@@ -149,7 +149,7 @@ def _replica(case: BenchCase) -> dict[str, Any]:
 
 
 def _feed(case: BenchCase, number: int, sensors: list[Sensor]) -> dict[str, Any]:
-    """Returns one process for all sensors of the same sizes."""
+    """Return one process for all sensors of the same sizes."""
     name = f"feed_{number}"
     return {
         "name": name,

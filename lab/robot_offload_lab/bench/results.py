@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 from robot_offload_lab.judge.streams import quantile
 
-SCHEMA: Final = "robotoffload.dev/bench/v1"
 Priority = Literal["realtime", "normal"]
 PRIORITIES: Final[tuple[Priority, Priority]] = ("realtime", "normal")
 Sample = Mapping[str, Any]
@@ -54,8 +52,18 @@ class Figure:
             return None
         return self.value / self.baseline
 
+    @property
+    def kept(self) -> str:
+        """The best limit that the value keeps: `aim`, `must` or `missed`; empty when none was demanded or measured."""
+        must, aim = self.met(self.must), self.met(self.aim)
+        if aim:
+            return "aim"
+        if must:
+            return "must"
+        return "" if must is None else "missed"
+
     def met(self, limit: float | None) -> bool | None:
-        """Returns whether the value keeps a limit; None when there is no value or no limit."""
+        """Return whether the value keeps a limit; None when there is no value or no limit."""
         if self.value is None or limit is None:
             return None
         return self.value >= limit if self.at_least else self.value <= limit
@@ -86,7 +94,7 @@ class GroupResult:
 
 
 def part(title: str, unit: str, values: Iterable[float | None]) -> Distribution | None:
-    """Returns the distribution of the values that are known; None without any."""
+    """Return the distribution of the values that are known; None without any."""
     known = [value for value in values if value is not None]
     if not known:
         return None
@@ -95,46 +103,17 @@ def part(title: str, unit: str, values: Iterable[float | None]) -> Distribution 
 
 
 def parts(found: Iterable[Distribution | None]) -> tuple[Distribution, ...]:
-    """Returns those that are there."""
+    """Return those that are there."""
     return tuple(one for one in found if one is not None)
 
 
 def at(values: Sequence[float], share: float) -> float:
-    """Returns a quantile of a list that is not empty."""
+    """Return a quantile of a list that is not empty."""
     value = quantile(values, share)
     assert value is not None
     return value
 
 
 def at_or_none(values: Iterable[float | None], share: float) -> float | None:
-    """Returns a quantile of the values that are known; None without any."""
+    """Return a quantile of the values that are known; None without any."""
     return quantile([value for value in values if value is not None], share)
-
-
-def to_json(outcome: GroupResult) -> dict[str, Any]:
-    """Figures with their verdicts, and parts; samples go to a CSV file of their own."""
-    return {
-        "figures": [
-            {
-                **_rounded(figure),
-                "ratio": None if figure.ratio is None else round(figure.ratio, 4),
-                "must_met": figure.met(figure.must),
-                "aim_met": figure.met(figure.aim),
-            }
-            for figure in outcome.figures
-        ],
-        "parts": [_rounded(one) for one in outcome.parts],
-    }
-
-
-def from_json(group: str, priority: Priority, values: Mapping[str, Any]) -> GroupResult:
-    """Returns the inverse of `to_json`, without the samples."""
-    names = {field.name for field in dataclasses.fields(Figure)}
-    figures = tuple(Figure(**{key: figure[key] for key in names}) for figure in values["figures"])
-    return GroupResult(group, priority, figures, tuple(Distribution(**one) for one in values["parts"]), ())
-
-
-def _rounded(value: Figure | Distribution) -> dict[str, Any]:
-    return {
-        name: round(item, 4) if isinstance(item, float) else item for name, item in dataclasses.asdict(value).items()
-    }

@@ -6,6 +6,7 @@ so that an interrupted run can go on.
 
 from __future__ import annotations
 
+import csv
 import os
 import signal
 import traceback
@@ -18,13 +19,10 @@ from types import FrameType
 from typing import Final
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from robot_offload.errors import RobotOffloadError
-from robot_offload_lab.bench import machine
+from robot_offload_lab.bench import machine, rows
 from robot_offload_lab.bench.groups import (
-    alarms,
-    collector,
     commanded,
     cuts,
     detect,
@@ -32,21 +30,21 @@ from robot_offload_lab.bench.groups import (
     handover,
     hot,
     keeping,
-    latency,
     lifecycle,
     resources,
     silence,
 )
-from robot_offload_lab.bench.plan import FORMS, Amounts, Form, Order
-from robot_offload_lab.bench.results import PRIORITIES, GroupResult, Priority
-from robot_offload_lab.bench.store import Kept, Store
-from robot_offload_lab.bench.table import PRIORITY_WORDS, TITLES, table
+from robot_offload_lab.bench.plan import Form, Order
+from robot_offload_lab.bench.results import PRIORITIES, GroupResult, Priority, Sample
+from robot_offload_lab.bench.rows import FILE, Circumstances, Row
+from robot_offload_lab.bench.table import PRIORITY_WORDS, TITLES, table, with_table
+from robot_offload_lab.wire.loop import steady_s
 
 WIDTH: Final = 160
 PRIORITY: Final = 1
-LIMITS_S: Final[dict[Form, int]] = {"short": 300, "long": 8 * 3600}
-"""A group that takes longer has stopped: no wait within it is without an end of its own. With more steps than the form
-has it may take as much longer."""
+LIMITS_S: Final[dict[Form, int]] = {"short": 300, "long": 8 * 3600, "own": 8 * 3600}
+"""A group that takes longer has stopped: no wait within it is without an end of its own."""
+PAGE: Final = "benchmarks.md"
 
 
 class Group(StrEnum):
@@ -54,49 +52,30 @@ class Group(StrEnum):
 
     EXPERIMENT = "experiment"
     LIFECYCLE = "lifecycle"
-    COLLECTOR = "collector"
     COMMANDED = "commanded"
     CUTS = "cuts"
-    ALARMS = "alarms"
-    LATENCY = "latency"
     RESOURCES = "resources"
     DETECT = "detect"
     HANDOVER = "handover"
-    LOADED = "loaded"
     MIRRORED = "mirrored"
     KEEPING = "keeping"
     HOT = "hot"
     SILENCE = "silence"
 
 
-@dataclass(frozen=True)
-class Work:
-    """How a group is run, and how many steps of the progress bar that is."""
-
-    run: Callable[[Order], GroupResult]
-    steps: Callable[[Amounts], float]
-
-
-WORK: Final = {
-    Group.EXPERIMENT: Work(experiment.run, experiment.steps),
-    Group.LIFECYCLE: Work(lifecycle.run, lifecycle.steps),
-    Group.COLLECTOR: Work(collector.run, collector.steps),
-    Group.COMMANDED: Work(commanded.run, commanded.steps),
-    Group.CUTS: Work(cuts.run, cuts.steps),
-    Group.ALARMS: Work(alarms.run, alarms.steps),
-    Group.LATENCY: Work(latency.run, latency.steps),
-    Group.RESOURCES: Work(resources.run, resources.steps),
-    Group.DETECT: Work(detect.run, detect.steps),
-    Group.HANDOVER: Work(handover.run, handover.steps),
-    Group.LOADED: Work(handover.run_loaded, handover.steps),
-    Group.MIRRORED: Work(handover.run_mirrored, handover.steps_mirrored),
-    Group.KEEPING: Work(keeping.run, keeping.steps),
-    Group.HOT: Work(hot.run, hot.steps),
-    Group.SILENCE: Work(silence.run, silence.steps),
+WORK: Final[dict[Group, Callable[[Order], GroupResult]]] = {
+    Group.EXPERIMENT: experiment.run,
+    Group.LIFECYCLE: lifecycle.run,
+    Group.COMMANDED: commanded.run,
+    Group.CUTS: cuts.run,
+    Group.RESOURCES: resources.run,
+    Group.DETECT: detect.run,
+    Group.HANDOVER: handover.run,
+    Group.MIRRORED: handover.run_mirrored,
+    Group.KEEPING: keeping.run,
+    Group.HOT: hot.run,
+    Group.SILENCE: silence.run,
 }
-HANDOVER: Final = (Group.HANDOVER, Group.LOADED, Group.MIRRORED, Group.KEEPING)
-HOT: Final = (Group.HOT, Group.SILENCE)
-SWITCH: Final = (Group.COMMANDED, Group.CUTS, Group.ALARMS, Group.LATENCY, Group.RESOURCES)
 
 
 class TooLongError(RobotOffloadError):
@@ -105,108 +84,116 @@ class TooLongError(RobotOffloadError):
 
 @dataclass(frozen=True)
 class BenchSession:
-    """One run of a command.
+    """One run of the command.
 
     Attributes:
-        console: for tables and bars.
-        store: where results go.
-        docs: folder of the page; None for no page.
+        console: for tables.
+        folder: where results go.
+        docs: folder of the published figures and of the page; None to publish nothing.
     """
 
     console: Console
-    store: Store
+    folder: Path
     docs: Path | None = None
 
     def run(self, wanted: Sequence[Group], priorities: Sequence[Priority], order: Order, *, resume: bool) -> list[str]:
-        """Measures; returns a line for every group that could not be measured.
+        """Measure; return a line for every group that could not be measured.
 
         Args:
             wanted: groups, in their order.
-            priorities: each runs with each of them.
-            order: what and how; priority and advance are filled in here.
+            priorities: each group runs with each of them.
+            order: what and how; the priority is filled in here.
             resume: leaves out what was measured today in the same form on this machine.
 
         Raises:
-            InputError: the folder holds something else.
+            InputError: the folder, or the one of the docs, has other files of these names.
         """
         # Hundreds of processes are started: the second of a kind shall find compiled what the first has compiled.
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-        before = self.store.all()  # a folder of something else is refused before hours are spent
+        for folder in filter(None, (self.folder, self.docs)):  # refused before hours are spent
+            rows.read(folder / FILE)
+        done = {_measured(row) for row in self.known()} if resume and order.amounts.form != "own" else set()
         jobs = [(priority, group) for priority in priorities for group in wanted]
         failed = []
         for number, (priority, group) in enumerate(jobs, start=1):
             title = f"{number}/{len(jobs)} {TITLES[group]}, {PRIORITY_WORDS[priority]}"
-            if resume and any(_is_done(kept, group, priority, order.amounts) for kept in before):
-                self.console.print(f"{title}: measured already", highlight=False)
+            under = _circumstances(order.amounts.form, "")
+            if (group.value, priority, under.form, under.date, under.machine) in done:
+                self._print(f"{title}: measured already")
                 continue
             problem = self._measure(title, group, replace(order, priority=priority))
             if problem:
                 failed.append(f"{TITLES[group]}, {PRIORITY_WORDS[priority]}: {problem}")
         return failed
 
+    def known(self) -> list[Row]:
+        """Return what the folder has.
+
+        Raises:
+            InputError: it has other files of these names.
+        """
+        return rows.read(self.folder / FILE)
+
     def show(self) -> None:
-        """Prints the tables, writes the pictures, and the page if one is wanted."""
-        kept = self.store.all()
-        outcomes = [one.outcome for one in kept]
+        """Print the tables; publish what there is, if that is wanted."""
+        found = self.known()
         for priority in PRIORITIES:
-            if any(outcome.priority == priority for outcome in outcomes):
-                self.console.print(table(outcomes, priority))
-        self.console.print(f"Results and raw samples: {self.store.folder}", highlight=False)
-        try:
-            from robot_offload_lab.bench import page, pictures  # noqa: PLC0415 - matplotlib takes a second to import
-        except ImportError as error:
-            self.console.print(f"No pictures and no page: {error}; install matplotlib", highlight=False)
-            return
-        for name, picture in pictures.draw(outcomes, page.notes(kept)).items():
-            (self.store.folder / f"{name}.png").write_bytes(picture.png)
+            if any(row["priority"] == priority for row in found):
+                self.console.print(table(found, priority))
+        self._print(f"Results and raw samples: {self.folder}")
         if self.docs is not None:
-            self.console.print(f"Page: {page.write(kept, self.docs)}", highlight=False)
+            published = rows.merged(rows.read(self.docs / FILE), found)
+            rows.write(self.docs / FILE, published)
+            page = self.docs / PAGE
+            text = page.read_text(encoding="utf-8") if page.exists() else "# Benchmarks\n\n"
+            page.write_text(with_table(text, published), encoding="utf-8")
+            self._print(f"Page: {page}")
 
     def _measure(self, title: str, group: Group, order: Order) -> str:
-        """Runs one group and keeps what came out; returns why that was not possible."""
-        load = machine.load()
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        work = WORK[group]
+        """Run one group and keep what came out; return why that was not possible."""
+        load, began_s = machine.load(), steady_s()
+        self._print(f"{title} ...")
         try:
-            # Refreshed by hand: a thread of its own would endanger the starting of processes.
-            with Progress(*columns, console=self.console, auto_refresh=False) as progress:
-                task = progress.add_task(title, total=work.steps(order.amounts))
-                progress.refresh()
-
-                def advance(steps: float) -> None:
-                    progress.advance(task, steps)
-                    progress.refresh()
-
-                with _limited(_limit_s(work, order.amounts)), _punctual():
-                    outcome = work.run(replace(order, advance=advance))
-                progress.update(task, completed=work.steps(order.amounts))
-                progress.refresh()
+            with _limited(LIMITS_S[order.amounts.form]), _punctual():
+                outcome = WORK[group](order)
         except RobotOffloadError as error:
-            return self._tell(error.lines)
-        except Exception:  # unattended: the other groups shall not be lost by a fault of one
-            return self._tell(traceback.format_exc().splitlines())
-        self.store.put(Kept(outcome, machine.today(), machine.describe(), (load, machine.load()), order.amounts))
+            return self._report(error.lines)
+        except Exception:  # unattended: a fault of one group must not lose the others
+            return self._report(traceback.format_exc().splitlines())
+        under = _circumstances(order.amounts.form, f"{load:.1f} before, {machine.load():.1f} after")
+        rows.write(self.folder / FILE, rows.merged(self.known(), rows.rows(outcome, under)))
+        _write_samples(self.folder / f"{outcome.group}-{outcome.priority}.csv", outcome.samples)
+        self._print(f"{title}: {steady_s() - began_s:.0f} s")
         return ""
 
-    def _tell(self, lines: Sequence[str]) -> str:
+    def _report(self, lines: Sequence[str]) -> str:
         for line in lines:
             self.console.print(line, style="red", highlight=False, markup=False, soft_wrap=True)
         return lines[-1] if lines[0].startswith("Traceback") else lines[0]
 
-
-def _is_done(kept: Kept, group: Group, priority: Priority, amounts: Amounts) -> bool:
-    known = (kept.outcome.group, kept.outcome.priority, kept.amounts, kept.date, kept.machine)
-    return known == (group, priority, amounts, machine.today(), machine.describe())
+    def _print(self, line: str) -> None:
+        self.console.print(line, highlight=False)
 
 
-def _limit_s(work: Work, amounts: Amounts) -> int:
-    usual = work.steps(FORMS[amounts.form])
-    return round(LIMITS_S[amounts.form] * max(1.0, work.steps(amounts) / usual if usual else 1.0))
+def _circumstances(form: Form, load: str) -> Circumstances:
+    return Circumstances(form, machine.today(), machine.commit(), machine.words(machine.describe()), load)
+
+
+def _measured(row: Row) -> tuple[str, ...]:
+    return row["group"], row["priority"], row["form"], row["date"], row["machine"]
+
+
+def _write_samples(path: Path, samples: Sequence[Sample]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        if samples:
+            writer = csv.DictWriter(file, list(samples[0]))
+            writer.writeheader()
+            writer.writerows(samples)
 
 
 @contextmanager
 def _punctual() -> Iterator[None]:
-    """Real-time priority for this process, below everything measured: it says when the link was cut.
+    """Give this process real-time priority, below everything measured: it says when the link was cut.
 
     What it starts begins as a normal process, and gets a priority of its own where it shall have one.
     """
@@ -221,7 +208,7 @@ def _punctual() -> Iterator[None]:
 
 @contextmanager
 def _limited(seconds: int) -> Iterator[None]:
-    """Ends what takes longer, by an exception in it."""
+    """End what takes longer, by an exception in it."""
 
     def ring(_number: int, _frame: FrameType | None) -> None:
         raise TooLongError(f"not ended within {seconds} s; look into the logs under runs/, then run it again")

@@ -37,7 +37,7 @@ class Stage:
     def __init__(
         self, folder: Path, *, realtime: bool, domain: int | None = None, hosts: TwoHosts | None = None
     ) -> None:
-        """Prepares; starts nothing.
+        """Prepare; start nothing.
 
         Args:
             folder: for the logs; made anew.
@@ -72,7 +72,7 @@ class Stage:
     def start(
         self, name: str, module: str, *arguments: object, host: str = "", extra: Mapping[str, str] | None = None
     ) -> None:
-        """Starts `python -m MODULE ARGUMENTS`.
+        """Start `python -m MODULE ARGUMENTS`.
 
         Args:
             name: for logs, and for what it says.
@@ -103,7 +103,7 @@ class Stage:
         }
 
     def ask(self, name: str, command: Mapping[str, object], what: str, patience_s: float = START_PATIENCE_S) -> Said:
-        """Writes a line and returns the next that the program prints.
+        """Write a line and return the next that the program prints.
 
         Raises:
             StartError: no answer came, or a program ended.
@@ -114,7 +114,7 @@ class Stage:
         return self.said[name][known]
 
     def until(self, condition: Callable[[], bool], what: str, patience_s: float = START_PATIENCE_S) -> None:
-        """Waits for a condition on what the programs print.
+        """Wait for a condition on what the programs print.
 
         Raises:
             StartError: the condition did not come true, or a program ended.
@@ -122,15 +122,15 @@ class Stage:
         self.programs.until(condition, what, patience_s)
 
     def rest(self, seconds: float) -> None:
-        """Lets time pass, following what the programs print."""
+        """Let time pass, following what the programs print."""
         self.programs.rest(seconds)
 
     def follow(self) -> None:
-        """Takes in what has been printed, without waiting."""
+        """Take in what has been printed, without waiting."""
         self.programs.look(0.0)
 
     def end(self, name: str, grace_s: float = 5.0) -> None:
-        """Ends one program by the end of its standard input, by SIGKILL if that does not help."""
+        """End one program by the end of its standard input, by SIGKILL if that does not help."""
         self.programs.finish(name, None, grace_s)
 
     def _take(self, name: str, line: str) -> None:

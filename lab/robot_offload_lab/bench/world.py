@@ -52,10 +52,8 @@ OBSERVER_PRIORITY: Final = 4
 NODE_PRIORITY: Final = 3
 OBSERVER: Final = "observer"
 INPUT_RECORDER: Final = "input-recorder"
-DIRECT_TOPIC: Final = "/bench/direct"
 RELAY: Final = "hop"
 GOAL_CLIENT: Final = "goal-client"
-LOAD: Final = "load"
 
 
 @dataclass(frozen=True)
@@ -69,9 +67,7 @@ class Setting:
         seed: of the link's chances.
         lease: with the observer of the lease.
         hops: with datagrams of our own through the wire.
-        latency: with these, a recorder in the cloud, and a direct publisher beside the carried one.
         goals: with a client of actions and services, and servers that it reaches directly.
-        load: so many processes that never rest, at normal priority.
         offload: the resource, where it is not the case's own.
         agents: tree of the repository whose agents run; None: this one's.
         beats: the witnesses listen to the beats, which costs the agents their publishing.
@@ -83,9 +79,7 @@ class Setting:
     seed: int = 1
     lease: bool = False
     hops: bool = False
-    latency: bool = False
     goals: bool = False
-    load: int = 0
     offload: RobotOffload | None = None
     agents: Path | None = None
     beats: bool = True
@@ -145,7 +139,7 @@ class MeasuredSystem:
         return self.placed.site if self.placed else ""
 
     def until(self, condition: Callable[[], bool], what: str, patience_s: float = START_PATIENCE_S) -> None:
-        """Waits for a condition on what the observers print.
+        """Wait for a condition on what the observers print.
 
         Raises:
             StartError: the condition did not come true, or a process ended.
@@ -153,33 +147,33 @@ class MeasuredSystem:
         self.programs.until(condition, what, patience_s, ("robot-agent", "cloud-agent"))
 
     def rest(self, seconds: float) -> None:
-        """Lets time pass, following what the observers print."""
+        """Let time pass, following what the observers print."""
         self.programs.rest(seconds)
 
     def ask(self, site: str) -> None:
-        """Asks for a switch by hand, again until it is accepted, then waits until it has taken place."""
+        """Ask for a switch by hand, again until it is accepted, then wait until it has taken place."""
         self.until(lambda: self._accepted(site), f"the switch to the {site} by hand is accepted")
         self.until(lambda: self.site == site, f"the {site} is in charge")
 
     def have(self, count: int, command: dict[str, object], what: str) -> None:
-        """Has the client of actions and services do something, and waits for `count` more answers of it."""
+        """Have the client of actions and services do something, and wait for `count` more answers of it."""
         known = len(self.answers)
         self.programs.command(GOAL_CLIENT, command)
         self.until(lambda: len(self.answers) >= known + count, what)
 
     def cut(self, direction: Direction | None) -> tuple[float, float]:
-        """Cuts the link, or with None mends it; returns the moments just before and just after it was done."""
+        """Cut the link, or with None mends it; return the moments just before and just after it was done."""
         before_s = steady_s()
         self.wire.cut(direction)
         return before_s, steady_s()
 
     def agent(self, side: Side) -> tuple[int, ...]:
-        """Returns the processes of one side's agent: the supervisor and its children."""
+        """Return the processes of one side's agent: the supervisor and its children."""
         children = sorted((self.system.temporary / side).glob("*.pid"))
         return (self.programs.pids[f"{side}-agent"], *(int(path.read_text()) for path in children))
 
     def finish(self) -> Evidence:
-        """Ends the recording, then everything else; returns what was written."""
+        """End the recording, then everything else; return what was written."""
         for name in (RECORDER, INPUT_RECORDER):
             if name in self.programs:
                 self.programs.finish(name, {"end": steady_s()}, GRACE_S)
@@ -243,24 +237,21 @@ class MeasuredSystem:
         return EmulatedWire(self._wire_config())
 
     def _prepare(self) -> None:
-        """Does what the link needs before anything is started."""
+        """Do what the link needs before anything is started."""
 
     def _placed(self, program: Program) -> Program:
-        """Returns a program as it is started on its side."""
+        """Return a program as it is started on its side."""
         return program
 
     def _wire_config(self) -> WireConfig:
         config = wire_config(self.system)
         forwards = config.forwards
-        if self._hops:
+        if self.setting.hops:
             dial, serve = self.relay
             forwards = (*forwards, Forward(RELAY, "udp", f"{HOST}:{dial}", f"{HOST}:{serve}"))
         return dataclasses.replace(config, forwards=forwards, realtime=True)
 
     def _start(self, program: Program) -> None:
-        if program.name == RECORDER and self.setting.latency:
-            command = (*program.command, "--topic", f"{DIRECT_TOPIC}={MESSAGE_TYPE}")
-            program = dataclasses.replace(program, command=command)
         if program.name.endswith("-agent") and self.setting.agents is not None:
             path = os.pathsep.join(str(self.setting.agents / package) for package in ("core", "agent"))
             program = dataclasses.replace(program, environment={**program.environment, "PYTHONPATH": path})
@@ -272,8 +263,8 @@ class MeasuredSystem:
                 os.sched_setscheduler(child.pid, os.SCHED_FIFO, os.sched_param(priority))
 
     def _priority(self, program: Program) -> int:
-        """Agents ask for theirs themselves."""
-        if program.name.endswith("-agent") or program.name.startswith(LOAD):
+        """Do nothing: agents ask for their priority themselves."""
+        if program.name.endswith("-agent"):
             return 0
         if program.folder == self.system.source and program.name.startswith(("robot-", "cloud-")):
             return NODE_PRIORITY if self.setting.realtime else 0
@@ -283,9 +274,7 @@ class MeasuredSystem:
         found = [self._witness("robot", NODE), self._witness("cloud", f"remote_{NODE}")]
         if self.setting.lease:
             found.append(self._lease_observer())
-        if self.setting.latency:
-            found += [self._input_recorder(), self._direct()]
-        if self._hops:
+        if self.setting.hops:
             found.append(self._hop())
         if self.setting.goals:
             path = self.system.out / f"{GOAL_CLIENT}.jsonl"
@@ -293,16 +282,7 @@ class MeasuredSystem:
                 self._program(GOAL_CLIENT, "goal_client", "robot", path, piped=True),
                 self._program("direct-server", "goal_server", "robot", "/direct"),
             ]
-        found += [self._restless(number) for number in range(self.setting.load)]
         return found
-
-    def _restless(self, number: int) -> Program:
-        command = (sys.executable, "-c", "while True: pass")
-        return Program(f"{LOAD}-{number}", command, self.system.temporary, environment(self.system, "robot"))
-
-    @property
-    def _hops(self) -> bool:
-        return self.setting.hops or self.setting.latency
 
     def _program(self, name: str, module: str, side: Side, *arguments: object, piped: bool = False) -> Program:
         command = (sys.executable, "-m", f"robot_offload_lab.bench.parts.{module}", *map(str, arguments))
@@ -331,13 +311,6 @@ class MeasuredSystem:
         cloud = environment(self.system, "cloud")
         return Program(INPUT_RECORDER, tuple(command), self.system.temporary, cloud, piped=True)
 
-    def _direct(self) -> Program:
-        """Returns what a message costs without us: publisher and consumer in one domain, same sizes and rate."""
-        sizes = str(list(self.case.command_bytes))
-        parameters = {"topics": f"[{DIRECT_TOPIC}]", "rate_hz": self.case.cloud_rate_hz, "payload_bytes": sizes}
-        words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-        return self._program("direct", "feed", "robot", "direct", "--ros-args", *words)
-
     def _hop(self) -> Program:
         dial, serve = self.relay
         options = ("--dial", dial, "--serve", serve, "--period", 1.0 / self.case.cloud_rate_hz)
@@ -346,12 +319,12 @@ class MeasuredSystem:
     # -- following the observers --------------------------------------------------------------------------------------
 
     def _settled(self) -> bool:
-        """Returns whether the cloud has acted for a while: starting a dozen processes at once is not the subject."""
+        """Return whether the cloud has acted for a while: starting a dozen processes at once is not the subject."""
         charged_s = self.placed.decided_s if self.placed and self.placed.site == "cloud" else float("inf")
         return self._commands_heard > 0 and steady_s() - charged_s > SETTLE_S
 
     def _accepted(self, site: str) -> bool:
-        """Asks once and waits for the answer."""
+        """Ask once and wait for the answer."""
         self.answer = None
         self.programs.command("robot-witness", {"ask": site})
         self.until(lambda: self.answer is not None, "the robot's agent answers a switch by hand")

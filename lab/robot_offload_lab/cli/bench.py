@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import typer
 
-from robot_offload_lab.bench import main
+from robot_offload.cli.app import example_text
+from robot_offload_lab.bench.main import EXAMPLES, bench
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the commands to `app`."""
-    app.add_typer(main.app, name="bench")
+    """Add the command to `app`."""
+    app.command("bench", epilog=example_text(EXAMPLES))(bench)

@@ -167,7 +167,7 @@ class ControlPlane:
                     yield json.loads(line)
 
     def get(self, path: str) -> str:
-        """Get a path of the API server as the administrator."""
+        """Return get a path of the API server as the administrator."""
         return self.request("GET", path)
 
     def request(self, verb: str, path: str, body: Any = None, content_type: str = "application/json") -> str:

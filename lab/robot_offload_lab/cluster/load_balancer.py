@@ -50,7 +50,7 @@ def routes(
     present: Mapping[str, str],
     layout: Layout,
 ) -> dict[str, str]:
-    """Load balancer address -> address of the node that takes its traffic; without one it is unreachable.
+    """Return load balancer address -> address of the node that takes its traffic; without one it is unreachable.
 
     A way that still works stays: connections would break without need.
 

@@ -20,7 +20,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from robot_offload_core.data.states import AGAIN_S
+from robot_offload_core.data.states import SNAPSHOT_RESEND_S
 from robot_offload_core.words.reasons import Kind, Reason
 from robot_offload_lab.judge.recording import Arrival, Calls, Errand, PathPoint, PlacementChange, Recording, Restored
 
@@ -176,7 +176,7 @@ def broken(
 def _had_state(recording: Recording, change: PlacementChange) -> bool:
     """Return whether a node of the other side had said before a switch that it acted, so that it had state."""
     waits = _REASONS.get(change.reason) not in (Kind.LIMIT, Kind.NEED)
-    by_s = change.t_s if waits else change.t_s - AGAIN_S  # what was lost on its way is said again then
+    by_s = change.t_s if waits else change.t_s - SNAPSHOT_RESEND_S  # what was lost on its way is said again then
     return any(it.site != change.site and it.t_s < by_s for it in recording.restored)
 
 

@@ -51,8 +51,8 @@ class Switch:
         before, after: the sides.
         change: the announcement.
         gap_ms: by topic; None where nothing arrived around it.
-        lost: messages missing around it.
-        duplicates: messages that passed twice around it.
+        lost: messages missing around it; None: not known (see Stream.known).
+        duplicates: messages that passed twice around it; None: not known.
     """
 
     t_s: float
@@ -60,8 +60,8 @@ class Switch:
     after: Site
     change: PlacementChange
     gap_ms: Mapping[str, float | None]
-    lost: int
-    duplicates: int
+    lost: int | None
+    duplicates: int | None
 
     @property
     def commanded(self) -> bool:
@@ -148,6 +148,7 @@ def median_period_ms(stream: Stream) -> float | None:
 
 def _switches(recording: Recording, streams: Mapping[str, Stream]) -> Iterator[Switch]:
     placements = [change for change in recording.placements if change.t_s <= recording.end_s]
+    known = all(stream.known for stream in streams.values())
     for before, change in itertools.pairwise(placements):
         if before.site == change.site:
             continue
@@ -158,8 +159,8 @@ def _switches(recording: Recording, streams: Mapping[str, Stream]) -> Iterator[S
             after=change.site,
             change=change,
             gap_ms={topic: _gap_around(stream, window) for topic, stream in streams.items()},
-            lost=sum(_lost_in(stream, window) for stream in streams.values()),
-            duplicates=sum(_count(stream.duplicates, window) for stream in streams.values()),
+            lost=sum(_lost_in(stream, window) for stream in streams.values()) if known else None,
+            duplicates=sum(_count(stream.duplicates, window) for stream in streams.values()) if known else None,
         )
 
 

@@ -97,6 +97,7 @@ class Arrival(Record):
         sent_t_s: when the replica published it.
         site: the side of that replica.
         passed_t_s: when it was published on the public topic, as the middleware stamped it; None: not known.
+        named: the message itself states producer, sequence and time; else the recorder has put its own in their place.
     """
 
     topic: str
@@ -106,6 +107,7 @@ class Arrival(Record):
     sent_t_s: float
     site: Site
     passed_t_s: float | None = None
+    named: bool = True
 
     @property
     def age_s(self) -> float:

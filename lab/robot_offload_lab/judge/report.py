@@ -20,6 +20,7 @@ from robot_offload_lab.judge.invariants import Violation, violations
 from robot_offload_lab.judge.measures import Measures, Switch, measure, median_period_ms
 from robot_offload_lab.judge.recording import SITES, Recording
 from robot_offload_lab.judge.streams import Stream, quantile
+from robot_offload_lab.judge.untried import untried
 
 SCHEMA: Final = "robotoffload.dev/report/v1"
 
@@ -95,13 +96,16 @@ def html(report: Mapping[str, Any], measures: Measures) -> str:
         lstrip_blocks=True,
     )
     environment.filters["number"] = _number
+    environment.filters["known"] = lambda count: "not known" if count is None else count
     pictures = [
         ("Link and placement", drawing.svg(figures.link_and_placement(measures))),
         ("Silence of the outputs at each switch", drawing.svg(figures.gaps_per_switch(measures))),
     ]
     if measures.recording.path:
         pictures.append(("The way through the corridor", drawing.svg(figures.path(measures))))
-    return environment.get_template("report.html.j2").render(report=report, pictures=pictures, sites=SITES)
+    return environment.get_template("report.html.j2").render(
+        report=report, pictures=pictures, sites=SITES, untried=tuple(untried(report))
+    )
 
 
 def _switch(switch: Switch, recording: Recording) -> dict[str, Any]:
@@ -124,10 +128,10 @@ def _output(stream: Stream) -> dict[str, Any]:
     return {
         "period_ms": _round(median_period_ms(stream)),
         "received": len(stream.arrivals),
-        "duplicates": len(stream.duplicates),
-        "reordered": len(stream.reordered),
-        "stale": len(stream.stale),
-        "lost": stream.lost,
+        "duplicates": len(stream.duplicates) if stream.known else None,
+        "reordered": len(stream.reordered) if stream.known else None,
+        "stale": len(stream.stale) if stream.known else None,
+        "lost": stream.lost if stream.known else None,
         "gap_ms": {
             "p50": _round(quantile(lengths, 0.5)),
             "p99": _round(quantile(lengths, 0.99)),

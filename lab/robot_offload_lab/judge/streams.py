@@ -11,6 +11,8 @@ Pure. Definitions, as the report and the benchmarks use them:
 * stale: older than `maxCommandAge` when it passed to the consumers, by the time at which its replica published it;
 * gap: the time between two consecutive arrivals, whoever made them.
 
+A message that does not name itself has only a time of arrival: of an output with such messages only gaps are known.
+
 A producer that starts again counts from the beginning: a lower sequence that was published *later* than the highest
 one opens a new life of that producer instead of being called reordered.
 """
@@ -67,6 +69,11 @@ class Stream:
     reordered: tuple[Arrival, ...]
     stale: tuple[Arrival, ...]
     holes: tuple[Hole, ...]
+
+    @property
+    def known(self) -> bool:
+        """Duplicates, losses, order and age were measured: every message names itself."""
+        return all(arrival.named for arrival in self.arrivals)
 
     @property
     def lost(self) -> int:

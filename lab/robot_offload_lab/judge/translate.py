@@ -77,7 +77,7 @@ class Arrivals:
     def other(self, t_s: float) -> Arrival:
         """Return a message that does not name who made it."""
         self.unknown += 1
-        return Arrival(self.topic, t_s, self.acting, self.unknown, t_s, self.acting)
+        return Arrival(self.topic, t_s, self.acting, self.unknown, t_s, self.acting, named=False)
 
 
 def site_of(producer: str) -> Site:

@@ -66,7 +66,7 @@ class Request:
 
 
 def run(request: Request) -> str | None:
-    """Does what was asked for; the JSON for standard output, None when none was asked for.
+    """Do what was asked for; the JSON for standard output, None when none was asked for.
 
     Raises:
         InputError: a recording, a policy or the folder cannot be used.
@@ -119,7 +119,7 @@ def _tuned(cases: Sequence[StudiedLink], held_out: Sequence[StudiedLink], consol
 
 @contextmanager
 def _bar(words: str, total: int) -> Iterator[Step]:
-    """Yields the step of a progress bar on standard error, when that is a terminal."""
+    """Yield the step of a progress bar on standard error, when that is a terminal."""
     columns = TextColumn(words), BarColumn(), TimeRemainingColumn()
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
@@ -128,7 +128,7 @@ def _bar(words: str, total: int) -> Iterator[Step]:
 
 
 def _console(as_json: bool) -> Console:
-    """For people. The JSON stands alone on standard output; without a terminal a table needs no folding."""
+    """Return the console for people; standard output has the JSON alone."""
     console = Console(stderr=as_json, highlight=False)
     if not console.is_terminal:
         console.width = max(console.width, PLAIN_COLUMNS)
@@ -154,7 +154,7 @@ def _case(recording: TraceRequest, weights: Weights) -> StudiedLink:
 
 
 def _check_tuning(request: Request) -> None:
-    """Refuses to report on what was searched, whatever the file is called."""
+    """Refuse to report on what was searched, whatever the file is called."""
     if request.compare:
         raise InputError("--tune, --compare: one of them at a time; --tune reports the best other rule by itself")
     searched = {_fingerprint(each.file): each.file for each in request.recordings}
@@ -172,7 +172,7 @@ def _check_tuning(request: Request) -> None:
 
 
 def _fingerprint(file: Path) -> str:
-    """Equal for equal recordings; a file that cannot be read is reported when it is loaded."""
+    """Return equal for equal recordings; a file that cannot be read is reported when it is loaded."""
     try:
         return hashlib.sha256(file.read_bytes()).hexdigest()
     except OSError:

@@ -29,11 +29,11 @@ class SwitchingPolicy(Protocol):
     """
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Takes the echo of the heartbeat sent at `sent_s`, back at `arrived_s`; the difference is the loop latency."""
+        """Take the echo of the heartbeat sent at `sent_s`, back at `arrived_s`; the difference is the loop latency."""
         ...
 
     def place(self, now_s: float) -> Decision | Verdict | Site | str:
-        """Returns the side to act from now on: `Site`, "robot", "cloud", or a Decision with the reason as well."""
+        """Return the side to act from now on: `Site`, "robot", "cloud", or a Decision with the reason as well."""
         ...
 
 

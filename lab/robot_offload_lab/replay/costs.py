@@ -59,7 +59,7 @@ class Score:
 
 
 def score(changes: Sequence[Change], beats: Heartbeats, limit_us: int, weights: Weights) -> Score:
-    """Returns the price of acting as `changes` say; before the first one the robot acts."""
+    """Return the price of acting as `changes` say; before the first one the robot acts."""
     stays = np.array(list(_cloud_stays(changes, beats.duration_us)), dtype=float).reshape(-1, 2)
     edges_us = np.arange(len(beats.sent_us) + 1) * beats.period_us
     good_us = np.concatenate([[0], np.cumsum(beats.good(limit_us)) * beats.period_us])
@@ -75,7 +75,7 @@ def score(changes: Sequence[Change], beats: Heartbeats, limit_us: int, weights: 
 def optimum(
     beats: Heartbeats, limit_us: int, weights: Weights, forbidden: NDArray[np.bool_] | None = None
 ) -> tuple[Change, ...]:
-    """Returns the cheapest placement of all, found with the whole recording known.
+    """Return the cheapest placement of all, found with the whole recording known.
 
     Dynamic programming over the stretches in which the link stays good or stays bad: within one the cost of either side
     grows evenly, so the best moment for a change is always an edge. No policy without foresight can reach it: a bad
@@ -119,7 +119,7 @@ def _as_changes(starts_us: Sequence[int], sites: Sequence[Site]) -> Iterator[Cha
 
 
 def stretches(kinds: NDArray[np.bool_] | NDArray[np.int8], period_us: int) -> list[tuple[int, int, float]]:
-    """(start in microseconds, kind, length in seconds) of each stretch of periods of equal kind, for example good."""
+    """Return (start in us, kind, length in s) of each stretch of periods of equal kind, for example good."""
     edges = np.flatnonzero(np.diff(kinds)) + 1
     bounds = [0, *edges.tolist(), len(kinds)]
     return [(a * period_us, int(kinds[a]), (b - a) * period_us / 1e6) for a, b in itertools.pairwise(bounds)]

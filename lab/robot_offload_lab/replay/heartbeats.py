@@ -44,12 +44,12 @@ class Heartbeats:
         return np.where(lost, NEVER_US, self.arrived_us - self.sent_us)
 
     def good(self, limit_us: int) -> NDArray[np.bool_]:
-        """For each period, whether the link is good enough in it: a beat sent then is back within `limit_us`."""
+        """Return for each period whether a beat sent in it is back within `limit_us`."""
         return self.latency_us <= limit_us
 
 
 def derive(trace: Trace, period_s: float) -> Heartbeats:
-    """Returns the heartbeats that the link of `trace` would have carried.
+    """Return the heartbeats that the link of `trace` would have carried.
 
     A beat that leaves during a sample (until the next request) which is no stall is back after that sample's round-trip
     time. During a stall (`Trace.stall_ms`: longer than 40 ms and three medians) it is held and back at the stall's end;

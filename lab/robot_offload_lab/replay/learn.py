@@ -29,7 +29,7 @@ EASY: Final = 2.0
 
 
 def links(seeds: int, duration_s: float, *, held_out: bool) -> Iterator[StudiedLink]:
-    """Made-up links of the families that are held out, or of the others."""
+    """Yield made-up links of the families that are held out, or of the others."""
     for name, family in FAMILIES.items():
         if family.held_out is held_out:
             for seed in range(1, seeds + 1):
@@ -38,7 +38,7 @@ def links(seeds: int, duration_s: float, *, held_out: bool) -> Iterator[StudiedL
 
 
 def costs(subject: StudiedLink) -> list[float]:
-    """Returns what each rule of the prior costs on a link."""
+    """Return what each rule of the prior costs on a link."""
     silence_s = SILENT_BEATS * subject.settings.beat_period_s
     found: dict[tuple[float, float, float, int], float] = {}
     for (share, memory), rows in itertools.groupby(PRIOR, key=lambda row: (row[0], row[3])):
@@ -52,7 +52,7 @@ def costs(subject: StudiedLink) -> list[float]:
 
 
 def learnt(cases: Sequence[StudiedLink] | Iterator[StudiedLink]) -> list[float]:
-    """Returns the figure of each rule: the mean logarithm of its cost as a multiple of the best fixed rule."""
+    """Return the figure of each rule: the mean logarithm of its cost as a multiple of the best fixed rule."""
     sums, count = [0.0] * len(PRIOR), 0
     for subject in cases:
         best = subject.best_fixed.cost + EASY
@@ -62,7 +62,7 @@ def learnt(cases: Sequence[StudiedLink] | Iterator[StudiedLink]) -> list[float]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command line; returns 0."""
+    """Run the command line; return 0."""
     parser = argparse.ArgumentParser(
         prog="python -m robot_offload_lab.replay.learn", description="The prior of the core."
     )

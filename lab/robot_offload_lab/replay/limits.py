@@ -20,7 +20,7 @@ REASON: Final = "HeartbeatLost"
 
 
 def adapted_loss_timeout_s(trace: Trace) -> float:
-    """Silence that means a lost link on this recording: 90 ms, or three medians where the path itself is slow."""
+    """Return the silence that means a lost link here: 90 ms, or three medians where the path is slow."""
     return max(LOSS_FLOOR_S, LOSS_FACTOR * trace.median_ms / 1e3)
 
 
@@ -38,7 +38,7 @@ class Newest:
 
 
 def newest(beats: Heartbeats) -> Newest:
-    """Returns what a causal rule may know at the beginning of each period."""
+    """Return what a causal rule may know at the beginning of each period."""
     back = beats.arrived_us != NEVER_US
     arrived_us, latency_us = beats.arrived_us[back], beats.latency_us[back]
     index = np.searchsorted(arrived_us, beats.sent_us, side="right") - 1
@@ -48,12 +48,12 @@ def newest(beats: Heartbeats) -> Newest:
 
 
 def forbidden(beats: Heartbeats, loss_timeout_us: int) -> NDArray[np.bool_]:
-    """For each period, whether nothing had come for the loss timeout when it began."""
+    """Return for each period whether nothing had come for the loss timeout when it began."""
     return newest(beats).silent_us > loss_timeout_us
 
 
 def clamped(changes: tuple[Change, ...], beats: Heartbeats, loss_timeout_us: int) -> tuple[Change, ...]:
-    """Returns the placement `changes` with the cloud left at once in silence; after it the policy decides again."""
+    """Return the placement `changes` with the cloud left at once in silence; after it the policy decides again."""
     silences = list(_silences(beats, loss_timeout_us))
     if not silences:
         return changes
@@ -79,7 +79,7 @@ def clamped(changes: tuple[Change, ...], beats: Heartbeats, loss_timeout_us: int
 
 
 def _silences(beats: Heartbeats, loss_timeout_us: int) -> list[tuple[int, int]]:
-    """(from, until) of each stretch in which the cloud is forbidden: from a period's beginning to the next arrival."""
+    """Return (from, until) of each stretch in which the cloud is forbidden, up to the next arrival."""
     silent = forbidden(beats, loss_timeout_us)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], silent, [False]]).astype(np.int8)))
     arrived_us = beats.arrived_us[beats.arrived_us != NEVER_US]

@@ -52,7 +52,7 @@ CONSTANT: Final = ("robot", "cloud")
 
 
 def find(name: str) -> NamedPolicy:
-    """Returns the policy called `name`, or of the function `module:function` (the current folder is searched as well).
+    """Return the policy called `name`, or of the function `module:function` (the current folder is searched as well).
 
     Raises:
         InputError: there is no such policy, or the module cannot be used.

@@ -57,7 +57,7 @@ class Eyes:
         self._sequence = 0
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Takes an echo that came back; the cloud agent sent it half of the round trip ago."""
+        """Take an echo that came back; the cloud agent sent it half of the round trip ago."""
         self._sequence += 1
         echo = Echo(ROBOT, self._sequence, round(sent_s * 1e6), hold_us=0)
         answered_us = round((sent_s + arrived_s) / 2 * 1e6)
@@ -67,7 +67,7 @@ class Eyes:
             self.good_s = arrived_s
 
     def look(self, now_s: float) -> Sight:
-        """Returns what is known at `now_s`."""
+        """Return what is known at `now_s`."""
         situation = Situation(
             report=REPORT, control_age_s=0.0, good_s=now_s, pulse_s=now_s, gate=GATE, gate_s=now_s,
             data_connected=True, data_cloud=CLOUD, data_heard_s=now_s, data_s=now_s,
@@ -91,11 +91,11 @@ class Mind:
         self._entered_s = 0.0
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Takes an echo that came back: it shows what the link was like when its beat was sent."""
+        """Take an echo that came back: it shows what the link was like when its beat was sent."""
         self.policy = policies.heard(self.policy, sent_s, arrived_s - sent_s, self._settings)
 
     def place(self, sight: Sight) -> Verdict:
-        """Returns the decision at that moment, as `switcher.step` comes to it when changing over takes no time."""
+        """Return the decision at that moment, as `switcher.step` comes to it when changing over takes no time."""
         now_s, site = sight.now_s, self._site
         self.policy, verdict = policies.decide(self.policy, site, sight.fitness, self._settings, now_s)
         if site is Site.CLOUD:
@@ -128,10 +128,10 @@ class Ours:
         self._mind = Mind(settings)
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Takes in an echo."""
+        """Take in an echo."""
         self._eyes.heard(sent_s, arrived_s)
         self._mind.heard(sent_s, arrived_s)
 
     def place(self, now_s: float) -> Verdict:
-        """Returns what the agent would decide."""
+        """Return what the agent would decide."""
         return self._mind.place(self._eyes.look(now_s))

@@ -21,10 +21,10 @@ class OneSide:
         self._verdict = Decision(site, "Always", f"The {site.value} always acts")
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Does not matter."""
+        """Do not matter."""
 
     def place(self, now_s: float) -> Decision:
-        """Returns the one side."""
+        """Return the one side."""
         return self._verdict
 
 
@@ -42,15 +42,15 @@ class Threshold:
         self.heard_s = float("-inf")
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Keeps the newest."""
+        """Keep the newest."""
         self.latency_s, self.heard_s = arrived_s - sent_s, arrived_s
 
     def silent(self, now_s: float) -> bool:
-        """Nothing has come for longer than the loss timeout."""
+        """Return whether nothing has come for longer than the loss timeout."""
         return now_s - self.heard_s > self._settings.loss_timeout_s
 
     def place(self, now_s: float) -> Decision:
-        """Returns the thesis's rule."""
+        """Return the thesis's rule."""
         if self.silent(now_s):
             return Decision(Site.ROBOT, "Silent", "No message for longer than the loss timeout")
         if self.latency_s > self._settings.allowed_loop_s:
@@ -67,11 +67,11 @@ class Dwell:
         self._changed_s = float("-inf")
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Hands it on."""
+        """Hand it on."""
         self._threshold.heard(sent_s, arrived_s)
 
     def place(self, now_s: float) -> Decision:
-        """Returns the threshold's answer, when the dwell is over or nothing comes."""
+        """Return the threshold's answer, when the dwell is over or nothing comes."""
         wanted = self._threshold.place(now_s)
         lost = wanted.site is Site.ROBOT and self._threshold.silent(now_s)
         if wanted.site is not self._verdict.site and (lost or now_s - self._changed_s >= DWELL_S):
@@ -92,14 +92,14 @@ class Mean:
         self._sum_s = 0.0
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Moves the window."""
+        """Move the window."""
         self._window.append((arrived_s, arrived_s - sent_s))
         self._sum_s += arrived_s - sent_s
         while self._window[0][0] < arrived_s - WINDOW_S:
             self._sum_s -= self._window.popleft()[1]
 
     def place(self, now_s: float) -> Decision:
-        """Returns the mean against the threshold."""
+        """Return the mean against the threshold."""
         if not self._window or now_s - self._window[-1][0] > WINDOW_LOSS_S:
             return Decision(Site.ROBOT, "Silent", "No message for longer than 10 s")
         if self._sum_s / len(self._window) > self._limit_s:

@@ -22,7 +22,7 @@ COLUMNS: Final = 1500
 
 
 def draw(subjects: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> bytes:
-    """Returns a PNG: for each recording its loop latency over time, and below it who acted under each policy."""
+    """Return a PNG: for each recording its loop latency over time, and below it who acted under each policy."""
     heights: list[float] = []
     for _, outcomes in subjects:
         heights += [3.0, 0.32 * (len(outcomes) + 1) + 0.2]
@@ -42,7 +42,7 @@ def draw(subjects: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> bytes:
 
 
 def _link(axes: Axes, subject: StudiedLink) -> None:
-    """Draws the highest latency of each column, the limit, and shades where the link was not good enough."""
+    """Draw the highest latency of each column, the limit, and shades where the link was not good enough."""
     beats, limit_us = subject.beats, subject.limit_us
     good = beats.good(limit_us)
     edges = np.linspace(0, len(good), min(COLUMNS, len(good)) + 1).astype(int)
@@ -79,7 +79,7 @@ def _placement(axes: Axes, outcomes: Sequence[Replayed], end_s: float) -> None:
 
 
 def _stays(changes: Sequence[Change], end_s: float) -> list[tuple[float, float, Site]]:
-    """(from, until, side) of every stay, the robot's first one among them."""
+    """Return (from, until, side) of every stay, the robot's first one among them."""
     found, start_s, site = [], 0.0, Site.ROBOT
     for change in changes:
         found.append((start_s, change.at_us / 1e6, site))

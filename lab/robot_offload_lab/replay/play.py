@@ -17,7 +17,7 @@ PROGRESS_BEATS = 1000
 
 
 def moments(beats: Heartbeats) -> Iterator[tuple[int, list[int]]]:
-    """Yields every moment at which an agent looks, and the beats whose echoes arrive then, in microseconds and indices.
+    """Yield every moment at which an agent looks, and the beats whose echoes arrive then, in microseconds and indices.
 
     These are the arrivals of echoes, all of one instant together (after a stall an agent reads everything that has
     arrived before it judges), and the beginning of each period.
@@ -41,7 +41,7 @@ def moments(beats: Heartbeats) -> Iterator[tuple[int, list[int]]]:
 
 
 def play(policy: SwitchingPolicy, beats: Heartbeats, progress: Progress | None = None) -> tuple[Change, ...]:
-    """Returns where `policy` acts on this recording; the robot does before the first change."""
+    """Return where `policy` acts on this recording; the robot does before the first change."""
     changes: list[Change] = []
     site, seen = Site.ROBOT, 0
     sent_us = beats.sent_us.tolist()

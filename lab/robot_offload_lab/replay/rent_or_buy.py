@@ -49,7 +49,7 @@ class RentOrBuy:
 
 
 def best_fixed(beats: Heartbeats, limit_us: int, weights: Weights, forbidden: NDArray[np.bool_]) -> RentOrBuy:
-    """Returns the cheapest rule of the grid on this recording.
+    """Return the cheapest rule of the grid on this recording.
 
     Args:
         beats: of the recording.
@@ -66,7 +66,7 @@ def grid(
     silences_s: Sequence[float] = SILENCES_S, pairs: Sequence[tuple[float, float]] = PAIRS, share: float = 1.0,
     memory: tuple[float, float] | None = None,
 ) -> list[RentOrBuy]:  # fmt: skip
-    """Returns every rule of the grid with its cost.
+    """Return every rule of the grid with its cost.
 
     Args:
         beats: of the recording.
@@ -98,7 +98,7 @@ def grid(
 
 
 def _held(truth: NDArray[np.bool_], period_us: int, limit_us: int, window_s: float, share: float) -> NDArray[np.bool_]:
-    """Returns the periods in which a memory keeps everybody who is on the robot there."""
+    """Return the periods in which a memory keeps everybody who is on the robot there."""
     window, late = round(window_s * 1e6 / period_us), -(-limit_us // period_us)
     bad = np.concatenate([np.zeros(window + late, dtype=np.int64), np.cumsum(~truth)])
     return np.asarray(bad[window : window + len(truth)] - bad[: len(truth)] > share * window)
@@ -121,13 +121,13 @@ class _Rules:
         self._switches = np.zeros(len(pairs))
 
     def costs(self) -> Floats:
-        """J of each rule so far."""
+        """Return J of each rule so far."""
         prices = self._weights
         periods = prices.exposed_per_s * self._exposed + prices.wasted_per_s * self._wasted
         return np.asarray(periods * self._period_s + prices.switch * self._switches)
 
     def live(self, start: int, end: int, *, bad: bool, forbidden: bool, held: bool) -> None:
-        """Lets the rules live from period `start` to `end`, in which signal, limit and memory stay as they are."""
+        """Let the rules live from period `start` to `end`, in which signal, limit and memory stay as they are."""
         leave_per, return_per = self._per_period()
         if forbidden:
             self._switches += self._cloud
@@ -154,7 +154,7 @@ class _Rules:
         return self._weights.exposed_per_s * self._period_s, self._weights.wasted_per_s * self._period_s
 
     def _account(self, start: int, end: int, moved_at: NDArray[np.int64]) -> None:
-        """Until `moved_at` each rule is where it was, from then until `end` on the other side."""
+        """Charge each rule: until `moved_at` it is where it was, from then until `end` on the other side."""
         good, cloud = self._good, self._cloud
         good_before, good_after = good[moved_at] - good[start], good[end] - good[moved_at]
         bad_before, bad_after = moved_at - start - good_before, end - moved_at - good_after

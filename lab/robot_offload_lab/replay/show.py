@@ -20,7 +20,7 @@ SHADES = "░▒▓█"
 
 
 def heading(subject: StudiedLink) -> str:
-    """Returns what was replayed, in one line."""
+    """Return what was replayed, in one line."""
     settings = subject.settings
     good = float(subject.beats.good(subject.limit_us).mean())
     return (
@@ -30,7 +30,7 @@ def heading(subject: StudiedLink) -> str:
 
 
 def table(subject: StudiedLink, outcomes: Sequence[Replayed]) -> Table:
-    """Returns one row for each policy, the best fixed rule and the optimum last."""
+    """Return one row for each policy, the best fixed rule and the optimum last."""
     found = _table("policy", "cost J", "of optimum", "of best fixed", "exposed s", "wasted s", "switches", "cloud %")
     for each in [*outcomes, subject.best]:
         figures = each.score
@@ -51,7 +51,7 @@ def table(subject: StudiedLink, outcomes: Sequence[Replayed]) -> Table:
 
 
 def summary(done: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> Table:
-    """J of each policy as a multiple of the best fixed rule: mean and worst over all recordings."""
+    """Return J of each policy as a multiple of the best fixed rule: mean and worst over all recordings."""
     found = _table("policy", "mean of best fixed", "worst", "on")
     for index, first in enumerate(done[0][1]):
         ratios = [(subject.ratio_best_fixed(each[index].score.cost), subject.beats.name) for subject, each in done]
@@ -75,7 +75,7 @@ def _times(ratio: float | None) -> str:
 
 
 def strips(subject: StudiedLink, chosen: Replayed) -> list[str]:
-    """Link and placement over time, one character for each stretch: the fuller, the more of it was good, or cloud."""
+    """Return link and placement over time, one character for each stretch: the fuller, the better."""
     columns = min(STRIP_COLUMNS, len(subject.beats.sent_us))
     edges_us = np.linspace(0, subject.beats.duration_us, columns + 1)
     parts = np.array_split(subject.beats.good(subject.limit_us).astype(float), columns)
@@ -94,7 +94,7 @@ def _optimum(subject: StudiedLink, edges_us: np.typing.NDArray[np.float64]) -> s
 
 
 def _cloud_until(changes: Sequence[Change], end_us: int) -> tuple[list[int], list[int]]:
-    """Moments, and the time spent in the cloud until each."""
+    """Return moments, and the time spent in the cloud until each."""
     times_us, spent_us, site = [0], [0], Site.ROBOT
     for at_us, following in [*((change.at_us, change.site) for change in changes), (end_us, Site.ROBOT)]:
         spent_us.append(spent_us[-1] + (at_us - times_us[-1] if site is Site.CLOUD else 0))
@@ -108,7 +108,7 @@ def _shaded(shares: Sequence[float]) -> str:
 
 
 def tuning(reports: Sequence[TuningReport]) -> Table:
-    """Returns one row for each recording that was left out, with the figures that were best on the others."""
+    """Return one row for each recording that was left out, with the figures that were best on the others."""
     found = _table(
         "left out", "hold-down s", "handicap", "margin", "half-life s", "J with these", "J at present",
         "best other rule", "best fixed", "optimum",

@@ -75,17 +75,17 @@ class StudiedLink:
         return best_fixed(self.beats, self.limit_us, self.weights, self.forbidden)
 
     def price(self, changes: tuple[Change, ...]) -> Score:
-        """Returns what a placement comes to on this recording, under the hard limits if they hold."""
+        """Return what a placement comes to on this recording, under the hard limits if they hold."""
         if self.limited:
             changes = clamped(changes, self.beats, self.loss_timeout_us)
         return score(changes, self.beats, self.limit_us, self.weights)
 
     def ratio(self, cost: float) -> float | None:
-        """Returns how many times the optimum `cost` is; None when only the optimum costs nothing."""
+        """Return how many times the optimum `cost` is; None when only the optimum costs nothing."""
         return _ratio(cost, self.best.score.cost)
 
     def ratio_best_fixed(self, cost: float) -> float | None:
-        """Returns how many times the cost of the best fixed rule `cost` is; None when only that costs nothing."""
+        """Return how many times the cost of the best fixed rule `cost` is; None when only that costs nothing."""
         return _ratio(cost, self.best_fixed.cost)
 
 
@@ -107,7 +107,7 @@ class Replayed:
 
 
 def case(trace: Trace, settings: Settings, weights: Weights, *, adapt: bool = True) -> StudiedLink:
-    """Returns a case from a recording.
+    """Return a case from a recording.
 
     Args:
         trace: the recording.
@@ -125,7 +125,7 @@ def case(trace: Trace, settings: Settings, weights: Weights, *, adapt: bool = Tr
 
 
 def outcome(policy: NamedPolicy, subject: StudiedLink, progress: Progress | None = None) -> Replayed:
-    """Replays `subject` for a fresh `policy`.
+    """Replay `subject` for a fresh `policy`.
 
     Raises:
         InputError: a policy that is not ours raised something, or answered what is no side.
@@ -143,7 +143,7 @@ def outcome(policy: NamedPolicy, subject: StudiedLink, progress: Progress | None
 
 
 def plain(subject: StudiedLink, outcomes: list[Replayed]) -> dict[str, Any]:
-    """Returns a recording as in results.json: the figures of each policy and of the optimum, and all changes."""
+    """Return a recording as in results.json: the figures of each policy and of the optimum, and all changes."""
     settings, rule = subject.settings, subject.best_fixed
     return {
         "trace": subject.beats.name,
@@ -161,7 +161,7 @@ def plain(subject: StudiedLink, outcomes: list[Replayed]) -> dict[str, Any]:
 
 
 def figures(subject: StudiedLink, found: Score) -> dict[str, Any]:
-    """Returns the figures of a placement beside the yardsticks of its recording."""
+    """Return the figures of a placement beside the yardsticks of its recording."""
     rounded = {name: round(value, 3) for name, value in dataclasses.asdict(found).items()}
     ratio, ratio_best_fixed = subject.ratio(found.cost), subject.ratio_best_fixed(found.cost)
     return {

@@ -82,7 +82,7 @@ class Sights:
             self._sights.append((at_us, sent_s, eyes.look(at_us / 1e6)))
 
     def cost(self, figures: Figures) -> float:
-        """Returns what our rule with these figures comes to."""
+        """Return what our rule with these figures comes to."""
         settings = dataclasses.replace(self._case.settings, hold_down_initial_s=figures.hold_down_initial_s)
         mind = Mind(settings, experts.Figures(figures.handicap, figures.margin, figures.half_life_s))
         site, changes = Site.ROBOT, []
@@ -103,7 +103,7 @@ def search(
     done: Callable[[int], None],
     grid: Sequence[Figures] = GRID,
 ) -> list[TuningReport]:
-    """Returns the figures with the least mean ratio on some recordings are tried on others.
+    """Return the figures with the least mean ratio on some recordings are tried on others.
 
     Args:
         cases: to search on.
@@ -140,14 +140,14 @@ def search(
 
 
 def steps(cases: Sequence[StudiedLink], held_out: Sequence[StudiedLink] = (), grid: Sequence[Figures] = GRID) -> int:
-    """Returns how many steps `search` reports."""
+    """Return how many steps `search` reports."""
     return (len(cases) + len(held_out)) * (len(dict.fromkeys([DEFAULT, *grid])) + 1) + len(held_out or cases)
 
 
 def _mean_ratio(
     cases: Sequence[StudiedLink], costs: Sequence[dict[Figures, float]], chosen: Sequence[int], figures: Figures
 ) -> float:
-    """Of the chosen recordings; a recording whose optimum is nothing counts with its cost."""
+    """Return of the chosen recordings; a recording whose optimum is nothing counts with its cost."""
     ratios = []
     for index in chosen:
         ratio = cases[index].ratio(costs[index][figures])

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from robot_offload_lab.judge.untried import untried
+
 
 def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
     """Return what matters most of `report`, and where the rest is."""
@@ -17,7 +19,7 @@ def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
         *(f"  {line}" for line in _placement(report)),
         *(f"  {line}" for line in _handed(report)),
         *(f"  {line}" for line in _processor(report)),
-        *_verdict(report["violations"]),
+        *_verdict(report["violations"], tuple(untried(report))),
         f"Report: {out / 'report.html'} (also report.json, run.png, recording.jsonl, run.mcap, logs)",
     )
 
@@ -34,6 +36,8 @@ def _ending(report: Mapping[str, Any]) -> str:
 def _output(topic: str, output: Mapping[str, Any]) -> str:
     longest = output["gap_ms"]["max"]
     silence = "" if longest is None else f", longest silence {longest:.0f} ms"
+    if output["lost"] is None:
+        return f"{topic}: {output['received']} received, duplicates, lost and stale not known{silence}"
     return (
         f"{topic}: {output['received']} received, {_count(output['duplicates'], 'duplicate')}, {output['lost']} lost, "
         f"{output['stale']} stale{silence}"
@@ -90,9 +94,10 @@ def _processor(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"processor on the robot, of one core: {said}"
 
 
-def _verdict(violations: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def _verdict(violations: Sequence[Mapping[str, Any]], untried: Sequence[str]) -> Iterator[str]:
     if not violations:
-        yield "All promises were kept"
+        yield "No broken promise was seen, but:" if untried else "All promises were kept"
+        yield from (f"  {sentence}" for sentence in untried)
         return
     yield f"{_count(len(violations), 'promise')} broken:"
     for violation in violations:

@@ -151,7 +151,7 @@ class AgentState:
 
 
 def parse_state(text: str) -> AgentState:
-    """Reads a state; unknown fields are left alone, because a newer agent may say more.
+    """Read a state; unknown fields are left alone, because a newer agent may say more.
 
     What the robot's side wrote is bounded here, at its first reader: reasons are single words, sentences are cut, and
     no text has control characters.
@@ -197,7 +197,7 @@ def parse_state(text: str) -> AgentState:
 
 
 def lasting(text: str) -> str:
-    """The state without its live numbers, as compact JSON: equal texts mean that nothing has happened.
+    """Return the state without its live numbers, as compact JSON: equal texts mean that nothing has happened.
 
     Raises:
         StateError: `text` is no JSON object.
@@ -259,19 +259,19 @@ def _certificate(values: Mapping[str, Any]) -> RobotCertificate:
 
 
 def _addresses(values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Returns the addresses that a robot dials; what has another form is no address."""
+    """Return the addresses that a robot dials; what has another form is no address."""
     words = _of(values, "dials", str, "").split()
     return tuple(dict.fromkeys(word for word in words if _DIALLED.fullmatch(word)))[:MAX_DIALLED]
 
 
 def _head(values: Mapping[str, Any]) -> str:
-    """Returns the newest entry of the audit trail; what has another form is none."""
+    """Return the newest entry of the audit trail; what has another form is none."""
     head: str = _of(values, "audit", str, "")
     return head if _HEAD.fullmatch(head) else ""
 
 
 def _shown(value: object) -> str:
-    """Returns a value as an error message shows it."""
+    """Return a value as an error message shows it."""
     text = ascii(value)
     return text if len(text) <= 64 else f"{text[:61]}..."
 
@@ -345,16 +345,16 @@ class Sight:
     problem: str = "the agent has not written its state yet"
 
     def fresh(self, now_s: float) -> bool:
-        """Whether the agent lives: its last usable state is young enough."""
+        """Return whether the agent lives: its last usable state is young enough."""
         return self.state is not None and now_s - self.changed_s <= FRESH_S
 
     def age_s(self, now_s: float) -> float:
-        """The age of the last usable state in seconds; endless before the first one."""
+        """Return the age of the last usable state in seconds; endless before the first one."""
         return now_s - self.changed_s
 
 
 def silence(sight: Sight, now_s: float) -> str:
-    """Returns why nobody can vouch for the agent's state; empty: it is young enough."""
+    """Return why nobody can vouch for the agent's state; empty: it is young enough."""
     if sight.state is None:
         return sight.problem
     if sight.fresh(now_s):
@@ -364,7 +364,7 @@ def silence(sight: Sight, now_s: float) -> str:
 
 
 def look(before: Sight, text: str | None, now_s: float, *, written_ago_s: float = 0.0) -> Sight:
-    """The sight after reading the file.
+    """Return the sight after reading the file.
 
     Only a change of the content counts as a sign of life: a host's clock may step, the steady clock does not.
 

@@ -41,7 +41,7 @@ _COLUMNS: Final = (
 
 
 def crd() -> Schema:
-    """The CustomResourceDefinition of RobotOffload."""
+    """Return the CustomResourceDefinition of RobotOffload."""
     return {
         "apiVersion": "apiextensions.k8s.io/v1",
         "kind": "CustomResourceDefinition",
@@ -78,7 +78,7 @@ def crd() -> Schema:
 
 
 def schema() -> Schema:
-    """The structural schema of the whole resource, with the rules between fields."""
+    """Return the structural schema of the whole resource, with the rules between fields."""
     spec, status = _described(RobotOffloadSpec), _without_defaults(_described(RobotOffloadStatus))
     whole: Schema = {
         "type": "object",
@@ -103,7 +103,7 @@ def schema() -> Schema:
 
 
 def part_at(whole: Schema, path: str) -> Schema:
-    """The schema of the field at `path`; `nodes[]` are the entries of a list, `env{}` the values of a mapping."""
+    """Return the schema of the field at `path`; `nodes[]` is a list's entry, `env{}` a mapping's value."""
     part = whole
     for name in path.split("."):
         part = part["properties"][name.removesuffix("[]").removesuffix("{}")]
@@ -125,7 +125,7 @@ def _described(model: type[Model]) -> Schema:
 
 
 def _structural(described: Mapping[str, Any], definitions: Mapping[str, Any]) -> Schema:
-    """A JSON Schema of pydantic's as a structural schema."""
+    """Return a JSON Schema of pydantic's as a structural schema."""
     part = dict(described)
     part.pop("$defs", None)
     if "anyOf" in part and {"type": "null"} in part["anyOf"]:
@@ -150,14 +150,14 @@ def _structural(described: Mapping[str, Any], definitions: Mapping[str, Any]) ->
 
 
 def _joined(field: str, model: str) -> str:
-    """What a field is for, then what its parts have in common."""
+    """Return what a field is for, then what its parts have in common."""
     if not model or model in field:
         return field
     return model if model.startswith(field.removesuffix(".")) else f"{field} {model}"
 
 
 def _mapping(part: Schema) -> None:
-    """Mappings: one schema for all values. The form of the keys is judged by the operator alone."""
+    """Convert mappings to one schema for all values. The form of the keys is judged by the operator alone."""
     if part.get("additionalProperties") is False:
         del part["additionalProperties"]
     patterns = part.pop("patternProperties", None)
@@ -166,7 +166,7 @@ def _mapping(part: Schema) -> None:
 
 
 def _default(part: Schema) -> None:
-    """Leaves the defaults that say more than "nothing": the API server writes what it fills in into every object."""
+    """Leave the defaults that say more than "nothing": the API server writes what it fills in into every object."""
     if part.get("default") in (None, [], {}, "") or isinstance(part["default"], dict):
         part.pop("default", None)
     for field in part.get("properties", {}).values():
@@ -178,7 +178,7 @@ def _default(part: Schema) -> None:
 
 
 def _without_defaults(part: Schema) -> Schema:
-    """The operator alone says what stands in the status: the API server fills in nothing."""
+    """Return the status as the operator alone writes it: the API server fills in nothing."""
     part.pop("default", None)
     for field in part.get("properties", {}).values():
         _without_defaults(field)
@@ -188,6 +188,6 @@ def _without_defaults(part: Schema) -> Schema:
 
 
 def _ordered(part: Schema) -> Schema:
-    """The keys in the order in which a person reads them."""
+    """Return the keys in the order in which a person reads them."""
     first = ("description", "type", "format", "nullable", "default", "enum", "pattern")
     return {key: part[key] for key in first if key in part} | {key: it for key, it in part.items() if key not in first}

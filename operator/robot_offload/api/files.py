@@ -10,7 +10,7 @@ from robot_offload.errors import InputError
 
 
 def load(path: Path | str) -> RobotOffload:
-    """Reads the RobotOffload in a YAML file.
+    """Read the RobotOffload in a YAML file.
 
     Raises:
         SpecError: the file holds something else or something wrong; every problem is told at once.
@@ -20,7 +20,7 @@ def load(path: Path | str) -> RobotOffload:
 
 
 def read_text(path: Path) -> str:
-    """The text of a file.
+    """Return the text of a file.
 
     Raises:
         InputError: it does not exist, is no file, may not be read or is not UTF-8.

@@ -38,7 +38,7 @@ class ScalarError(ValueError):
 
 
 def read(text: str) -> Scalar:
-    """Returns the value of a plain scalar.
+    """Return the value of a plain scalar.
 
     Raises:
         ScalarError: YAML 1.1 and YAML 1.2 differ about it, or JSON cannot carry it.
@@ -57,7 +57,7 @@ def read(text: str) -> Scalar:
 
 
 def read_key(text: str) -> str:
-    """Returns a plain key, which is text for kubectl as well.
+    """Return a plain key, which is text for kubectl as well.
 
     Raises:
         ScalarError: kubectl makes another key of it.
@@ -71,7 +71,7 @@ def read_key(text: str) -> str:
 
 
 def by_kubectl(text: str) -> Scalar:
-    """Returns what kubectl makes of a plain scalar; numbers may be larger than JSON readers take."""
+    """Return what kubectl makes of a plain scalar; numbers may be larger than JSON readers take."""
     if text in _NULLS:
         return None
     if text in _WORDS:
@@ -90,7 +90,7 @@ def by_kubectl(text: str) -> Scalar:
 
 
 def _by_yaml_12(text: str) -> Scalar:
-    """What the core schema of YAML 1.2 makes of a plain scalar."""
+    """Return what the core schema of YAML 1.2 makes of a plain scalar."""
     if text in _NULLS:
         return None
     if text in _TRUTH:
@@ -111,7 +111,7 @@ def _advice(text: str, value: Scalar) -> str:
 
 
 def _json(value: Scalar) -> str:
-    """The value as kubectl sends it."""
+    """Return the value as kubectl sends it."""
     if value is None:
         return "null"
     if isinstance(value, bool):

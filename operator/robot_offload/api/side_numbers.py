@@ -97,7 +97,7 @@ class _BadPartError(ValueError):
 
 
 def parse_numbers(said: object) -> SideNumbers | None:
-    """Returns the numbers of a side; None: it has said nothing. What cannot be read is counted, nothing is raised."""
+    """Return the numbers of a side; None: it has said nothing. What cannot be read is counted, nothing is raised."""
     if not isinstance(said, Mapping):
         return None
     reader = _Reader(said)
@@ -142,7 +142,7 @@ class _Reader:
         self.garbage = 0
 
     def part(self, name: str, read: Callable[[Any], Value]) -> Value | None:
-        """Returns a part; None: it is not there, or has another form."""
+        """Return a part; None: it is not there, or has another form."""
         value = self._said.get(name)
         if value is None:
             return None
@@ -153,7 +153,7 @@ class _Reader:
             return None
 
     def table(self, name: str, read: Callable[[Any], Value]) -> tuple[tuple[str, Value], ...]:
-        """Returns a bounded table by name; nothing of it when one entry has another form."""
+        """Return a bounded table by name; nothing of it when one entry has another form."""
 
         def entries(value: object) -> tuple[tuple[str, Value], ...]:
             if not isinstance(value, Mapping):

@@ -60,7 +60,7 @@ class _Loader(yaml.reader.Reader, yaml.scanner.Scanner, yaml.parser.Parser, yaml
         self._depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """Composes one node; refuses to go deeper than anybody writes."""
+        """Compose one node; refuse to go deeper than anybody writes."""
         if self._depth >= MAX_DEPTH and self.check_event(yaml.SequenceStartEvent, yaml.MappingStartEvent):
             event = self.peek_event()  # type: ignore[no-untyped-call]
             raise YamlError(_TOO_DEEP, _position(event.start_mark))
@@ -75,7 +75,7 @@ _Loader.add_implicit_resolver(_PLAIN, re.compile(""), None)
 
 
 def parse(text: str) -> Value:
-    """Reads one YAML document.
+    """Read one YAML document.
 
     Raises:
         YamlError: with line and column wherever there is one. Nothing else is raised, whatever the text.
@@ -164,7 +164,7 @@ class _Builder:
 
 
 def _scalar(node: yaml.ScalarNode) -> Value:
-    """The value of a scalar; a tag written by hand must fit its text."""
+    """Return the value of a scalar; a tag written by hand must fit its text."""
     text, kind = str(node.value), node.tag.removeprefix(_TAG)
     if kind == "str":
         return text
@@ -177,7 +177,7 @@ def _scalar(node: yaml.ScalarNode) -> Value:
 
 
 def _key(node: yaml.ScalarNode) -> str:
-    """The text of a key, the same for kubectl."""
+    """Return the text of a key, the same for kubectl."""
     return _checked(scalars.read_key, node) if node.tag == _PLAIN else str(node.value)
 
 
@@ -193,7 +193,7 @@ def _unsupported_tag(node: yaml.Node) -> YamlError:
 
 
 def thaw(value: object) -> object:
-    """`value` with tuples as lists, the form that JSON and YAML writers take."""
+    """Return `value` with tuples as lists, the form that JSON and YAML writers take."""
     if isinstance(value, Mapping):
         return {key: thaw(child) for key, child in value.items()}
     if isinstance(value, tuple | list):
@@ -202,7 +202,7 @@ def thaw(value: object) -> object:
 
 
 def freeze(value: object) -> object:
-    """`value` with lists as tuples, the form that `parse` gives."""
+    """Return `value` with lists as tuples, the form that `parse` gives."""
     if isinstance(value, Mapping):
         return {key: freeze(child) for key, child in value.items()}
     if isinstance(value, tuple | list):

@@ -23,12 +23,12 @@ class Commands(TyperGroup):
     """
 
     def main(self, *args: Any, **extra: Any) -> Any:
-        """Runs the command line; the shells that can complete it are made known first."""
+        """Run the command line; the shells that can complete it are made known first."""
         completion_init()
         return super().main(*args, **{"complete_var": COMPLETE_VARIABLE, **extra})
 
     def invoke(self, ctx: Any) -> Any:
-        """Runs the chosen command."""
+        """Run the chosen command."""
         try:
             return super().invoke(ctx)
         except RobotOffloadError as error:
@@ -43,14 +43,14 @@ class CommandsWithDefault(Commands):
     default = "file"
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Puts the default command in front of a bare argument."""
+        """Put the default command in front of a bare argument."""
         if args and args[0] not in self.commands and args[0] not in {"--help", "-h"}:
             args = [self.default, *args]
         return super().parse_args(ctx, args)
 
 
 def commands(text: str, examples: Sequence[str] = (), cls: type[Commands] = Commands) -> typer.Typer:
-    """An empty group of commands.
+    """Return an empty group of commands.
 
     Args:
         text: what its `--help` says first.
@@ -69,5 +69,5 @@ def commands(text: str, examples: Sequence[str] = (), cls: type[Commands] = Comm
 
 
 def example_text(examples: Sequence[str]) -> str | None:
-    """Command lines as the end of a help text, each on its own line (a backspace keeps them from being joined)."""
+    """Return command lines as the end of a help text, each on its own line."""
     return "\n".join(["\b", "Examples:", *(f"  {example}" for example in examples)]) if examples else None

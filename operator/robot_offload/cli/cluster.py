@@ -64,7 +64,7 @@ class Target:
 
     @asynccontextmanager
     async def api(self, retry: RetryPolicy = PATIENCE) -> AsyncIterator[KubeApi]:
-        """A connection, ended at the end."""
+        """Provide a connection that ends with the block."""
         api = connect(self.kubeconfig, self.context, retry, manager=FIELD_MANAGER)
         try:
             yield api
@@ -72,7 +72,7 @@ class Target:
             await api.close()
 
     def run(self, work: Callable[[KubeApi], Coroutine[Any, Any, Result]]) -> Result:
-        """Runs `work` with a connection."""
+        """Run `work` with a connection."""
 
         async def whole() -> Result:
             async with self.api() as api:
@@ -82,7 +82,7 @@ class Target:
 
 
 async def find(api: KubeApi, namespace: str, name: str) -> Manifest:
-    """The RobotOffload of this name.
+    """Return the RobotOffload of this name.
 
     Raises:
         InputError: there is none; the message says what there is.
@@ -96,7 +96,7 @@ async def find(api: KubeApi, namespace: str, name: str) -> Manifest:
 
 
 async def find_all(api: KubeApi, namespace: str | None) -> list[Manifest]:
-    """All RobotOffloads of a namespace, or of all.
+    """Return all RobotOffloads of a namespace, or of all.
 
     Raises:
         RobotOffloadError: the cluster does not know the kind.
@@ -109,7 +109,7 @@ async def find_all(api: KubeApi, namespace: str | None) -> list[Manifest]:
 
 
 def missing(name: str, namespace: str, known: list[str]) -> str:
-    """What to say when there is no RobotOffload of this name."""
+    """Return what to say when there is no RobotOffload of this name."""
     problem = f"there is no RobotOffload {name} in namespace {namespace}"
     close = difflib.get_close_matches(name, known, n=1)
     if close:
@@ -133,7 +133,7 @@ class Live:
 
 
 async def live(api: KubeApi, namespace: str, name: str) -> Live:
-    """Asks the reporter of a RobotOffload through the API server's proxy."""
+    """Ask the reporter of a RobotOffload through the API server's proxy."""
     url = proxied(namespace, child_name(name, AGENT), REPORTER_PORT, "state")
     try:
         answer = await read_page(api, url)

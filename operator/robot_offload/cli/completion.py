@@ -35,7 +35,7 @@ class Shell(StrEnum):
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("completion", epilog=example_text(EXAMPLES))(completion)
 
 

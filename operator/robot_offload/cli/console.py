@@ -30,7 +30,7 @@ EXAMPLES = (
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("console", epilog=example_text(EXAMPLES))(console)
 
 
@@ -96,7 +96,7 @@ def _signals(stop: asyncio.Event) -> Iterator[None]:
 
 
 def _recorded(path: Path) -> Source:
-    """Returns a recording as a source; reading it is part of the lab.
+    """Return a recording as a source; reading it is part of the lab.
 
     Raises:
         InputError: the lab is not installed, or there is no recording.

@@ -12,7 +12,7 @@ EXAMPLES = ("robot-offload crd | kubectl apply --server-side -f -", "robot-offlo
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("crd", epilog=example_text(EXAMPLES))(crd)
 
 

@@ -8,7 +8,7 @@ from robot_offload.errors import InputError
 
 
 def must_be_new(path: Path | None, *, force: bool) -> None:
-    """Refuses a file that is there already, before anything that takes long.
+    """Refuse a file that is there already, before anything that takes long.
 
     Raises:
         InputError: it is there, and nobody said --force.
@@ -18,7 +18,7 @@ def must_be_new(path: Path | None, *, force: bool) -> None:
 
 
 def write_new(path: Path, text: str, *, force: bool) -> None:
-    """Writes a file.
+    """Write a file.
 
     Raises:
         InputError: it is there already and nobody said --force, or it cannot be written.

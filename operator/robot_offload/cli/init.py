@@ -31,7 +31,7 @@ QUESTIONS = {
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("init", epilog=example_text(EXAMPLES))(init)
 
 

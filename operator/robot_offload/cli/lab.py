@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib.metadata import entry_points
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import typer
 
@@ -11,9 +11,6 @@ from robot_offload.errors import InputError
 
 GROUP: Final = "robot_offload.commands"
 """The entry-point group in which a package names the modules of its commands; each has `add_to(app)`."""
-
-ADVICE: Final = "robot_offload.advice"
-"""The entry-point group in which a package names the module whose `advise` proposes cuts."""
 
 _HELP: Final = {
     "demo": "Run both sides on this machine while the link between them fails.",
@@ -25,7 +22,7 @@ _HELP: Final = {
 
 
 def add_to(app: typer.Typer, name: str) -> None:
-    """Adds the command `name`: the lab's where it is installed, else one that says how to install it.
+    """Add the command `name`: the lab's where it is installed, else one that says how to install it.
 
     Raises:
         KeyError: `name` is none of the lab's commands.
@@ -39,20 +36,6 @@ def add_to(app: typer.Typer, name: str) -> None:
         else:
             return
     _add_missing(app, name, f"robot-offload {name} is part of the lab, {problem}: pip install robot-offload-lab")
-
-
-def advice() -> Any:
-    """Returns the lab's module that advises what to move.
-
-    Raises:
-        InputError: the lab is not installed.
-    """
-    for found in entry_points(group=ADVICE):
-        try:
-            return found.load()
-        except ImportError as error:
-            raise InputError(f"import --advise: the lab cannot be loaded ({error})") from error
-    raise InputError("import --advise is part of the lab, which is not installed: pip install robot-offload-lab")
 
 
 def _add_missing(app: typer.Typer, name: str, message: str) -> None:

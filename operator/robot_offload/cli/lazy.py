@@ -59,7 +59,7 @@ class LazyCommand(TyperCommand):
         self._entry = entry
 
     def load(self) -> Any:
-        """Imports the command itself.
+        """Import the command itself.
 
         Raises:
             InputError: the command needs an extra that is not installed.
@@ -85,13 +85,13 @@ class LazyCommands(Commands):
         self.commands = {entry.name: LazyCommand(entry) for entry in self.entries}
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Finds the command that is meant and imports it."""
+        """Find the command that is meant and import it."""
         name, command, rest = super().resolve_command(ctx, args)
         return name, command.load() if isinstance(command, LazyCommand) else command, rest
 
 
 def without_extra(command: str, error: ModuleNotFoundError) -> Exception:
-    """Returns what to raise for a missing library: the next step where an extra brings it, else the error itself."""
+    """Return what to raise for a missing library: the next step where an extra brings it, else the error itself."""
     extra = EXTRAS.get((error.name or "").partition(".")[0])
     if extra is None:
         return error

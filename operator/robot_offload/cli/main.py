@@ -105,4 +105,4 @@ def program(
         bool, typer.Option("--version", help="Show the version and exit.", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Takes the options that stand before a command."""
+    """Take the options that stand before a command."""

@@ -8,11 +8,11 @@ import typer
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("operator", hidden=True)(operator)
 
 
 def operator() -> None:
     """Run the operator until it is told to stop."""
     # Imported only here: the framework under it takes a second that no other command needs.
-    raise typer.Exit(importlib.import_module("robot_offload.runtime.main").main())
+    raise typer.Exit(importlib.import_module("robot_offload.handlers").main())

@@ -11,12 +11,12 @@ from robot_offload.objects.facts import Images
 
 
 def default_images() -> Images:
-    """The images of this version, as the chart installs them."""
+    """Return the images of this version, as the chart installs them."""
     return facts.default_images(version("robot-offload"))
 
 
 def images_in_use(deployments: list[Manifest]) -> Images:
-    """The images of a RobotOffload that runs; the default where a Deployment is missing."""
+    """Return the images of a RobotOffload that runs; the default where a Deployment is missing."""
     default, found = default_images(), dict(_containers(deployments))
     return Images(
         agent=found.get("agent", default.agent),

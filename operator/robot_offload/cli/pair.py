@@ -24,7 +24,7 @@ DAYS = 365
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("pair", epilog=example_text(EXAMPLES))(pair_command)
 
 

@@ -35,7 +35,7 @@ class Side(StrEnum):
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("pin", epilog=example_text(EXAMPLES))(pin)
 
 
@@ -80,7 +80,7 @@ def pin(
 
 
 def end(side: str, lasting: str | None, now: datetime.datetime) -> str | None:
-    """Returns the annotation's text for a pin; None: it has no end.
+    """Return the annotation's text for a pin; None: it has no end.
 
     Args:
         side: Auto, Robot or Cloud.
@@ -104,7 +104,7 @@ def end(side: str, lasting: str | None, now: datetime.datetime) -> str | None:
 
 
 def told(before: Observed, after: Observed) -> list[str]:
-    """What to say after the change."""
+    """Return what to say after the change."""
     if (before.pin, before.pinned_until) == (after.pin, after.pinned_until):
         return [f"{after.name}: the pin is {after.pin} already; nothing was changed"]
     meaning = "the policy decides again" if after.pin == "Auto" else f"held on the {after.pin.lower()}{_until(after)}"

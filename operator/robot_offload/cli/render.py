@@ -52,7 +52,7 @@ class SideOption(str, Enum):
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the commands to `app`."""
+    """Add the commands to `app`."""
     group = commands(
         "Print what is derived from a RobotOffload: with a FILE all objects in the cluster, without asking any "
         "cluster; or one of the files below.",
@@ -101,7 +101,7 @@ def file_command(
 
 
 def _without_owner(manifest: Manifest) -> Manifest:
-    """Without owner reference: one to an object that does not exist would have the cluster delete what is applied."""
+    """Return it without owner reference: one to a missing object would have the cluster delete what is applied."""
     metadata: dict[str, Any] = {key: value for key, value in manifest["metadata"].items() if key != "ownerReferences"}
     return {**manifest, "metadata": metadata}
 

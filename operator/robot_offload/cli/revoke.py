@@ -25,7 +25,7 @@ EXAMPLES = (
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("revoke", epilog=example_text(EXAMPLES))(revoke)
 
 
@@ -65,7 +65,7 @@ def revoke(
 
 
 def refuse_if_not_ours(offload: RobotOffload) -> None:
-    """Refuses where there is nothing that the operator could revoke.
+    """Refuse where there is nothing that the operator could revoke.
 
     Raises:
         InputError: the message says where to revoke instead.

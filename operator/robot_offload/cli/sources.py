@@ -30,7 +30,7 @@ class Source:
 
 
 def sources(names: Sequence[str]) -> list[Source]:
-    """The texts that `names` stand for, in their order; those of a folder by name.
+    """Return the texts that `names` stand for, in their order; those of a folder by name.
 
     A file in a folder counts only if it is about a RobotOffload: other objects may lie beside it.
 

@@ -27,7 +27,7 @@ EXAMPLES = (
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("validate", epilog=example_text(EXAMPLES))(validate)
 
 

@@ -47,7 +47,7 @@ _MODES: Final = {Want.OBSERVE: "Observe", Want.SWITCH: "Auto"}
 
 
 def patch(action: Action, uid: str, now: datetime.datetime) -> dict[str, Any]:
-    """Returns the merge patch of the RobotOffload with this uid.
+    """Return the merge patch of the RobotOffload with this uid.
 
     Args:
         action: what is wanted.
@@ -66,7 +66,7 @@ def patch(action: Action, uid: str, now: datetime.datetime) -> dict[str, Any]:
 
 
 def done(action: Action, after: Observed) -> str:
-    """Returns what was done, a sentence."""
+    """Return what was done, a sentence."""
     if action.want in _MODES:
         word = "it decides and never switches" if after.mode == "Observe" else "it switches again"
         return f"{after.name}: mode {after.mode}, {word}; generation {after.generation}"
@@ -78,7 +78,7 @@ def done(action: Action, after: Observed) -> str:
 
 
 def useless(action: Action, observed: Observed | None) -> str:
-    """Returns why there is no point in an action now; empty: there is."""
+    """Return why there is no point in an action now; empty: there is."""
     if observed is None:
         return "there is no resource to change"
     if action.want in _PINS and action.want is not Want.TAKE_OVER and _PINS[action.want] == observed.pin:

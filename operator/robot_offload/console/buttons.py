@@ -42,7 +42,7 @@ class Buttons:
         return button, tip
 
     def show(self, observed: Observed | None) -> None:
-        """Shows what can be done to the resource as it is now."""
+        """Show what can be done to the resource as it is now."""
         self._observed = observed
         reasons = set()
         for want, (button, tip) in self._made.items():

@@ -70,7 +70,7 @@ class ClusterSource:
             self._watched[key] -= 1
 
     async def may(self, key: Key, action: Action) -> Permission:
-        """Asks the API server, which knows the user's roles."""
+        """Ask the API server, which knows the user's roles."""
         del action  # every one of them patches the resource
         attributes = {
             "group": ROBOT_OFFLOAD.group,
@@ -145,7 +145,7 @@ class ClusterSource:
     # -- beside them --------------------------------------------------------------------------------------------------
 
     async def _events(self, publish: Publish) -> None:
-        """Reads the events of robots whose page is open; who may not read them goes without."""
+        """Read the events of robots whose page is open; who may not read them goes without."""
         while True:
             for namespace in {key.namespace for key, count in self._watched.items() if count > 0}:
                 with contextlib.suppress(KubeError):

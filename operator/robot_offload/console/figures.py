@@ -24,7 +24,7 @@ NAMES: Final = {ROBOT: "robot acts", CLOUD: "cloud acts"}
 
 
 def strips(track: Track, end_s: float, *, run: bool, window_s: float = WINDOW_S) -> dict[str, Any]:
-    """Returns the chart of the stretch that ends at a moment.
+    """Return the chart of the stretch that ends at a moment.
 
     Args:
         track: of the robot.
@@ -67,7 +67,7 @@ def strips(track: Track, end_s: float, *, run: bool, window_s: float = WINDOW_S)
 
 
 def _top_ms(track: Track, points: Sequence[Point]) -> float:
-    """Returns the upper edge: round, and above both the bound and the latency."""
+    """Return the upper edge: round, and above both the bound and the latency."""
     seen_ms = [point.latency_ms for point in points if point.latency_ms is not None and not point.cut]
     top_ms = max([*seen_ms, (track.bounds.allowed_ms or 0.0) * 1.3, 10.0])
     return float(math.ceil(top_ms / 20.0) * 20)
@@ -125,7 +125,7 @@ def _loss_percent(point: Point) -> float | None:
 
 
 def _marks(changes: Sequence[Changeover], scale: float) -> Iterator[dict[str, Any]]:
-    """Yields a line for each change; the newest ones are named as far as there is room."""
+    """Yield a line for each change; the newest ones are named as far as there is room."""
     named_s = float("inf")
     for change in reversed(changes):
         room = named_s - change.t_s >= LABELLED_S
@@ -144,7 +144,7 @@ def _mark(change: Changeover, scale: float, *, room: bool) -> dict[str, Any]:
 
 
 def _bands(points: Sequence[Point], scale: float) -> Iterator[list[dict[str, Any]]]:
-    """Yields a pair of edges for each stay on a side."""
+    """Yield a pair of edges for each stay on a side."""
     start: Point | None = None
     last: Point | None = None
     for point in points:

@@ -33,7 +33,7 @@ _WIDE: Final = {"classes": "console-wide", "headerClasses": "console-wide"}
 
 
 def _column(name: str, label: str, by: str = "", **more: Any) -> dict[str, Any]:
-    """Returns a column that shows the field `name`, and is sorted by the field `by`."""
+    """Return a column that shows the field `name`, and is sorted by the field `by`."""
     return {"name": name, "label": label, "field": by or name, "sortable": True, "align": "left", **more}
 
 
@@ -76,14 +76,14 @@ class FleetPage:
         ui.timer(UPDATE_S, self.update)
 
     def _row(self, track: Track, now_s: float, now: datetime.datetime) -> dict[str, Any]:
-        """Returns one robot's line; it is made anew when something was said, and each second."""
+        """Return one robot's line; it is made anew when something was said, and each second."""
         kept = self._kept.get(track.key)
         if kept is None or kept[:2] != (track.version, int(now_s)):
             kept = self._kept[track.key] = (track.version, int(now_s), row(track, now_s, now))
         return kept[2]
 
     def update(self) -> None:
-        """Shows what has changed."""
+        """Show what has changed."""
         fleet = self._session.fleet
         self._banner.show(fleet.problem)
         now_s, now = self._session.now_s(), datetime.datetime.now(datetime.UTC)

@@ -33,14 +33,14 @@ class Banner:
         self._row.move(target_index=0)
 
     def show(self, problem: str) -> None:
-        """Shows the problem, or nothing."""
+        """Show the problem, or nothing."""
         if self._label.text != problem:
             self._label.text = problem
             self._row.set_visibility(bool(problem))
 
 
 def build(session: Session, title: str) -> None:
-    """Begins a page."""
+    """Begin a page."""
     ui.page_title(f"{title} · Robot Offload")
     ui.add_css(STYLE)
     dark = ui.dark_mode(session.dark)
@@ -58,7 +58,7 @@ def build(session: Session, title: str) -> None:
 
 
 def serve_nothing_else() -> None:
-    """Answers an unknown address with a page that leads back, in our words."""
+    """Answer an unknown address with a page that leads back, in our words."""
 
     @app.exception_handler(404)
     async def missing(*_: object) -> object:

@@ -37,7 +37,7 @@ class Guard:
         self._cookie = f"robot-offload-console-{port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Passes on, redirects to the address without the token, or refuses."""
+        """Pass on, redirect to the address without the token, or refuse."""
         if scope["type"] not in (HTTP, WEBSOCKET):
             await self._app(scope, receive, send)
             return
@@ -56,7 +56,7 @@ class Guard:
             await self._app(scope, receive, send)
 
     def _given(self, scope: Scope) -> bool:
-        """Whether a request for a page carries the token in its address."""
+        """Return whether a request for a page carries the token in its address."""
         tokens = [value for name, value in parse_qsl(scope["query_string"].decode("latin-1")) if name == "token"]
         return scope["type"] == HTTP and any(self._same(token) for token in tokens)
 
@@ -71,7 +71,7 @@ class Guard:
         return hmac.compare_digest(token.encode(), self._token.encode())
 
     async def _welcome(self, scope: Scope, send: Send) -> None:
-        """Keeps the token in a cookie, so that it stands in no history, and shows the page itself."""
+        """Keep the token in a cookie, so that it stands in no history, and show the page itself."""
         rest = [(name, value) for name, value in parse_qsl(scope["query_string"].decode("latin-1")) if name != "token"]
         # One slash: a path that begins with two would be another host's address.
         path = "/" + str(scope["path"]).lstrip("/\\")
@@ -87,7 +87,7 @@ class Guard:
 
 
 def _all_in(values: list[bytes], known: set[bytes]) -> bool:
-    """Whether each value of a header, which may come more than once, is a known one."""
+    """Return whether each value of a header, which may come more than once, is a known one."""
     return all(value in known for value in values)
 
 

@@ -114,18 +114,18 @@ class Track:
         return self.observed.placement.lower() if self.observed else UNKNOWN
 
     def window(self, from_s: float, to_s: float) -> list[Point]:
-        """Returns the points of a stretch of time."""
+        """Return the points of a stretch of time."""
         first = bisect.bisect_left(self.points, from_s, key=lambda point: point.t_s)
         last = bisect.bisect_right(self.points, to_s, key=lambda point: point.t_s)
         return [self.points[index] for index in range(first, last)]
 
     def at(self, t_s: float) -> Live:
-        """Returns the word that held at a moment; the first one before it."""
+        """Return the word that held at a moment; the first one before it."""
         index = bisect.bisect_right(self.moments, t_s, key=lambda moment: moment.t_s)
         return self.moments[max(0, index - 1)].live if self.moments else self.live
 
     def rates(self, t_s: float) -> dict[str, tuple[float | None, float | None]]:
-        """Returns messages and bytes a second of each topic, over the last seconds before `t_s`."""
+        """Return messages and bytes a second of each topic, over the last seconds before `t_s`."""
         index = bisect.bisect_right(self.moments, t_s, key=lambda moment: moment.t_s) - 1
         if index < 1:
             return {}
@@ -165,7 +165,7 @@ class Fleet:
     version: int = 0
 
     def take(self, event: Event) -> None:
-        """Takes in what has happened."""
+        """Take in what has happened."""
         self.version += 1
         if isinstance(event, Trouble) and event.key is None:
             self.problem = event.problem
@@ -179,7 +179,7 @@ class Fleet:
         _take(track, event)
 
     def sorted(self) -> Sequence[Track]:
-        """Returns all robots in the order of their names."""
+        """Return all robots in the order of their names."""
         return [self.tracks[key] for key in sorted(self.tracks)]
 
 
@@ -215,7 +215,7 @@ def _hear(track: Track, said: Said) -> None:
 
 
 def _learn(track: Track, last: Changeover) -> None:
-    """Takes the last changeover of a report: one that was seen gets its silence, one that was not seen is added."""
+    """Take the last changeover of a report: one that was seen gets its silence, one that was not seen is added."""
     seen = track.changeovers[-1] if track.changeovers else None
     if seen is None or last.t_s > seen.t_s + SAME_S:
         track.changeovers.append(last)
@@ -224,7 +224,7 @@ def _learn(track: Track, last: Changeover) -> None:
 
 
 def _known(changeovers: Iterable[Changeover], to: str, t_s: float) -> bool:
-    """Whether the source has reported this change by itself, a moment before."""
+    """Return whether the source has reported this change by itself, a moment before."""
     return any(each.to == to and abs(each.t_s - t_s) < MOMENT_S for each in changeovers)
 
 

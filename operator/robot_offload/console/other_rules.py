@@ -17,7 +17,7 @@ class Replay(Protocol):
     """Judges every rule it knows on a stretch of a link."""
 
     def __call__(self, points: Sequence[Point], switching: Mapping[str, Any]) -> list[dict[str, str]]:
-        """Returns a row for each rule: rule, cloud (share of time), changes, exposed (time on a bad link), cost.
+        """Return a row for each rule: rule, cloud (share of time), changes, exposed (time on a bad link), cost.
 
         Raises:
             InputError: the stretch is too short to judge.
@@ -26,7 +26,7 @@ class Replay(Protocol):
 
 
 def replay() -> Replay:
-    """Returns the lab's replay.
+    """Return the lab's replay.
 
     Raises:
         InputError: the lab is not installed.

@@ -38,7 +38,7 @@ class EventError(ValueError):
 
 
 def of_event(data: str) -> tuple[float, Live]:
-    """Returns the moment (unix seconds) and the word of one event of the reporter's stream.
+    """Return the moment (unix seconds) and the word of one event of the reporter's stream.
 
     Raises:
         EventError: the line is unreadable, or the reporter says why it has no state.
@@ -54,7 +54,7 @@ def of_event(data: str) -> tuple[float, Live]:
 
 
 def of_state(state: Mapping[str, Any], robot: object = None) -> Live:
-    """Returns the word of an agent's state and of the robot's report beside it.
+    """Return the word of an agent's state and of the robot's report beside it.
 
     Raises:
         EventError: the state is none.
@@ -103,7 +103,7 @@ def _nodes(state: AgentState, report: Mapping[str, Any]) -> tuple[NodeState, ...
 
 
 def _topics(state: AgentState, report: Mapping[str, Any]) -> Iterator[TopicFlow]:
-    """Yields what crossed the link: bytes as the cloud counts, messages and what was left out as the robot does."""
+    """Yield what crossed the link: bytes as the cloud counts, messages and what was left out as the robot does."""
     counted = dict(part(report, "topics"))
     carried = {one.topic: one for one in state.carried}
     ages = {topic: number(age) for topic, age in part(report, "ages")}
@@ -117,7 +117,7 @@ def _topics(state: AgentState, report: Mapping[str, Any]) -> Iterator[TopicFlow]
 
 
 def _goals(robot: SideNumbers) -> Iterator[Errand]:
-    """Yields the goals of each action: those in flight, and how the others have ended."""
+    """Yield the goals of each action: those in flight, and how the others have ended."""
     ended, now = dict(robot.goals), dict(robot.actions)
     for action in dict.fromkeys([*now, *ended]):
         words = [f"{count} {name}" for name, count in zip(OUTCOMES, ended.get(action, ()), strict=False)]
@@ -126,7 +126,7 @@ def _goals(robot: SideNumbers) -> Iterator[Errand]:
 
 
 def _calls(robot: SideNumbers) -> Iterator[Errand]:
-    """Yields the calls that wait for an answer, and what the group's nodes ask of servers outside."""
+    """Yield the calls that wait for an answer, and what the group's nodes ask of servers outside."""
     for service, count in robot.services:
         yield Errand(f"calls of {service}", f"{count or 'none'} open")
     if robot.used_goals or robot.used_calls:
@@ -135,7 +135,7 @@ def _calls(robot: SideNumbers) -> Iterator[Errand]:
 
 
 def _last(report: Mapping[str, Any]) -> Changeover | None:
-    """Returns the last changeover as the robot tells; its moment counts back from the report's."""
+    """Return the last changeover as the robot tells; its moment counts back from the report's."""
     said = report.get("changeover")
     said = said if isinstance(said, Mapping) else {}
     ago_s, to = number(said.get("ago_s")), said.get("to")
@@ -150,14 +150,14 @@ def _counts(value: object) -> list[int]:
 
 
 def part(report: Mapping[str, Any], name: str) -> list[tuple[str, Any]]:
-    """Returns the entries of a part of a report, bounded; none where it is no mapping."""
+    """Return the entries of a part of a report, bounded; none where it is no mapping."""
     found = report.get(name)
     entries = list(found.items()) if isinstance(found, Mapping) else []
     return [(word(key), value) for key, value in entries[:MAX_NUMBERS]]
 
 
 def numbers(report: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yields the figures of a report that stand in no other table, those of parts with the part's name in front."""
+    """Yield the figures of a report that stand in no other table, those of parts with the part's name in front."""
     for name, value in list(report.items())[:MAX_NUMBERS]:
         label = word(f"{prefix}{name}")
         if not prefix and name in TABLES:
@@ -175,7 +175,7 @@ def numbers(report: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
 
 
 def _processes(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yields what each process of the robot's agent has used."""
+    """Yield what each process of the robot's agent has used."""
     for name, value in part(report, PROCESSES):
         counts = _counts(value)
         if len(counts) >= 3:
@@ -184,13 +184,13 @@ def _processes(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def word(value: object) -> str:
-    """Returns a foreign value as one short line."""
+    """Return a foreign value as one short line."""
     text = " ".join(str(value).split())
     return text if len(text) <= MAX_WORD else f"{text[: MAX_WORD - 3]}..."
 
 
 def number(value: object) -> float | None:
-    """Returns a finite number, or None."""
+    """Return a finite number, or None."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     found = float(value)
@@ -198,7 +198,7 @@ def number(value: object) -> float | None:
 
 
 def bounds(spec: Mapping[str, Any]) -> Bounds:
-    """Returns the rule's numbers of a specification as it is written; none where this version cannot read it."""
+    """Return the rule's numbers of a specification as it is written; none where this version cannot read it."""
     written = spec.get("switching") or {}
     try:
         rule = Switching.model_validate({name: written[name] for name in _RULE if name in written})

@@ -52,7 +52,7 @@ class Reporters:
         self._asked: set[Key] = set()
 
     async def run(self, publish: Publish) -> None:
-        """Follows and asks until cancelled."""
+        """Follow and ask until cancelled."""
         loop = asyncio.get_running_loop()
         due_s: dict[Key, float] = {}
         async with asyncio.TaskGroup() as tasks:
@@ -70,7 +70,7 @@ class Reporters:
                 await asyncio.sleep(0.1)
 
     async def _follow(self, key: Key, publish: Publish) -> None:
-        """Follows one stream for as long as a page of this robot is open."""
+        """Follow one stream for as long as a page of this robot is open."""
         while self._watched[key] > 0 and key in self._there:
             try:
                 async for line in self._api.lines(_url(key, "stream"), idle_s=IDLE_S):
@@ -100,7 +100,7 @@ class Reporters:
             self._asked.discard(key)
 
     async def _ask(self, key: Key, publish: Publish, note: str = "") -> None:
-        """Asks one reporter for its state."""
+        """Ask one reporter for its state."""
         try:
             state = await read_page(self._api, _url(key, "state"))
             if state is None:
@@ -116,7 +116,7 @@ class Reporters:
 
 
 def problem(error: KubeError, key: Key) -> str:
-    """Returns why there are no live numbers, in words for people; shown is then what the resource says."""
+    """Return why there are no live numbers, in words for people; shown is then what the resource says."""
     if isinstance(error, ForbiddenError):
         return f"you may not get services/proxy in namespace {key.namespace}; shown is the resource's status"
     if isinstance(error, UnreachableError):

@@ -38,7 +38,7 @@ class Shown:
             self._empty = ui.label(empty).classes("text-grey")
 
     def show(self, rows: list[dict[str, Any]]) -> None:
-        """Shows these rows."""
+        """Show these rows."""
         if self._table.rows != rows:
             self._table.rows = rows
             self._table.set_visibility(bool(rows))
@@ -164,7 +164,7 @@ class RobotPage:
         return self._session.fleet.tracks.get(self._key) or Track(self._key)
 
     def update(self) -> None:
-        """Shows what has changed."""
+        """Show what has changed."""
         session, track = self._session, self._track()
         now_s = session.now_s()
         missing = "" if self._key in session.fleet.tracks else f"there is no RobotOffload {self._key}"
@@ -227,7 +227,7 @@ class RobotPage:
 
 
 def line(live: Live) -> str:
-    """Returns the link in one line."""
+    """Return the link in one line."""
     if live is NOTHING:
         return ""
     parts = [f"changeover {live.epoch}"] if live.epoch else []
@@ -241,7 +241,7 @@ def line(live: Live) -> str:
 
 
 def stay(track: Track, live: Live) -> Stay:
-    """Returns what `insight` needs to say why the cloud does not act."""
+    """Return what `insight` needs to say why the cloud does not act."""
     known, observed = live is not NOTHING, track.observed
     return Stay(
         site=live.site if known else (observed.placement.lower() if observed else UNKNOWN),

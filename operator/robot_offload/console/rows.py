@@ -21,7 +21,7 @@ SORTED_LAST: Final = 1e12
 
 
 def row(track: Track, now_s: float, now: datetime.datetime) -> dict[str, Any]:
-    """Returns one robot's line; `now_s` is the source's clock, `now` the system's."""
+    """Return one robot's line; `now_s` is the source's clock, `now` the system's."""
     observed, live = track.observed, track.live
     heard = track.heard_s is not None
     old = not heard or now_s - (track.heard_s or 0.0) > SILENT_S or bool(track.problem)
@@ -48,7 +48,7 @@ def row(track: Track, now_s: float, now: datetime.datetime) -> dict[str, Any]:
 
 
 def spark(points: Sequence[Point], now_s: float, allowed_ms: float | None) -> Mapping[str, Any]:
-    """Returns the last two minutes of a link as coordinates of a small picture: a line, the cuts, the bound."""
+    """Return the last two minutes of a link as coordinates of a small picture: a line, the cuts, the bound."""
     worst_ms = max((point.latency_ms for point in points if point.latency_ms is not None), default=0.0)
     top_ms = max(worst_ms, (allowed_ms or 0.0) * 1.5, 1.0)
     slots: dict[int, Point] = {}
@@ -101,7 +101,7 @@ def _ready(track: Track) -> str:
 
 
 def _since_s(track: Track, now_s: float, now: datetime.datetime) -> float:
-    """Returns for how long the side has acted, or else the robot's connection has been as it is."""
+    """Return for how long the side has acted, or else the robot's connection has been as it is."""
     if track.changeovers:
         return max(0.0, now_s - track.changeovers[-1].t_s)
     try:

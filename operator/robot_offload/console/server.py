@@ -30,7 +30,7 @@ RECONNECT_S: Final = 10.0
 
 
 def listener(port: int) -> socket.socket:
-    """Returns a socket on the loopback; port 0: a free one.
+    """Return a socket on the loopback; port 0: a free one.
 
     Raises:
         InputError: somebody else listens there.
@@ -46,7 +46,7 @@ def listener(port: int) -> socket.socket:
 
 
 def address(port: int, token: str) -> str:
-    """Returns what a person opens."""
+    """Return what a person opens."""
     return f"http://{HOST}:{port}/?token={token}"
 
 
@@ -54,12 +54,12 @@ class _Server(uvicorn.Server):
     """Leaves signals to whoever runs it."""
 
     def capture_signals(self) -> contextlib.AbstractContextManager[None]:  # type: ignore[override]
-        """Captures none."""
+        """Capture nothing."""
         return contextlib.nullcontext()
 
 
 async def serve(source: Source, port: int, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-    """Serves the pages until `stop` is set.
+    """Serve the pages until `stop` is set.
 
     Args:
         source: what they show.
@@ -112,7 +112,7 @@ async def serve(source: Source, port: int, ready: Callable[[str], None], stop: a
 
 
 def _pages(session: Session) -> None:
-    """Says what stands at which address."""
+    """Report what stands at which address."""
     pages.on_startup(session.start)
     pages.on_shutdown(session.stop)
     frame.serve_nothing_else()

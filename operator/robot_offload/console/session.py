@@ -28,23 +28,23 @@ class Session:
         self._task: asyncio.Task[None] | None = None
 
     def now_s(self) -> float:
-        """Returns the present on the clock of the events: unix seconds, or the end of a recording."""
+        """Return the present on the clock of the events: unix seconds, or the end of a recording."""
         if self.fleet.recorded:
             return max((track.heard_s or 0.0 for track in self.fleet.tracks.values()), default=0.0)
         return datetime.datetime.now(datetime.UTC).timestamp()
 
     async def start(self) -> None:
-        """Begins to feed."""
+        """Begin to feed."""
         self._task = asyncio.create_task(self._feed(), name="source")
 
     async def stop(self) -> None:
-        """Ends the feeding."""
+        """End the feeding."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
 
     def publish(self, event: Event) -> None:
-        """Takes in what has happened."""
+        """Take in what has happened."""
         self.fleet.take(event)
 
     async def _feed(self) -> None:

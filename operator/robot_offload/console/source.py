@@ -18,11 +18,11 @@ class Source(Protocol):
     """Where the pages' events come from, and where a person's wishes go."""
 
     def fleet(self) -> Fleet:
-        """Returns the empty memory with the title of this source."""
+        """Return the empty memory with the title of this source."""
         ...
 
     async def run(self, publish: Publish) -> None:
-        """Publishes what happens until it is cancelled; a recording ends by itself. Trouble is published, not raised.
+        """Publish what happens until it is cancelled; a recording ends by itself. Trouble is published, not raised.
 
         Raises:
             RobotOffloadError: the source can never be read.
@@ -30,11 +30,11 @@ class Source(Protocol):
         ...
 
     async def may(self, key: Key, action: Action) -> Permission:
-        """Returns whether this person may do that, and why not."""
+        """Return whether this person may do that, and why not."""
         ...
 
     async def act(self, key: Key, action: Action) -> str:
-        """Does it and returns what was done, a sentence.
+        """Do it and return what was done, a sentence.
 
         Raises:
             RobotOffloadError: it was refused, with the next step.
@@ -42,5 +42,5 @@ class Source(Protocol):
         ...
 
     def watching(self, key: Key) -> contextlib.AbstractContextManager[None]:
-        """Asks for all that is known of one robot, for as long as somebody looks at its page."""
+        """Ask for all that is known of one robot, for as long as somebody looks at its page."""
         ...

@@ -15,7 +15,7 @@ STATES: Final = {"active": "● active", "inactive": "○ inactive", "unconfigur
 
 
 def nodes(track: Track, live: Live) -> list[Row]:
-    """Returns a line for each replica: what is declared of it, and its lifecycle state on each side."""
+    """Return a line for each replica: what is declared of it, and its lifecycle state on each side."""
     declared = {str(node.get("name")): node for node in _listed(track.manifest.get("spec") or {}, "nodes")}
     found = {(node.name.removeprefix("remote_"), node.side): node for node in live.nodes}
     ready = {node.name: node for node in track.observed.nodes} if track.observed else {}
@@ -46,7 +46,7 @@ def _state(found: Mapping[tuple[str, str], Any], name: str, side: str) -> str:
 
 
 def topics(track: Track, live: Live, t_s: float) -> list[Row]:
-    """Returns a line for each topic that crossed the link or reached the consumers."""
+    """Return a line for each topic that crossed the link or reached the consumers."""
     rates = track.rates(t_s)
     rows = []
     for flow in live.topics:
@@ -66,14 +66,14 @@ def topics(track: Track, live: Live, t_s: float) -> list[Row]:
 
 
 def handed(live: Live) -> list[Row]:
-    """Returns a line for each goal, service and state that is handed over."""
+    """Return a line for each goal, service and state that is handed over."""
     goals = [{"what": each.name, "state": each.state, "detail": each.detail} for each in (*live.goals, *live.services)]
     ages = [{"what": f"state {name}", "state": f"{age:.0f} ms old", "detail": ""} for name, age in live.state_ages_ms]
     return [*goals, *ages]
 
 
 def changeovers(track: Track, *, run: bool) -> list[Row]:
-    """Returns the changeovers, the newest first."""
+    """Return the changeovers, the newest first."""
     return [
         {
             "when": when(change.t_s, run=run),
@@ -90,7 +90,7 @@ def _gap(change: Changeover) -> str:
 
 
 def conditions(track: Track, now: datetime.datetime) -> list[Row]:
-    """Returns the conditions of the resource."""
+    """Return the conditions of the resource."""
     return [
         {
             "type": each.type,
@@ -103,7 +103,7 @@ def conditions(track: Track, now: datetime.datetime) -> list[Row]:
 
 
 def endpoints(track: Track) -> list[Row]:
-    """Returns where the robot reaches the cloud."""
+    """Return where the robot reaches the cloud."""
     return [
         {"purpose": each.purpose, "address": f"{each.host}:{each.port}/{each.protocol}"}
         for each in (track.observed.endpoints if track.observed else ())
@@ -111,7 +111,7 @@ def endpoints(track: Track) -> list[Row]:
 
 
 def certificates(track: Track, now: datetime.datetime) -> list[Row]:
-    """Returns the certificates and when they end."""
+    """Return the certificates and when they end."""
     status = track.manifest.get("status") or {}
     rows = []
     for owner, certificate in (status.get("certificates") or {}).items():
@@ -130,7 +130,7 @@ def certificates(track: Track, now: datetime.datetime) -> list[Row]:
 
 
 def size(count: float) -> str:
-    """Returns a number of bytes for people: `640 B`, `12.3 kB`, `4.5 MB`."""
+    """Return a number of bytes for people: `640 B`, `12.3 kB`, `4.5 MB`."""
     for unit, factor in (("MB", 1e6), ("kB", 1e3)):
         if count >= factor:
             return f"{count / factor:.1f} {unit}"
@@ -138,7 +138,7 @@ def size(count: float) -> str:
 
 
 def when(t_s: float, *, run: bool) -> str:
-    """Returns a moment: seconds of a run, or the time of day (UTC)."""
+    """Return a moment: seconds of a run, or the time of day (UTC)."""
     if run:
         return f"{t_s:.1f} s"
     return datetime.datetime.fromtimestamp(t_s, datetime.UTC).strftime("%H:%M:%S UTC")

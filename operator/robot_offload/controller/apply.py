@@ -54,17 +54,17 @@ class Applied:
 
     @property
     def complete(self) -> bool:
-        """Returns whether everything is as the plan wants it."""
+        """Return whether everything is as the plan wants it."""
         return not (self.errors or self.obstacles or self.stopped)
 
     @property
     def recheck_s(self) -> float | None:
-        """Returns the seconds after which a new attempt may succeed though nothing happens; None: an event tells."""
+        """Return the seconds after which a new attempt may succeed though nothing happens; None: an event tells."""
         return min((one.recheck_s for one in self.obstacles if one.recheck_s is not None), default=None)
 
     @property
     def verdict(self) -> Verdict:
-        """Returns whether all children are as declared, for the condition ResourcesApplied."""
+        """Return whether all children are as declared, for the condition ResourcesApplied."""
         if self.obstacles and not self.errors and all(one.reason == WAITING for one in self.obstacles):
             # What runs is complete and in order; only its next version is not there yet.
             return yes("WaitingForTurn", "; ".join(one.message for one in self.obstacles))
@@ -79,7 +79,7 @@ class Applied:
         return yes("Applied", "All objects in the cluster are as declared")
 
     def add(self, other: Applied) -> None:
-        """Takes in what became of a further plan."""
+        """Take in what became of a further plan."""
         self.errors += other.errors
         self.obstacles += other.obstacles
         self.stopped = self.stopped or other.stopped
@@ -90,7 +90,7 @@ class Applied:
 async def carry_out(
     api: KubeApi, store: Store, plan: Plan, live: dict[Key, Manifest], history: History, clock: Clock
 ) -> Applied:
-    """Carries out a plan; brings `store`, `live` and `history` up to date.
+    """Carry out a plan; bring `store`, `live` and `history` up to date.
 
     What stands in one line of the plan's order is written at once: an object waits for one answer instead of twenty.
     """
@@ -116,7 +116,7 @@ async def carry_out(
 
 
 def _in_waves(steps: Sequence[Apply]) -> list[list[Apply]]:
-    """Returns the steps in groups, each of which needs that the ones before it were written."""
+    """Return the steps in groups, each of which needs that the ones before it were written."""
     waves: list[list[Apply]] = [[] for _ in range(len(_WAVES) + 1)]
     for step in steps:
         kind = kind_of(step.manifest)
@@ -130,7 +130,7 @@ async def _all(
     about: Callable[[_Step], Manifest],
     done: Applied,
 ) -> None:
-    """Makes writes that need nothing of each other; their errors are noted in the order of the steps."""
+    """Make writes that need nothing of each other; their errors are noted in the order of the steps."""
     may = asyncio.Semaphore(AT_ONCE)
 
     async def one(step: _Step) -> None:
@@ -152,7 +152,7 @@ async def _all(
 
 
 async def _write(api: KubeApi, step: Apply) -> Manifest:
-    """Applies a child.
+    """Apply a child.
 
     A Secret that is not there is created instead: a write of a leader that has lost its Lease may arrive late, and an
     apply would then put its authority in place of the one that robots were given meanwhile.
@@ -163,7 +163,7 @@ async def _write(api: KubeApi, step: Apply) -> Manifest:
 
 
 def _explained(error: KubeError, manifest: Manifest) -> KubeError:
-    """Returns an error with what helps against it, as far as that depends on the object."""
+    """Return an error with what helps against it, as far as that depends on the object."""
     if kind_of(manifest) != CERTIFICATE or not isinstance(error, NotFoundError | ForbiddenError):
         return error
     help_text = (

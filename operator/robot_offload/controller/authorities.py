@@ -55,17 +55,17 @@ class Authorities:
         self._live: dict[Key, Manifest] = {}
 
     def known(self) -> list[tuple[str, str]]:
-        """Returns uid and version of those that the watch has brought."""
+        """Return uid and version of those that the watch has brought."""
         entries = [self._tools.store.entry(SECRET, self._home, name) for name in self._names.values()]
         return [(entry.uid, entry.version) for entry in entries if entry is not None]
 
     def preread(self) -> dict[Role, Manifest | None]:
-        """Returns them as they were read when the operator started, as far as they still are so."""
+        """Return them as they were read when the operator started, as far as they still are so."""
         take = self._tools.preread.take
         return {role: take(self._tools.store, self._home, name) for role, name in self._names.items()}
 
     async def read(self) -> dict[Role, Manifest | None]:
-        """Reads them from the API server: the store keeps no keys."""
+        """Read them from the API server: the store keeps no keys."""
         found = await asyncio.gather(*(self._tools.api.get(SECRET, self._home, name) for name in self._names.values()))
         self._live = {key_of(one): one for one in found if one is not None}
         uid = self._subject.uid
@@ -75,7 +75,7 @@ class Authorities:
         }
 
     async def apply(self, wanted: Iterable[Manifest]) -> Applied:
-        """Writes those that differ from what was read."""
+        """Write those that differ from what was read."""
         history, clock = self._memory.authorities, self._tools.clock
         steps = plan(wanted, self._live, self._subject.uid, history=history, now_s=clock.steady_s())
         applied = await carry_out(self._tools.api, self._tools.store, steps, self._live, history, clock)
@@ -125,7 +125,7 @@ class Authorities:
         return await self._tools.api.list(SECRET, self._home, authorities.LABELS)
 
     async def take_over(self, parent: Parent) -> frozenset[Key]:
-        """Copies what an earlier version has kept beside the robot; returns the Secrets there that must stay.
+        """Copy what an earlier version has kept beside the robot; return the Secrets there that must stay.
 
         Only of a RobotOffload that an operator has dealt with before: beside a new one they are somebody else's.
         """

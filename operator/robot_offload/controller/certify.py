@@ -88,7 +88,7 @@ class Certifying:
         self._authorities = authorities
 
     async def run(self, parent: Parent, state: AgentState | None) -> Secrets:
-        """Brings the Secrets up to date; `state` is that of the cloud's agent."""
+        """Bring the Secrets up to date; `state` is that of the cloud's agent."""
         keys = certificates.secret_keys(parent.name)
         kept = await self._authorities.take_over(parent) | frozenset(keys.values())
         if not transport.needs_certificates(parent.spec):
@@ -136,7 +136,7 @@ class Certifying:
         return self._noted(issued, asked, kept)
 
     def _as_preread(self, parent: Parent, asked: str) -> certificates.Issued | None:
-        """Returns what follows from the Secrets as they were read at the start; None: something is to be done."""
+        """Return what follows from the Secrets as they were read at the start; None: something is to be done."""
         uid, take = self._subject.uid, self._preread.take
         live = self._authorities.preread()
         for role, (_, name) in certificates.secret_keys(parent.name).items():
@@ -151,7 +151,7 @@ class Certifying:
         return None if issued.made or issued.answer or steps.touched or steps.obstacles else issued
 
     def _noted(self, issued: certificates.Issued, asked: str, kept: frozenset[Key]) -> Secrets:
-        """Remembers what was found, so that the next pass reads no keys."""
+        """Remember what was found, so that the next pass reads no keys."""
         leaves: dict[certificates.Role, Manifest | None] = dict(zip(certificates.LEAVES, issued.leaves, strict=True))
         keys = certificates.secret_keys(self._subject.name)
         based_on = self._based_on(keys.values(), self._subject.annotation(certificates.REVOKE), asked)
@@ -161,7 +161,7 @@ class Certifying:
         return Secrets(issued.verdict, kept, content, issued.recheck_s, answer=issued.answer, ends=ends)
 
     def _based_on(self, keys: Iterable[Key], revoke: str, asked: str) -> object:
-        """Returns all that the certificates follow from; None: the store does not know."""
+        """Return all that the certificates follow from; None: the store does not know."""
         entries = [self._store.entry(kind, self._subject.namespace, name) for kind, name in keys]
         known = [(entry.uid, entry.version) for entry in entries if entry is not None]
         signing = self._authorities.known()
@@ -185,7 +185,7 @@ class Judged:
 
 
 def judge(offload: RobotOffload, secrets: Secrets, robot: presented.Presented | None, now: datetime.datetime) -> Judged:
-    """Returns what is known of the certificates; `robot` is what the robot dials with."""
+    """Return what is known of the certificates; `robot` is what the robot dials with."""
     if not transport.needs_certificates(offload.spec):
         return Judged(yes("NotNeeded", "This transport uses no certificates"))
     margin = datetime.timedelta(milliseconds=offload.spec.transport.certificates.renew_before_ms)

@@ -23,7 +23,7 @@ class Step(enum.Enum):
 
 
 def verdict_of(error: Exception, step: Step) -> Verdict:
-    """Returns what a broken step means for the condition ResourcesApplied."""
+    """Return what a broken step means for the condition ResourcesApplied."""
     if isinstance(error, KubeError):
         return no(error.reason, f"{error} (while the operator {step.value})")
     if isinstance(error, RobotOffloadError):

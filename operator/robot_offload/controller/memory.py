@@ -30,7 +30,7 @@ class Allowance:
     filled_s: float | None = None
 
     def take(self, now_s: float) -> bool:
-        """Takes one token; returns whether there was one."""
+        """Take one token; return whether there was one."""
         passed_s = now_s - (now_s if self.filled_s is None else self.filled_s)
         self.left = min(float(EVENTS_AT_ONCE), self.left + passed_s / EVENT_EVERY_S)
         self.filled_s = now_s
@@ -99,7 +99,7 @@ class Memory:
 
 
 def summary(status: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the few words of a status that are kept: whole ones of hundreds of objects would be megabytes."""
+    """Return the few words of a status that are kept: whole ones of hundreds of objects would be megabytes."""
     return {
         "placement": status.get("placement"),
         "robot": {"connected": bool((status.get("robot") or {}).get("connected"))},

@@ -62,20 +62,20 @@ class Snapshot:
         return {entry: "" if text is None else _hash(text) for entry, text in self.configs.items()}
 
     def ours(self, kind: Kind, name: str, uid: str) -> Manifest | None:
-        """Returns a child of the RobotOffload with this uid; None: it is missing or somebody else's."""
+        """Return a child of the RobotOffload with this uid; None: it is missing or somebody else's."""
         child = self.live.get((kind, name))
         return child if child is not None and belongs(child, uid) else None
 
     def children(self, uid: str) -> dict[Key, Manifest]:
-        """Returns all children of the RobotOffload with this uid."""
+        """Return all children of the RobotOffload with this uid."""
         return {key: child for key, child in self.live.items() if belongs(child, uid)}
 
     def services(self, uid: str) -> list[Manifest]:
-        """Returns its Services."""
+        """Return its Services."""
         return [child for (kind, _), child in self.children(uid).items() if kind == SERVICE]
 
     def workloads(self, uid: str) -> list[Manifest]:
-        """Returns its Deployments and StatefulSets."""
+        """Return its Deployments and StatefulSets."""
         return [child for (kind, _), child in self.children(uid).items() if kind in (DEPLOYMENT, STATEFUL_SET)]
 
 
@@ -89,7 +89,7 @@ class Observer:
         self._offload = offload
 
     async def cluster(self, cached: dict[str, CachedConfig]) -> Snapshot:
-        """Reads all that the next decisions need of the cluster.
+        """Read all that the next decisions need of the cluster.
 
         Args:
             cached: users' ConfigMaps as they were read last, by name; is brought up to date.
@@ -105,7 +105,7 @@ class Observer:
         return seen
 
     async def confirm(self, seen: Snapshot, keys: Iterable[Key]) -> None:
-        """Reads what a write would touch from the API server, once a pass: what the store has may be old.
+        """Read what a write would touch from the API server, once a pass: what the store has may be old.
 
         Also finds whoever else has the name of a child that is missing.
         """
@@ -120,7 +120,7 @@ class Observer:
                 seen.live[key] = manifest
 
     async def pods(self) -> tuple[Manifest, ...]:
-        """Returns the pods of the children: only worth reading when a workload is not as it should be."""
+        """Return the pods of the children: only worth reading when a workload is not as it should be."""
         return tuple(await self._pods(labels.instance_labels(self._offload)))
 
     async def refusals(self, workloads: Iterable[Manifest]) -> dict[Key, str]:
@@ -138,11 +138,11 @@ class Observer:
         return str(newest.get("message") or "")
 
     async def build_pods(self) -> tuple[Manifest, ...]:
-        """Returns the pods of build Jobs: only worth reading while a build is not written down yet."""
+        """Return the pods of build Jobs: only worth reading while a build is not written down yet."""
         return tuple(await self._pods(labels.selector(self._offload, "build")))
 
     async def secret_types(self, names: Iterable[str]) -> dict[str, str]:
-        """Returns the types of those of these Secrets that are there, by name. Users' own Secrets are not watched."""
+        """Return the types of those of these Secrets that are there, by name. Users' own Secrets are not watched."""
         wanted = sorted(names)
         found = await asyncio.gather(*(self._api.get(SECRET, self._namespace, name) for name in wanted))
         there = {name: secret for name, secret in zip(wanted, found, strict=True) if secret is not None}
@@ -190,19 +190,19 @@ class CachedConfig:
 
     @classmethod
     def of(cls, config_map: Manifest | None) -> CachedConfig:
-        """Packs what was read."""
+        """Pack what was read."""
         found = config_map or {"metadata": {"resourceVersion": ""}}
         text = json.dumps({"data": found.get("data") or {}})
         return cls(str(found["metadata"]["resourceVersion"]), zlib.compress(text.encode(), 1))
 
     def manifest(self) -> Manifest:
-        """Returns the entries as a manifest has them."""
+        """Return the entries as a manifest has them."""
         manifest: Manifest = json.loads(zlib.decompress(self.packed))
         return manifest
 
 
 def config_maps(offload: RobotOffload) -> frozenset[tuple[str, str]]:
-    """The entries (name, key) of users' ConfigMaps that the nodes in the cloud read."""
+    """Return the entries (name, key) of users' ConfigMaps that the nodes in the cloud read."""
     references = (node.run.parameters_from for node in offload.spec.cloud_nodes if node.run is not None)
     return frozenset(
         (reference.config_map_key_ref.name, reference.config_map_key_ref.key)
@@ -236,7 +236,7 @@ def _hash(text: str) -> str:
 
 
 def _issuer_matters(offload: RobotOffload, seen: Snapshot) -> bool:
-    """Whether objects of cert-manager are, or were, among the children."""
+    """Return whether objects of cert-manager are, or were, among the children."""
     if offload.spec.transport.certificates.issuer_ref is not None:
         return True
     return any(WRITTEN_BY in (child["metadata"].get("annotations") or {}) for child in seen.live.values())

@@ -29,11 +29,11 @@ class Preread:
         self._packed: dict[tuple[str, str], bytes] = {}
 
     def __len__(self) -> int:
-        """Returns how many Secrets there are."""
+        """Return how many Secrets there are."""
         return len(self._packed)
 
     async def read(self, api: KubeApi, store: Store, served: Collection[str], home: str) -> None:
-        """Reads the certificates of all RobotOffloads that the store has.
+        """Read the certificates of all RobotOffloads that the store has.
 
         Args:
             api: is asked for lists, page by page.
@@ -54,7 +54,7 @@ class Preread:
                         self._packed[metadata["namespace"], metadata["name"]] = packed
 
     def take(self, store: Store, namespace: str, name: str) -> Manifest | None:
-        """Returns a Secret, once; None: it is not here, or the watch knows another version."""
+        """Return a Secret, once; None: it is not here, or the watch knows another version."""
         packed = self._packed.pop((namespace, name), None)
         entry = store.entry(SECRET, namespace, name)
         if packed is None or entry is None:
@@ -64,7 +64,7 @@ class Preread:
         return secret if (metadata["uid"], metadata["resourceVersion"]) == (entry.uid, entry.version) else None
 
     def forget(self) -> None:
-        """Drops what nobody has asked for."""
+        """Drop what nobody has asked for."""
         self._packed.clear()
 
 

@@ -17,21 +17,22 @@ from typing import Final, TypeAlias
 
 import structlog
 
-from robot_offload.api.v1alpha1 import pinned
+from robot_offload.api.v1alpha1 import RobotOffload, pinned
 from robot_offload.api.v1alpha1.parsing import parse_object
 from robot_offload.api.v1alpha1.rules import CLUSTER_CHECKS, check
 from robot_offload.controller.admission import Admission, NotAdmittedError
 from robot_offload.controller.clock import Clock
 from robot_offload.controller.failures import verdict_of
 from robot_offload.controller.memory import Memory, summary
-from robot_offload.controller.publish import publish
+from robot_offload.controller.publish import Post, publish
 from robot_offload.controller.steps import Findings, Pass
 from robot_offload.controller.store import Store
 from robot_offload.controller.subject import Subject
 from robot_offload.controller.tools import Policy, Tools
-from robot_offload.decide import authorities, conditions, presence, rollouts, status
+from robot_offload.decide import authorities, conditions, neighbours, presence, rollouts, status
 from robot_offload.decide.ownership import being_deleted
 from robot_offload.errors import InputError, SpecError
+from robot_offload.findings import Finding
 from robot_offload.kube.errors import KubeError, NotLeaderError
 from robot_offload.kube.kinds import DEPLOYMENT, LEASE, ROBOT_OFFLOAD, SECRET, STATEFUL_SET
 from robot_offload.kube.port import KubeApi, Manifest
@@ -71,7 +72,10 @@ class Controller:
         clock: Clock | None = None,
         store: Store | None = None,
         policy: Policy = DEFAULTS,
+        post: Post = lambda _offload, _transition: None,
     ) -> None:
+        """`post` has Events posted."""
+        self._post = post
         known = Store() if store is None else store
         budget: rollouts.Budget[Name] = rollouts.Budget(policy.max_rolling)
         self._tools = Tools(api, known, images, clock or Clock(), policy, budget)
@@ -80,7 +84,7 @@ class Controller:
         self._readers: dict[tuple[str, str], set[Name]] = {}
 
     async def reconcile(self, name: Name) -> Result:
-        """Makes one pass. Calls for the same name must not overlap; the queue sees to that."""
+        """Make one pass. Calls for the same name must not overlap; the queue sees to that."""
         raw = await self._load(name)
         if raw is None:
             return Result()
@@ -95,7 +99,11 @@ class Controller:
         try:
             offload = parse_object(raw, "/".join(name), unknown="ignore", rules=CLUSTER_CHECKS)
             await self._admission.check(raw, offload, "/".join(name))
-            warnings = (*check(offload.spec, CLUSTER_CHECKS), *pinned.findings(offload))
+            warnings = (
+                *check(offload.spec, CLUSTER_CHECKS),
+                *pinned.findings(offload),
+                *self._neighbours(offload, name),
+            )
             found.verdicts["SpecValid"] = conditions.spec_valid((), warnings)
             await Pass(self._tools, subject, offload, memory, found).run()
         except SpecError as error:
@@ -117,7 +125,7 @@ class Controller:
         return result
 
     async def preread(self, served: Collection[str]) -> None:
-        """Reads the certificates of all RobotOffloads in the store, which is complete, in a few lists.
+        """Read the certificates of all RobotOffloads in the store, which is complete, in a few lists.
 
         Args:
             served: namespaces whose RobotOffloads this operator serves; empty: all.
@@ -128,28 +136,35 @@ class Controller:
             _log.warning("Reads certificates one by one", error=str(error))
 
     def forget_preread(self) -> None:
-        """Drops those that no pass has asked for."""
+        """Drop those that no pass has asked for."""
         self._tools.preread.forget()
 
     def resume(self) -> None:
-        """Learns from the store, which is complete, whose pods an earlier operator has begun to replace."""
+        """Learn from the store, which is complete, whose pods an earlier operator has begun to replace."""
         store = self._tools.store
         rolling = store.owners((DEPLOYMENT, STATEFUL_SET), rollouts.under_way)
         alone = store.named(ROBOT_OFFLOAD, lambda raw: (raw.get("status") or {}).get("placement") != "Cloud")
         self._tools.budget.resume(rolling, self._tools.clock.steady_s(), alone)
 
     def readers(self, namespace: str, config_map: str) -> frozenset[Name]:
-        """Returns the RobotOffloads whose nodes read a ConfigMap of a user."""
+        """Return the RobotOffloads whose nodes read a ConfigMap of a user."""
         found = self._readers.get((namespace, config_map), set())
         found -= {name for name in found if config_map not in self._configs_of(name)}
         return frozenset(found)
+
+    def _neighbours(self, offload: RobotOffload, name: Name) -> Iterable[Finding]:
+        """Return warnings about others of the namespace; before the store knows them there are none."""
+        if not neighbours.matter(offload):
+            return ()
+        entries = self._tools.store.entries(ROBOT_OFFLOAD, name[0])[: neighbours.COMPARED]
+        return neighbours.findings(offload, [entry.manifest() for _, entry in entries])
 
     def _configs_of(self, name: Name) -> Iterable[str]:
         memory = self.memories.get(name)
         return () if memory is None else memory.configs
 
     def _based_on(self, name: Name, raw: Manifest, memory: Memory) -> object:
-        """Returns all that a pass would work with; the same again leads to the same. None: the store does not know."""
+        """Return all that a pass would work with; the same again leads to the same. None: the store does not know."""
         if not self._tools.store.fed:
             return None
         configs = tuple(
@@ -171,7 +186,7 @@ class Controller:
         return raw["metadata"]["resourceVersion"], versions, signing, configs, said, seen
 
     def saw_lease(self, name: Name, lease: Manifest) -> float | None:
-        """Notes that a robot's Lease has moved.
+        """Note that a robot's Lease has moved.
 
         Returns the seconds for which no pass is needed, or None if one is needed now. A robot that goes on renewing
         puts off nothing but the moment at which it counts as gone.
@@ -207,7 +222,7 @@ class Controller:
         return memory
 
     def _note_failure(self, error: Exception, found: Findings, memory: Memory, subject: Subject) -> None:
-        """Turns what broke a step off into a verdict.
+        """Turn what broke a step off into a verdict.
 
         Raises:
             KubeError: the API server is in passing trouble, and has not been for long.
@@ -228,14 +243,15 @@ class Controller:
         after = status.build(
             before, subject.generation, found.verdicts, self._tools.clock.wall(), found.offload, found.status
         )
-        writes = await publish(self._tools.api, self._tools.store, subject.raw, after, memory, self._tools.clock)
+        tools = self._tools
+        writes = await publish(tools.api, tools.store, subject.raw, after, memory, tools.clock, self._post)
         if not found.broken:
             memory.failures = 0
         return Result(found.again_s, self._worth_a_retry(found, memory), found.applied.writes + writes)
 
     @staticmethod
     def _worth_a_retry(found: Findings, memory: Memory) -> bool:
-        """Returns whether trying again soon may help: not when the same was refused for good twice in a row."""
+        """Return whether trying again soon may help: not when the same was refused for good twice in a row."""
         errors = found.applied.errors
         before, memory.refusals = memory.refusals, frozenset(map(str, errors))
         if found.broken or any(error.retriable for error in errors):

@@ -52,7 +52,7 @@ _log = structlog.get_logger("robot_offload.controller")
 
 
 async def render(parent: Parent) -> tuple[Manifest, ...]:
-    """Renders the children in a thread: leadership and probes never wait for what a user wrote.
+    """Render the children in a thread: leadership and probes never wait for what a user wrote.
 
     Raises:
         RenderTimeoutError: it took longer than `RENDER_S`.
@@ -132,7 +132,7 @@ class Pass:
         self._refused_s: float | None = None
 
     async def run(self) -> None:
-        """Observes, decides and applies; what is found out goes to the findings as soon as it is known."""
+        """Observe, decide and apply; what is found out goes to the findings as soon as it is known."""
         found, spec = self._found, self._offload.spec
         found.offload = self._offload
 
@@ -187,7 +187,7 @@ class Pass:
         found.again_s = min((after_s for after_s in either if after_s is not None), default=None)
 
     def _robot(self, lease: Manifest | None) -> presence.Presence:
-        """Returns the robot's presence; its Lease counts only when it is ours."""
+        """Return the robot's presence; its Lease counts only when it is ours."""
         now_s = self._clock.steady_s()
         self._memory.lease = presence.meaning(lease) if lease is not None else None
         self._memory.sighting = presence.look(self._memory.sighting, lease, now_s)
@@ -218,7 +218,7 @@ class Pass:
         return transport.observed_endpoints(self._offload, services, self._snapshot.nodes)
 
     def _judge_certificates(self, secrets: Secrets, state: AgentState | None) -> float | None:
-        """Adds what is known of the certificates; returns the seconds after which that changes by itself."""
+        """Add what is known of the certificates; return the seconds after which that changes by itself."""
         assert self._found.status is not None
         before = (self._subject.status.get("certificates") or {}).get("robot") or {}
         judged = judge(self._offload, secrets, presented.presented(state, before), self._clock.wall())
@@ -227,7 +227,7 @@ class Pass:
         return judged.recheck_s
 
     async def _builds(self, parent: Parent) -> builds.Builds:
-        """Decides about the images that are built here; what there is of them is only read when there are any."""
+        """Decide about the images that are built here; what there is of them is only read when there are any."""
         if not parent.spec.built_nodes:
             return builds.Builds()
         pods = await self._observer.build_pods()
@@ -239,7 +239,7 @@ class Pass:
         return builds.decide(parent, before, self._subject.annotation(builds.REBUILD))
 
     async def _discovery(self, parent: Parent) -> _Servers:
-        """Applies the Services of the discovery servers before anything needs their addresses."""
+        """Apply the Services of the discovery servers before anything needs their addresses."""
         if not transport.discovery_servers(parent.spec):
             return _Servers()
         names = set(discovery.names(self._offload))
@@ -253,11 +253,11 @@ class Pass:
         return _Servers(keys, hosts, known=bool(hosts))
 
     def _prunable(self, kept: frozenset[Key]) -> frozenset[Key]:
-        """Returns which children may go when they are not wanted: all that this pass has not dealt with otherwise."""
+        """Return which children may go when they are not wanted: all that this pass has not dealt with otherwise."""
         return frozenset(self._snapshot.live) - kept
 
     async def _apply(self, wanted: Iterable[Manifest], prunable: Iterable[Key] = ()) -> Applied:
-        """Applies children in their order, then prunes."""
+        """Apply children in their order, then prunes."""
         manifests, live, uid = list(wanted), self._snapshot.live, self._subject.uid
         history, now_s, may_go = self._memory.history, self._clock.steady_s(), frozenset(prunable)
         steps = plan(manifests, live, uid, prunable=may_go, history=history, now_s=now_s)
@@ -270,7 +270,7 @@ class Pass:
         return applied
 
     def _note(self, applied: Applied) -> None:
-        """Notes what became of writes, for the status and for the log."""
+        """Note what became of writes, for the status and for the log."""
         self._found.applied.add(applied)
         if applied.writes:
             _log.info("Applied", **self._subject.words, writes=applied.writes)
@@ -278,7 +278,7 @@ class Pass:
             _log.warning("Refused", **self._subject.words, reason=error.reason, error=str(error))
 
     def _in_turn(self, steps: Plan) -> Plan:
-        """Leaves out what would replace too many pods at once. What a person has just changed waits for nobody."""
+        """Leave out what would replace too many pods at once. What a person has just changed waits for nobody."""
         live = self._snapshot.live
         steps = rollouts.in_turn(steps, live)
         changed = self._subject.generation != self._subject.status.get("observedGeneration")
@@ -297,7 +297,7 @@ class Pass:
         state: AgentState | None,
         problem: str,
     ) -> None:
-        """Works out from what is live now the rest of the status and the conditions that follow."""
+        """Work out from what is live now the rest of the status and the conditions that follow."""
         uid, generation = self._subject.uid, self._subject.generation
         pods: tuple[Manifest, ...] = ()
         refusals: dict[Key, str] = {}

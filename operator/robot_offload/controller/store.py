@@ -47,7 +47,7 @@ class Entry:
     packed: bytes
 
     def manifest(self) -> Manifest:
-        """Returns the object; the caller may keep and change it."""
+        """Return the object; the caller may keep and change it."""
         manifest: Manifest = json.loads(zlib.decompress(self.packed))
         return manifest
 
@@ -65,11 +65,11 @@ class Store:
         self._gone: dict[str, None] = {}
 
     def __len__(self) -> int:
-        """Returns how many objects there are."""
+        """Return how many objects there are."""
         return len(self._entries)
 
     def put(self, kind: Kind, manifest: Manifest) -> bool:
-        """Takes in an object; returns whether that is news: not known in this version or a newer one, and not gone."""
+        """Take in an object; return whether that is news: not known in this version or a newer one, and not gone."""
         metadata = manifest["metadata"]
         if str(metadata["uid"]) in self._gone:
             return False
@@ -89,7 +89,7 @@ class Store:
         return True
 
     def drop(self, kind: Kind, namespace: str, name: str, uid: str = "") -> bool:
-        """Drops an object, if it is the one with this uid (empty: whichever); returns whether it was there."""
+        """Drop an object, if it is the one with this uid (empty: whichever); return whether it was there."""
         if uid:
             self._bury(uid)
         place = (kind, namespace, name)
@@ -103,7 +103,7 @@ class Store:
     def prune(
         self, kind: Kind, namespace: str | None, there: frozenset[tuple[str, str]], version: str
     ) -> list[tuple[str, str]]:
-        """Drops objects of a kind that a list of this version does not have; returns namespace and instance of each."""
+        """Drop objects of a kind that a list of this version does not have; return namespace and instance of each."""
         gone = [
             (place, entry)
             for place, entry in self._entries.items()
@@ -118,30 +118,30 @@ class Store:
         return [(place[1], place[2] if kind == ROBOT_OFFLOAD else entry.instance) for place, entry in gone]
 
     def entry(self, kind: Kind, namespace: str, name: str) -> Entry | None:
-        """Returns an object as it is kept."""
+        """Return an object as it is kept."""
         return self._entries.get((kind, namespace, name))
 
     def get(self, kind: Kind, namespace: str, name: str) -> Manifest | None:
-        """Returns an object."""
+        """Return an object."""
         entry = self.entry(kind, namespace, name)
         return None if entry is None else entry.manifest()
 
     def entries(self, kind: Kind, namespace: str) -> list[tuple[str, Entry]]:
-        """Returns the names of all objects of a kind in a namespace, with the objects."""
+        """Return the names of all objects of a kind in a namespace, with the objects."""
         return [(place[2], entry) for place, entry in self._entries.items() if place[:2] == (kind, namespace)]
 
     def uids(self, kind: Kind) -> frozenset[str]:
-        """Returns the uids of all objects of a kind."""
+        """Return the uids of all objects of a kind."""
         return frozenset(entry.uid for place, entry in self._entries.items() if place[0] == kind)
 
     def children(self, namespace: str, instance: str, kinds: Iterable[Kind] = CHILD_KINDS) -> dict[Key, Manifest]:
-        """Returns the objects that carry the label of a RobotOffload."""
+        """Return the objects that carry the label of a RobotOffload."""
         wanted = frozenset(kinds)
         keys = sorted(self._instances.get((namespace, instance), ()), key=lambda key: (key[0].kind, key[1]))
         return {key: self._entries[key[0], namespace, key[1]].manifest() for key in keys if key[0] in wanted}
 
     def owners(self, kinds: Iterable[Kind], suits: Callable[[Manifest], bool]) -> frozenset[tuple[str, str]]:
-        """Returns namespace and name of the RobotOffloads that have a child of these kinds that suits."""
+        """Return namespace and name of the RobotOffloads that have a child of these kinds that suits."""
         wanted = frozenset(kinds)
         found: set[tuple[str, str]] = set()
         for owner, keys in self._instances.items():
@@ -151,19 +151,23 @@ class Store:
         return frozenset(found)
 
     def named(self, kind: Kind, suits: Callable[[Manifest], bool]) -> frozenset[tuple[str, str]]:
-        """Returns namespace and name of the objects of a kind that suit."""
+        """Return namespace and name of the objects of a kind that suit."""
         entries = ((place, entry) for place, entry in self._entries.items() if place[0] == kind)
         return frozenset(place[1:] for place, entry in entries if suits(entry.manifest()))
 
     def versions(self, namespace: str, instance: str, without: Iterable[Kind] = ()) -> frozenset[tuple[Key, str, str]]:
-        """Returns key, uid and version of these objects, except of some kinds: the same again means no news."""
+        """Return key, uid and version of these objects, except of some kinds: the same again means no news."""
         left_out = frozenset(without)
         keys = self._instances.get((namespace, instance), ())
         entries = ((key, self._entries[key[0], namespace, key[1]]) for key in keys if key[0] not in left_out)
         return frozenset((key, entry.uid, entry.version) for key, entry in entries)
 
+    def buried(self, uid: str) -> bool:
+        """Return whether an object is known to be gone."""
+        return uid in self._gone
+
     def _bury(self, uid: str) -> None:
-        """Notes that an object has gone for good: its uid never comes back."""
+        """Note that an object has gone for good: its uid never comes back."""
         self._gone[uid] = None
         if len(self._gone) > _REMEMBERED:
             del self._gone[next(iter(self._gone))]
@@ -181,7 +185,7 @@ class Store:
 
 
 def older(seen: str, version: str) -> bool:
-    """Returns whether what was seen is older than a version. Versions are numbers wherever Kubernetes runs."""
+    """Return whether what was seen is older than a version. Versions are numbers wherever Kubernetes runs."""
     try:
         return int(seen) < int(version)
     except ValueError:

@@ -21,34 +21,34 @@ class Subject:
 
     @property
     def namespace(self) -> str:
-        """Returns its namespace."""
+        """Return its namespace."""
         return str(self.raw["metadata"]["namespace"])
 
     @property
     def name(self) -> str:
-        """Returns its name."""
+        """Return its name."""
         return str(self.raw["metadata"]["name"])
 
     @property
     def uid(self) -> str:
-        """Returns its uid."""
+        """Return its uid."""
         return str(self.raw["metadata"]["uid"])
 
     @property
     def generation(self) -> int:
-        """Returns the generation of its specification."""
+        """Return the generation of its specification."""
         return int(self.raw["metadata"].get("generation") or 0)
 
     @property
     def status(self) -> Mapping[str, Any]:
-        """Returns its status as it was last written."""
+        """Return its status as it was last written."""
         return dict(self.raw.get("status") or {})
 
     @property
     def words(self) -> dict[str, str]:
-        """Returns what log lines call it."""
+        """Return what log lines call it."""
         return {"namespace": self.namespace, "name": self.name}
 
     def annotation(self, key: str) -> str:
-        """Returns the text of an annotation; empty: there is none."""
+        """Return the text of an annotation; empty: there is none."""
         return str((self.raw["metadata"].get("annotations") or {}).get(key, ""))

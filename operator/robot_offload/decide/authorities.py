@@ -44,18 +44,18 @@ SERVES: Final = "robotoffload.dev/serves"
 
 
 def secret_names(uid: str) -> dict[Authority, str]:
-    """Returns the names of the Secrets of the RobotOffload with this uid."""
+    """Return the names of the Secrets of the RobotOffload with this uid."""
     return {role: f"{role}-{uid}" for role in AUTHORITIES}
 
 
 def uid_of(secret: str) -> str:
-    """Returns the uid of the RobotOffload whose Secret has this name; empty: the name is none of ours."""
+    """Return the uid of the RobotOffload whose Secret has this name; empty: the name is none of ours."""
     found = [secret.removeprefix(f"{role}-") for role in AUTHORITIES if secret.startswith(f"{role}-")]
     return found[0] if found else ""
 
 
 def serves(secret: Manifest) -> tuple[str, str] | None:
-    """Returns namespace and name of the RobotOffload that an authority's Secret serves; None: it is not one."""
+    """Return namespace and name of the RobotOffload that an authority's Secret serves; None: it is not one."""
     text = str((secret["metadata"].get("annotations") or {}).get(SERVES) or "")
     namespace, _, name = text.partition("/")
     return (namespace, name) if namespace and name and uid_of(secret["metadata"]["name"]) else None
@@ -119,12 +119,12 @@ def _by_uid(secrets: Iterable[Manifest]) -> dict[str, list[Manifest]]:
 
 
 def former_keys(offload: str) -> dict[Authority, Key]:
-    """Returns where earlier versions of the operator kept them: beside the robot."""
+    """Return where earlier versions of the operator kept them: beside the robot."""
     return {role: (SECRET, names.child_name(offload, role)) for role in AUTHORITIES}
 
 
 def secret(parent: Parent, role: Authority, data: Mapping[str, str], annotations: Mapping[str, str]) -> Manifest:
-    """Returns the Secret of an authority; `data` is in base64."""
+    """Return the Secret of an authority; `data` is in base64."""
     return {
         "apiVersion": SECRET.api_version,
         "kind": SECRET.kind,

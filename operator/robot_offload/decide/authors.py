@@ -18,7 +18,7 @@ _TIME: Final = re.compile(r"[0-9TZ:.+-]{1,40}")
 
 
 def kept(metadata: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Returns of the field managers those that wrote the specification, or the end of its pin, last; or none.
+    """Return of the field managers those that wrote the specification, or the end of its pin, last; or none.
 
     The API server keeps whole seconds: of two that wrote in the same one nobody can say which was the last.
     """
@@ -30,7 +30,7 @@ def kept(metadata: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def author(metadata: Mapping[str, Any], hold: Hold) -> str:
-    """Returns who changed what a robot is offered: field managers with a time, or the end of a pin.
+    """Return who changed what a robot is offered: field managers with a time, or the end of a pin.
 
     Args:
         metadata: of the RobotOffload, with all `managedFields` or with those that were kept.
@@ -47,7 +47,7 @@ def _entries(metadata: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _wrote(fields: object) -> bool:
-    """Whether an entry owns a part of the specification or the end of a pin; one that was kept has lost its fields."""
+    """Return whether an entry owns a part of the specification or the end of a pin."""
     if not isinstance(fields, Mapping):
         return fields is None
     annotations = (fields.get("f:metadata") or {}).get("f:annotations") or {}

@@ -20,7 +20,7 @@ _TELLING: Final = re.compile(r"error|fatal|failed|denied|unauthorized|no such|no
 
 
 def failing_lines(pods: Iterable[Manifest]) -> str:
-    """The lines that tell why a build failed, with the step; empty: its pods do not say."""
+    """Return the lines that tell why a build failed, with the step; empty: its pods do not say."""
     for pod in pods:
         status = pod.get("status") or {}
         for container in [*(status.get("initContainerStatuses") or ()), *(status.get("containerStatuses") or ())]:
@@ -42,5 +42,5 @@ def _told(step: str, ended: Mapping[str, Any]) -> str:
 
 
 def _cut(line: str) -> str:
-    """A long line without its middle: programs put what was done first and the cause last."""
+    """Return a long line without its middle: programs put what was done first and the cause last."""
     return line if len(line) <= _LINE_START + _LINE_END else f"{line[:_LINE_START]} ... {line[-_LINE_END:]}"

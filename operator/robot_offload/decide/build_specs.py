@@ -18,7 +18,7 @@ _ARCHITECTURE: Final = "kubernetes.io/arch"
 
 
 def from_git(spec: RobotOffloadSpec, node: Node, build: NodeBuild) -> BuildSpec:
-    """What a builder outside the cluster is told: it fetches the source itself."""
+    """Return what a builder outside the cluster is told: it fetches the source itself."""
     credentials: Literal["None", "SSH", "Token"] = (
         "None" if build.git_secret is None else "SSH" if build.git.over_ssh else "Token"
     )
@@ -27,12 +27,12 @@ def from_git(spec: RobotOffloadSpec, node: Node, build: NodeBuild) -> BuildSpec:
 
 
 def in_cluster(spec: RobotOffloadSpec, node: Node, build: NodeBuild) -> BuildSpec:
-    """What a build Job is told: the source is in a folder already, so no layer of a moved branch can be old."""
+    """Return what a build Job is told: the source is in a folder already, so no layer of a moved branch can be old."""
     return _spec(spec, node, build).model_copy(update={"workspace": WorkspaceSource(paths=(SOURCE_DIR,))})
 
 
 def build_plans(offload: RobotOffload, rebuild: str) -> tuple[BuildPlan, ...]:
-    """Every image that the resource asks to build; nodes that are built from the same share one.
+    """Return every image that the resource asks to build; nodes that are built from the same share one.
 
     Args:
         offload: as it was accepted.

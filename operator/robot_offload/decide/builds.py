@@ -96,7 +96,7 @@ class Before:
 
 
 def secrets_of(offload: RobotOffload) -> frozenset[str]:
-    """The names of all Secrets that the builds read."""
+    """Return the names of all Secrets that the builds read."""
     registry = offload.spec.cloud.registry
     found = [node.build.git_secret for node in offload.spec.built_nodes if node.build is not None]
     if offload.spec.built_nodes and registry is not None:
@@ -105,7 +105,7 @@ def secrets_of(offload: RobotOffload) -> frozenset[str]:
 
 
 def decide(parent: Parent, seen: Before, rebuild: str) -> Builds:
-    """Decides about every image.
+    """Decide about every image.
 
     Args:
         parent: a valid RobotOffload.
@@ -201,7 +201,7 @@ def _begin(parent: Parent, plan: BuildPlan, seen: Before, files: Manifest | None
 
 
 def _secrets(plan: BuildPlan) -> Iterator[tuple[str, str]]:
-    """The Secrets that a build reads, each with the only type that it may have."""
+    """Yield the Secrets that a build reads, each with the only type that it may have."""
     if plan.build.git_secret is not None:
         kind = "ssh-auth" if plan.build.git.over_ssh else "basic-auth"
         yield plan.build.git_secret.name, f"kubernetes.io/{kind}"
@@ -245,7 +245,7 @@ def _failed(plan: BuildPlan, failed: Mapping[str, Any], pods: Sequence[Manifest]
 
 
 def _recorded(offload: RobotOffload, ours: Mapping[Key, Manifest], name: str) -> dict[str, Built]:
-    """What each node has an image from: the record, or else the Deployment that runs."""
+    """Return what each node has an image from: the record, or else the Deployment that runs."""
     record = (ours.get((CONFIG_MAP, name)) or {}).get("data") or {}
     found = {}
     for node in offload.spec.built_nodes:
@@ -274,14 +274,14 @@ def _written(built: Built) -> str:
 
 
 def image_of(deployment: Manifest | None) -> str:
-    """The image that a Deployment runs; empty: there is none."""
+    """Return the image that a Deployment runs; empty: there is none."""
     template = ((deployment or {}).get("spec") or {}).get("template") or {}
     containers = (template.get("spec") or {}).get("containers") or [{}]
     return str(containers[0].get("image") or "")
 
 
 def _result(plan: BuildPlan, pods: Iterable[Manifest]) -> Built | None:
-    """What the pod that pushed has told."""
+    """Return what the pod that pushed has told."""
     for pod in pods:
         for container in (pod.get("status") or {}).get("containerStatuses") or ():
             ended = (container.get("state") or {}).get("terminated") or {}
@@ -303,7 +303,7 @@ def _condition(job: Manifest, kind: str) -> Mapping[str, Any] | None:
 
 
 def _together(verdicts: Sequence[Verdict]) -> Verdict:
-    """The sum: what failed first, else what is under way, else all are there."""
+    """Return the sum: what failed first, else what is under way, else all are there."""
     for truth, make in (("False", no), ("Unknown", unknown)):
         found = [verdict for verdict in verdicts if verdict.truth == truth]
         if found:

@@ -74,7 +74,7 @@ class Issued:
 
     @property
     def secrets(self) -> tuple[Manifest, ...]:
-        """Returns all Secrets in the order of `ROLES`."""
+        """Return all Secrets in the order of `ROLES`."""
         return (*self.authorities, *self.leaves)
 
 
@@ -102,17 +102,17 @@ class _Pair:
 
 
 def secret_name(offload: str, role: Leaf) -> str:
-    """Returns the name of the Secret of a leaf."""
+    """Return the name of the Secret of a leaf."""
     return names.child_name(offload, role)
 
 
 def secret_keys(offload: str) -> dict[Leaf, Key]:
-    """Returns where the Secret of each leaf is."""
+    """Return where the Secret of each leaf is."""
     return {role: (SECRET, secret_name(offload, role)) for role in LEAVES}
 
 
 def content_hash(secret: Manifest | None) -> str:
-    """A short name for what is in a Secret; empty: there is none."""
+    """Return a short name for what is in a Secret; empty: there is none."""
     data = (secret or {}).get("data") or {}
     text = "\0".join(f"{key}\0{data[key]}" for key in sorted(data))
     return hashlib.sha256(text.encode()).hexdigest()[:16] if data else ""
@@ -125,7 +125,7 @@ def issue(
     now: datetime.datetime,
     request: str = "",
 ) -> Issued:
-    """Decides about every certificate and makes those that are needed.
+    """Decide about every certificate and make those that are needed.
 
     Args:
         parent: a valid RobotOffload.
@@ -193,7 +193,7 @@ def _issued(cloud: _Pair, robot: _Pair, identity: Mapping[str, str]) -> Verdict:
 
 
 def ends(secret: Manifest | None) -> tuple[str, datetime.datetime] | None:
-    """Returns the serial number (hexadecimal) and the end of the certificate in a Secret; None: there is none."""
+    """Return the serial number (hexadecimal) and the end of the certificate in a Secret; None: there is none."""
     pair = _read(secret)
     if pair is None:
         return None
@@ -201,12 +201,12 @@ def ends(secret: Manifest | None) -> tuple[str, datetime.datetime] | None:
 
 
 def shown(serial: str, not_after: datetime.datetime) -> dict[str, str]:
-    """Returns a certificate as the status names it."""
+    """Return a certificate as the status names it."""
     return {"serial": serial, "notAfter": not_after.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")}
 
 
 def _own(secret: Manifest | None, client: _Pair) -> _Own:
-    """Returns what was signed for the robot's own keys by the present authority."""
+    """Return what was signed for the robot's own keys by the present authority."""
     data = (secret or {}).get("data") or {}
     noted = ((secret or {}).get("metadata", {}).get("annotations") or {}).get(SPENT) or "{}"
     try:
@@ -222,7 +222,7 @@ def _own(secret: Manifest | None, client: _Pair) -> _Own:
 
 
 def _own_after(own: _Own, answer: renewal.Answer, request: str, signer: renewal.Signer, now: datetime.datetime) -> _Own:
-    """Returns the same after an answer."""
+    """Return the same after an answer."""
     if not answer.certificate:
         return own
     newest = x509.load_pem_x509_certificate(answer.certificate.encode())
@@ -236,7 +236,7 @@ def _used(pair: _Pair | None, own: _Own) -> Verdict | None:
 
 
 def host_names(offload: RobotOffload, namespace: str) -> tuple[str, ...]:
-    """The names in the cloud's certificate: the declared one, and the Service's own inside the cluster."""
+    """Return the names in the cloud's certificate: the declared one, and the Service's own inside the cluster."""
     declared = offload.spec.transport.expose.host
     inside = f"{names.child_name(offload.metadata.name, names.UDP)}.{namespace}.svc"
     return (declared, inside) if declared else (inside,)
@@ -251,12 +251,12 @@ class _Life:
     now: datetime.datetime
 
     def renewal(self, certificate: x509.Certificate) -> datetime.datetime:
-        """When a certificate is made anew: `margin` before its end, but not in the first half of a short life."""
+        """Return when a certificate is made anew: `margin` before its end, not in the first half of a short life."""
         begin, end = certificate.not_valid_before_utc, certificate.not_valid_after_utc
         return max(end - self.margin, begin + (end - begin) / 2)
 
     def due(self, certificate: x509.Certificate) -> bool:
-        """Whether that time has come."""
+        """Return whether that time has come."""
         return self.now >= self.renewal(certificate)
 
 
@@ -305,7 +305,7 @@ def _other_robot(pair: _Pair | None, name: str) -> Verdict | None:
 
 
 def _read(secret: Manifest | None) -> _Pair | None:
-    """The pair in a Secret; None: there is none, or certificate and key do not fit."""
+    """Return the pair in a Secret; None: there is none, or certificate and key do not fit."""
     data = (secret or {}).get("data") or {}
     try:
         pem = pki.KeyPair(base64.b64decode(data["tls.crt"]), base64.b64decode(data["tls.key"]))

@@ -16,7 +16,7 @@ MAX_MESSAGE: Final = 32_768
 
 
 def spec_valid(errors: Sequence[Finding], warnings: Sequence[Finding] = ()) -> Verdict:
-    """Whether the specification can be carried out; every problem at once, one a line."""
+    """Return whether the specification can be carried out; every problem at once, one a line."""
     if errors:
         lines = "\n".join(finding.line() for finding in errors)
         return no(errors[0].reason, f"{lines}\nThe children stay as they are until this is corrected")
@@ -26,7 +26,7 @@ def spec_valid(errors: Sequence[Finding], warnings: Sequence[Finding] = ()) -> V
 
 
 def discovery_ready(servers: int, verdicts: Iterable[Verdict]) -> Verdict:
-    """Whether the nodes in the cloud find each other. One server of several is enough."""
+    """Return whether the nodes in the cloud find each other. One server of several is enough."""
     if servers == 0:
         return yes("NotNeeded", "This transport runs no discovery servers")
     found = list(verdicts)
@@ -41,7 +41,7 @@ def discovery_ready(servers: int, verdicts: Iterable[Verdict]) -> Verdict:
 
 
 def ready(verdicts: Mapping[str, Verdict]) -> Verdict:
-    """Whether the cloud can serve the robot, wherever the robot is.
+    """Return whether the cloud can serve the robot, wherever the robot is.
 
     False with the reason of the first that is false, one that waits for a person before one that time may mend; else
     unknown with that of the first unknown.
@@ -56,7 +56,7 @@ def ready(verdicts: Mapping[str, Verdict]) -> Verdict:
 
 
 def progress(summed: Verdict) -> dict[str, Verdict]:
-    """Returns whether what is not ready will become so by itself (Reconciling) or waits for somebody (Stalled)."""
+    """Return whether what is not ready will become so by itself (Reconciling) or waits for somebody (Stalled)."""
     if summed.holds:
         return {}
     name = "Stalled" if summed.reason in FOR_PEOPLE or summed.message.startswith("SpecValid:") else "Reconciling"
@@ -66,7 +66,7 @@ def progress(summed: Verdict) -> dict[str, Verdict]:
 def conditions(
     verdicts: Mapping[str, Verdict], before: Iterable[Manifest], generation: int, now: datetime.datetime
 ) -> list[dict[str, Any]]:
-    """The list for the status, in its fixed order.
+    """Return the list for the status, in its fixed order.
 
     Args:
         verdicts: by type, without Ready. A type that is missing keeps its last condition.
@@ -88,7 +88,7 @@ def conditions(
 
 
 def timestamp(moment: datetime.datetime) -> str:
-    """A time as Kubernetes writes it: UTC, whole seconds."""
+    """Return a time as Kubernetes writes it: UTC, whole seconds."""
     return moment.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 

@@ -37,23 +37,23 @@ class Contest:
 
     @property
     def pause_s(self) -> float:
-        """Returns the seconds that must pass before the child is taken back again."""
+        """Return the seconds that must pass before the child is taken back again."""
         if self.count < FREE:
             return 0.0
         return min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2.0 ** (self.count - FREE))
 
     def waits_s(self, now_s: float) -> float:
-        """Returns the seconds that are left of the pause; 0: the child may be taken back now."""
+        """Return the seconds that are left of the pause; 0: the child may be taken back now."""
         return max(0.0, self.last_s + self.pause_s - now_s)
 
     def taken_back(self, now_s: float, rival: str) -> Contest:
-        """Returns the contest after one more taking-back."""
+        """Return the contest after one more taking-back."""
         calm = now_s - self.last_s > self.pause_s + WINDOW_S
         return Contest(1 if calm else self.count + 1, now_s, rival)
 
 
 def contested(there: Manifest, contest: Contest) -> Verdict:
-    """Returns the verdict about a child that somebody else keeps changing."""
+    """Return the verdict about a child that somebody else keeps changing."""
     other = contest.rival
     return no(
         "Contested",
@@ -63,7 +63,7 @@ def contested(there: Manifest, contest: Contest) -> Verdict:
 
 
 def other_manager(there: Manifest) -> str:
-    """Returns the name of the field manager, other than ours, that wrote the object last."""
+    """Return the name of the field manager, other than ours, that wrote the object last."""
     entries: list[Mapping[str, Any]] = [
         entry
         for entry in there["metadata"].get("managedFields") or ()

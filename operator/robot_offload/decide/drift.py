@@ -47,20 +47,20 @@ class Settled:
 
 
 def digest(manifest: Manifest) -> str:
-    """A short name for exactly this manifest."""
+    """Return a short name for exactly this manifest."""
     text = json.dumps(manifest, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def stamped(manifest: Manifest, uid: str) -> Manifest:
-    """The manifest with the annotation by which it is found unchanged later."""
+    """Return the manifest with the annotation by which it is found unchanged later."""
     metadata = manifest["metadata"]
     annotations = {**(metadata.get("annotations") or {}), APPLIED: f"{uid}/{digest(manifest)}"}
     return {**manifest, "metadata": {**metadata, "annotations": annotations}}
 
 
 def in_place(wanted: Manifest, live: Manifest, settled: Settled | None) -> bool:
-    """Whether applying `wanted` (a stamped manifest) would change nothing."""
+    """Return whether applying `wanted` (a stamped manifest) would change nothing."""
     fields = projection(wanted, live)
     if fields == wanted:
         return True
@@ -68,7 +68,7 @@ def in_place(wanted: Manifest, live: Manifest, settled: Settled | None) -> bool:
 
 
 def settle(wanted: Manifest, answer: Manifest) -> Settled | None:
-    """What to remember after an apply; None: the answer holds the manifest word for word."""
+    """Return what to remember after an apply; None: the answer holds the manifest word for word."""
     fields = projection(wanted, answer)
     return None if fields == wanted else Settled(digest(wanted), fields)
 
@@ -98,7 +98,7 @@ def _list_projection(wanted: list[Any], live: list[Any]) -> list[Any]:
 
 
 def _keys_for(entries: list[Any]) -> tuple[str, ...] | None:
-    """The fields that tell the entries apart; None: order does."""
+    """Return the fields that tell the entries apart; None: order does."""
     if not entries or not all(isinstance(entry, Mapping) for entry in entries):
         return None
     for keys in _LIST_KEYS:

@@ -24,7 +24,7 @@ WRITTEN_BY: Final = "cert-manager.io/certificate-name"
 
 
 def certificates(parent: Parent) -> tuple[Manifest, ...]:
-    """The Certificates of cloud and robot; only for a RobotOffload that names an issuer."""
+    """Return the Certificates of cloud and robot; only for a RobotOffload that names an issuer."""
     cloud = {
         "usages": ["digital signature", "server auth"],
         # Who dials an address instead of a declared name knows the cloud by this.
@@ -36,7 +36,7 @@ def certificates(parent: Parent) -> tuple[Manifest, ...]:
 
 
 def answer(request: str) -> Answer:
-    """Returns the answer to a robot that asks for a certificate: the issuer's authority is not ours to sign with."""
+    """Return the answer to a robot that asks for a certificate: the issuer's authority is not ours to sign with."""
     return Answer(
         digest(request),
         "OwnIssuer",
@@ -46,7 +46,7 @@ def answer(request: str) -> Answer:
 
 
 def verdict(secrets: Mapping[Role, Manifest | None]) -> Verdict:
-    """Whether the issuer has delivered, for the condition CertificatesReady."""
+    """Return whether the issuer has delivered, for the condition CertificatesReady."""
     for role in ("cloud", "robot"):
         data = (secrets.get(role) or {}).get("data") or {}
         missing = [key for key in ("tls.crt", "tls.key", "ca.crt") if not data.get(key)]

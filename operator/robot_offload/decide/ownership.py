@@ -16,17 +16,17 @@ Key: TypeAlias = tuple[Kind, str]
 
 
 def key_of(manifest: Manifest) -> Key:
-    """The key of a child."""
+    """Return the key of a child."""
     return kind_of(manifest), manifest["metadata"]["name"]
 
 
 def described(manifest: Manifest) -> str:
-    """Returns an object in words: `Deployment wheelchair-agent`."""
+    """Return an object in words: `Deployment wheelchair-agent`."""
     return f"{manifest['kind']} {manifest['metadata']['name']}"
 
 
 def controller_of(manifest: Manifest) -> Mapping[str, Any] | None:
-    """The owner reference that controls the object, if any."""
+    """Return the owner reference that controls the object, if any."""
     for reference in manifest["metadata"].get("ownerReferences") or ():
         if reference.get("controller"):
             return dict(reference)
@@ -34,7 +34,7 @@ def controller_of(manifest: Manifest) -> Mapping[str, Any] | None:
 
 
 def belongs(manifest: Manifest, uid: str) -> bool:
-    """Whether the object is a child of the RobotOffload with this uid.
+    """Return whether the object is a child of the RobotOffload with this uid.
 
     The owner reference decides. Where somebody has removed it our own annotation does, so that the child is put right
     instead of being mourned as a stranger's.
@@ -47,11 +47,11 @@ def belongs(manifest: Manifest, uid: str) -> bool:
 
 
 def owner_described(manifest: Manifest) -> str:
-    """Returns whose an object is, in words."""
+    """Return whose an object is, in words."""
     owner = controller_of(manifest)
     return f"belongs to {owner.get('kind')} {owner.get('name')}" if owner else "has no owner"
 
 
 def being_deleted(manifest: Manifest) -> bool:
-    """Whether the object is on its way out."""
+    """Return whether the object is on its way out."""
     return bool(manifest["metadata"].get("deletionTimestamp"))

@@ -38,7 +38,7 @@ class Apply:
 
     @property
     def body(self) -> Manifest:
-        """Returns what to send: the manifest with its precondition."""
+        """Return what to send: the manifest with its precondition."""
         if not self.uid:
             return self.manifest
         return {**self.manifest, "metadata": {**self.manifest["metadata"], "uid": self.uid}}
@@ -81,12 +81,12 @@ class Plan:
 
     @property
     def touched(self) -> tuple[Key, ...]:
-        """Returns the children that the plan would write."""
+        """Return the children that the plan would write."""
         return (*(key_of(step.manifest) for step in self.applies), *map(key_of, self.deletes))
 
     @property
     def doubtful(self) -> tuple[Key, ...]:
-        """Returns the objects to read once more before the plan counts: what it would write, and what is in the way."""
+        """Return the objects to read once more before the plan counts: what it would write, and what is in the way."""
         return (*self.touched, *(one.key for one in self.obstacles if one.key is not None))
 
 
@@ -105,7 +105,7 @@ class History:
     contests: dict[Key, Contest] = field(default_factory=dict)
 
     def remember(self, step: Apply, answer: Manifest, now_s: float) -> None:
-        """Notes what came of an apply."""
+        """Note what came of an apply."""
         key = key_of(step.manifest)
         if step.rival:
             self.contests[key] = self.contests.get(key, Contest()).taken_back(now_s, step.rival)
@@ -117,7 +117,7 @@ class History:
             self.settled[key] = kept
 
     def forget(self, key: Key) -> None:
-        """Drops what is known about a child that is no more."""
+        """Drop what is known about a child that is no more."""
         for part in (self.settled, self.applied, self.contests):
             part.pop(key, None)
 
@@ -131,7 +131,7 @@ def plan(
     history: History | None = None,
     now_s: float = 0.0,
 ) -> Plan:
-    """Compares wanted with live.
+    """Compare wanted with live.
 
     Args:
         wanted: the children, in the order in which they are to be applied.

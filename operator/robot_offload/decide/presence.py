@@ -53,7 +53,7 @@ class Presence:
 
 
 def look(before: Sighting | None, lease: Manifest | None, now_s: float) -> Sighting:
-    """The sighting after reading the Lease."""
+    """Return the sighting after reading the Lease."""
     spec = (lease or {}).get("spec") or {}
     renewed = f"{spec.get('holderIdentity') or ''}@{spec.get('renewTime') or ''}"
     if before is None:
@@ -62,12 +62,12 @@ def look(before: Sighting | None, lease: Manifest | None, now_s: float) -> Sight
 
 
 def duration_s(lease: Manifest | None) -> float:
-    """For how many seconds a Lease holds after it has moved."""
+    """Return for how many seconds a Lease holds after it has moved."""
     return float(((lease or {}).get("spec") or {}).get("leaseDurationSeconds") or DEFAULT_DURATION_S)
 
 
 def meaning(lease: Manifest) -> tuple[Any, ...]:
-    """What a Lease says apart from being renewed: when that changes, a pass is needed."""
+    """Return what a Lease says apart from being renewed: when that changes, a pass is needed."""
     metadata = lease["metadata"]
     return (
         (lease.get("spec") or {}).get("holderIdentity"),
@@ -84,7 +84,7 @@ def presence(
     now_s: float,
     now: datetime.datetime,
 ) -> Presence:
-    """Whether the robot is there.
+    """Return whether the robot is there.
 
     Args:
         lease: the robot's Lease.
@@ -143,7 +143,7 @@ class Wanted:
 
 
 def wanted(spec: RobotOffloadSpec, robot: Presence, now: datetime.datetime) -> Wanted:
-    """Which pods of nodes are wanted; the cloud agent and the discovery servers always are."""
+    """Return which pods of nodes are wanted; the cloud agent and the discovery servers always are."""
     if spec.replicas == 0:
         return Wanted(False, no("SwitchedOff", "spec.replicas is 0: the nodes in the cloud have no pods"))
     idle_s = spec.scale.idle_timeout_ms / 1000

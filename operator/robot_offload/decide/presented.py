@@ -28,7 +28,7 @@ class Presented:
 
 
 def presented(state: AgentState | None, before: Mapping[str, Any]) -> Presented | None:
-    """Returns what the robot says, or has said last; None: it never has.
+    """Return what the robot says, or has said last; None: it never has.
 
     Args:
         state: of the cloud's agent.
@@ -49,7 +49,7 @@ def presented(state: AgentState | None, before: Mapping[str, Any]) -> Presented 
 def verdict(
     found: Presented | None, answer: Answer | None, margin: datetime.timedelta, now: datetime.datetime
 ) -> Verdict:
-    """Returns whether the robot's certificate is good for a while, for the condition CertificateCurrent.
+    """Return whether the robot's certificate is good for a while, for the condition CertificateCurrent.
 
     Args:
         found: what the robot dials with.
@@ -73,7 +73,7 @@ def verdict(
 
 
 def recheck_s(found: Presented | None, margin: datetime.timedelta, now: datetime.datetime) -> float | None:
-    """Returns the seconds after which the verdict changes by itself; None: never."""
+    """Return the seconds after which the verdict changes by itself; None: never."""
     if found is None:
         return None
     ahead = [(moment - now).total_seconds() for moment in (found.not_after - margin / 2, found.not_after)]

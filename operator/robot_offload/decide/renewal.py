@@ -70,7 +70,7 @@ class Answer:
     certificate: str = ""
 
     def text(self) -> str:
-        """Returns the answer as the robot reads it."""
+        """Return the answer as the robot reads it."""
         fields = {"request": self.digest, "reason": self.reason, "message": self.message}
         return json.dumps({**fields, "certificate": self.certificate})
 
@@ -98,12 +98,12 @@ class Signer:
 
 
 def digest(text: str) -> str:
-    """Returns what names a request in its answer."""
+    """Return what names a request in its answer."""
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def read_request(text: str) -> Request:
-    """Reads a request: three parts in base64, joined by points.
+    """Read a request: three parts in base64, joined by points.
 
     Raises:
         RequestError: it is none.
@@ -125,7 +125,7 @@ def read_request(text: str) -> Request:
 
 
 def answer(text: str, signer: Signer, now: datetime.datetime) -> Answer:
-    """Decides about a request, and signs.
+    """Decide about a request, and sign.
 
     Args:
         text: the request, as it came.
@@ -150,13 +150,13 @@ def answer(text: str, signer: Signer, now: datetime.datetime) -> Answer:
 
 
 def spent_after(request: Request, signer: Signer, now: datetime.datetime) -> dict[int, datetime.datetime]:
-    """Returns which certificates count as used after a request was granted; those that have ended are left out."""
+    """Return which certificates count as used after a request was granted; those that have ended are left out."""
     used = {**signer.spent, request.presented.serial_number: request.presented.not_valid_after_utc}
     return {serial: end for serial, end in used.items() if end > now}
 
 
 def _foreign(request: Request, signer: Signer, now: datetime.datetime) -> tuple[str, str] | None:
-    """Whether somebody asks who does not hold a certificate of this robot."""
+    """Return whether somebody asks who does not hold a certificate of this robot."""
     presented = request.presented
     try:
         presented.verify_directly_issued_by(x509.load_pem_x509_certificate(signer.authority.certificate))
@@ -178,7 +178,7 @@ def _foreign(request: Request, signer: Signer, now: datetime.datetime) -> tuple[
 
 
 def _not_now(request: Request, signer: Signer, now: datetime.datetime) -> tuple[str, str] | None:
-    """Whether a holder of a certificate asks who has asked before, or asks too early or too often."""
+    """Return whether a holder of a certificate asks who has asked before, or asks too early or too often."""
     presented = request.presented
     if presented.serial_number in signer.spent:
         message = (

@@ -33,7 +33,7 @@ _ROLLING: Final = (DEPLOYMENT, STATEFUL_SET)
 
 
 def rolls(step: Apply, live: Mapping[Key, Manifest]) -> bool:
-    """Returns whether an apply replaces pods that run."""
+    """Return whether an apply replaces pods that run."""
     key = key_of(step.manifest)
     there = live.get(key)
     if key[0] not in _ROLLING or there is None or not (there.get("spec") or {}).get("replicas", 1):
@@ -42,7 +42,7 @@ def rolls(step: Apply, live: Mapping[Key, Manifest]) -> bool:
 
 
 def in_turn(steps: Plan, live: Mapping[Key, Manifest]) -> Plan:
-    """Returns the plan with one StatefulSet at most that is not settled: discovery servers stand in for each other.
+    """Return the plan with one StatefulSet at most that is not settled: discovery servers stand in for each other.
 
     A server that has just returned knows nobody until the participants have told it. Those that are not ready anyway go
     first: a new version may be what mends them.
@@ -58,7 +58,7 @@ def in_turn(steps: Plan, live: Mapping[Key, Manifest]) -> Plan:
 
 
 def held_back(steps: Plan, live: Mapping[Key, Manifest]) -> Plan:
-    """Returns the plan without anything that replaces pods."""
+    """Return the plan without anything that replaces pods."""
     held = [step for step in steps.applies if rolls(step, live)]
     return _without(steps, held, "its pods are replaced when other robots are done")
 
@@ -73,7 +73,7 @@ def _without(steps: Plan, held: Iterable[Apply], why: str) -> Plan:
 
 
 def _read_at_start(manifest: Manifest) -> Any:
-    """Returns what a changed pod template shows in: images, arguments, and the hash of what its containers read."""
+    """Return what a changed pod template shows in: images, arguments, and the hash of what its containers read."""
     template = (manifest.get("spec") or {}).get("template") or {}
     containers = (template.get("spec") or {}).get("containers") or ()
     return (
@@ -83,7 +83,7 @@ def _read_at_start(manifest: Manifest) -> Any:
 
 
 def under_way(child: Manifest) -> bool:
-    """Returns whether the pods of a workload are being replaced, by what its own controller says of it.
+    """Return whether the pods of a workload are being replaced, by what its own controller says of it.
 
     So a new operator knows whose turn it was. Pods that are made for the first time, or return after a scaling, replace
     none; a rollout past its deadline (ten minutes unless the cluster says otherwise) makes room for others.
@@ -102,7 +102,7 @@ def under_way(child: Manifest) -> bool:
 
 
 def _revision(deployment: Manifest) -> int:
-    """Returns how many pod templates a Deployment has had; 0: its controller has not seen it."""
+    """Return how many pod templates a Deployment has had; 0: its controller has not seen it."""
     return int((deployment["metadata"].get("annotations") or {}).get("deployment.kubernetes.io/revision") or 0)
 
 
@@ -122,7 +122,7 @@ class Budget(Generic[Name]):
         self._waiting: dict[Name, float] = {}
 
     def may_roll(self, name: Name, now_s: float, *, cloud_acts: bool) -> bool:
-        """Returns whether a robot's pods may be replaced now, and takes its turn if so.
+        """Return whether a robot's pods may be replaced now, and take its turn if so.
 
         Args:
             name: which one.
@@ -145,7 +145,7 @@ class Budget(Generic[Name]):
         return True
 
     def resume(self, rolling: Iterable[Name], now_s: float, alone: Iterable[Name] = ()) -> None:
-        """Gives turns to those whose pods an earlier operator has begun to replace.
+        """Give turns to those whose pods an earlier operator has begun to replace.
 
         Args:
             rolling: those robots.
@@ -157,6 +157,6 @@ class Budget(Generic[Name]):
         self._resumed = True
 
     def done(self, name: Name) -> None:
-        """Notes that all pods of a robot are ready, or that it is gone."""
+        """Note that all pods of a robot are ready, or that it is gone."""
         self._turns.pop(name, None)
         self._waiting.pop(name, None)

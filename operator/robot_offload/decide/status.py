@@ -63,7 +63,7 @@ def build(
     offload: RobotOffload | None = None,
     found: Found | None = None,
 ) -> dict[str, Any]:
-    """The status to write.
+    """Return the status to write.
 
     Args:
         before: the status as it is; what a pass could not find out stays as it was.
@@ -82,7 +82,7 @@ def build(
 
 
 def patch(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
-    """The merge patch from one status to the other; empty: nothing has changed."""
+    """Return the merge patch from one status to the other; empty: nothing has changed."""
     result: dict[str, Any] = {}
     for key in {*before, *after}:
         old, new = before.get(key), after.get(key)

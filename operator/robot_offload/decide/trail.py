@@ -16,7 +16,7 @@ LEAST_S: Final = 60.0
 
 
 def shown(audit: str, before: Mapping[str, Any], now: datetime.datetime) -> tuple[dict[str, Any], float | None]:
-    """Returns what the status says of the trail, and the seconds after which to look again; None: only after a change.
+    """Return what the status says of the trail, and the seconds after which to look again; None: only after a change.
 
     Args:
         audit: NUMBER:DIGEST, as the robot's agent says; empty: it says nothing now.
@@ -33,7 +33,7 @@ def shown(audit: str, before: Mapping[str, Any], now: datetime.datetime) -> tupl
 
 
 def restarted(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
-    """Returns the sentence about a trail that no longer continues the one that was seen; empty: it does, or may."""
+    """Return the sentence about a trail that no longer continues the one that was seen; empty: it does, or may."""
     known, found = int(before.get("entries") or 0), int(after.get("entries") or 0)
     if not known or before.get("head") == after.get("head") or found > known:
         return ""

@@ -32,7 +32,7 @@ class Transition:
 
 
 def transitions(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[Transition, ...]:
-    """The events between two statuses."""
+    """Return the events between two statuses."""
     old = {condition["type"]: condition for condition in before.get("conditions") or ()}
     told = [*_conditions(old, after.get("conditions") or ())]
     sites = before.get("placement", "Unknown"), after.get("placement", "Unknown")

@@ -34,17 +34,17 @@ class Verdict:
 
 
 def yes(reason: str, message: str = "") -> Verdict:
-    """It is true."""
+    """Return that it is true."""
     return Verdict("True", reason, message)
 
 
 def no(reason: str, message: str) -> Verdict:
-    """It is false; the message says what to do."""
+    """Return that it is false; the message names the next step."""
     return Verdict("False", reason, message)
 
 
 def unknown(reason: str, message: str) -> Verdict:
-    """It cannot be told."""
+    """Return that it is unknown."""
     return Verdict("Unknown", reason, message)
 
 

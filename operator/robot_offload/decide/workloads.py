@@ -44,7 +44,7 @@ def workload(manifest: Manifest, pods: Iterable[Manifest] = (), refusal: str = "
 
 
 def settled(manifest: Manifest) -> bool:
-    """Returns whether a workload's pods have been ready for its `minReadySeconds`."""
+    """Return whether a workload's pods have been ready for its `minReadySeconds`."""
     status: Mapping[str, Any] = manifest.get("status") or {}
     available = int(status.get("availableReplicas", status.get("readyReplicas")) or 0)
     return workload(manifest).holds and available >= int((manifest.get("spec") or {}).get("replicas", 1))
@@ -58,7 +58,7 @@ def conditions(
     why: Verdict,
     refusals: Mapping[Key, str],
 ) -> dict[str, Verdict]:
-    """Returns the conditions DiscoveryReady and WorkloadsAvailable.
+    """Return the conditions DiscoveryReady and WorkloadsAvailable.
 
     Args:
         offload: whose workloads.
@@ -86,7 +86,7 @@ def conditions(
 
 
 def pods_of(manifest: Manifest, pods: Iterable[Manifest]) -> list[Manifest]:
-    """The pods that a workload selects."""
+    """Return the pods that a workload selects."""
     labels = ((manifest.get("spec") or {}).get("selector") or {}).get("matchLabels") or {}
     return [
         pod
@@ -103,7 +103,7 @@ def together(verdicts: Iterable[Verdict], fine: Verdict) -> Verdict:
 
 
 def pod_trouble(name: str, pods: Iterable[Manifest]) -> Verdict | None:
-    """What keeps pods from running, for the workload of that name; None: nothing that they tell."""
+    """Return what keeps pods from running, for the workload of that name; None: nothing that they tell."""
     for pod in pods:
         status = pod.get("status") or {}
         for condition in status.get("conditions") or ():

@@ -62,7 +62,7 @@ class Request:
 
 
 def commands(tool: Tool, request: Request) -> tuple[Command, ...]:
-    """Returns what is run, in order: the build, and the push where the builder does not do it at once.
+    """Return what is run, in order: the build, and the push where the builder does not do it at once.
 
     Raises:
         InputError: the tag or a platform cannot be one, or docker is to keep an image for several platforms
@@ -109,7 +109,7 @@ def _options(tool: Tool, request: Request) -> Command:
 
 
 def source_date_epoch(environment: Mapping[str, str]) -> int | None:
-    """Returns what an environment says about the times in an image, see `Request`.
+    """Return what an environment says about the times in an image, see `Request`.
 
     Raises:
         InputError: it is no number.
@@ -123,7 +123,7 @@ def source_date_epoch(environment: Mapping[str, str]) -> int | None:
 
 
 def choose(wanted: Tool | None = None) -> Tool:
-    """Returns the builder to use: the wanted one, else the first one that can work here.
+    """Return the builder to use: the wanted one, else the first one that can work here.
 
     Raises:
         NoBuilderError: it is not there, or none is.
@@ -139,7 +139,7 @@ def choose(wanted: Tool | None = None) -> Tool:
 
 
 def _missing(tool: Tool) -> str | None:
-    """Returns why a builder cannot be used, or None."""
+    """Return why a builder cannot be used, or None."""
     if shutil.which(tool) is None:
         return "is not installed"
     if tool != "docker":
@@ -158,7 +158,7 @@ def _missing(tool: Tool) -> str | None:
 def run(
     tool: Tool, request: Request, dockerfile: str | None = None, environment: Mapping[str, str] | None = None
 ) -> None:
-    """Builds, and pushes where asked; the builder's own progress goes to the terminal.
+    """Build, and pushes where asked; the builder's own progress goes to the terminal.
 
     Args:
         tool: the builder.
@@ -182,7 +182,7 @@ def run(
 
 
 def look_up_commit(url: str, ref: str) -> str:
-    """Returns the commit that a branch or a tag names now.
+    """Return the commit that a branch or a tag names now.
 
     Raises:
         BuildError: the repository does not answer.
@@ -210,5 +210,5 @@ def look_up_commit(url: str, ref: str) -> str:
 
 
 def _quiet_git() -> dict[str, str]:
-    """Returns this environment, with git failing instead of asking for a password."""
+    """Return this environment, with git failing instead of asking for a password."""
     return os.environ | {"GIT_TERMINAL_PROMPT": "0"}

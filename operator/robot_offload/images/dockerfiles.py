@@ -27,14 +27,14 @@ _HEAD: Final = (
 
 
 def check(spec: BuildSpec | OverlaySpec) -> tuple[Finding, ...]:
-    """Returns everything that the rules between fields find, feature by feature."""
+    """Return everything that the rules between fields find, feature by feature."""
     if isinstance(spec, BuildSpec):
         return tuple(finding for feature in NODE_FEATURES for finding in feature.check(spec))
     return tuple(finding for feature in OVERLAY_FEATURES for finding in feature.check(spec))
 
 
 def dockerfile(spec: BuildSpec | OverlaySpec) -> str:
-    """Returns the Dockerfile of a node's image, or of an image with the agent.
+    """Return the Dockerfile of a node's image, or of an image with the agent.
 
     Raises:
         SpecError: a rule between fields is broken.
@@ -68,17 +68,17 @@ def _overlay_blocks(spec: OverlaySpec) -> list[str]:
 
 
 def _from(image: str, stage: Stage, foreign: bool) -> str:
-    """Returns the first lines of a stage. A foreign image may run as another user than root, who installs nothing."""
+    """Return the first lines of a stage. A foreign image may run as another user than root, who installs nothing."""
     return f"FROM {image} AS {stage}" + ("\nUSER 0:0" if foreign else "")
 
 
 def _cache_of(distro: str, image: str, foreign: bool) -> str:
-    """Returns the name of package caches: images on different releases of Debian and Ubuntu do not share one."""
+    """Return the name of package caches: images on different releases of Debian and Ubuntu do not share one."""
     return f"{distro}-{hashlib.sha256(image.encode()).hexdigest()[:8]}" if foreign else distro
 
 
 def _blocks(features: Sequence[Feature[Any]], spec: BuildSpec | OverlaySpec, stage: Stage, cache: str) -> list[str]:
-    """Returns the text of all features in one stage."""
+    """Return the text of all features in one stage."""
     blocks = []
     for feature in features:
         if feature.name == "apt":

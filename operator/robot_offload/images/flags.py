@@ -28,7 +28,7 @@ ALL_FLAGS: Final = _unique((*NODE_FLAGS, *OVERLAY_FLAGS))
 
 
 def node_spec(given: Given, block: Mapping[str, Any], source: str) -> BuildSpec:
-    """Returns the specification of a node's image: a `build:` block, and options laid over it.
+    """Return the specification of a node's image: a `build:` block, and options laid over it.
 
     Args:
         given: the options.
@@ -43,7 +43,7 @@ def node_spec(given: Given, block: Mapping[str, Any], source: str) -> BuildSpec:
 
 
 def overlay_spec(given: Given, agent_image: str) -> OverlaySpec:
-    """Returns the specification of an image with the agent.
+    """Return the specification of an image with the agent.
 
     Args:
         given: the options.
@@ -57,7 +57,7 @@ def overlay_spec(given: Given, agent_image: str) -> OverlaySpec:
 
 
 def option_findings(findings: Sequence[Finding], given: Given) -> list[Finding]:
-    """Returns the findings with the option instead of the field, where the option was given."""
+    """Return the findings with the option instead of the field, where the option was given."""
     return [_told_as_option(finding, given) for finding in findings]
 
 
@@ -97,7 +97,7 @@ def _put(values: dict[str, Any], path: Sequence[str], value: Any) -> None:
 
 
 def _split(flag: Flag, value: Any) -> Any:
-    """Variables and labels come as NAME=VALUE; all else is taken as it is."""
+    """Read variables and labels as NAME=VALUE; take all else as it is."""
     if flag.metavar != "NAME=VALUE":
         return value
     pairs = []
@@ -110,7 +110,7 @@ def _split(flag: Flag, value: Any) -> Any:
 
 
 def _laid_over(block: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """`values` over `block`; mappings are joined, everything else is replaced."""
+    """Return `values` over `block`; mappings are joined, everything else is replaced."""
     result = dict(block)
     for key, value in values.items():
         both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)

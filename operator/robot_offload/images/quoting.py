@@ -9,34 +9,34 @@ from typing import Final
 
 
 def shell(value: str) -> str:
-    """Returns one word of a shell command."""
+    """Return one word of a shell command."""
     return shlex.quote(_one_line(value))
 
 
 def shell_words(values: Iterable[str]) -> str:
-    """Several words of a shell command."""
+    """Return several words of a shell command."""
     return " ".join(shell(value) for value in values)
 
 
 def quoted(value: str) -> str:
-    r"""Returns the value of a LABEL or ENV instruction in double quotes; `\`, `"` and `$` are escaped."""
+    r"""Return the value of a LABEL or ENV instruction in double quotes; `\`, `"` and `$` are escaped."""
     escaped = _one_line(value).replace("\\", "\\\\").replace('"', '\\"').replace("$", "\\$")
     return f'"{escaped}"'
 
 
 def array(values: Iterable[str]) -> str:
-    """Returns the JSON form of ENTRYPOINT, CMD or COPY, which no shell reads."""
+    """Return the JSON form of ENTRYPOINT, CMD or COPY, which no shell reads."""
     return json.dumps([_one_line(value) for value in values], ensure_ascii=False)
 
 
 def file_lines(text: str, indent: int = 4) -> str:
-    r"""Returns a small file as arguments of `printf '%s\n'`, one line each; not every builder reads here-documents."""
+    r"""Return a small file as arguments of `printf '%s\n'`, one line each; not every builder reads here-documents."""
     quoted_lines = ("'" + line.replace("'", "'\"'\"'") + "'" for line in text.splitlines())
     return f" \\\n{' ' * indent}".join(quoted_lines)
 
 
 def _one_line(value: str) -> str:
-    """Returns `value`, checked by the types of `values`: a second line would be a second instruction."""
+    """Return `value`, checked by the types of `values`: a second line would be a second instruction."""
     if "\n" in value or "\r" in value:
         raise ValueError("a value of a Dockerfile has more than one line")
     return value

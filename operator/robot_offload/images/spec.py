@@ -145,7 +145,7 @@ class OverlaySpec(Model):
 
 
 def parse(model: type[SomeModel], value: Mapping[str, object], source: str) -> SomeModel:
-    """Reads a specification of this module from plain values with YAML names.
+    """Read a specification of this module from plain values with YAML names.
 
     Args:
         model: BuildSpec or OverlaySpec.

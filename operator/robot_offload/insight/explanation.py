@@ -70,7 +70,7 @@ def explain(
     now: datetime.datetime,
     state: AgentState | None = None,
 ) -> Explanation:
-    """Explains one RobotOffload.
+    """Explain one RobotOffload.
 
     Args:
         offload: as it is.
@@ -133,7 +133,7 @@ def _problem(condition: Condition, offload: Observed, now: datetime.datetime) ->
 
 
 def _notes(offload: Observed) -> Iterator[str]:
-    """What is as declared and yet answers the question why it acts where it acts."""
+    """Yield what is as declared and yet answers the question why it acts where it acts."""
     if offload.pin_ended:
         side, _, at = offload.pin_ended.partition(" ")
         yield f"The pin to {side} ended at {at}; it stands in the specification and counts no more."
@@ -164,7 +164,7 @@ def event_lines(
     types: Sequence[str] = ("Warning",),
     most: int = EVENTS,
 ) -> Iterator[str]:
-    """Yields the last events of these types about a RobotOffload or its children, each once, the newest last."""
+    """Yield the last events of these types about a RobotOffload or its children, each once, the newest last."""
     found: dict[str, tuple[datetime.datetime, str]] = {}
     for event in events:
         about = event.get("involvedObject") or event.get("regarding") or {}

@@ -22,7 +22,7 @@ _SIDES: Final = {"robot": "on the robot", "cloud": "in the cloud"}
 
 
 def handover(spec: Mapping[str, Any]) -> Iterator[str]:
-    """Yields a sentence for each thing that a node declares about changes of sides, as the resource has it."""
+    """Yield a sentence for each thing that a node declares about changes of sides, as the resource has it."""
     for node in spec.get("nodes") or ():
         if node.get("placement") == "Cloud":
             yield from _results(node)

@@ -13,7 +13,7 @@ NOTHING_KNOWN: Final = "not known: no report of the robot in the last 5 s"
 
 
 def goals(state: AgentState) -> str:
-    """Returns the goals of each action: `/go 1 executing, 1 waiting, 3 restarts`; empty: no action is declared."""
+    """Return the goals of each action: `/go 1 executing, 1 waiting, 3 restarts`; empty: no action is declared."""
     robot = state.robot
     if robot is None:
         return NOTHING_KNOWN
@@ -22,7 +22,7 @@ def goals(state: AgentState) -> str:
 
 
 def calls(state: AgentState) -> str:
-    """Returns the open calls of each service: `/plan 2 open`; empty: no service is declared."""
+    """Return the open calls of each service: `/plan 2 open`; empty: no service is declared."""
     robot = state.robot
     if robot is None:
         return NOTHING_KNOWN
@@ -31,7 +31,7 @@ def calls(state: AgentState) -> str:
 
 
 def state_ages(state: AgentState) -> str:
-    """Returns the age of each entry when a side last went on with it: `pose 85 ms in the cloud`; empty: none yet."""
+    """Return the age of each entry when a side last went on with it: `pose 85 ms in the cloud`; empty: none yet."""
     return ", ".join(
         [
             *(f"{name} {age_ms} ms in the cloud" for name, age_ms in state.state_ages_ms),
@@ -41,7 +41,7 @@ def state_ages(state: AgentState) -> str:
 
 
 def sentences(state: AgentState) -> Iterable[str]:
-    """Yields a sentence for whatever is in flight or was handed over, nothing for what is not."""
+    """Yield a sentence for whatever is in flight or was handed over, nothing for what is not."""
     robot = state.robot
     if robot is not None:
         for name, (executing, waiting, restarts) in robot.actions:
@@ -59,7 +59,7 @@ def sentences(state: AgentState) -> Iterable[str]:
 
 
 def plain(state: AgentState | None) -> dict[str, Any]:
-    """Returns the same for programs; None stands for what nobody has said."""
+    """Return the same for programs; None stands for what nobody has said."""
     robot = state.robot if state is not None else None
     return {
         "goals": None
@@ -74,7 +74,7 @@ def plain(state: AgentState | None) -> dict[str, Any]:
 
 
 def goals_of(counts: tuple[int, ...]) -> str:
-    """Returns the goals of one action: executing, waiting, begun anew."""
+    """Return the goals of one action: executing, waiting, begun anew."""
     executing, waiting, restarts = counts
     words = [f"{executing} executing", f"{waiting} waiting"] if executing or waiting else ["none in flight"]
     if restarts:

@@ -199,6 +199,10 @@ CLUSTER: Final[dict[str, Advice]] = {
         "kubectl get services -n {namespace} -l app.kubernetes.io/instance={name}; without a load balancer write "
         "spec.transport.expose.type: NodePort.",
     ),
+    "AddressFamily": Advice(
+        "The cloud has IPv6 addresses only, and agents, routers and discovery servers listen on IPv4.",
+        "kubectl get services -n {namespace} -l app.kubernetes.io/instance={name} -o wide; see the message.",
+    ),
     "NotAdmitted": Advice(
         "It may have been written while no admission policy asked its writer for rights, so it does not act.",
         "Whoever has the rights to what it names runs the command in the message.",
@@ -278,7 +282,7 @@ def asks_for_bundle(step: str) -> bool:
 
 
 def advice(condition: str, reason: str) -> Advice:
-    """The advice for a reason of a condition."""
+    """Return the advice for a reason of a condition."""
     if reason in NEXT_STEPS:
         return NEXT_STEPS[reason]
     if condition == "SpecValid":

@@ -109,7 +109,7 @@ class Observed:
     pin_ended: str = ""
 
     def condition(self, wanted: str) -> Condition | None:
-        """The condition of this type, if there is one."""
+        """Return the condition of this type, if there is one."""
         return next((condition for condition in self.conditions if condition.type == wanted), None)
 
     @property
@@ -125,7 +125,7 @@ class Observed:
 
 
 def observe(manifest: Mapping[str, Any]) -> Observed:
-    """Reads a live RobotOffload."""
+    """Read a live RobotOffload."""
     metadata = manifest.get("metadata") or {}
     spec = manifest.get("spec") or {}
     status = manifest.get("status") or {}
@@ -193,7 +193,7 @@ def _conditions(conditions: Sequence[Mapping[str, Any]]) -> tuple[Condition, ...
 
 
 def ago(since: str, now: datetime.datetime) -> str:
-    """How long ago a moment was, as kubectl writes it: `45s`, `12m`, `3h`, `8d`; empty when it is not known."""
+    """Return how long ago a moment was, as kubectl writes it: `45s`, `12m`, `3h`, `8d`; empty when it is not known."""
     moment = time_of(since)
     if moment is None:
         return ""
@@ -205,7 +205,7 @@ def ago(since: str, now: datetime.datetime) -> str:
 
 
 def time_of(text: str) -> datetime.datetime | None:
-    """An RFC 3339 time; None when it is none, or has no time zone."""
+    """Return an RFC 3339 time; None when it is none, or has no time zone."""
     try:
         moment = datetime.datetime.fromisoformat(text)
     except ValueError:

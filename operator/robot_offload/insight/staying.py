@@ -33,7 +33,7 @@ class Stay:
 
 
 def staying(stay: Stay, offload: Observed | None) -> Iterator[str]:
-    """Yields why the cloud does not act, one sentence each; nothing hinders it: one sentence that says so."""
+    """Yield why the cloud does not act, one sentence each; nothing hinders it: one sentence that says so."""
     if stay.site == "cloud":
         yield "The cloud acts."
         return

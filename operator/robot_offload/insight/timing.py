@@ -14,7 +14,7 @@ _FOLLOWING: Final = ("heartbeat_period_ms", "loss_timeout_ms", "lease_ms", "max_
 
 
 def timing(spec: Mapping[str, Any]) -> Iterator[str]:
-    """Yields one sentence with the times in force, as the resource has them; nothing when they cannot be read."""
+    """Yield one sentence with the times in force, as the resource has them; nothing when they cannot be read."""
     given = spec.get("switching") or {}
     try:
         switching = Switching.model_validate(given)

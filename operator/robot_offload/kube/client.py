@@ -27,15 +27,13 @@ from robot_offload.kube.errors import (
     error_of,
 )
 from robot_offload.kube.kinds import Kind, kind_of
-from robot_offload.kube.port import FIELD_MANAGER, Change, Manifest, Selection, Verb
+from robot_offload.kube.port import FIELD_MANAGER, METADATA, METADATA_LIST, Change, Manifest, Selection, Verb
 from robot_offload.kube.retry import RetryPolicy
 
 _JSON: Final = "application/json"
 _MERGE_PATCH: Final = "application/merge-patch+json"
 _APPLY_PATCH: Final = "application/apply-patch+yaml; charset=utf-8"
 """With a parameter, so that the official client sends our bytes as they are: its JSON escapes are not always YAML."""
-_METADATA: Final = "application/json;as=PartialObjectMetadata;g=meta.k8s.io;v=v1"
-_METADATA_LIST: Final = "application/json;as=PartialObjectMetadataList;g=meta.k8s.io;v=v1"
 _CHANGES: Final = frozenset({"ADDED", "MODIFIED", "DELETED", "BOOKMARK"})
 _WATCH_S: Final = (300, 600)
 """How long the API server keeps a watch open, as client-go asks it: at random, so that not all end together."""
@@ -99,7 +97,7 @@ class Client:
                 "get",
                 kind.path(namespace),
                 f"list {kind.plural}{f' in {namespace}' if namespace else ''}",
-                _asked(selection, _METADATA_LIST).with_query(limit=_PAGE, **{"continue": token}),
+                _asked(selection, METADATA_LIST).with_query(limit=_PAGE, **{"continue": token}),
             )
             # Items of a list carry neither apiVersion nor kind, or those of the form that was asked for.
             own = {"apiVersion": kind.api_version, "kind": kind.kind}
@@ -116,7 +114,7 @@ class Client:
         self._guard("watch")
         doing = f"watch {kind.plural}{f' in {namespace}' if namespace else ''}"
         timeout = aiohttp.ClientTimeout(total=None, sock_connect=self._retry.request_timeout_s, sock_read=idle_s)
-        asked = _asked(selection, _METADATA).with_query(
+        asked = _asked(selection, METADATA).with_query(
             watch="true",
             resourceVersion=version,
             allowWatchBookmarks="true",
@@ -227,7 +225,7 @@ class Client:
     async def _send(
         self, method: str, path: str, doing: str, asked: _Asked | None = None, *, idempotent: bool = True
     ) -> Manifest:
-        """Sends a request, again where that can help, and returns the object in the answer."""
+        """Send a request, again where that can help, and return the object in the answer."""
         attempt, renewed = 1, False
         while True:
             try:
@@ -260,7 +258,7 @@ class Client:
     async def _request(
         self, method: str, path: str, doing: str, timeout: aiohttp.ClientTimeout, asked: _Asked
     ) -> aiohttp.ClientResponse:
-        """Sends one request once; returns an answer whose content has still to be read."""
+        """Send one request once; return an answer whose content has still to be read."""
         http = await self._open()
         query = [(name, str(value)) for name, value in asked.query.items() if value is not None]
         headers = {"Accept": asked.accept, "Content-Type": asked.content_type}
@@ -316,7 +314,7 @@ class _Asked:
     accept: str = _JSON
 
     def with_query(self, **more: object) -> _Asked:
-        """Returns the same with further parameters."""
+        """Return the same with further parameters."""
         return replace(self, query={**self.query, **more})
 
 
@@ -331,7 +329,7 @@ def _yaml(manifest: Manifest) -> bytes:
 
 
 def _cut(answer: aiohttp.ClientResponse) -> None:
-    """Ends the connection of an answer at once: over TLS `close` alone waits for the server's goodbye."""
+    """End the connection of an answer at once: over TLS `close` alone waits for the server's goodbye."""
     connection = answer.connection
     transport = connection.transport if connection is not None else None
     answer.close()
@@ -340,13 +338,13 @@ def _cut(answer: aiohttp.ClientResponse) -> None:
 
 
 def _asked(selection: Selection, form: str) -> _Asked:
-    """Returns a selection as what a request asks; `form` is that of metadata alone."""
+    """Return a selection as what a request asks; `form` is that of metadata alone."""
     query = {"labelSelector": selection.labels or None, "fieldSelector": selection.fields or None}
     return _Asked(query, accept=form if selection.metadata_only else _JSON)
 
 
 def _change(event: Any, kind: Kind, doing: str) -> Change | None:
-    """Returns an event of a watch; None: a type that this program does not know."""
+    """Return an event of a watch; None: a type that this program does not know."""
     manifest = event["object"]
     if event["type"] == "ERROR":
         raise error_of(int(manifest.get("code") or 500), json.dumps(manifest), {}, doing)
@@ -357,7 +355,7 @@ def _change(event: Any, kind: Kind, doing: str) -> Change | None:
 
 
 def _let_pass(verb: Verb) -> None:
-    """Guards nothing."""
+    """Guard nothing."""
 
 
 def _address(manifest: Manifest) -> tuple[Kind, str | None, str]:

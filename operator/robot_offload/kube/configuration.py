@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import logging
 import os
+import ssl
 import urllib.parse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from pathlib import Path
 import yaml
 from kubernetes.aio import config
 from kubernetes.aio.client import Configuration
+from kubernetes.aio.client.rest import RESTClientObject
 from kubernetes.aio.config.config_exception import ConfigException
 
 from robot_offload.kube import proxies
@@ -57,7 +59,7 @@ def connect(
     guard: Guard | None = None,
     manager: str = FIELD_MANAGER,
 ) -> Client:
-    """Returns a client for an API server. Credentials are read at the first request and again after a 401.
+    """Return a client for an API server. Credentials are read at the first request and again after a 401.
 
     Args:
         kubeconfig: as `kubectl --kubeconfig`.
@@ -74,8 +76,50 @@ def connect(
     return Client(configure, retry, guard, manager)
 
 
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """What another HTTP client needs to reach the same API server.
+
+    Attributes:
+        server: address, e.g. https://10.0.0.1:443.
+        headers: sent with each request; who we are, unless a certificate says so.
+        tls: trust, and our certificate.
+        trust_env: whether proxies of the environment count.
+        proxy: address of a proxy that the kubeconfig names; None: there is none.
+    """
+
+    server: str
+    headers: Mapping[str, str]
+    tls: ssl.SSLContext
+    trust_env: bool
+    proxy: str | None
+
+
+async def credentials(kubeconfig: str | None = None, context: str | None = None) -> Credentials:
+    """Return what is configured, read anew: tokens in a cluster are replaced while a process runs.
+
+    Args:
+        kubeconfig: as `kubectl --kubeconfig`.
+        context: as `kubectl --context`.
+
+    Raises:
+        NotConfiguredError: there is no usable configuration.
+    """
+    configuration = await _configuration(Access(kubeconfig, context))
+    token = await configuration.get_api_key_with_prefix("BearerToken")
+    if not token and configuration.username:
+        token = configuration.get_basic_auth_token()
+    return Credentials(
+        server=str(configuration.host),
+        headers={"Authorization": token} if token else {},
+        tls=RESTClientObject(configuration).ssl_context,
+        trust_env=bool(configuration.client_session_kwargs["trust_env"]),
+        proxy=configuration.proxy or None,
+    )
+
+
 def current_namespace(kubeconfig: str | None = None, context: str | None = None) -> str:
-    """Returns the namespace that a command without `-n` means: the context's, or `default`."""
+    """Return the namespace that a command without `-n` means: the context's, or `default`."""
     access = Access(kubeconfig, context)
     if access.in_cluster:
         own = Path("/var/run/secrets/kubernetes.io/serviceaccount/namespace")
@@ -122,7 +166,7 @@ async def _configuration(access: Access) -> Configuration:
 
 @contextmanager
 def _errors_logged() -> Iterator[list[str]]:
-    """Collect what the official client only logs: that a user's program is missing or has failed."""
+    """Provide collect what the official client only logs: that a user's program is missing or has failed."""
     found: list[str] = []
 
     def take(record: logging.LogRecord) -> bool:

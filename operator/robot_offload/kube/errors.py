@@ -129,7 +129,7 @@ class NotLeaderError(RobotOffloadError):
 
 
 def error_of(status: int, body: str, headers: Mapping[str, str], doing: str) -> KubeError:
-    """Returns the error for an answer of the API server.
+    """Return the error for an answer of the API server.
 
     Args:
         status: HTTP status, 400 or more.
@@ -173,7 +173,7 @@ def _status_object(body: str) -> dict[str, Any]:
 
 
 def _retry_after_s(headers: Mapping[str, str]) -> float | None:
-    """Seconds of a `Retry-After` header; its form with a date is ignored: it would compare two hosts' clocks."""
+    """Return seconds of a `Retry-After` header; its form with a date is ignored: it would compare two hosts' clocks."""
     for name, value in headers.items():
         if name.lower() == "retry-after":
             try:

@@ -34,7 +34,7 @@ class Kind:
         return self.api_version.rpartition("/")[0]
 
     def path(self, namespace: str | None, name: str = "", subresource: str = "") -> str:
-        """Returns the URL path of the collection, an object or its subresource; None as namespace means all of them."""
+        """Return the URL path of the collection, an object or its subresource; None as namespace means all of them."""
         root = f"/apis/{self.api_version}" if self.group else f"/api/{self.api_version}"
         place = f"/namespaces/{namespace}" if self.namespaced and namespace else ""
         return "".join(
@@ -114,7 +114,7 @@ _KINDS: Final = {
 
 
 def kind_of(manifest: dict[str, object]) -> Kind:
-    """Returns the kind of an object.
+    """Return the kind of an object.
 
     Raises:
         KeyError: it is none that the program knows.

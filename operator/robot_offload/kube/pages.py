@@ -22,22 +22,22 @@ class _Page(Kind):
     url: str = ""
 
     def path(self, namespace: str | None, name: str = "", subresource: str = "") -> str:
-        """Returns the place."""
+        """Return the place."""
         return self.url
 
 
 async def read_page(api: KubeApi, url: str) -> Manifest | None:
-    """Returns what the API server answers at `url` as JSON; None: there is nothing."""
+    """Return what the API server answers at `url` as JSON; None: there is nothing."""
     return await api.get(_Page("", url, "", namespaced=False, url=url), None, "")
 
 
 def proxied(namespace: str, service: str, port: int, page: str) -> str:
-    """Returns where the API server passes on a page of a Service."""
+    """Return where the API server passes on a page of a Service."""
     return f"/api/v1/namespaces/{namespace}/services/http:{service}:{port}/proxy/{page}"
 
 
 def answered(error: KubeError) -> str:
-    """Returns the reporter's own words where it has answered, else the API server's."""
+    """Return the reporter's own words where it has answered, else the API server's."""
     text = str(error)
     if "no endpoints available" in text:
         return "the cloud agent has no ready pod"

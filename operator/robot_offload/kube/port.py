@@ -13,8 +13,9 @@ Manifest = dict[str, Any]
 
 FIELD_MANAGER: Final = "robot-offload"
 """The one name under which fields are owned in server-side apply."""
-
-
+METADATA: Final = "application/json;as=PartialObjectMetadata;g=meta.k8s.io;v=v1"
+METADATA_LIST: Final = "application/json;as=PartialObjectMetadataList;g=meta.k8s.io;v=v1"
+"""Forms of an answer that have nothing but `metadata`, of objects and of lists."""
 Verb: TypeAlias = Literal["get", "list", "watch", "apply", "create", "patch", "delete", "patch status"]
 """What a request asks for; the requests are counted by it."""
 READS: Final = frozenset({"get", "list", "watch"})
@@ -55,25 +56,25 @@ class KubeApi(Protocol):
     """Reads and writes of objects. Every method raises a `KubeError` when the API server says no or is silent."""
 
     async def get(self, kind: Kind, namespace: str | None, name: str) -> Manifest | None:
-        """Returns one object, or None where there is none."""
+        """Return one object, or None where there is none."""
         ...
 
     async def list(
         self, kind: Kind, namespace: str | None = None, labels: Mapping[str, str] | None = None
     ) -> list[Manifest]:
-        """Returns all objects of a kind in a namespace (None: in all) that carry all `labels`."""
+        """Return all objects of a kind in a namespace (None: in all) that carry all `labels`."""
         ...
 
     def pages(
         self, kind: Kind, namespace: str | None, selection: Selection
     ) -> AsyncIterator[tuple[Sequence[Manifest], str]]:
-        """Yields a list in parts, each with the version that a watch can begin from after the last one."""
+        """Yield a list in parts, each with the version that a watch can begin from after the last one."""
         ...
 
     def watch(
         self, kind: Kind, namespace: str | None, selection: Selection, version: str, *, idle_s: float
     ) -> AsyncIterator[Change]:
-        """Yields what happens after a version, until the API server ends the watch.
+        """Yield what happens after a version, until the API server ends the watch.
 
         Args:
             kind: of the objects.
@@ -86,7 +87,7 @@ class KubeApi(Protocol):
         ...
 
     def lines(self, path: str, *, idle_s: float) -> AsyncIterator[bytes]:
-        """Yields the lines of an answer that goes on, such as a stream behind the API server's proxy, until its end.
+        """Yield the lines of an answer that goes on, such as a stream behind the API server's proxy, until its end.
 
         Args:
             path: with its query.
@@ -95,7 +96,7 @@ class KubeApi(Protocol):
         ...
 
     async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:
-        """Server-side apply as `FIELD_MANAGER`; creates what is missing.
+        """Return server-side apply as `FIELD_MANAGER`; creates what is missing.
 
         Args:
             manifest: the fields to own, with namespace and name. A `metadata.uid` in it is a precondition: the write
@@ -108,23 +109,23 @@ class KubeApi(Protocol):
         ...
 
     async def create(self, manifest: Manifest) -> Manifest:
-        """Creates an object; `AlreadyExistsError` when the name is taken."""
+        """Create an object; `AlreadyExistsError` when the name is taken."""
         ...
 
     async def patch(
         self, kind: Kind, namespace: str | None, name: str, patch: Mapping[str, Any], *, subresource: str = ""
     ) -> Manifest:
-        """JSON merge patch; a `metadata.resourceVersion` in it is a precondition (`ConflictError`)."""
+        """Return JSON merge patch; a `metadata.resourceVersion` in it is a precondition (`ConflictError`)."""
         ...
 
     async def delete(self, kind: Kind, namespace: str | None, name: str, uid: str) -> None:
-        """Deletes the object with this uid in the background; quiet when gone, `ConflictError` for another uid."""
+        """Delete the object with this uid in the background; quiet when gone, `ConflictError` for another uid."""
         ...
 
     async def patch_status(self, manifest: Manifest) -> Manifest:
-        """Writes `status` of the object with the same uid (and resourceVersion, when there is one)."""
+        """Write `status` of the object with the same uid (and resourceVersion, when there is one)."""
         ...
 
     async def close(self) -> None:
-        """Ends all connections."""
+        """End all connections."""
         ...

@@ -24,7 +24,7 @@ class RetryPolicy:
     request_timeout_s: float = 15.0
 
     def pause_s(self, error: KubeError, attempt: int, *, idempotent: bool) -> float | None:
-        """Seconds to wait before the next attempt; None: give up.
+        """Return seconds to wait before the next attempt; None: give up.
 
         A request that may not be sent twice is only repeated when it was surely not carried out (429).
 

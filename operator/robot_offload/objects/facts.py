@@ -59,7 +59,7 @@ class Endpoint:
 
 
 def address(host: str, port: int) -> str:
-    """`host:port`, with brackets around an IPv6 address."""
+    """Return `host:port`, with brackets around an IPv6 address."""
     return f"[{host}]:{port}" if ":" in host and not host.startswith("[") else f"{host}:{port}"
 
 
@@ -133,12 +133,12 @@ class Facts:
     pod_spec: Mapping[str, Any] = field(default_factory=dict)
 
     def endpoints_for(self, *purposes: Purpose) -> tuple[Endpoint, ...]:
-        """The known addresses of these purposes, in the order of `purposes`."""
+        """Return the known addresses of these purposes, in the order of `purposes`."""
         return tuple(found for purpose in purposes for found in self.endpoints if found.purpose == purpose)
 
 
 def default_images(version: str) -> Images:
-    """Our own images of one version, where nobody has named others."""
+    """Return our own images of one version, where nobody has named others."""
     return Images(
         *(f"registry.robotoffload.dev/{name}:{version}" for name in ("agent", "operator", "discovery", "router", "git"))
     )

@@ -17,15 +17,15 @@ MANAGER: Final = "robot-offload"
 
 
 def instance_labels(offload: RobotOffload) -> dict[str, str]:
-    """The labels by which all children of a RobotOffload are found."""
+    """Return the labels by which all children of a RobotOffload are found."""
     return {NAME: MANAGER, INSTANCE: offload.metadata.name}
 
 
 def labels(offload: RobotOffload, component: Component) -> dict[str, str]:
-    """The labels of a child."""
+    """Return the labels of a child."""
     return {**selector(offload, component), MANAGED_BY: MANAGER}
 
 
 def selector(offload: RobotOffload, component: Component) -> dict[str, str]:
-    """The labels by which a Service, a Deployment or a policy finds its pods; they never change."""
+    """Return the labels by which a Service, a Deployment or a policy finds its pods; they never change."""
     return {**instance_labels(offload), COMPONENT: component}

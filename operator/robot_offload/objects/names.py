@@ -45,7 +45,7 @@ _ONE_WORD: Final = re.compile(r"(?![0-9a-f]{8}$)[a-z][a-z0-9]*")
 
 
 def child_name(offload: str, *parts: str, limit: int = MAX_LENGTH) -> str:
-    """The name of a child: `wheelchair-7`, `agent` -> `wheelchair-7-agent`.
+    """Return the name of a child: `wheelchair-7`, `agent` -> `wheelchair-7-agent`.
 
     Args:
         offload: the RobotOffload's name.
@@ -62,7 +62,7 @@ def child_name(offload: str, *parts: str, limit: int = MAX_LENGTH) -> str:
 
 
 def node_child(offload: str, node: str) -> str:
-    """The name of a node's Deployment: `wheelchair-7`, `talker` -> `wheelchair-7-talker`.
+    """Return the name of a node's Deployment: `wheelchair-7`, `talker` -> `wheelchair-7-talker`.
 
     Two RobotOffloads of a namespace must never want one name, whatever somebody calls theirs: `fleet` with node
     `x_agent` and the agent of `fleet-x` would. So only a node whose name is a single word, with which no name of
@@ -75,7 +75,7 @@ def node_child(offload: str, node: str) -> str:
 
 
 def discovery_child(offload: str, server: int) -> str:
-    """The name of the StatefulSet and the Service of a discovery server."""
+    """Return the name of the StatefulSet and the Service of a discovery server."""
     return child_name(offload, DISCOVERY, str(server), limit=MAX_STATEFUL_LENGTH)
 
 

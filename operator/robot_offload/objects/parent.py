@@ -52,22 +52,22 @@ class Parent:
 
     @property
     def name(self) -> str:
-        """Returns the name of the RobotOffload."""
+        """Return the name of the RobotOffload."""
         return self.offload.metadata.name
 
     @property
     def spec(self) -> RobotOffloadSpec:
-        """Returns what is declared."""
+        """Return what is declared."""
         return self.offload.spec
 
     @property
     def namespace(self) -> str:
-        """Returns the Kubernetes namespace of the RobotOffload and of all its children."""
+        """Return the Kubernetes namespace of the RobotOffload and of all its children."""
         return self.facts.namespace
 
     @property
     def uid(self) -> str:
-        """Returns the uid of the RobotOffload, by which children are known as its own."""
+        """Return the uid of the RobotOffload, by which children are known as its own."""
         return self.facts.uid
 
     @property
@@ -77,11 +77,11 @@ class Parent:
 
     @property
     def agent_image(self) -> str:
-        """Returns the image of the agent: the declared one, or else the one that the operator was given."""
+        """Return the image of the agent: the declared one, or else the one that the operator was given."""
         return self.spec.cloud.agent.image or self.facts.images.agent
 
     def certificate_name(self, side: Side) -> str:
-        """Returns the common name in the certificate of a side: what its other side insists on.
+        """Return the common name in the certificate of a side: what its other side insists on.
 
         An issuer may sign for many RobotOffloads, of several namespaces, so the names say which one. With an underscore
         they are names of no host, and no public authority certifies them.
@@ -98,7 +98,7 @@ class Parent:
     def child(
         self, kind: Kind, part: Part, body: Mapping[str, object], annotations: Mapping[str, str] | None = None
     ) -> Manifest:
-        """Returns an object that belongs to the RobotOffload and goes away with it."""
+        """Return an object that belongs to the RobotOffload and goes away with it."""
         metadata: Manifest = {
             "name": part.name,
             "namespace": self.namespace,
@@ -110,15 +110,15 @@ class Parent:
         return {"apiVersion": kind.api_version, "kind": kind.kind, "metadata": metadata, **body}
 
     def config_map(self, part: Part, data: Mapping[str, str]) -> Manifest:
-        """Returns a ConfigMap of texts."""
+        """Return a ConfigMap of texts."""
         return self.child(CONFIG_MAP, part, {"data": dict(data)})
 
     def selector(self, part: Part) -> dict[str, str]:
-        """Returns the labels by which the pods of a part are found; they never change."""
+        """Return the labels by which the pods of a part are found; they never change."""
         return {**labels.selector(self.offload, part.component), **part.own}
 
     def _owner(self) -> Manifest:
-        """Returns the owner reference; the cluster's own garbage collector needs nothing else."""
+        """Return the owner reference; the cluster's own garbage collector needs nothing else."""
         return {
             "apiVersion": API_VERSION,
             "kind": KIND,

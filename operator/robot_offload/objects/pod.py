@@ -28,7 +28,7 @@ def pod_template(
     extra: Mapping[str, Any] | None = None,
     own: Mapping[str, Any] | None = None,
 ) -> Manifest:
-    """Returns the template of a pod.
+    """Return the template of a pod.
 
     Args:
         parent: whose pod it is.
@@ -79,7 +79,7 @@ def container(
     resources: Mapping[str, Any] | None = None,
     extra: Mapping[str, Any] | None = None,
 ) -> Manifest:
-    """Returns a container. `args`, no command: the image's entry point prepares the ROS environment.
+    """Return a container. `args`, no command: the image's entry point prepares the ROS environment.
 
     Args:
         name: of the container.
@@ -112,12 +112,12 @@ def container(
 
 
 def literal(text: str) -> str:
-    """Returns a user's text as args and env must have it: the kubelet expands `$(NAME)` and makes `$` of `$$`."""
+    """Return a user's text as args and env must have it: the kubelet expands `$(NAME)` and makes `$` of `$$`."""
     return text.replace("$", "$$")
 
 
 def deployment(parent: Parent, part: Part, template: Manifest, *, replicas: int = 1) -> Manifest:
-    """Returns a Deployment of one pod at most: the old one is gone before the new one starts, never two at a time."""
+    """Return a Deployment of one pod at most: the old one is gone before the new one starts, never two at a time."""
     body = {
         "replicas": replicas,
         "revisionHistoryLimit": 2,
@@ -131,7 +131,7 @@ def deployment(parent: Parent, part: Part, template: Manifest, *, replicas: int 
 
 
 def ros_environment(offload: RobotOffload) -> dict[str, str]:
-    """Environment of everything that speaks ROS 2 in the cloud."""
+    """Return environment of everything that speaks ROS 2 in the cloud."""
     return {
         "ROS_DOMAIN_ID": str(offload.spec.cloud_domain_id),
         "RMW_IMPLEMENTATION": offload.spec.cloud_rmw,
@@ -143,17 +143,17 @@ def ros_environment(offload: RobotOffload) -> dict[str, str]:
 
 
 def config_map_volume(name: str, config_map: str, keys: Sequence[str]) -> Manifest:
-    """A volume with chosen keys of a ConfigMap as files."""
+    """Return a volume with chosen keys of a ConfigMap as files."""
     return {"name": name, "configMap": {"name": config_map, "items": [{"key": key, "path": key} for key in keys]}}
 
 
 def certificates_volume(secret: str) -> Manifest:
-    """A volume with a certificate, readable by the pod's group only."""
+    """Return a volume with a certificate, readable by the pod's group only."""
     return {"name": "certificates", "secret": {"secretName": secret, "defaultMode": 0o440}}
 
 
 def listens(port: int, protocol: str = "tcp") -> Manifest:
-    """Returns a readiness probe: a port of the pod is open.
+    """Return a readiness probe: a port of the pod is open.
 
     Nothing connects to it. A connection that says nothing is a failed handshake, and the programs behind these ports
     stop for that.
@@ -169,7 +169,7 @@ def listens(port: int, protocol: str = "tcp") -> Manifest:
 
 
 def mount(name: str, path: str, *, read_only: bool = True) -> Manifest:
-    """Where a container sees a volume. A whole folder, never a single file: that one would never be refreshed."""
+    """Return where a container sees a volume: a whole folder, as a single file would never be refreshed."""
     return {"name": name, "mountPath": path, "readOnly": True} if read_only else {"name": name, "mountPath": path}
 
 

@@ -29,7 +29,7 @@ def policy(
     ingress: Sequence[Manifest],
     egress: Sequence[Manifest],
 ) -> Manifest:
-    """Returns the policy of the pods of one part: both ways closed but for these rules."""
+    """Return the policy of the pods of one part: both ways closed but for these rules."""
     spec: Manifest = {
         "podSelector": {"matchLabels": parent.selector(part)},
         "policyTypes": ["Ingress", "Egress"],
@@ -40,40 +40,40 @@ def policy(
 
 
 def port(protocol: str, number: int, end: int | None = None) -> Manifest:
-    """One port, or all from `number` to `end`."""
+    """Return one port, or all from `number` to `end`."""
     result: Manifest = {"protocol": protocol, "port": number}
     return result if end is None else {**result, "endPort": end}
 
 
 def anybody(*ports: Manifest) -> Manifest:
-    """A rule, either way, for these ports whoever is at the other end."""
+    """Return a rule, either way, for these ports and any other end."""
     return {"ports": list(ports)}
 
 
 def outside(*ports: Manifest) -> Manifest:
-    """A rule for what goes to any host or pod but the machines' own services, such as a cloud's metadata."""
+    """Return a rule for what goes to any host or pod but the machines' own services, such as a cloud's metadata."""
     blocks = [{"cidr": cidr, "except": list(kept)} for cidr, kept in _EVERYWHERE.items()]
     return {"to": [{"namespaceSelector": {}}, *({"ipBlock": block} for block in blocks)], "ports": list(ports)}
 
 
 def coming_from(labels: dict[str, str], *ports: Manifest) -> Manifest:
-    """A rule for what comes from pods of this namespace with these labels."""
+    """Return a rule for what comes from pods of this namespace with these labels."""
     return {"from": [{"podSelector": {"matchLabels": labels}}], "ports": list(ports)}
 
 
 def going_to(labels: dict[str, str], *ports: Manifest) -> Manifest:
-    """A rule for what goes to pods of this namespace with these labels."""
+    """Return a rule for what goes to pods of this namespace with these labels."""
     return {"to": [{"podSelector": {"matchLabels": labels}}], "ports": list(ports)}
 
 
 def dds(offload: RobotOffload) -> Manifest:
-    """The UDP ports of DDS participants in the cloud's domain."""
+    """Return the UDP ports of DDS participants in the cloud's domain."""
     first = _DDS_BASE + _PORTS_PER_DOMAIN * offload.spec.cloud_domain_id
     return port("UDP", first, min(first + _PORTS_PER_DOMAIN - 1, _LAST_PORT))
 
 
 def dds_both_ways(offload: RobotOffload, *, robot: bool) -> tuple[list[Manifest], list[Manifest]]:
-    """DDS between the pods of this RobotOffload, coming and going; with the robot, wherever it is, if `robot`."""
+    """Return DDS between the pods of this RobotOffload, both ways; with the robot, wherever it is, if `robot`."""
     ports = dds(offload)
     if robot:
         return [anybody(ports)], [anybody(ports)]
@@ -82,17 +82,17 @@ def dds_both_ways(offload: RobotOffload, *, robot: bool) -> tuple[list[Manifest]
 
 
 def names(network: Network) -> Manifest:
-    """Asking for names; the cluster's DNS may be anywhere, even on the node itself, unless somebody says where."""
+    """Return the rule for DNS, which may be anywhere, even on the node itself, unless its networks are given."""
     return _within(network.dns, port("UDP", 53), port("TCP", 53))
 
 
 def kubernetes_api(network: Network) -> Manifest:
-    """Talking to the API server, whose address no label tells."""
+    """Return talking to the API server, whose address no label tells."""
     return _within(network.api_server, *(port("TCP", number) for number in _KUBERNETES_API))
 
 
 def reporting(network: Network, *ports: Manifest) -> list[Manifest]:
-    """Rules for who reads a reporter: Prometheus, and people through the API server's proxy; none when nobody may."""
+    """Return rules for readers of a reporter: Prometheus, and people through the API server's proxy."""
     peers: list[Manifest] = [
         {"namespaceSelector": {"matchLabels": {_NAMESPACE: name}}} for name in network.metrics_from
     ]

@@ -66,12 +66,12 @@ _QOS_WORDS: Final = {
 
 
 def agent_config(offload: RobotOffload, site: AgentSite) -> str:
-    """The agent configuration of one side as the text of a ROS 2 parameter file."""
+    """Return the agent configuration of one side as the text of a ROS 2 parameter file."""
     return parameter_file(agent_parameters(offload, site))
 
 
 def parameter_file(parameters: Mapping[str, Any], author: str = "") -> str:
-    """Nested parameters as the text of a ROS 2 parameter file for every node; `author`: who changed them last."""
+    """Return nested parameters as a ROS 2 parameter file for every node; `author`: who changed them last."""
     document: dict[str, Any] = {"/**": {"ros__parameters": dict(parameters)}}
     if author:
         document["changed_by"] = author  # beside the parameters: agents of earlier releases read past it
@@ -79,7 +79,7 @@ def parameter_file(parameters: Mapping[str, Any], author: str = "") -> str:
 
 
 def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
-    """The agent's parameters as nested mappings, in the order in which a person reads them."""
+    """Return the agent's parameters as nested mappings, in the order in which a person reads them."""
     spec = offload.spec
     domain_id = spec.robot.domain_id if site.side == "robot" else spec.cloud_domain_id
     nodes = nodes_on(spec, site.side)
@@ -113,7 +113,7 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
 
 
 def runtime_parameters(offload: RobotOffload, generation: int) -> dict[str, Any]:
-    """What the cloud's agent pushes to a connected robot: all that both sides share, always complete.
+    """Return what the cloud's agent pushes to a connected robot: all that both sides share, always complete.
 
     The robot takes over what may change while it runs (see RUN_TIME) and compares the rest with its own file: a
     difference there needs a new bundle, and it says so.
@@ -127,7 +127,7 @@ def runtime_parameters(offload: RobotOffload, generation: int) -> dict[str, Any]
 
 
 def start_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """An agent's parameters without those that it takes over while it runs: what changes only by a new start."""
+    """Return an agent's parameters without those that it takes over while it runs: what changes only by a new start."""
     kept = {name: value for name, value in parameters.items() if name not in RUN_TIME}
     inputs = {
         name: {key: value for key, value in values.items() if key not in RUN_TIME_INPUT}

@@ -15,12 +15,12 @@ CLOUD_ENDS: Final = "Abort"
 
 
 def listed(names: Iterable[str]) -> list[str]:
-    """Returns a list of its own each time: YAML writes a second mention of the same one as an alias, ROS reads none."""
+    """Return a list of its own each time: YAML writes a second mention of the same one as an alias, ROS reads none."""
     return list(names) or list(NONE)
 
 
 def hot_sides(node: Node) -> tuple[Side, ...]:
-    """Returns the sides on which a duplicated node stays active in standby; one without a lifecycle always does."""
+    """Return the sides on which a duplicated node stays active in standby; one without a lifecycle always does."""
     if not node.duplicated:
         return ()
     hot = {"robot": node.standby.robot == "Hot", "cloud": node.standby.cloud == "Hot"}
@@ -28,7 +28,7 @@ def hot_sides(node: Node) -> tuple[Side, ...]:
 
 
 def handed_over(spec: RobotOffloadSpec) -> dict[str, Any]:
-    """Returns the parameters of what is served, used and kept, as nested mappings."""
+    """Return the parameters of what is served, used and kept, as nested mappings."""
     group = {it.name for node in spec.nodes for it in node.offered}
     services = {identifier(it.name): _service(node, it) for node in spec.nodes for it in node.services}
     actions = {identifier(it.name): _action(node, it) for node in spec.nodes for it in node.actions}

@@ -40,7 +40,7 @@ _TOKEN_LIFE_S: Final = 3607
 
 
 def agent_objects(parent: Parent) -> tuple[Manifest, ...]:
-    """Everything of the cloud agent but its Deployment, in the order in which it is applied."""
+    """Return everything of the cloud agent but its Deployment, in the order in which it is applied."""
     offered = runtime_parameters(parent.offload, parent.facts.generation)
     settings = {SETTINGS_KEY: parameter_file(offered, parent.facts.author)}
     if parent.facts.certificate_answer:
@@ -55,7 +55,7 @@ def agent_objects(parent: Parent) -> tuple[Manifest, ...]:
 
 
 def agent_deployment(parent: Parent) -> Manifest:
-    """The Deployment. It never goes to zero: somebody must hear the robot return."""
+    """Return the Deployment. It never goes to zero: somebody must hear the robot return."""
     name = _part(parent).name
     volumes = [
         pod.config_map_volume("configuration", name, [CONFIG_KEY]),
@@ -81,7 +81,7 @@ def agent_deployment(parent: Parent) -> Manifest:
 
 
 def site(parent: Parent) -> AgentSite:
-    """Where the cloud's agent runs."""
+    """Return where the cloud's agent runs."""
     return AgentSite(
         side="cloud",
         host="0.0.0.0",  # noqa: S104 - the pod's only interface; the network policy says who may come
@@ -103,7 +103,7 @@ def site(parent: Parent) -> AgentSite:
 
 
 def read_at_start(parent: Parent) -> Any:
-    """What the agent's processes read once, when they start: all but what its settings may change while it runs."""
+    """Return what the agent's processes read once, at their start: all that settings cannot change later."""
     certificates = parent.facts.certificate_hash if transport.of(parent.spec).traits.agent_needs_certificates else ""
     return [start_parameters(agent_parameters(parent.offload, site(parent))), certificates]
 
@@ -191,7 +191,7 @@ def _reporter(parent: Parent) -> Manifest:
 
 
 def _rights(parent: Parent) -> tuple[Manifest, ...]:
-    """Returns the reporter's rights: to read and change one Lease, to read one ConfigMap, and nothing else."""
+    """Return the reporter's rights: to read and change one Lease, to read one ConfigMap, and nothing else."""
     part = _part(parent)
     rules = [
         _rule(LEASE, child_name(parent.name, names.ROBOT), "get", "patch"),
@@ -209,12 +209,12 @@ def _rights(parent: Parent) -> tuple[Manifest, ...]:
 
 
 def _rule(kind: Kind, name: str, *verbs: str) -> Manifest:
-    """Returns a rule for one object."""
+    """Return a rule for one object."""
     return {"apiGroups": [kind.group], "resources": [kind.plural], "resourceNames": [name], "verbs": list(verbs)}
 
 
 def _lease(parent: Parent) -> Manifest:
-    """The robot's Lease. Who holds it and since when is the reporter's to say, so nothing of that is here."""
+    """Return the robot's Lease. Who holds it and since when is the reporter's to say, so nothing of that is here."""
     name = child_name(parent.name, names.ROBOT)
     body = {"spec": {"leaseDurationSeconds": LEASE_DURATION_S}}
     return parent.child(LEASE, Part(name, "agent"), body)
@@ -227,7 +227,7 @@ def _service(parent: Parent) -> Manifest:
 
 
 def _token_volume() -> Manifest:
-    """What Kubernetes would mount into every container, here for the reporter alone."""
+    """Return what Kubernetes would mount into every container, here for the reporter alone."""
     sources = [
         {"serviceAccountToken": {"path": "token", "expirationSeconds": _TOKEN_LIFE_S}},
         {"configMap": {"name": "kube-root-ca.crt", "items": [{"key": "ca.crt", "path": "ca.crt"}]}},

@@ -63,7 +63,7 @@ class BuildPlan:
 
 
 def build_files(parent: Parent, plan: BuildPlan) -> Manifest:
-    """The ConfigMap with what the build reads. It never changes: another build has another name."""
+    """Return the ConfigMap with what the build reads. It never changes: another build has another name."""
     host = plan.registry.repository.partition("/")[0]
     # A JSON text is a TOML text as well.
     registries = ['unqualified-search-registries = ["docker.io"]', 'short-name-mode = "permissive"']
@@ -77,7 +77,7 @@ def build_files(parent: Parent, plan: BuildPlan) -> Manifest:
 
 
 def build_job(parent: Parent, plan: BuildPlan) -> Manifest:
-    """The Job. A pod that fails is final, unless it was evicted: the same source would fail again."""
+    """Return the Job. A pod that fails is final, unless it was evicted: the same source would fail again."""
     spec = {
         "backoffLimit": 0,
         "activeDeadlineSeconds": DEADLINE_S,
@@ -91,7 +91,7 @@ def build_job(parent: Parent, plan: BuildPlan) -> Manifest:
 
 
 def build_ports(spec: RobotOffloadSpec) -> tuple[int, ...]:
-    """The TCP ports on which builds reach sources, packages, base images and the registry."""
+    """Return the TCP ports on which builds reach sources, packages, base images and the registry."""
     ports = set(_WEB_PORTS)
     registries = [spec.cloud.registry.repository] if spec.cloud.registry else []
     for node in spec.built_nodes:
@@ -146,13 +146,13 @@ def _volumes(plan: BuildPlan) -> list[Manifest]:
 
 
 def _secret_volume(name: str, secret: str, files: Mapping[str, str]) -> Manifest:
-    """Some entries of a Secret: what else it holds is nobody's business here."""
+    """Return some entries of a Secret: what else it holds is nobody's business here."""
     items = [{"key": key, "path": path} for key, path in files.items()]
     return {"name": name, "secret": {"secretName": secret, "defaultMode": 0o440, "items": items}}
 
 
 def _fetch(facts: Facts, plan: BuildPlan) -> Manifest:
-    """Fetches one commit in an image of ours: what sees the source's Secret, no user chooses. Keeps to `restricted`."""
+    """Fetch one commit in an image of ours: what sees the source's Secret, no user chooses. Keep to `restricted`."""
     mounts = [pod.mount("scratch", scripts.SCRATCH, read_only=False)]
     if plan.build.git_secret is not None:
         mounts.append(pod.mount("git", scripts.GIT_SECRET_DIR))

@@ -51,12 +51,12 @@ class BundleSecrets:
 
 
 def default_folder(offload: RobotOffload) -> str:
-    """Where the bundle lies on the robot."""
+    """Return where the bundle lies on the robot."""
     return f"/etc/robot-offload/{offload.metadata.name}"
 
 
 def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -> Mapping[str, bytes]:
-    """The files of the bundle by their paths in it.
+    """Return the files of the bundle by their paths in it.
 
     Args:
         parent: the resource.
@@ -101,7 +101,7 @@ def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -
 
 
 def robot_site(parent: Parent, folder: str) -> AgentSite:
-    """Where the robot's agent runs."""
+    """Return where the robot's agent runs."""
     name = parent.name
     pulse = parent.facts.endpoints_for("pulse")
     certified = transport.needs_certificates(parent.spec)  # with DDSRouter the agent renews them for the tunnel
@@ -134,7 +134,7 @@ def _certificates(offload: RobotOffload, secrets: BundleSecrets | None) -> dict[
 
 
 def robot_environment(parent: Parent) -> dict[str, str]:
-    """Environment of the agent and of the robot's own nodes."""
+    """Return environment of the agent and of the robot's own nodes."""
     robot = parent.spec.robot
     return {
         "ROS_DOMAIN_ID": str(robot.domain_id),
@@ -144,7 +144,7 @@ def robot_environment(parent: Parent) -> dict[str, str]:
 
 
 def _agent_environment(parent: Parent) -> dict[str, str]:
-    """What only the agent needs; through discovery servers it must see the whole graph."""
+    """Return what only the agent needs; through discovery servers it must see the whole graph."""
     values = {"HOME": TMP, "ROS_LOG_DIR": TMP}
     by_servers = "ROS_DISCOVERY_SERVER" in robot_environment(parent)
     return {**values, "ROS_SUPER_CLIENT": "TRUE"} if by_servers else values
@@ -183,7 +183,7 @@ def _compose(parent: Parent, folder: str) -> str:
 
 
 def agent_container(parent: Parent, command: Sequence[str], folder: str) -> dict[str, Any]:
-    """A service that may ask for real-time priority and read the private key, which is root's alone."""
+    """Return a service that may ask for real-time priority and read the private key, which is root's alone."""
     return {
         "image": parent.agent_image,
         "user": "root",
@@ -195,7 +195,7 @@ def agent_container(parent: Parent, command: Sequence[str], folder: str) -> dict
 
 
 def container(folder: str) -> dict[str, Any]:
-    """What all containers have in common; on the robot's own network, because DDS is."""
+    """Return what all containers have in common; on the robot's own network, because DDS is."""
     return {
         "network_mode": "host",
         "restart": "unless-stopped",

@@ -68,28 +68,28 @@ _MEANINGS: Final = {
 
 
 def instance(name: str, side: Side) -> str:
-    """Returns by what name the folders of one side's agent are known."""
+    """Return by what name the folders of one side's agent are known."""
     return name if side == "robot" else f"{name}-cloud"
 
 
 def state_dir(name: str) -> str:
-    """What outlives a reboot of the robot."""
+    """Return what outlives a reboot of the robot."""
     return f"/var/lib/robot-offload/{name}"
 
 
 def runtime_dir(name: str) -> str:
-    """Sockets and pid files on the robot."""
+    """Return sockets and pid files on the robot."""
     return f"/run/robot-offload/{name}"
 
 
 def setup_file(offload: RobotOffload) -> str:
-    """Returns the script, on the robot, that makes ROS 2 and the robot's own message packages known in a shell."""
+    """Return the script, on the robot, that makes ROS 2 and the robot's own message packages known in a shell."""
     own = offload.spec.robot.interfaces
     return distro_setup_file(offload) if own is None else own.setup
 
 
 def distro_setup_file(offload: RobotOffload) -> str:
-    """Returns the script that makes the distribution alone known in a shell."""
+    """Return the script that makes the distribution alone known in a shell."""
     return f"/opt/ros/{offload.spec.robot.ros_distro}/setup.bash"
 
 
@@ -101,7 +101,7 @@ def agent_unit(
     key: str,
     side: Side = "robot",
 ) -> str:
-    """Returns a unit for systemd that runs the agent.
+    """Return a unit for systemd that runs the agent.
 
     Args:
         offload: the resource.
@@ -130,7 +130,7 @@ def agent_unit(
 
 
 def router_unit(offload: RobotOffload, folder: str) -> str:
-    """A unit for systemd that runs the DDS Router."""
+    """Return a unit for systemd that runs the DDS Router."""
     return _unit(
         f"DDS Router of {offload.metadata.name}",
         [
@@ -145,7 +145,7 @@ def router_unit(offload: RobotOffload, folder: str) -> str:
 
 
 def tunnel_unit(offload: RobotOffload, folder: str, realtime_priority: int, key: str) -> str:
-    """Returns a unit for systemd that runs the robot's end of the tunnel; see `agent_unit`."""
+    """Return a unit for systemd that runs the robot's end of the tunnel; see `agent_unit`."""
     start = f'source "$${SETUP_VARIABLE}" && exec robot-offload-tunnel --params {shlex.quote(folder)}/tunnel.yaml'
     return _unit(
         f"Robot Offload tunnel of {offload.metadata.name}",
@@ -165,7 +165,7 @@ because the tunnel reads the certificates that the agent renews."""
 
 
 def _unprivileged(folder: str, key: str, realtime_priority: int) -> list[str]:
-    """Returns what lets our own programs run without root: a user, real-time priority, and the key to read."""
+    """Return what lets our own programs run without root: a user, real-time priority, and the key to read."""
     name = key.rpartition("/")[2]
     handed_over = [
         f"LoadCredential={name}:{folder}/{key}",
@@ -223,7 +223,7 @@ def _unit(description: str, service: Sequence[str]) -> str:
 
 
 def readme(offload: RobotOffload, folder: str, files: Sequence[str]) -> str:
-    """Returns what to do with the bundle, and how to do without it."""
+    """Return what to do with the bundle, and how to do without it."""
     parts = [
         f"# Robot Offload: the bundle of {offload.metadata.name}",
         "Everything that the robot needs. It works without the cluster and without a network.",
@@ -320,7 +320,7 @@ def _whole_command(offload: RobotOffload, node: Node) -> list[str]:
 
 
 def fenced(text: str) -> str:
-    """A block of code in Markdown that its own text cannot leave: the fence is longer than any in it."""
+    """Return a block of code in Markdown that its own text cannot leave: the fence is longer than any in it."""
     fence = "`" * max(3, 1 + max(map(len, re.findall("`+", text)), default=0))
     return f"{fence}sh\n{text}\n{fence}"
 

@@ -12,7 +12,7 @@ from robot_offload.render.node_workloads import node_deployments, parameter_copi
 
 
 def children(parent: Parent) -> tuple[Manifest, ...]:
-    """Returns the children. Rules and addresses come before what uses them; pods come last.
+    """Return the children. Rules and addresses come before what uses them; pods come last.
 
     The DDS Router's configuration and pod are missing until `facts.endpoints` says where it is reached, and everything
     that finds others through discovery servers until `facts.discovery_hosts` says where those are.

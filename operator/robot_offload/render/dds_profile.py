@@ -18,23 +18,23 @@ _VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES
 
 
 def config_maps(parent: Parent) -> tuple[Manifest, ...]:
-    """The ConfigMap with the profile; none where the transport has no profile."""
+    """Return the ConfigMap with the profile; none where the transport has no profile."""
     text = _text(parent.offload)
     return (parent.config_map(Part(_name(parent.offload), "settings"), {KEY: text}),) if text else ()
 
 
 def volumes(offload: RobotOffload) -> list[Manifest]:
-    """The volume of a pod with ROS."""
+    """Return the volume of a pod with ROS."""
     return [pod.config_map_volume("dds", _name(offload), [KEY])] if _text(offload) else []
 
 
 def mounts(offload: RobotOffload) -> list[Manifest]:
-    """Where a container with ROS sees it."""
+    """Return where a container with ROS sees it."""
     return [pod.mount("dds", DIRECTORY)] if _text(offload) else []
 
 
 def environment(offload: RobotOffload) -> dict[str, str]:
-    """By which Fast DDS finds it."""
+    """Return by which Fast DDS finds it."""
     return dict.fromkeys(_VARIABLES, f"{DIRECTORY}/{KEY}") if _text(offload) else {}
 
 

@@ -29,12 +29,12 @@ except OSError as error:
 
 
 def pre_stop() -> Manifest:
-    """The `lifecycle` of a container whose end the robot must not notice."""
+    """Return the `lifecycle` of a container whose end the robot must not notice."""
     return {"preStop": {"exec": {"command": ["python3", "-c", _SCRIPT]}}}
 
 
 def proof(uid: str) -> str:
-    """Returns what whoever asks for a handover must know: a word that follows from the RobotOffload's uid.
+    """Return what whoever asks for a handover must know: a word that follows from the RobotOffload's uid.
 
     No other pod knows that, so that none can hold the robot off the cloud where no network policies count.
     """
@@ -42,5 +42,5 @@ def proof(uid: str) -> str:
 
 
 def url(host: str, uid: str) -> str:
-    """Returns where the reporter of the RobotOffload with this uid is asked for a handover."""
+    """Return where the reporter of the RobotOffload with this uid is asked for a handover."""
     return f"http://{host}:{PORT}/handover/{proof(uid)}"

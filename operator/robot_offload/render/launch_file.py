@@ -69,7 +69,7 @@ def generate_launch_description():
 
 
 def node_rules(offload: RobotOffload) -> tuple[tuple[str, str], ...]:
-    """Returns the remappings of all nodes on the robot, each bound to its node: `NODE:NAME` and the new name."""
+    """Return the remappings of all nodes on the robot, each bound to its node: `NODE:NAME` and the new name."""
     return tuple(
         (f"{node.name.rpartition('/')[2]}:{source}", target)
         for node in nodes_on(offload.spec, "robot")
@@ -78,7 +78,7 @@ def node_rules(offload: RobotOffload) -> tuple[tuple[str, str], ...]:
 
 
 def launch_file(offload: RobotOffload, folder: str) -> str:
-    """Returns the text of the launch file.
+    """Return the text of the launch file.
 
     Args:
         offload: the resource.

@@ -16,7 +16,7 @@ from robot_offload.transport import discovery
 
 
 def network_policies(parent: Parent) -> tuple[Manifest, ...]:
-    """One policy per component that has pods; none where the cluster's administrator wants none of ours."""
+    """Return one policy per component that has pods; none where the cluster's administrator wants none of ours."""
     if not parent.facts.network.policies:
         return ()
     found = [_agent(parent), _nodes(parent)]

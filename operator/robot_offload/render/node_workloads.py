@@ -24,19 +24,19 @@ MISSING_IMAGE: Final = "image-not-given"
 
 
 def node_deployments(parent: Parent) -> tuple[Manifest, ...]:
-    """The Deployments of all nodes with a replica in the cloud, in bring-up order; none without an image."""
+    """Return the Deployments of all nodes with a replica in the cloud, in bring-up order; none without an image."""
     images = ((node, _image(parent.facts, node)) for node in parent.spec.cloud_nodes)
     files = renamed_files(parent.spec, parent.facts.user_configs)
     return tuple(_deployment(parent, node, image, files) for node, image in images if image is not None)
 
 
 def _image(facts: Facts, node: Node) -> str | None:
-    """The image of a node; None: it is not built yet."""
+    """Return the image of a node; None: it is not built yet."""
     return facts.built.get(node.name) if node.build is not None else node.image or MISSING_IMAGE
 
 
 def replicas(spec: RobotOffloadSpec, node: Node, facts: Facts) -> int:
-    """How many pods a node has: none without a robot, and none of a Cold node that the robot cannot use now."""
+    """Return how many pods a node has: none without a robot, and none of a Cold node that the robot cannot use now."""
     if not facts.nodes_wanted or spec.replicas == 0:
         return 0
     if node.duplicated and node.standby.cloud == "Cold":
@@ -102,7 +102,7 @@ def _environment(parent: Parent, node: Node) -> dict[str, str | Manifest]:
 
 
 def _value(variable: EnvironmentVariable) -> str | Manifest:
-    """Returns the value of a variable, or where Kubernetes reads it when the pod starts."""
+    """Return the value of a variable, or where Kubernetes reads it when the pod starts."""
     source = variable.value_from
     if source is None:
         return pod.literal(variable.value)
@@ -115,7 +115,7 @@ def _value(variable: EnvironmentVariable) -> str | Manifest:
 def _parameter_file(
     parent: Parent, node: Node, files: Mapping[str, RenamedFile]
 ) -> tuple[list[Manifest], list[Manifest], str | None]:
-    """Returns volumes, mounts and the path of the parameter file that a user keeps in a ConfigMap."""
+    """Return volumes, mounts and the path of the parameter file that a user keeps in a ConfigMap."""
     if node.run is None or node.run.parameters_from is None:
         return [], [], None
     reference = node.run.parameters_from.config_map_key_ref
@@ -129,7 +129,7 @@ def _parameter_file(
 
 
 def parameter_copies(parent: Parent) -> tuple[Manifest, ...]:
-    """Returns the ConfigMap with the parameter files of all replicas, see `parameter_files`; none without files."""
+    """Return the ConfigMap with the parameter files of all replicas, see `parameter_files`; none without files."""
     files = renamed_files(parent.spec, parent.facts.user_configs)
     return (parent.config_map(_shared(parent), {file.key: file.text for file in files.values()}),) if files else ()
 
@@ -139,7 +139,7 @@ def _shared(parent: Parent) -> Part:
 
 
 def _read_at_start(node: Node, facts: Facts) -> str:
-    """The content of the node's parameter file, as a hash; everything else that it reads is in the template."""
+    """Return the content of the node's parameter file, as a hash; everything else that it reads is in the template."""
     if node.run is None or node.run.parameters_from is None:
         return ""
     reference = node.run.parameters_from.config_map_key_ref

@@ -28,6 +28,7 @@ from robot_offload.render.bundle import (
 )
 from robot_offload.render.pki import build_certificates
 from robot_offload.render.ros_names import command, nodes_on
+from robot_offload.transport import exposure
 
 MAX_DOMAIN: Final = 101
 """The highest ROS domain whose ports are free on every system (ROS 2 documentation, "The ROS_DOMAIN_ID")."""
@@ -67,15 +68,17 @@ class Pair:
 
 
 def pair(offload: RobotOffload, pairing: Pairing) -> Pair:
-    """Returns both folders. They have new keys; whoever pairs again copies both anew.
+    """Return both folders. They have new keys; whoever pairs again copies both anew.
 
     Raises:
-        InputError: the transport is not Zenoh.
+        InputError: the transport is not Zenoh, or the host is an IPv6 address.
         CertificateError: the host is neither a DNS name nor an IP address.
     """
     if offload.spec.transport.type != "Zenoh":
         kind = offload.spec.transport.type
         raise InputError(f"{offload.metadata.name}: spec.transport.type: {kind} needs a cluster; write Zenoh to pair")
+    if exposure.is_ipv6(pairing.host):
+        raise InputError(f"--host {pairing.host}: the workstation listens on IPv4; name an IPv4 address or a DNS name")
     alone = standalone(offload)
     facts = Facts(
         namespace=alone.metadata.namespace or "default",
@@ -100,7 +103,7 @@ def pair(offload: RobotOffload, pairing: Pairing) -> Pair:
 
 
 def standalone(offload: RobotOffload) -> RobotOffload:
-    """Returns the resource as it holds without a cluster.
+    """Return the resource as it holds without a cluster.
 
     In one network both sides find each other by multicast, unless their ROS domains differ; and nobody but `pair`
     signs certificates.

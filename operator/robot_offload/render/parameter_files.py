@@ -52,7 +52,7 @@ class RenamedFile:
 
 
 def renamed_files(spec: RobotOffloadSpec, configs: Mapping[str, str]) -> dict[str, RenamedFile]:
-    """Returns the files in which replicas find their own names, by where they come from.
+    """Return the files in which replicas find their own names, by where they come from.
 
     Args:
         spec: says which nodes read which files.
@@ -92,7 +92,7 @@ def _check_sizes(files: Mapping[str, str]) -> None:
 
 @lru_cache(maxsize=_KEPT)
 def renamed(text: str, names: tuple[tuple[str, str], ...]) -> str:
-    """Returns a parameter file for replicas.
+    """Return a parameter file for replicas.
 
     Args:
         text: the user's file; one that is no YAML comes back as it is, ROS 2 says what is wrong with it.
@@ -112,7 +112,7 @@ def renamed(text: str, names: tuple[tuple[str, str], ...]) -> str:
 
 
 def _place(key: yaml.ScalarEvent) -> tuple[int, int, str]:
-    """Returns where a key begins and ends in the text, and what it says."""
+    """Return where a key begins and ends in the text, and what it says."""
     assert key.start_mark is not None
     assert key.end_mark is not None
     return key.start_mark.index, key.end_mark.index, str(key.value)
@@ -140,7 +140,7 @@ class _Level:
 
 
 def _keys(events: Iterable[yaml.Event], names: Mapping[str, str]) -> list[yaml.ScalarEvent]:
-    """Returns the keys under which parameters of these nodes stand.
+    """Return the keys under which parameters of these nodes stand.
 
     Namespaces may be part of a key or keys of their own. Works on events, without recursion: users choose the depth.
     """
@@ -172,7 +172,7 @@ def _scalar(level: _Level, event: yaml.ScalarEvent) -> None:
 
 
 def _value(level: _Level, names: Mapping[str, str], holds: bool, found: list[yaml.ScalarEvent]) -> None:
-    """Notes that a collection has ended as a value (or as a key) of `level`."""
+    """Note that a collection has ended as a value (or as a key) of `level`."""
     if level.mapping and level.expects_key:
         level.expects_key = False
         return

@@ -74,7 +74,7 @@ class CertificateSet:
 def build_certificates(
     *, robot: str, host_names: Sequence[str], now: datetime.datetime, days: int = 30
 ) -> CertificateSet:
-    """Builds both authorities and both leaf certificates.
+    """Build both authorities and both leaf certificates.
 
     Args:
         robot: the robot's name, the common name of its certificate.
@@ -96,10 +96,10 @@ def build_certificates(
 
 
 def build_authority(name: str, *, now: datetime.datetime, days: int) -> KeyPair:
-    """Builds an authority that signs itself and may sign leaf certificates only.
+    """Build an authority that signs itself and may sign leaf certificates only.
 
     Args:
-        name: told in its subject; for people, nothing checks it.
+        name: common name in the subject. Informational only.
         now: the present, with its time zone.
         days: how long it is valid.
 
@@ -125,7 +125,7 @@ def build_authority(name: str, *, now: datetime.datetime, days: int) -> KeyPair:
 
 
 def issue_cloud(authority: KeyPair, *, host_names: Sequence[str], now: datetime.datetime, days: int) -> KeyPair:
-    """Builds the cloud agent's certificate, for TLS servers only.
+    """Build the cloud agent's certificate, for TLS servers only.
 
     Args:
         authority: the server authority.
@@ -144,7 +144,7 @@ def issue_cloud(authority: KeyPair, *, host_names: Sequence[str], now: datetime.
 
 
 def issue_robot(authority: KeyPair, *, robot: str, now: datetime.datetime, days: int) -> KeyPair:
-    """Builds the robot agent's certificate, for TLS clients only, with the robot's name as its common name.
+    """Build the robot agent's certificate, for TLS clients only, with the robot's name as its common name.
 
     Args:
         authority: the client authority.
@@ -167,7 +167,7 @@ def issue_robot(authority: KeyPair, *, robot: str, now: datetime.datetime, days:
 def certify_robot(
     authority: KeyPair, public_key: ec.EllipticCurvePublicKey, *, robot: str, now: datetime.datetime, days: int
 ) -> bytes:
-    """Builds a certificate for a key that the robot has made itself; returns it as PEM.
+    """Build a certificate for a key that the robot has made itself; return it as PEM.
 
     Args:
         authority: the client authority.

@@ -21,23 +21,23 @@ ACTION_PARTS: Final = ("send_goal", "cancel_goal", "get_result", "feedback", "st
 
 
 def private_topic(side: Side, topic: str) -> str:
-    """Where the replica of one side has what goes through the agent: `/cmd_vel` -> `/offload/robot/cmd_vel`."""
+    """Return where the replica of one side has what goes through the agent: `/cmd_vel` -> `/offload/robot/cmd_vel`."""
     return f"/offload/{side}{topic}"
 
 
 def replica_name(node: Node, side: Side) -> str:
-    """The ROS name of a node on one side: the replica in the cloud of a duplicated node carries the prefix."""
+    """Return the ROS name of a node on one side: the replica in the cloud of a duplicated node carries the prefix."""
     return f"{REMOTE_PREFIX}{node.name}" if side == "cloud" and node.duplicated else node.name
 
 
 def nodes_on(spec: RobotOffloadSpec, side: Side) -> tuple[Node, ...]:
-    """The nodes that run on one side, in bring-up order."""
+    """Return the nodes that run on one side, in bring-up order."""
     placements = {"robot": ("Robot", "Duplicated"), "cloud": ("Cloud", "Duplicated")}[side]
     return tuple(node for node in spec.nodes if node.placement in placements)
 
 
 def command(spec: RobotOffloadSpec, node: Node, side: Side, *, params_file: str | None = None) -> tuple[str, ...]:
-    """The command line of a node's replica on one side, with all ROS arguments.
+    """Return the command line of a node's replica on one side, with all ROS arguments.
 
     Args:
         spec: the whole specification.
@@ -59,7 +59,7 @@ def command(spec: RobotOffloadSpec, node: Node, side: Side, *, params_file: str 
 def shared_command(
     spec: RobotOffloadSpec, program: Sequence[str], nodes: Sequence[Node], side: Side
 ) -> tuple[str, ...]:
-    """The command line of a process that runs several nodes on one side, given their names as arguments.
+    """Return the command line of a process that runs several nodes on one side, given their names as arguments.
 
     Every rule but that of the name is bound to its node, by the name that it has then (rcl `remap.c`).
     """
@@ -73,7 +73,7 @@ def shared_command(
 
 
 def run_arguments(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, ...]:
-    """What follows `--ros-args` for a node's replica on one side.
+    """Return what follows `--ros-args` for a node's replica on one side.
 
     The node rule is always `OLD:__node:=NEW`: without OLD it would rename every node of the process. The namespace
     rule names the new name, because ROS 2 renames first (rcl `node.c`).
@@ -90,7 +90,7 @@ def run_arguments(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, 
 
 
 def remappings(spec: RobotOffloadSpec, node: Node, side: Side) -> dict[str, str]:
-    """Name remappings of a node: the user's own, and whatever goes through the agent to its private name.
+    """Return name remappings of a node: the user's own, and whatever goes through the agent to its private name.
 
     ROS 2 applies one rule to a name, never a second one to its result; so a user's rule that leads to an output
     leads to the private topic at once. An action is renamed by its hidden names: before Kilted a rule for the action's
@@ -113,7 +113,7 @@ def remappings(spec: RobotOffloadSpec, node: Node, side: Side) -> dict[str, str]
 
 
 def private_names(node: Node) -> tuple[str, ...]:
-    """Returns the topics and services of a node that go through the agent."""
+    """Return the topics and services of a node that go through the agent."""
     outputs = [output.topic for output in node.outputs] if node.in_cloud else []
     services = [*(it.name for it in node.services), *(it.name for it in node.uses.services)]
     restored = [state.restore for state in node.state if state.restore is not None]
@@ -121,7 +121,7 @@ def private_names(node: Node) -> tuple[str, ...]:
 
 
 def action_names(node: Node) -> tuple[str, ...]:
-    """Returns the actions of a node that go through the agent, offered and used."""
+    """Return the actions of a node that go through the agent, offered and used."""
     return tuple(dict.fromkeys([*(it.name for it in node.actions), *(it.name for it in node.uses.actions)]))
 
 
@@ -134,7 +134,7 @@ def _absolute(name: str, namespace: str) -> str:
 
 
 def parameters(run: Run | None, side: Side) -> dict[str, Any]:
-    """The parameters of a replica by their dotted names; those of the cloud are laid over the common ones."""
+    """Return the parameters of a replica by their dotted names; those of the cloud are laid over the common ones."""
     if run is None:
         return {}
     flat = dict(_flat(run.parameters))
@@ -152,7 +152,7 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def parameter_text(value: object) -> str:
-    """A parameter's value as ROS 2 reads it back with the same type: text always quoted, numbers never."""
+    """Return a parameter's value as ROS 2 reads it back with the same type: text always quoted, numbers never."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):

@@ -29,24 +29,24 @@ class Family:
     series: int = 1
 
     def one(self, value: float) -> Metric:
-        """Returns the metric with one value and no label."""
+        """Return the metric with one value and no label."""
         found = self.empty()
         found.add_metric([], float(value))
         return found
 
     def empty(self) -> GaugeMetricFamily | CounterMetricFamily:
-        """Returns the metric without values."""
+        """Return the metric without values."""
         if self.kind == "counter":
             return CounterMetricFamily(self.name, self.text, labels=self.labels)
         return GaugeMetricFamily(self.name, self.text, labels=self.labels)
 
     def histograms(self) -> HistogramMetricFamily:
-        """Returns the metric, a histogram, without values."""
+        """Return the metric, a histogram, without values."""
         return HistogramMetricFamily(self.name, self.text, labels=self.labels)
 
 
 def add(family: HistogramMetricFamily, labels: list[str], bounds: tuple[float, ...], histogram: Histogram) -> None:
-    """Adds one histogram, its counts added up as Prometheus wants them."""
+    """Add one histogram, its counts added up as Prometheus wants them."""
     total, buckets = 0, []
     for bound, count in zip((*map(str, bounds), "+Inf"), histogram.counts, strict=True):
         total += count

@@ -41,7 +41,7 @@ class Answer:
 
 
 def judge(identifier: str, sight: Sight, now_s: float, deadline_s: float) -> Answer | None:
-    """Returns whether a handover has ended; None: wait on.
+    """Return whether a handover has ended; None: wait on.
 
     Args:
         identifier: what was written for the agent.
@@ -78,14 +78,14 @@ class Handovers:
         self._running: asyncio.Task[Answer] | None = None
 
     async def hand_over(self) -> Answer:
-        """Has the robot take over and waits for it."""
+        """Have the robot take over and wait for it."""
         if self._running is None or self._running.done():
             self._running = asyncio.create_task(self._hand_over())
         # A caller that hangs up must not end the handover of the others.
         return await asyncio.shield(self._running)
 
     async def finish(self) -> None:
-        """Waits for the handover that is under way, if any."""
+        """Wait for the handover that is under way, if any."""
         if self._running is not None:
             await asyncio.wait([self._running])
 

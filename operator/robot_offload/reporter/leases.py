@@ -16,14 +16,14 @@ class Leases(Protocol):
     """Where the state is mirrored to."""
 
     async def write(self, patch: dict[str, Any]) -> None:
-        """Merges `patch` into the Lease.
+        """Merge `patch` into the Lease.
 
         Raises:
             RobotOffloadError: it was not written; the next attempt may succeed.
         """
 
     async def close(self) -> None:
-        """Ends the connection."""
+        """End the connection."""
 
 
 class ClusterLease:
@@ -35,9 +35,9 @@ class ClusterLease:
         self._api = connect(retry=RetryPolicy(attempts=1, request_timeout_s=WRITE_WITHIN_S))
 
     async def write(self, patch: dict[str, Any]) -> None:
-        """Merges `patch` into the Lease."""
+        """Merge `patch` into the Lease."""
         await self._api.patch(LEASE, self._namespace, self._name, patch)
 
     async def close(self) -> None:
-        """Ends the connection."""
+        """End the connection."""
         await self._api.close()

@@ -35,7 +35,7 @@ log = structlog.get_logger("robot_offload.reporter")
 
 
 def main() -> None:
-    """Runs the reporter until SIGTERM or SIGINT."""
+    """Run the reporter until SIGTERM or SIGINT."""
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,
@@ -86,7 +86,7 @@ class Reporter:
         self._streams = Streams(lambda: self._sight, self._counts, time.monotonic)
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Works until `stop` is set; then ends the handover that is under way and reports the last state."""
+        """Work until `stop` is set; then end the handover that is under way and report the last state."""
         proof = self._settings.handover_proof
         app = application(lambda: self._sight, self._counts, self._handovers, proof, self._streams, time.monotonic)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=WAIT_S)
@@ -148,14 +148,14 @@ class Reporter:
         self._mirror = mirror.succeeded(wanted, time.monotonic())
 
     async def _tell_the_last(self) -> None:
-        """Writes once more if there is news: whoever comes next starts from the truth."""
+        """Write once more if there is news: whoever comes next starts from the truth."""
         wanted = mirror.report(self._sight, time.monotonic())
         if wanted is not None and wanted != self._mirror.written and not self._mirror.failures:
             await self._write(wanted)
 
 
 def _read(file: Path) -> tuple[str | None, float]:
-    """Returns the file's content and how many seconds ago it was written; None: there is none that can be read."""
+    """Return the file's content and how many seconds ago it was written; None: there is none that can be read."""
     with suppress(OSError, UnicodeDecodeError):
         ago_s = datetime.datetime.now(datetime.UTC).timestamp() - file.stat().st_mtime
         return file.read_text(encoding="utf-8"), ago_s

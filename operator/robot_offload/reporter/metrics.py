@@ -32,7 +32,7 @@ class Counts:
 
 
 def exposition(sight: Sight, counts: Counts, now_s: float) -> bytes:
-    """Returns the page that `/metrics` serves.
+    """Return the page that `/metrics` serves.
 
     Args:
         sight: the agent's state as last seen.
@@ -68,7 +68,7 @@ def _metrics(sight: Sight, counts: Counts, now_s: float) -> Iterator[Metric]:
 
 
 def _live(state: AgentState) -> Iterator[Metric]:
-    """Yields what only a living agent can vouch for; a silent one leaves gaps in the graphs instead of old numbers."""
+    """Yield what only a living agent can vouch for; a silent one leaves gaps in the graphs instead of old numbers."""
     yield families.CONNECTED.one(state.connected)
     yield families.AGENT_READY.one(state.ready)
     yield families.EPOCH.one(state.epoch)
@@ -95,7 +95,7 @@ def _live(state: AgentState) -> Iterator[Metric]:
 
 
 def _sides(said: Mapping[str, SideNumbers | None]) -> Iterator[Metric]:
-    """Yields the numbers that each side says of itself, with the label `side`."""
+    """Yield the numbers that each side says of itself, with the label `side`."""
     known = {side: numbers for side, numbers in said.items() if numbers is not None}
     for family, value in _PLAIN:
         found = ((side, value(numbers)) for side, numbers in known.items())
@@ -156,7 +156,7 @@ def _by_word(table: Iterable[tuple[str, tuple[int, ...]]], words: tuple[str, ...
 
 
 def _labelled(family: Family, samples: Entries) -> Metric:
-    """Returns a metric with one value for each set of labels; of two equal ones the first stands."""
+    """Return a metric with one value for each set of labels; of two equal ones the first stands."""
     found, known = family.empty(), set()
     for labels, value in samples:
         if labels not in known:

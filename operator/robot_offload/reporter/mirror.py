@@ -54,7 +54,7 @@ class Mirror:
 
 
 def report(sight: Sight, now_s: float) -> Report | None:
-    """Returns what the Lease should say; None: nothing is known yet, so what an earlier reporter wrote stays.
+    """Return what the Lease should say; None: nothing is known yet, so what an earlier reporter wrote stays.
 
     A silent agent is reported once: its robot may go on by itself, but nothing here can vouch for it.
     """
@@ -75,7 +75,7 @@ def report(sight: Sight, now_s: float) -> Report | None:
 
 
 def due(mirror: Mirror, wanted: Report | None, now_s: float) -> bool:
-    """Returns whether the Lease should be written now."""
+    """Return whether the Lease should be written now."""
     if wanted is None or now_s < mirror.retry_s or now_s - mirror.written_s < GAP_S:
         return False
     if mirror.written is None or mirror.failures:
@@ -86,14 +86,14 @@ def due(mirror: Mirror, wanted: Report | None, now_s: float) -> bool:
 
 
 def _news(report: Report) -> object:
-    """Returns what is worth a write of its own: the head of the audit trail waits for the next renewal."""
+    """Return what is worth a write of its own: the head of the audit trail waits for the next renewal."""
     values = json.loads(report.text)
     values.pop("audit", None)
     return values, report.connected, report.since
 
 
 def patch(wanted: Report, robot: str, now: datetime.datetime) -> dict[str, Any]:
-    """Returns the merge patch of the Lease.
+    """Return the merge patch of the Lease.
 
     Args:
         wanted: what it should say.
@@ -108,18 +108,18 @@ def patch(wanted: Report, robot: str, now: datetime.datetime) -> dict[str, Any]:
 
 
 def succeeded(wanted: Report, now_s: float) -> Mirror:
-    """Returns the mirror after a write."""
+    """Return the mirror after a write."""
     return Mirror(written=wanted, written_s=now_s)
 
 
 def failed(mirror: Mirror, now_s: float) -> Mirror:
-    """Returns the mirror after a write that failed: pauses grow, the next write has the state of its own moment."""
+    """Return the mirror after a write that failed: pauses grow, the next write has the state of its own moment."""
     pause_s = min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2.0 ** min(mirror.failures, 8))
     return Mirror(mirror.written, mirror.written_s, mirror.failures + 1, now_s + pause_s)
 
 
 def _micro_time(moment: datetime.datetime) -> str:
-    """As Kubernetes reads a MicroTime: always six digits after the point."""
+    """Format a MicroTime for Kubernetes: always six digits after the point."""
     return moment.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
 
 

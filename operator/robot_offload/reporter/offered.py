@@ -49,7 +49,7 @@ class OfferedSettings:
         self._answer = offered.answer
 
     async def keep(self) -> None:
-        """Follows the ConfigMap until cancelled."""
+        """Follow the ConfigMap until cancelled."""
         self._fall_back()
         version, failures = "", 0
         selection = Selection(fields=f"metadata.name={self._name}")
@@ -73,7 +73,7 @@ class OfferedSettings:
                 await asyncio.sleep(min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2.0 ** min(failures, 8)))
 
     def _take(self, config_map: Manifest | None) -> str:
-        """Writes what the API server has; returns its version."""
+        """Write what the API server has; return its version."""
         found = config_map or {"metadata": {"resourceVersion": ""}}
         text = (found.get("data") or {}).get(self._mounted.name)
         if isinstance(text, str):
@@ -84,7 +84,7 @@ class OfferedSettings:
         return str(found["metadata"]["resourceVersion"])
 
     def _fall_back(self) -> None:
-        """Takes what the kubelet has brought, when it is newer than what is there."""
+        """Take what the kubelet has brought, when it is newer than what is there."""
         with suppress(OSError, UnicodeDecodeError):
             text = self._mounted.read_text(encoding="utf-8")
             if _generation(text) > _generation(_read(self._file)):
@@ -98,7 +98,7 @@ class OfferedSettings:
 
 
 def _replace(file: Path, text: str) -> None:
-    """Writes a file in one step: the agent never reads half of it."""
+    """Write a file in one step: the agent never reads half of it."""
     passing = file.with_name(f".{file.name}.new")
     passing.write_text(text, encoding="utf-8")
     passing.chmod(0o644)
@@ -113,6 +113,6 @@ def _read(file: Path) -> str:
 
 
 def _generation(text: str) -> int:
-    """Returns the generation that a settings file is of; -1: it says none."""
+    """Return the generation that a settings file is of; -1: it says none."""
     found = _GENERATION.search(text)
     return int(found[1]) if found else -1

@@ -25,7 +25,7 @@ def application(
     streams: Streams,
     now: Callable[[], float],
 ) -> web.Application:
-    """Returns the HTTP application.
+    """Return the HTTP application.
 
     Args:
         sight: the agent's state as last seen.
@@ -79,7 +79,7 @@ def application(
 
 
 def not_ready(sight: Sight, now_s: float) -> str:
-    """Returns why the cloud agent is not ready; empty when it is."""
+    """Return why the cloud agent is not ready; empty when it is."""
     if problem := silence(sight, now_s):
         return problem
     assert sight.state is not None

@@ -52,7 +52,7 @@ class ReporterSettings:
 
 
 def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
-    """Reads NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_* and, if given, PORT, SETTINGS_*, ANSWER_FILE.
+    """Read NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_* and, if given, PORT, SETTINGS_*, ANSWER_FILE.
 
     Raises:
         InputError: one is missing or no usable value.

@@ -55,17 +55,17 @@ class Streams:
         self.clients = 0
 
     def wake(self) -> None:
-        """Sends what the sight has become to everybody."""
+        """Send what the sight has become to everybody."""
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 
     async def close(self, _: web.Application | None = None) -> None:
-        """Ends all streams."""
+        """End all streams."""
         self._ending = True
         self.wake()
 
     async def serve(self, request: web.Request) -> web.StreamResponse:
-        """Follows the state until the client leaves, is too slow, or the reporter stops."""
+        """Follow the state until the client leaves, is too slow, or the reporter stops."""
         if self.clients >= MAX_CLIENTS or self._ending:
             self._counts.streams_refused += 1
             problem = f"{MAX_CLIENTS} clients follow this stream, no more can; close one, or read /state"
@@ -106,7 +106,7 @@ class Streams:
             await response.write(text.encode())
 
     def event(self) -> str:
-        """Returns the data of an event: one line of JSON."""
+        """Return the data of an event: one line of JSON."""
         sight = self._sight()
         problem = silence(sight, self._now())
         state, robot = ("null", "null") if problem else self._parts(sight.text)
@@ -114,7 +114,7 @@ class Streams:
         return f'{{"at":{at:.3f},"state":{state},"robot":{robot},"problem":{json.dumps(problem or sight.problem)}}}'
 
     def _parts(self, text: str) -> tuple[str, str]:
-        """Returns the state and the robot's report in it, each as compact JSON; cut once for all clients."""
+        """Return the state and the robot's report in it, each as compact JSON; cut once for all clients."""
         if self._cut[0] != text:
             values = json.loads(text, parse_constant=lambda _: None)  # browsers know no NaN
             robot = values.pop("robot", None)

@@ -60,11 +60,11 @@ class Collector:
         self._asked.set()  # something may have gone while no operator ran
 
     def wake(self) -> None:
-        """Asks for a sweep soon: a RobotOffload has gone."""
+        """Ask for a sweep soon: a RobotOffload has gone."""
         self._asked.set()
 
     async def run(self, every_s: float) -> None:
-        """Sweeps at the start, when asked, and each `every_s` seconds, until cancelled."""
+        """Sweep at the start, when asked, and each `every_s` seconds, until cancelled."""
         while True:
             try:
                 async with asyncio.timeout(every_s):

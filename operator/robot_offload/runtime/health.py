@@ -25,7 +25,7 @@ class WatchSight:
     behind: dict[str, tuple[str, float]] = field(default_factory=dict)
 
     def delivered(self, manifest: Manifest, *, gone: bool = False) -> None:
-        """The watch has delivered an event."""
+        """Note that the watch has delivered an event."""
         uid = manifest["metadata"]["uid"]
         if gone:
             self.seen.pop(uid, None)
@@ -37,7 +37,7 @@ class WatchSight:
             del self.behind[uid]
 
     def listed(self, manifests: Iterable[Manifest], now_s: float) -> list[Manifest]:
-        """A list has come; returns the objects that the watch has not delivered in this version yet."""
+        """Take a list; return the objects that the watch has not delivered in this version yet."""
         late: list[Manifest] = []
         present = set()
         for manifest in manifests:
@@ -56,12 +56,12 @@ class WatchSight:
         return late
 
     def blind_s(self, now_s: float) -> float:
-        """For how many seconds something has been missing; 0: nothing is."""
+        """Return for how many seconds something has been missing; 0: nothing is."""
         return max((now_s - since_s for _, since_s in self.behind.values()), default=0.0)
 
 
 def _older(seen: str | None, version: str) -> bool:
-    """Whether what was seen is older than a version. Versions are numbers wherever Kubernetes runs."""
+    """Return whether what was seen is older than a version. Versions are numbers wherever Kubernetes runs."""
     if seen is None:
         return True
     try:
@@ -95,7 +95,7 @@ Signs = Callable[[], Iterable[Limit]]
 
 
 def healthy(signs: Iterable[Limit]) -> tuple[bool, dict[str, str]]:
-    """Whether all signs are young enough, and each in words."""
+    """Return whether all signs are young enough, and each in words."""
     found = list(signs)
     told = {
         sign.name: f"{sign.age_s:.1f} s of at most {sign.limit_s:g} s{'' if sign.kept else ': too old'}"

@@ -19,7 +19,7 @@ _log = structlog.get_logger("robot_offload.http")
 async def serving(
     settings: Settings, registry: CollectorRegistry, signs: Signs, reached: Callable[[], bool]
 ) -> AsyncIterator[None]:
-    """Serves both while the block runs.
+    """Serve both while the block runs.
 
     Args:
         settings: with the ports.
@@ -61,6 +61,6 @@ async def serving(
 
 
 def _port(runner: web.AppRunner) -> int:
-    """The port as IPv4 has it: a free one (0) is another one for each family."""
+    """Return the port as IPv4 has it: a free one (0) is another one for each family."""
     addresses = sorted(runner.addresses, key=len)
     return int(addresses[0][1])

@@ -64,12 +64,12 @@ class Leadership:
         return self._clock.steady_s() < self._until_s
 
     def alive(self) -> float:
-        """Notes that the loop lives; returns the steady clock."""
+        """Note that the loop lives; return the steady clock."""
         self.looked_s = self._clock.steady_s()
         return self.looked_s
 
     async def acquire(self) -> None:
-        """Waits until this process is the leader."""
+        """Wait until this process is the leader."""
         told = ""
         while True:
             try:
@@ -86,7 +86,7 @@ class Leadership:
             await asyncio.sleep(self._terms.renew_s / 2)
 
     async def hold(self) -> None:
-        """Renews for ever.
+        """Renew for ever.
 
         Raises:
             NotLeaderError: somebody else has it, or it could not be renewed in time.
@@ -107,7 +107,7 @@ class Leadership:
                 raise NotLeaderError(f"the leader's Lease could not be renewed for {self._terms.give_up_s:g} s")
 
     async def release(self) -> None:
-        """Lets the next one start at once; best effort."""
+        """Let the next one start at once; best effort."""
         if not self.held:
             return
         self._until_s = float("-inf")
@@ -119,12 +119,12 @@ class Leadership:
             _log.info("Could not release the leader's Lease", error=str(error))
 
     def check(self) -> None:
-        """Raises `NotLeaderError` unless this process may write now."""
+        """Raise `NotLeaderError` unless this process may write now."""
         if not self.held:
             raise NotLeaderError("this operator is not the leader")
 
     async def _try(self) -> str:
-        """One attempt to take or renew; returns who holds the Lease."""
+        """Try once to take or renew the Lease; return who holds it."""
         began_s = self.alive()
         lease = await self._api.get(LEASE, self._namespace, LEASE_NAME)
         try:
@@ -182,7 +182,7 @@ class LeadersOnly:
         self.calls: Counter[str] = Counter()
 
     def __call__(self, verb: Verb) -> None:
-        """Notes a request before it is sent.
+        """Note a request before it is sent.
 
         Raises:
             NotLeaderError: it writes, and this process is not the leader.

@@ -18,7 +18,7 @@ _LAST: Final[Mapping[LogFormat, tuple[structlog.typing.Processor, ...]]] = {
 
 
 def set_up(level: str, form: LogFormat = "json") -> None:
-    """Sends everything to the standard error, from `level` on."""
+    """Send everything to the standard error, from `level` on."""
     shared: list[structlog.typing.Processor] = [
         structlog.stdlib.add_logger_name,
         structlog.stdlib.add_log_level,
@@ -50,3 +50,5 @@ def set_up(level: str, form: LogFormat = "json") -> None:
     root.setLevel(level.upper())
     for noisy in ("asyncio", "aiohttp.access", "urllib3", "kubernetes"):
         logging.getLogger(noisy).setLevel("WARNING")
+    # A line for each event of the cluster.
+    logging.getLogger("kopf.objects").setLevel("DEBUG" if level.lower() == "debug" else "WARNING")

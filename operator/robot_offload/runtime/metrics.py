@@ -64,7 +64,7 @@ class Metrics:
         late_s: Callable[[], float],
         leader: Callable[[], bool],
     ) -> None:
-        """Adds what is worked out when somebody asks."""
+        """Add what is worked out when somebody asks."""
         self.registry.register(_State(statuses, calls, queued, late_s, leader))
 
 
@@ -84,7 +84,7 @@ class _State(Collector):
         self._leader = leader
 
     def collect(self) -> Iterable[Metric]:
-        """All of them, from one look at the statuses."""
+        """Yield all of them, from one look at the statuses."""
         requests = CounterMetricFamily(
             "robot_offload_requests",
             "Requests to the API server by verb, without watches and the leader's Lease.",
@@ -122,7 +122,7 @@ class _State(Collector):
 
 
 def _info(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
-    """One series for each object, to join others with and to alert by name."""
+    """Return one series for each object, to join others with and to alert by name."""
     found = InfoMetricFamily(
         "robot_offload", "What is known of each object.", labels=["namespace", "name", "site", "connected", "ready"]
     )
@@ -135,7 +135,7 @@ def _info(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
 
 
 def _builds(statuses: Iterable[Mapping[str, Any]]) -> Metric:
-    """What became of the images that are built; the reasons are words of this operator."""
+    """Return what became of the images that are built; the reasons are words of this operator."""
     found = GaugeMetricFamily(
         "robot_offload_builds",
         "Objects whose images are built in the cluster, by reason of ImageBuilt.",
@@ -149,7 +149,7 @@ def _builds(statuses: Iterable[Mapping[str, Any]]) -> Metric:
 
 
 def _certificates(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
-    """When the certificates of each object end, as in its status."""
+    """Yield when the certificates of each object end, as in its status."""
     found = GaugeMetricFamily(
         "robot_offload_certificate_expiration_timestamp_seconds",
         "When a certificate ends: the cloud's, that of a bundle written now, and the one that the robot dials with.",

@@ -28,7 +28,7 @@ class Queue(Generic[Item]):
         seed: int | None = None,
         waited: Callable[[float], None] = lambda _waited_s: None,
     ) -> None:
-        """`waited` is called with the seconds between due and taken, of each that is taken."""
+        """Begin empty; `waited` is called with the seconds between due and taken, of each that is taken."""
         self._steady_s = steady_s
         self._waited = waited
         self._random = random.Random(seed)
@@ -44,18 +44,18 @@ class Queue(Generic[Item]):
         self._changed = asyncio.Event()
 
     def __len__(self) -> int:
-        """Returns how many are due or being looked at; timers of the future do not count."""
+        """Return how many are due or being looked at; timers of the future do not count."""
         now_s = self._steady_s()
         return len(self._busy) + sum(due_s <= now_s for item, due_s in self._due.items() if item not in self._busy)
 
     @property
     def late_s(self) -> float:
-        """Returns for how many seconds the oldest one has been due; 0: none is."""
+        """Return for how many seconds the oldest one has been due; 0: none is."""
         now_s = self._steady_s()
         return max((now_s - due_s for item, due_s in self._due.items() if item not in self._busy), default=0.0)
 
     def add(self, item: Item, delay_s: float = 0.0, *, urgent: bool = False) -> None:
-        """Plans a pass because something has happened: after `delay_s`, or earlier when that was planned already.
+        """Plan a pass because something has happened: after `delay_s`, or earlier when that was planned already.
 
         Args:
             item: what to look at.
@@ -68,13 +68,13 @@ class Queue(Generic[Item]):
         self._timers.discard(item)
 
     def remind(self, item: Item, delay_s: float) -> None:
-        """Plans a pass although nothing has happened, because time passes: after `delay_s` at the latest."""
+        """Plan a pass although nothing has happened, because time passes: after `delay_s` at the latest."""
         if item not in self._due:
             self._timers.add(item)
         self._plan(item, delay_s)
 
     def postpone(self, item: Item, delay_s: float) -> None:
-        """Moves a reminder further away; what events have planned stays."""
+        """Move a reminder further away; what events have planned stays."""
         if item in self._timers:
             due_s = max(self._due[item], self._steady_s() + delay_s)
             if due_s > self._due[item]:
@@ -82,7 +82,7 @@ class Queue(Generic[Item]):
                 heapq.heappush(self._later, (due_s, next(self._numbers), item))
 
     def retry(self, item: Item, at_least_s: float = 0.0) -> float:
-        """Plans the next attempt after a failure; returns the delay in seconds."""
+        """Plan the next attempt after a failure; return the delay in seconds."""
         failures = self._failures[item] = self._failures.get(item, 0) + 1
         backoff_s = min(LONGEST_BACKOFF_S, FIRST_BACKOFF_S * 2.0 ** min(failures - 1, 16))
         delay_s = max(at_least_s, backoff_s * self._random.uniform(0.75, 1.25))
@@ -90,11 +90,11 @@ class Queue(Generic[Item]):
         return delay_s
 
     def forgive(self, item: Item) -> None:
-        """Notes that a pass went well: the next failure is the first again."""
+        """Note that a pass went well: the next failure is the first again."""
         self._failures.pop(item, None)
 
     async def work(self, look: Callable[[Item], Awaitable[None]]) -> None:
-        """Takes what is due, one after the other, until cancelled. Run several of these for several at once."""
+        """Take what is due, one after the other, until cancelled. Run several of these for several at once."""
         while True:
             item = await self._take()
             try:
@@ -135,7 +135,7 @@ class Queue(Generic[Item]):
                 continue
 
     def _promote(self, now_s: float) -> None:
-        """Moves what has become due from one heap to the other."""
+        """Move what has become due from one heap to the other."""
         while self._later and self._later[0][0] <= now_s:
             due_s, number, item = heapq.heappop(self._later)
             if self._due.get(item) == due_s and item not in self._busy:

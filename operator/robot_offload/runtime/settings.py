@@ -87,7 +87,7 @@ class Settings:
 
 
 def from_environment(environment: Mapping[str, str]) -> Settings:
-    """The settings in an environment.
+    """Return the settings in an environment.
 
     Raises:
         InputError: a variable is missing or has no usable value; all of them are told.
@@ -155,7 +155,7 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
 
 
 def _words(text: str) -> tuple[str, ...]:
-    """The words of a list with commas, each once."""
+    """Return the words of a list with commas, each once."""
     return tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
 
 

@@ -23,7 +23,7 @@ NEXT: Final = (
 
 
 def look(seconds: float) -> GraphSnapshot:
-    """Returns what is seen of the ROS graph of this shell within that time.
+    """Return what is seen of the ROS graph of this shell within that time.
 
     Raises:
         InputError: no interpreter here has rclpy.
@@ -49,7 +49,7 @@ def look(seconds: float) -> GraphSnapshot:
 
 
 def interpreter() -> str:
-    """Returns a Python that can import rclpy: this one, or else the shell's.
+    """Return a Python that can import rclpy: this one, or else the shell's.
 
     Raises:
         InputError: neither can.

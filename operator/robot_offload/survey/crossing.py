@@ -31,7 +31,7 @@ _JUDGED_FROM_HZ: Final = 1.0
 
 
 def add_to(sketch: Sketch, world: World) -> None:
-    """Adds the topics, services, actions and states that cross."""
+    """Add the topics, services, actions and states that cross."""
     nodes = {f"{world.namespace.rstrip('/')}/{it.name}": it for it in sketch.nodes}
     for topic in sorted(world.graph.topics, key=lambda it: it.name):
         if topic.name in _SKIPPED or topic.name.endswith("/transition_event"):
@@ -101,12 +101,12 @@ def _input(topic: TopicSeen, hearers: list[str]) -> Entry:
 
 
 def max_age_ms(rate_hz: float) -> int:
-    """Returns the age of an input at which the cloud is not fit to act: five periods in whole tenths of a second."""
+    """Return the age of an input at which the cloud is not fit to act: five periods in whole tenths of a second."""
     return max(_LEAST_AGE_MS, math.ceil(_PERIODS_OF_AGE * 10 / rate_hz) * 100)
 
 
 def figures(topic: TopicSeen) -> str:
-    """Returns what was measured of a topic, in words."""
+    """Return what was measured of a topic, in words."""
     if not topic.measured:
         return plain(topic.problem) or "not measured"
     quality = next((it for it in topic.publishers if it.durability), None)
@@ -119,7 +119,7 @@ def figures(topic: TopicSeen) -> str:
 
 
 def size_text(size: float) -> str:
-    """Returns bytes for people."""
+    """Return bytes for people."""
     for unit, factor in (("MB", 1e6), ("kB", 1e3)):
         if size >= factor:
             return f"{size / factor:.3g} {unit}"
@@ -127,7 +127,7 @@ def size_text(size: float) -> str:
 
 
 def _rounded(rate_hz: float) -> int:
-    """Returns a rate as its author may have written it, not more than was seen: in steps of 5 Hz, below 10 Hz of 1 Hz.
+    """Return a rate as its author may have written it, not more than was seen: in steps of 5 Hz, below 10 Hz of 1 Hz.
 
     3 % are allowed for the noise of some seconds of listening.
     """

@@ -32,7 +32,7 @@ class Answers:
 
 
 def first(answers: Answers) -> Sketch:
-    """Returns the commented file of these answers.
+    """Return the commented file of these answers.
 
     Raises:
         SpecError: an answer is none that the resource takes; every problem at once.

@@ -24,7 +24,7 @@ _ENTRY: Final = re.compile(r"(?:uses\.)?(\w+)(?:\[(\d+)\])?.*")
 
 
 def fitted(sketch: Sketch) -> Sketch:
-    """Returns the sketch without what the resource refuses (it is changed in place).
+    """Return the sketch without what the resource refuses (it is changed in place).
 
     Raises:
         SurveyError: nothing is left of it.
@@ -65,7 +65,7 @@ def _last_first(finding: Finding) -> tuple[int, ...]:
 
 
 def _remove(sketch: Sketch, finding: Finding) -> None:
-    """Takes away what a finding is about; what is gone already stays gone."""
+    """Take away what a finding is about; what is gone already stays gone."""
     if node := _NODE.fullmatch(finding.path):
         _remove_of_node(sketch, int(node[1]), node[2] or "", finding)
     elif entry := re.match(r"spec\.topics\.toCloud(?:\[(\d+)\])?", finding.path):

@@ -88,7 +88,7 @@ class Looker:
         self.problems: dict[str, str] = {}
 
     def spin(self, until_s: float) -> None:
-        """Listens until a time of the steady clock, to topics that are found meanwhile too."""
+        """Listen until a time of the steady clock, to topics that are found meanwhile too."""
         search_s = 0.0
         while (now_s := time.monotonic()) < until_s:
             if now_s >= search_s:
@@ -101,7 +101,7 @@ class Looker:
                     ear.subscription = None
 
     def listen(self) -> None:
-        """Subscribes to every topic that somebody publishes and whose type this interpreter has."""
+        """Subscribe to every topic that somebody publishes and whose type this interpreter has."""
         for topic, types in self.node.get_topic_names_and_types():
             if topic in OF_ROS or "/_" in topic or topic in self.ears or topic in self.problems:
                 continue
@@ -125,7 +125,7 @@ class Looker:
     # -- the graph ----------------------------------------------------------------------------------------------------
 
     def nodes(self) -> dict[str, dict[str, Any]]:
-        """Returns every node by its full name, with what it offers and calls."""
+        """Return every node by its full name, with what it offers and calls."""
         found: dict[str, dict[str, Any]] = {}
         for name, namespace in self.node.get_node_names_and_namespaces():
             if name == NODE:
@@ -157,7 +157,7 @@ class Looker:
         return found
 
     def topics(self, nodes: dict[str, dict[str, Any]]) -> Iterator[dict[str, Any]]:
-        """Yields every topic with who publishes it, who hears it and what was measured."""
+        """Yield every topic with who publishes it, who hears it and what was measured."""
         for topic, types in self.node.get_topic_names_and_types():
             if "/_" in topic:
                 continue
@@ -182,7 +182,7 @@ class Looker:
     # -- questions to the nodes ---------------------------------------------------------------------------------------
 
     def ask(self, nodes: dict[str, dict[str, Any]]) -> None:
-        """Asks every node for its lifecycle state and its parameters; what does not answer in time stays unknown."""
+        """Ask every node for its lifecycle state and its parameters; what does not answer in time stays unknown."""
         names = list(nodes)
         for start in range(0, len(names), ASKED_AT_ONCE):
             some = [nodes[name] for name in names[start : start + ASKED_AT_ONCE]]
@@ -253,7 +253,7 @@ _VALUES: Final = ("", "bool_value", "integer_value", "double_value", "string_val
 
 
 def _value(value: Any) -> Any:
-    """Returns a parameter's value as JSON has it; None for none, and for bytes, which no parameter file can hold."""
+    """Return a parameter's value as JSON has it; None for none, and for bytes, which no parameter file can hold."""
     field = _VALUES[value.type] if value.type < len(_VALUES) else ""
     found = getattr(value, field) if field else None
     return found if found is None or isinstance(found, (bool, int, float, str)) else list(found)
@@ -263,7 +263,7 @@ def _value(value: Any) -> Any:
 
 
 def processes() -> dict[int, dict[str, Any]]:
-    """Returns the ROS processes of this host, with the processor time that they have used."""
+    """Return the ROS processes of this host, with the processor time that they have used."""
     found = {}
     for folder in Path("/proc").iterdir():
         if not folder.name.isdigit() or int(folder.name) == os.getpid():
@@ -285,7 +285,7 @@ def _speaks_ros(folder: Path, command: list[str]) -> bool:
 
 
 def _in_our_domain(folder: Path) -> bool:
-    """Whether a process is in our ROS domain, by its environment; robots share machines in a laboratory."""
+    """Return whether a process is in our ROS domain, by its environment; robots share machines in a laboratory."""
     variables = (folder / "environ").read_bytes().decode(errors="replace").split("\0")
     found = [it.partition("=")[2] for it in variables if it.startswith("ROS_DOMAIN_ID=")]
     return (found[-1] if found else "") in ((os.environ.get("ROS_DOMAIN_ID") or ""), *_DEFAULT_DOMAIN)
@@ -317,7 +317,7 @@ def _devices(folder: Path) -> Iterator[str]:
 
 
 def _parameter_files(folder: Path, command: list[str]) -> Iterator[tuple[str, str]]:
-    """Yields the parameter files that a process was started with: what they say differs from the nodes' defaults."""
+    """Yield the parameter files that a process was started with: what they say differs from the nodes' defaults."""
     for option, name in itertools.pairwise(command):
         path = (
             folder / "root" / (folder / "cwd" / name).resolve().relative_to("/") if option == "--params-file" else None
@@ -327,7 +327,7 @@ def _parameter_files(folder: Path, command: list[str]) -> Iterator[tuple[str, st
 
 
 def with_load(before: dict[int, dict[str, Any]], after: dict[int, dict[str, Any]], seconds: float) -> list[Any]:
-    """Returns the processes of both looks with the processor time between them, as a share of one core."""
+    """Return the processes of both looks with the processor time between them, as a share of one core."""
     kept = []
     for pid, it in after.items():
         if pid in before and before[pid]["command"] == it["command"]:
@@ -337,7 +337,7 @@ def with_load(before: dict[int, dict[str, Any]], after: dict[int, dict[str, Any]
 
 
 def look(seconds: float) -> dict[str, Any]:
-    """Looks for that long and returns what was seen."""
+    """Look for that long and return what was seen."""
     looker = Looker()
     before, before_s = processes(), time.monotonic()
     looker.spin(before_s + seconds)

@@ -37,18 +37,18 @@ class Owners:
     whole: Mapping[str, str]
 
     def cpu(self, node: str) -> float:
-        """Returns the node's share of its process's use of the processor; 0 where the process is unknown."""
+        """Return the node's share of its process's use of the processor; 0 where the process is unknown."""
         process = self.process.get(node)
         return process.cpu / self.shares[node] if process else 0.0
 
     def memory(self, node: str) -> int:
-        """Returns the node's share of its process's memory, bytes."""
+        """Return the node's share of its process's memory, bytes."""
         process = self.process.get(node)
         return process.memory // self.shares[node] if process else 0
 
 
 def owners(graph: GraphSnapshot) -> Owners:
-    """Returns which process runs which node of a graph."""
+    """Return which process runs which node of a graph."""
     found = {node.name: it for node in graph.nodes if (it := _process_of(node, graph.participant, graph.processes))}
     members: dict[int, list[NodeSeen]] = {}
     for node in graph.nodes:
@@ -62,7 +62,7 @@ def owners(graph: GraphSnapshot) -> Owners:
 
 
 def _parts(process: ProcessSeen, nodes: list[NodeSeen]) -> dict[str, str]:
-    """Returns, for a process of several nodes that is no container of components, whose parts its deeper nodes are.
+    """Return, for a process of several nodes that is no container of components, whose parts its deeper nodes are.
 
     Nav2's costmaps are such nodes: children of controller_server, in its process, and nothing without it.
     """
@@ -74,7 +74,7 @@ def _parts(process: ProcessSeen, nodes: list[NodeSeen]) -> dict[str, str]:
 
 
 def program(process: ProcessSeen) -> str:
-    """Returns the file name of what a process runs: of the script, where an interpreter runs one."""
+    """Return the file name of what a process runs: of the script, where an interpreter runs one."""
     words = [PurePosixPath(word).name for word in process.command]
     if words and words[0].startswith("python") and len(words) > 1:
         return words[1]
@@ -97,7 +97,7 @@ def _process_of(node: NodeSeen, looker: str, processes: Iterable[ProcessSeen]) -
 
 
 def _made_by(process: ProcessSeen, looker: str, participant: str) -> bool:
-    """Whether a participant of Fast DDS on the looker's host has the process's number."""
+    """Return whether a participant of Fast DDS on the looker's host has the process's number."""
     if not participant.startswith(FAST_DDS) or participant[4:8] != looker[4:8]:
         return False
     number = (process.inner_pid or process.pid) & 0xFFFF
@@ -118,7 +118,7 @@ def _last(name: str) -> str:
 
 
 def ros_arguments(process: ProcessSeen) -> tuple[list[str], list[tuple[str, str]]]:
-    """Returns the command before the ROS arguments, and the remappings and parameters as (option, value)."""
+    """Return the command before the ROS arguments, and the remappings and parameters as (option, value)."""
     command = list(process.command)
     if "--ros-args" not in command:
         return command, []

@@ -20,7 +20,7 @@ MOST_NODES: Final = 64
 """As many as a RobotOffload has."""
 NO_LIFECYCLE: Final = (
     "it has no lifecycle: Duplicated it would run on both sides all the time, with placement Cloud it would end with "
-    "the link; --advise weighs the latter"
+    "the link"
 )
 _FULL_NAME: Final = re.compile(r"/.*[^/]")
 _DISTROS: Final = get_args(RobotSide.model_fields["ros_distro"].annotation)
@@ -30,23 +30,19 @@ class SurveyError(RobotOffloadError):
     """The graph was looked at, and nothing can be proposed for it."""
 
 
-def propose(
-    graph: GraphSnapshot, name: str = "", placements: Mapping[str, str] | None = None, folder: str = ""
-) -> Sketch:
-    """Returns what a RobotOffload of this graph could be.
+def propose(graph: GraphSnapshot, name: str = "", folder: str = "") -> Sketch:
+    """Return a proposed RobotOffload: every node with a lifecycle and no reason to stay is duplicated.
 
     Args:
         graph: what was seen.
         name: the robot's name; empty: made from the host's.
-        placements: full name of a node -> Duplicated or Cloud, all others stay on the robot; None: every node that has
-            a lifecycle and no reason to stay is duplicated.
         folder: where the file will lie: programs are named from there, or else by their whole path.
 
     Raises:
         SurveyError: there is no node in the graph.
     """
     graph = _sane(graph)
-    world = _world(graph, placements, folder)
+    world = _world(graph, folder)
     sketch = Sketch(name or _resource_name(graph.host), head=_head(graph))
     sketch.spec = _blocks(world, sketch)
     kept, rest = _chosen(world)
@@ -59,7 +55,7 @@ def propose(
 
 
 def _sane(graph: GraphSnapshot) -> GraphSnapshot:
-    """Returns the graph with each node once, and none whose name is no full name."""
+    """Return the graph with each node once, and none whose name is no full name."""
     nodes: dict[str, NodeSeen] = {}
     for node in graph.nodes:
         if _FULL_NAME.match(node.name):
@@ -67,7 +63,7 @@ def _sane(graph: GraphSnapshot) -> GraphSnapshot:
     return graph.model_copy(update={"nodes": tuple(nodes.values())})
 
 
-def _world(graph: GraphSnapshot, placements: Mapping[str, str] | None, folder: str) -> World:
+def _world(graph: GraphSnapshot, folder: str) -> World:
     owned = owners(graph)
     known = roles(graph, owned)
     nodes = [node for node in graph.nodes if known[node.name].kind is not Kind.OURS]
@@ -78,10 +74,11 @@ def _world(graph: GraphSnapshot, placements: Mapping[str, str] | None, folder: s
             "shell"
         )
     namespace = _namespace(nodes, known)
-    if placements is None:
-        placements = {node.name: "Duplicated" for node in nodes if _leaves(node, known)}
-    inside = {node.name for node in nodes if _space(node.name) == namespace}
-    moved = {it: where for it, where in placements.items() if it in inside and owned.whole.get(it) == it}
+    moved = {
+        node.name: "Duplicated"
+        for node in nodes
+        if _leaves(node, known) and _space(node.name) == namespace and owned.whole.get(node.name) == node.name
+    }
     return World(graph, owned, known, namespace, _one_speaker(graph, owned.whole, moved), folder)
 
 
@@ -90,7 +87,7 @@ def _leaves(node: NodeSeen, known: Mapping[str, Role]) -> bool:
 
 
 def _one_speaker(graph: GraphSnapshot, whole: Mapping[str, str], moved: Mapping[str, str]) -> dict[str, str]:
-    """Of several nodes that would leave and publish one topic that others hear, the busiest topics' owner leaves alone.
+    """Let one node leave of several that publish one topic others hear: the owner of the busiest topics.
 
     An output has one node: nobody could tell otherwise whose messages shall pass.
     """
@@ -109,7 +106,7 @@ def _one_speaker(graph: GraphSnapshot, whole: Mapping[str, str], moved: Mapping[
 
 
 def _namespace(nodes: list[NodeSeen], known: Mapping[str, Role]) -> str:
-    """Returns the namespace of the robot: the one with most of the nodes that can leave, or else with most nodes."""
+    """Return the namespace of the robot: the one with most of the nodes that can leave, or else with most nodes."""
     counted: dict[str, tuple[int, int]] = {}
     for node in nodes:
         free, all_of_it = counted.get(_space(node.name), (0, 0))
@@ -122,7 +119,7 @@ def _space(node: str) -> str:
 
 
 def _chosen(world: World) -> tuple[list[NodeSeen], list[NodeSeen]]:
-    """Returns the nodes of the file and those that it has no room or no word for."""
+    """Return the nodes of the file and those that it has no room or no word for."""
     nodes = [it for it in world.graph.nodes if world.roles[it.name].kind is not Kind.OURS]
     fits = [it for it in nodes if _space(it.name) == world.namespace and world.owned.whole[it.name] == it.name]
     near = world.neighbours()
@@ -195,13 +192,13 @@ def _why_alone(node: NodeSeen) -> str:
 
 
 def plain_words(text: str) -> str:
-    """Returns a reason as it may stand in a comment."""
+    """Return a reason as it may stand in a comment."""
     shown = ascii(text)[1:-1]
     return shown if len(shown) <= 240 else f"{shown[:236]}..."
 
 
 def _times(sketch: Sketch) -> None:
-    """The robot's period is that of the commands; what the cloud's will be nobody has measured yet."""
+    """Propose the robot's period from the commands; the cloud's is not measured yet."""
     rates = [it.value["rate"] for node in sketch.nodes if node.fields.get("core") for it in node.lists["outputs"]
              if "rate" in it.value]  # fmt: skip
     if rates:

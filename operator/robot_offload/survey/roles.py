@@ -60,7 +60,7 @@ class Role:
 
 
 def roles(graph: GraphSnapshot, owned: Owners) -> Mapping[str, Role]:
-    """Returns the role of every node of a graph, by full name."""
+    """Return the role of every node of a graph, by full name."""
     heard: dict[str, set[tuple[str, str]]] = {node.name: set() for node in graph.nodes}
     said: dict[str, set[tuple[str, str]]] = {node.name: set() for node in graph.nodes}
     for topic in graph.topics:

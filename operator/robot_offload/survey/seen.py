@@ -29,19 +29,19 @@ class World:
     folder: str = ""
 
     def publishers(self, topic: TopicSeen) -> list[str]:
-        """Returns the nodes that publish a topic, parts by their whole."""
+        """Return the nodes that publish a topic, parts by their whole."""
         return sorted({self._whole(it.node) for it in topic.publishers if self._counts(it.node)})
 
     def subscribers(self, topic: TopicSeen) -> list[str]:
-        """Returns the nodes that hear a topic, parts by their whole."""
+        """Return the nodes that hear a topic, parts by their whole."""
         return sorted({self._whole(it.node) for it in topic.subscribers if self._counts(it.node)})
 
     def members(self, node: str) -> Iterator[NodeSeen]:
-        """Yields a node and its parts."""
+        """Yield a node and its parts."""
         return (it for it in self.graph.nodes if self._whole(it.name) == node)
 
     def servers(self, kind: str) -> dict[str, list[str]]:
-        """Returns who offers each service (or calls it, for `clients`): name -> nodes, for one field of a node."""
+        """Return who offers each service (or calls it, for `clients`): name -> nodes, for one field of a node."""
         found: dict[str, list[str]] = {}
         for node in self.graph.nodes:
             if self._counts(node.name):
@@ -50,14 +50,14 @@ class World:
         return found
 
     def core(self, node: str) -> bool:
-        """Whether a node that leaves commands what moves the robot."""
+        """Return whether a node that leaves commands what moves the robot."""
         if self.moved.get(node) != "Duplicated":
             return False
         commands = [it for it in self.graph.topics if it.type in COMMANDS and node in self.publishers(it)]
         return any(set(self.subscribers(it)) - set(self.moved) for it in commands)
 
     def neighbours(self) -> set[str]:
-        """Returns the nodes on the robot that share a topic with one that leaves."""
+        """Return the nodes on the robot that share a topic with one that leaves."""
         found: set[str] = set()
         for topic in self.graph.topics:
             ends = {*self.publishers(topic), *self.subscribers(topic)}

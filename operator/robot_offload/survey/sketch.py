@@ -37,7 +37,7 @@ class NodeSketch:
     uses: dict[str, list[Entry]] = field(default_factory=lambda: {"services": [], "actions": []})
 
     def values(self) -> dict[str, Any]:
-        """Returns the node as the resource has it."""
+        """Return the node as the resource has it."""
         lists = {name: [it.value for it in entries] for name, entries in self.lists.items() if entries}
         uses = {name: [it.value for it in entries] for name, entries in self.uses.items() if entries}
         return {"name": self.name, "placement": self.placement, **self.fields, **lists,
@@ -65,7 +65,7 @@ class Sketch:
     left_out: list[str] = field(default_factory=list)
 
     def values(self) -> dict[str, Any]:
-        """Returns the file as plain values."""
+        """Return the file as plain values."""
         spec: dict[str, Any] = {name: it for name, it in self.spec.items() if it and name != "switching"}
         if self.to_cloud:
             spec["topics"] = {"toCloud": [it.value for it in self.to_cloud]}
@@ -79,6 +79,6 @@ class Sketch:
 
 
 def plain(text: str) -> str:
-    """Returns foreign text as it may stand in a comment: one line, ASCII, no longer than a name can be."""
+    """Return foreign text as it may stand in a comment: one line, ASCII, no longer than a name can be."""
     shown = ascii(text)[1:-1].replace("#", "")
     return shown if len(shown) <= 100 else f"{shown[:96]}..."

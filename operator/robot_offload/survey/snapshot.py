@@ -148,7 +148,7 @@ class GraphSnapshot(_Seen):
 
 
 def read(text: str | bytes, source: str) -> GraphSnapshot:
-    """Returns the graph that a JSON text holds.
+    """Return the graph that a JSON text holds.
 
     Args:
         text: what `robot-offload import --snapshot` or the program of `--program` wrote.
@@ -168,5 +168,5 @@ def read(text: str | bytes, source: str) -> GraphSnapshot:
 
 
 def write(graph: GraphSnapshot) -> str:
-    """Returns the graph as JSON."""
+    """Return the graph as JSON."""
     return graph.model_dump_json(indent=1)

@@ -18,7 +18,7 @@ _WORDS: Final = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", 
 
 
 def written(sketch: Sketch) -> str:
-    """Returns the text of the whole file."""
+    """Return the text of the whole file."""
     return "\n".join(line.rstrip() for line in _lines(sketch)) + "\n"
 
 
@@ -96,7 +96,7 @@ def _comment(text: str, indent: str) -> Iterator[str]:
 
 
 def flow(value: Any) -> str:
-    """Returns a value in YAML's flow style."""
+    """Return a value in YAML's flow style."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{flow(key)}: {flow(it)}" for key, it in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -40,31 +40,31 @@ _TRANSPORTS: Final[dict[TransportType, Transport]] = {
 
 
 def of(spec: RobotOffloadSpec) -> Transport:
-    """The transport that a specification asks for."""
+    """Return the transport that a specification asks for."""
     return _TRANSPORTS[spec.transport.type]
 
 
 def agent_ports(offload: RobotOffload) -> tuple[ContainerPort, ...]:
-    """What the cloud's agent listens on for the robot: one port for each address that the robot needs."""
+    """Return what the cloud's agent listens on for the robot: one port for each address that the robot needs."""
     chosen = of(offload.spec)
     wanted = chosen.purposes(offload)
     return tuple(port for port in chosen.traits.agent_ports if port.name in wanted)
 
 
 def discovery_servers(spec: RobotOffloadSpec) -> int:
-    """How many discovery servers run in the cloud."""
+    """Return how many discovery servers run in the cloud."""
     return spec.cloud.discovery_servers if of(spec).traits.by_discovery_servers else 0
 
 
 def needs_certificates(spec: RobotOffloadSpec) -> bool:
-    """Whether something in the cloud proves with a certificate who it is."""
+    """Return whether something in the cloud proves with a certificate who it is."""
     return spec.transport.type in ("Zenoh", "DDSRouter")
 
 
 def observed_endpoints(
     offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
 ) -> tuple[Endpoint, ...]:
-    """Where the robot reaches the cloud, as far as the cluster has said so yet.
+    """Return where the robot reaches the cloud, as far as the cluster has said so yet.
 
     Args:
         offload: whose endpoints are wanted.

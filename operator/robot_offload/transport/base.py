@@ -30,41 +30,41 @@ class Transport:
     traits: ClassVar[Traits] = Traits()
 
     def purposes(self, offload: RobotOffload) -> tuple[Purpose, ...]:
-        """Returns the addresses that the robot needs; the bundle waits for all of them."""
+        """Return the addresses that the robot needs; the bundle waits for all of them."""
         return ()
 
     def services(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Returns the Services of this transport."""
+        """Return the Services of this transport."""
         return discovery.services(parent) if self.traits.by_discovery_servers else ()
 
     def workloads(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Returns what runs in the cloud for this transport, and its configuration."""
+        """Return what runs in the cloud for this transport, and its configuration."""
         return discovery.stateful_sets(parent) if self.traits.by_discovery_servers else ()
 
     def policies(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Returns the network policies of what `workloads` returns, beside those of every transport."""
+        """Return the network policies of what `workloads` returns, beside those of every transport."""
         return ()
 
     def node_environment(self, parent: Parent) -> dict[str, str]:
-        """Returns the environment of nodes and agent in the cloud: how they find each other."""
+        """Return the environment of nodes and agent in the cloud: how they find each other."""
         return discovery.environment(parent.facts) if self.traits.by_discovery_servers else {}
 
     def robot_environment(self, offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
-        """Returns the environment of nodes and agent on the robot; empty: they find each other as they always did."""
+        """Return the environment of nodes and agent on the robot; empty: they find each other as they always did."""
         return {}
 
     def robot_files(
         self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str, state_dir: str
     ) -> Mapping[str, bytes]:
-        """Returns files of the bundle beside those of every transport; it lies in `folder` on the robot."""
+        """Return files of the bundle beside those of every transport; it lies in `folder` on the robot."""
         return {}
 
     def agent_link(self, offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
-        """Returns the endpoints in the block `link` of an agent's configuration."""
+        """Return the endpoints in the block `link` of an agent's configuration."""
         return {session: ["none"] for session in _SESSIONS}
 
     def observed_endpoints(
         self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
     ) -> tuple[Endpoint, ...]:
-        """Returns where the robot reaches the cloud, as far as the cluster has said so yet."""
+        """Return where the robot reaches the cloud, as far as the cluster has said so yet."""
         return ()

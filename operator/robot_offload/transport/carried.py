@@ -18,17 +18,17 @@ _FRAME_TYPE: Final = "std_msgs/msg/UInt8MultiArray"
 
 
 def topics(spec: RobotOffloadSpec) -> tuple[str, ...]:
-    """Returns the names in ROS of all topics that cross, each once."""
+    """Return the names in ROS of all topics that cross, each once."""
     return tuple(dict.fromkeys((*to_cloud(spec), *to_robot(spec))))
 
 
 def to_robot(spec: RobotOffloadSpec) -> dict[str, str]:
-    """Returns the topics that cross towards the robot and their types: those of the cloud's agent, which are known."""
+    """Return the topics that cross towards the robot and their types: those of the cloud's agent, which are known."""
     return dict(_agents(spec, "cloud"))
 
 
 def to_cloud(spec: RobotOffloadSpec) -> tuple[str, ...]:
-    """Returns the topics that cross towards the cloud: those of the robot's agent, inputs, mirrored outputs."""
+    """Return the topics that cross towards the cloud: those of the robot's agent, inputs, mirrored outputs."""
     inputs = [topic.name for topic in spec.topics.to_cloud]
     mirrored = [output.topic for _, output in spec.collected_outputs if output.mirror]
     own = [name for name, _ in _agents(spec, "robot")]
@@ -36,7 +36,7 @@ def to_cloud(spec: RobotOffloadSpec) -> tuple[str, ...]:
 
 
 def _agents(spec: RobotOffloadSpec, side: str) -> Iterator[tuple[str, str]]:
-    """Yields what the agent of a side sends on its link over DDS."""
+    """Yield what the agent of a side sends on its link over DDS."""
     yield _BEATS[side], _BEAT_TYPE
     yield f"/offload/link/{side}/probe", _FRAME_TYPE
     yield f"/offload/link/{side}/report", _FRAME_TYPE

@@ -32,7 +32,7 @@ ROBOT_FILE: Final = "ddsrouter.yaml"
 
 
 def cloud_config(offload: RobotOffload, discovery_hosts: Sequence[str]) -> dict[str, Any]:
-    """Returns the configuration of the router in the cloud."""
+    """Return the configuration of the router in the cloud."""
     servers = [router.address(host, discovery.PORT.number, "udp") for host in discovery_hosts]
     cluster = {
         "name": router.CLUSTER,
@@ -44,7 +44,7 @@ def cloud_config(offload: RobotOffload, discovery_hosts: Sequence[str]) -> dict[
 
 
 def robot_config(offload: RobotOffload) -> dict[str, Any]:
-    """Returns the configuration of the router on the robot."""
+    """Return the configuration of the router on the robot."""
     block = offload.spec.transport.dds_router
     domain = offload.spec.robot.domain_id if block.domain_id is None else block.domain_id
     # Without shared memory: the router may be in a container, or of another version of Fast DDS than the nodes.
@@ -53,7 +53,7 @@ def robot_config(offload: RobotOffload) -> dict[str, Any]:
 
 
 def configuration(offload: RobotOffload, local: Mapping[str, Any], xml: str) -> dict[str, Any]:
-    """Returns the configuration of a router.
+    """Return the configuration of a router.
 
     Args:
         offload: says what crosses.
@@ -111,7 +111,7 @@ _Dumper.add_representer(str, _block)
 
 
 def text(document: Mapping[str, Any]) -> str:
-    """Returns a document as YAML."""
+    """Return a document as YAML."""
     return yaml.dump(dict(document), Dumper=_Dumper, sort_keys=False, width=1000)
 
 
@@ -121,18 +121,18 @@ class DDSRouter(Transport):
     traits: ClassVar[Traits] = Traits()
 
     def purposes(self, offload: RobotOffload) -> tuple[Purpose, ...]:
-        """Returns the tunnel to the cloud's router."""
+        """Return the tunnel to the cloud's router."""
         return ("router",)
 
     def services(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Returns the Service of the tunnel to the router, and those of the discovery servers for the nodes."""
+        """Return the Service of the tunnel to the router, and those of the discovery servers for the nodes."""
         transport = parent.spec.transport
         node_port = transport.expose.node_ports.router if transport.expose.node_ports else None
         exposed = [Exposed(tunnel.PORT, transport.dds_router.port, node_port)]
         return (*super().services(parent), service(parent, _part(parent), exposed))
 
     def workloads(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Returns the discovery servers, and the router as soon as their addresses are known."""
+        """Return the discovery servers, and the router as soon as their addresses are known."""
         servers = super().workloads(parent)
         if not parent.facts.discovery_hosts:
             return servers
@@ -147,7 +147,7 @@ class DDSRouter(Transport):
         )
 
     def policies(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Returns the router's: the robot may come, and it may talk to nodes and discovery servers."""
+        """Return the router's: the robot may come, and it may talk to nodes and discovery servers."""
         incoming, outgoing = rules.dds_both_ways(parent.offload, robot=False)
         servers = rules.going_to(
             selector(parent.offload, "discovery"), rules.port(discovery.PORT.protocol, discovery.PORT.number)
@@ -164,7 +164,7 @@ class DDSRouter(Transport):
     def robot_files(
         self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str, state_dir: str
     ) -> Mapping[str, bytes]:
-        """Returns the configurations of the router and of the tunnel on the robot."""
+        """Return the configurations of the router and of the tunnel on the robot."""
         addresses = [one for one in endpoints if one.purpose == "router"]
         # Without a declared name the address may change; the authority serves this robot alone and is enough.
         named = offload.spec.transport.expose.host is not None
@@ -174,6 +174,6 @@ class DDSRouter(Transport):
     def observed_endpoints(
         self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
     ) -> tuple[Endpoint, ...]:
-        """Returns the addresses of the tunnel; on node ports several, which the robot tries one after the other."""
+        """Return the addresses of the tunnel; on node ports several, which the robot tries one after the other."""
         found = addresses(offload, services, nodes, _name(offload), tunnel.PORT.name)
         return tuple(Endpoint("router", "TCP", host, port) for host, port in found)

@@ -37,7 +37,7 @@ class RouterConfigError(RobotOffloadError):
 
 
 def address(host: str, port: int, transport: str) -> dict[str, Any]:
-    """Returns an address as the router reads it.
+    """Return an address as the router reads it.
 
     Args:
         host: an IP address.
@@ -51,7 +51,7 @@ def address(host: str, port: int, transport: str) -> dict[str, Any]:
 def config(
     local: Mapping[str, Any], profile: str, xml: str, to_cloud: Sequence[str], to_robot: Mapping[str, str]
 ) -> dict[str, Any]:
-    """Returns a whole configuration: one participant for the nodes of this side, one for the other side.
+    """Return a whole configuration: one participant for the nodes of this side, one for the other side.
 
     Args:
         local: the participant for the nodes of this side; its name says which side this is.
@@ -85,23 +85,23 @@ def config(
 
 
 def dds_name(topic: str) -> str:
-    """Returns a topic's name as DDS knows it: `/scan` -> `rt/scan`."""
+    """Return a topic's name as DDS knows it: `/scan` -> `rt/scan`."""
     return f"rt{topic}"
 
 
 def dds_type(interface: str) -> str:
-    """Returns a type's name as DDS knows it: `std_msgs/msg/Header` -> `std_msgs::msg::dds_::Header_`."""
+    """Return a type's name as DDS knows it: `std_msgs/msg/Header` -> `std_msgs::msg::dds_::Header_`."""
     package, kind, name = interface.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
 
 def _one_way(source: str, target: str) -> list[dict[str, Any]]:
-    """Returns routes from one participant to the other; a source without targets forwards nowhere."""
+    """Return routes from one participant to the other; a source without targets forwards nowhere."""
     return [{"src": source, "dst": [target]}, {"src": target}]
 
 
 def problems(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Returns what is wrong with a configuration, one line each."""
+    """Return what is wrong with a configuration, one line each."""
     return tuple(_problems(document))
 
 

@@ -28,7 +28,7 @@ again only then, and what comes later waits for it; Fast DDS's own 3 s kept inpu
 
 
 def profile(*, listening: int = 0, meeting: int = MEETING) -> str:
-    """Returns the XML document.
+    """Return the XML document.
 
     Args:
         listening: the port where this router waits for the other one; 0: it dials, as the robot's does.

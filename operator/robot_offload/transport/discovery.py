@@ -36,13 +36,13 @@ SERVER_LABEL: Final = "robotoffload.dev/discovery-server"
 
 
 def names(offload: RobotOffload) -> tuple[str, ...]:
-    """The names of the servers' objects, by their ids."""
+    """Return the names of the servers' objects, by their ids."""
     servers = range(offload.spec.cloud.discovery_servers)
     return tuple(discovery_child(offload.metadata.name, server) for server in servers)
 
 
 def hosts(offload: RobotOffload, services: Iterable[Manifest]) -> tuple[str, ...]:
-    """The addresses of the servers' Services in the cluster, by the servers' ids; empty: not all are known yet.
+    """Return the addresses of the servers' Services in the cluster, by the servers' ids; empty: not all are known yet.
 
     Args:
         offload: whose servers.
@@ -54,22 +54,22 @@ def hosts(offload: RobotOffload, services: Iterable[Manifest]) -> tuple[str, ...
 
 
 def environment(facts: Facts) -> dict[str, str]:
-    """Environment of a participant that finds others through the servers."""
+    """Return environment of a participant that finds others through the servers."""
     return {"ROS_DISCOVERY_SERVER": ";".join(address(host, PORT.number) for host in facts.discovery_hosts)}
 
 
 def part(server: int, name: str) -> Part:
-    """Returns the part that a server is: each has a pod of its own."""
+    """Return the part that a server is: each has a pod of its own."""
     return Part(name, "discovery", {SERVER_LABEL: str(server)})
 
 
 def services(parent: Parent) -> tuple[Manifest, ...]:
-    """The Services inside the cluster, for the transports that show them to nobody else."""
+    """Return the Services inside the cluster, for the transports that show them to nobody else."""
     return tuple(_service(parent, part(server, name)) for server, name in enumerate(names(parent.offload)))
 
 
 def stateful_sets(parent: Parent) -> tuple[Manifest, ...]:
-    """The servers. They never go to zero."""
+    """Return the servers. They never go to zero."""
     return tuple(_stateful_set(parent, server, name) for server, name in enumerate(names(parent.offload)))
 
 
@@ -113,7 +113,7 @@ def _stateful_set(parent: Parent, server: int, name: str) -> Manifest:
 
 
 def _apart(offload: RobotOffload) -> Manifest:
-    """The servers of one robot on different nodes where there are some, so that they do not fail together."""
+    """Return the servers of one robot on different nodes where there are some, so that they do not fail together."""
     term = {
         "topologyKey": "kubernetes.io/hostname",
         "labelSelector": {"matchLabels": selector(offload, "discovery")},

@@ -25,11 +25,11 @@ class DiscoveryServer(Transport):
     traits: ClassVar[Traits] = Traits(robot_speaks_dds=True)
 
     def purposes(self, offload: RobotOffload) -> tuple[Purpose, ...]:
-        """Returns every server: a participant knows them by their place in the list."""
+        """Return every server: a participant knows them by their place in the list."""
         return tuple("discovery" for _ in range(offload.spec.cloud.discovery_servers))
 
     def services(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Returns the servers' Services, of the declared type; nodes in the cluster use the same ones."""
+        """Return the servers' Services, of the declared type; nodes in the cluster use the same ones."""
         chosen = parent.spec.transport.expose.node_ports
         first = chosen.discovery if chosen else None
         return tuple(
@@ -43,14 +43,14 @@ class DiscoveryServer(Transport):
         )
 
     def robot_environment(self, offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
-        """Returns the servers as the robot reaches them; without shared memory, as in the cloud."""
+        """Return the servers as the robot reaches them; without shared memory, as in the cloud."""
         servers = [endpoint.address for endpoint in endpoints if endpoint.purpose == "discovery"]
         return {"ROS_DISCOVERY_SERVER": ";".join(servers), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
 
     def observed_endpoints(
         self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
     ) -> tuple[Endpoint, ...]:
-        """Returns one address of each server, by id; none before all are known, because places count."""
+        """Return one address of each server, by id; none before all are known, because places count."""
         found = [addresses(offload, services, nodes, name, discovery.PORT.name) for name in discovery.names(offload)]
         if not all(found):
             return ()

@@ -52,11 +52,11 @@ class StaticPeers(Transport):
     traits: ClassVar[Traits] = Traits(by_discovery_servers=False, robot_speaks_dds=True, dds_profile=_PROFILE)
 
     def node_environment(self, parent: Parent) -> dict[str, str]:
-        """Returns the robot's addresses, and those of the cloud itself."""
+        """Return the robot's addresses, and those of the cloud itself."""
         block = parent.spec.transport.static_peers
         return _environment((*block.robot, *block.cloud))
 
     def robot_environment(self, offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
-        """Returns the cloud's addresses; without shared memory, as in the cloud."""
+        """Return the cloud's addresses; without shared memory, as in the cloud."""
         peers = offload.spec.transport.static_peers.cloud
         return {**_environment(peers), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}

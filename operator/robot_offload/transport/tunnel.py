@@ -40,7 +40,7 @@ class Proof:
 
 
 def cloud_end(listen: str, router: str, proof: Proof, robot: str) -> dict[str, Any]:
-    """Returns the file of the cloud's end, which waits for the robot and then goes to the router beside it.
+    """Return the file of the cloud's end, which waits for the robot and then goes to the router beside it.
 
     Args:
         listen: HOST:PORT that the robot reaches.
@@ -55,7 +55,7 @@ def cloud_end(listen: str, router: str, proof: Proof, robot: str) -> dict[str, A
 def robot_end(
     listen: str, connect: Sequence[str], proof: Proof, *, verify_name: bool, realtime: bool = True
 ) -> dict[str, Any]:
-    """Returns the file of the robot's end, which waits for the router beside it and then dials the cloud.
+    """Return the file of the robot's end, which waits for the router beside it and then dials the cloud.
 
     Args:
         listen: HOST:PORT that the router dials.
@@ -75,7 +75,7 @@ def robot_end(
 
 
 def in_the_cloud(robot: str) -> dict[str, Any]:
-    """Returns the file of the cloud's end in its pod."""
+    """Return the file of the cloud's end in its pod."""
     folder = pod.CERTIFICATES_DIR
     return cloud_end(
         address("0.0.0.0", PORT.number),  # noqa: S104 - the pod's only interface; the network policy says who may come
@@ -88,7 +88,7 @@ def in_the_cloud(robot: str) -> dict[str, Any]:
 def on_the_robot(
     endpoints: Sequence[Endpoint], certificates: str, state_dir: str, *, verify_name: bool
 ) -> dict[str, Any]:
-    """Returns the file of the robot's end in the bundle.
+    """Return the file of the robot's end in the bundle.
 
     Args:
         endpoints: where the cloud's end is reached.
@@ -110,7 +110,7 @@ def on_the_robot(
 
 
 def container(facts: Facts, folder: str, mounts: Sequence[Manifest]) -> Manifest:
-    """Returns the container of the cloud's end; `folder` is where it finds its file."""
+    """Return the container of the cloud's end; `folder` is where it finds its file."""
     return pod.container(
         "tunnel",
         facts.images.agent,

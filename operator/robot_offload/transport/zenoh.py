@@ -47,11 +47,11 @@ class Zenoh(Transport):
     )
 
     def purposes(self, offload: RobotOffload) -> tuple[Purpose, ...]:
-        """Pulse and data, and the same again where there is a fallback."""
+        """Return pulse and data, and the same again where there is a fallback."""
         return (*_PRIMARY, *(_FALLBACK if offload.spec.transport.zenoh.fallback else ()))
 
     def services(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Returns the Services of the cloud's agent for the robot, and those of the discovery servers for the nodes."""
+        """Return the Services of the cloud's agent for the robot, and those of the discovery servers for the nodes."""
         block, chosen = parent.spec.transport.zenoh, parent.spec.transport.expose.node_ports
         udp = [
             Exposed(_PULSE, block.pulse_port, chosen.pulse if chosen else None),
@@ -67,7 +67,7 @@ class Zenoh(Transport):
         return (*super().services(parent), *found)
 
     def agent_link(self, offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
-        """Returns where the agent listens, or what it dials."""
+        """Return where the agent listens, or what it dials."""
         fallback = offload.spec.transport.zenoh.fallback
         dialled = {purpose: _dialled(offload, site, purpose) for purpose in (*_PRIMARY, *_FALLBACK)}
         return {
@@ -80,7 +80,7 @@ class Zenoh(Transport):
     def observed_endpoints(
         self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
     ) -> tuple[Endpoint, ...]:
-        """Returns the addresses of both Services."""
+        """Return the addresses of both Services."""
         udp, tcp = (child_name(offload.metadata.name, word) for word in (UDP, TCP))
         return tuple(
             Endpoint(purpose, "TCP" if purpose in _FALLBACK else "UDP", host, port)

@@ -9,14 +9,14 @@ SLICE_S = 0.010
 
 
 def _idle(run: System, fault: Fault) -> Undo:
-    """There is nothing to do: the replicas of one output are silent on both sides."""
+    """Return silence the replicas of one output on both sides: there is nothing to do."""
     named = [name for name in run.scenario.publishers if name in run.robot.nodes and name in run.cloud.nodes]
     name, _ = option(named, fault.pick)
     return raised([run.robot.nodes[name], run.cloud.nodes[name]], "hung", 1)
 
 
 def _stutter(run: System, fault: Fault) -> Undo:
-    """The robot's control is stopped again and again, for a long time."""
+    """Stop the robot's control again and again, for a long time."""
     control, off_s, end_s = run.robot.control, 0.04 + 0.15 * fault.pick, run.world.now + fault.duration_s
 
     def stop() -> None:
@@ -29,14 +29,14 @@ def _stutter(run: System, fault: Fault) -> Undo:
 
 
 def _stand(run: System, fault: Fault) -> Undo:
-    """The cloud's virtual machine is paused and its steady clock with it: nothing there can tell."""
+    """Return pause the cloud's virtual machine with its steady clock: nothing there can notice."""
     host = run.cloud.host
     host.stand(fault.duration_s)
     return nothing
 
 
 def _mute(run: System, fault: Fault) -> Undo:
-    """A node with state says nothing of it: the standby's knowledge grows old."""
+    """Return silence the state of a node: the standby's knowledge grows old."""
     del fault
     return nothing if run.keeping is None else raised(tuple(run.keeping.sides.values()), "silent", 1)
 

@@ -18,7 +18,7 @@ from robot_offload_sim.world.world import Process
 
 
 def _wires(run: System, pick: float) -> tuple[list[Wire], float]:
-    """Some wires: one direction or both, of pulse, data or (mostly) both."""
+    """Return some wires: one direction or both, of pulse, data or (mostly) both."""
     both = [run.link.pulse, run.link.data]
     sessions: list[list[Session]] = [both, both, [run.link.pulse], [run.link.data]]
     chosen, pick = option(sessions, pick)
@@ -44,14 +44,14 @@ def _cut(run: System, fault: Fault) -> Undo:
 
 
 def _clean_cut(run: System, fault: Fault) -> Undo:
-    """Both sessions are cut in both directions at once, and what is under way is lost."""
+    """Cut both sessions in both directions at once; what is under way is lost."""
     del fault
     wires = (run.link.pulse.up, run.link.pulse.down, run.link.data.up, run.link.data.down)
     return raised(wires, "cut_lost", 1)
 
 
 def _starve(run: System, fault: Fault) -> Undo:
-    """One process of the robot gets its processor time in slices."""
+    """Give one process of the robot its processor time in slices."""
     process, pick = option((run.robot.control, run.robot.control, run.robot.collector, run.robot.data), fault.pick)
     off_s = 0.03 + 0.2 * pick**2
     end_s = run.world.now + fault.duration_s
@@ -79,7 +79,7 @@ def _loss(run: System, fault: Fault) -> Undo:
 
 
 def _data_loss(run: System, fault: Fault) -> Undo:
-    """The data session breaks, or nothing of it arrives."""
+    """Return the data session breaks, or nothing of it arrives."""
     session = run.link.data
     session.reopen()
     session.down.cut_lost += 1
@@ -121,7 +121,7 @@ def _stop(run: System, fault: Fault) -> Undo:
 
 
 def _stop_and_kill(run: System, fault: Fault) -> Undo:
-    """One process stands still while another of the same host is killed and comes back."""
+    """Stop one process while another of the same host is killed and comes back."""
     side, pick = option((run.robot.processes, run.cloud.processes), fault.pick)
     stopped, pick = option((side[0], side[0], side[0], *side), pick)  # mostly control
     killed, _ = option([p for p in side if p is not stopped], pick)
@@ -135,7 +135,7 @@ def _named(run: System, name: str) -> Process:
 
 
 def _stall(name: str) -> Callable[[System, Fault], Undo]:
-    """One process stands still for about as long as the time limits are."""
+    """Stop one process for about as long as the time limits are."""
 
     def apply(run: System, fault: Fault) -> Undo:
         _named(run, name).stop_for(fault.duration_s)
@@ -145,7 +145,7 @@ def _stall(name: str) -> Callable[[System, Fault], Undo]:
 
 
 def _end(name: str) -> Callable[[System, Fault], Undo]:
-    """One process is killed and back as fast as the supervisor can."""
+    """Kill one process; it is back as fast as the supervisor can."""
 
     def apply(run: System, fault: Fault) -> Undo:
         _named(run, name).kill(fault.duration_s)
@@ -155,21 +155,21 @@ def _end(name: str) -> Callable[[System, Fault], Undo]:
 
 
 def _outlived_gate(run: System, fault: Fault) -> Undo:
-    """Control and collector stand still together; the collector goes on first, with old gates in its inbox."""
+    """Stop control and collector together; the collector goes on first, with old gates in its inbox."""
     run.robot.collector.stop_for(fault.duration_s)
     run.robot.control.stop_for(fault.duration_s + 0.3)
     return nothing
 
 
 def _robot_hangs(run: System, fault: Fault) -> Undo:
-    """Everything that the user runs on the robot stands still."""
+    """Return everything that the user runs on the robot stands still."""
     for node in run.robot.nodes.values():
         node.stop_for(fault.duration_s)
     return nothing
 
 
 def _late_changeover(run: System, fault: Fault) -> Undo:
-    """The robot's outputs flow just before a preparation's deadline, and the collector notices just behind it."""
+    """Let the robot's outputs flow just before a preparation's deadline; the collector notices just behind it."""
     silent_s = run.scenario.settings.activation_deadline_s + PREPARE_EXTRA_S - fault.at_s - 0.06
     _hush(run, 1)
     run.world.after(silent_s, _hush, run, -1)
@@ -183,13 +183,13 @@ def _hush(run: System, sign: int) -> None:
 
 
 def _brink(run: System, fault: Fault) -> Undo:
-    """The robot's control stands still for almost exactly a lease."""
+    """Stop the robot's control for almost exactly a lease."""
     run.robot.control.stop_for(run.scenario.settings.lease_s - 0.02 * fault.pick)
     return nothing
 
 
 def _change_of_mind(run: System, fault: Fault) -> Undo:
-    """Somebody asks for the robot and at once for the cloud again."""
+    """Return the fault that a person asks for the robot and at once for the cloud again."""
     control = run.robot.control
     control.deliver(control.step, placement.SwitchByHand(Site.ROBOT))
     run.world.after(0.005 * fault.pick, control.deliver, control.step, placement.SwitchByHand(Site.CLOUD))
@@ -197,7 +197,7 @@ def _change_of_mind(run: System, fault: Fault) -> Undo:
 
 
 def _amnesia(run: System, fault: Fault) -> Undo:
-    """A pulse process is killed and back at once, in the middle of losses and repetitions of its beats."""
+    """Kill a pulse process, back at once, in the middle of losses and repetitions of its beats."""
     process, pick = option((run.robot.pulse, run.cloud.pulse), fault.pick)
     wires = (run.link.pulse.up, run.link.pulse.down)
     share = 0.2 + 0.4 * pick
@@ -215,7 +215,7 @@ def _amnesia(run: System, fault: Fault) -> Undo:
 
 
 def _replay(run: System, fault: Fault) -> Undo:
-    """Messages and effects that once left the cloud arrive again, mostly those of earlier epochs."""
+    """Return messages and effects that once left the cloud arrive again, mostly those of earlier epochs."""
     data = run.robot.data
     old = list(run.cloud.data.sent)
     if fault.pick < 0.6:
@@ -229,14 +229,14 @@ def _replay(run: System, fault: Fault) -> Undo:
 
 
 def _late_nodes(run: System, fault: Fault) -> Undo:
-    """The transitions of one side's nodes take about as long as a preparation may."""
+    """Let the transitions of one side's nodes take about as long as a preparation may."""
     side, pick = option((run.robot.nodes, run.robot.nodes, run.cloud.nodes), fault.pick)
     slow_s = run.scenario.settings.activation_deadline_s + PREPARE_EXTRA_S - 0.06 + 0.06 * pick
     return raised([node for node in side.values() if node.spec.duplicated], "slow_s", slow_s)
 
 
 def _late_cloud(run: System, fault: Fault) -> Undo:
-    """The cloud's nodes take their time to wake, within the deadline."""
+    """Let the cloud's nodes take their time to wake, within the deadline."""
     nodes = [node for node in run.cloud.nodes.values() if node.spec.duplicated]
     return raised(nodes, "slow_s", 0.1 + 0.1 * fault.pick)
 
@@ -270,7 +270,7 @@ def _hang(run: System, fault: Fault) -> Undo:
 
 
 def _troubled(run: System, fault: Fault) -> Undo:
-    """The transitions of one side's nodes are slow, refused, or succeed without a reply."""
+    """Make the transitions of one side's nodes slow, refused, or without a reply."""
     side, pick = option((run.robot.nodes, run.cloud.nodes), fault.pick)
     how, pick = option(("slow", "refusing", "mute"), pick)
     nodes = list(side.values())
@@ -321,7 +321,7 @@ def _other_cloud(run: System, fault: Fault) -> Undo:
 
 
 def _bare(run: System, fault: Fault) -> Undo:
-    """The cloud's beats arrive without their content, as those of a foreign heartbeat publisher would."""
+    """Return the cloud's beats arrive without their content, as those of a foreign heartbeat publisher would."""
     del fault
     pulse = run.cloud.pulse
     pulse.bare += 1
@@ -337,7 +337,7 @@ def _babble(run: System, fault: Fault) -> Undo:
 
 
 def _hand(run: System, fault: Fault) -> Undo:
-    """Somebody switches or pins at the worst moment."""
+    """Return the fault that a person switches or pins at the worst moment."""
     site, pick = option((Site.ROBOT, Site.CLOUD), fault.pick)
     until_s = run.robot.host.now_s() + fault.duration_s
     events: tuple[placement.Event, ...] = (

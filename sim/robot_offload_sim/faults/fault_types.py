@@ -43,13 +43,13 @@ class Kind:
 
 
 def option(options: list[T] | tuple[T, ...], pick: float) -> tuple[T, float]:
-    """Returns the option that `pick` falls on, and the rest of the chance."""
+    """Return the option that `pick` falls on, and the rest of the chance."""
     scaled = pick * len(options)
     return options[int(scaled)], scaled - int(scaled)
 
 
 def raised(things: Sequence[Wire] | Sequence[Node] | Sequence[Kept], attribute: str, by: float) -> Undo:
-    """Raises an amount of several things; faults of one kind may overlap, so the undoing takes off just its own."""
+    """Raise an amount of several things; faults of one kind may overlap, so the undoing takes off just its own."""
 
     def add(value: float) -> None:
         for thing in things:
@@ -60,4 +60,4 @@ def raised(things: Sequence[Wire] | Sequence[Node] | Sequence[Kept], attribute: 
 
 
 def nothing() -> None:
-    """For faults that end by themselves."""
+    """Do nothing, for faults that end by themselves."""

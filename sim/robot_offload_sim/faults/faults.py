@@ -75,7 +75,7 @@ Ambushes = dict[str, list[list["Fault"]]]
 
 
 def plan(dice: random.Random, index: int) -> tuple[Fault, ...]:
-    """Returns the faults of one stretch; in some only the link fails, so that the product's main promise is judged."""
+    """Return the faults of one stretch; in some only the link fails, so that the product's main promise is judged."""
     names, weights = list(KINDS), [kind.weight for kind in KINDS.values()]
     per_s = FAULTS_PER_S
     if only_link(index):
@@ -92,12 +92,12 @@ def plan(dice: random.Random, index: int) -> tuple[Fault, ...]:
 
 
 def only_link(index: int) -> bool:
-    """Returns whether in this stretch nothing but the link fails."""
+    """Return whether in this stretch nothing but the link fails."""
     return index % LINK_EVERY == LINK_EVERY - 1
 
 
 def plan_ambushes(dice: random.Random, index: int) -> Ambushes:
-    """Per state the faults that its entering sets off, one or two each time; `at_s` counts from there.
+    """Return per state the faults that its entering sets off, one or two each time; `at_s` counts from there.
 
     Every third stretch (by `index`) lies in wait for one state only, each in turn.
     """
@@ -139,12 +139,12 @@ class Faults:
             run.world.at(fault.at_s, self._start, fault)
 
     def quiet_s(self) -> float:
-        """For how long nothing has been wrong; 0 while something is."""
+        """Return for how long nothing has been wrong; 0 while something is."""
         ended_s = max(self.ended_s, self.run.cut_short_s)
         return 0.0 if self.active else max(0.0, self.run.world.now - ended_s - SETTLE_S)
 
     def entered(self, state: str) -> None:
-        """A machine has entered `state` ("robot ToCloud"): springs an ambush if one waits there and a storm is on."""
+        """Spring an ambush if one waits for a machine that has entered `state` ("robot ToCloud") in a storm."""
         waiting = self.ambushes.get(state)
         now = self.run.world.now
         if waiting and any(start_s <= now < end_s for start_s, end_s in STORMS):

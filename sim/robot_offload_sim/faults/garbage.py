@@ -36,7 +36,7 @@ STRANGE: tuple[Any, ...] = (None, -1, 1.5, [], {"a": None}, "x" * 3000, True)
 
 
 def let_in(link: Link, share: float = SHARE) -> None:
-    """Lets garbage arrive on every wire from now on, beside this share of the messages."""
+    """Let garbage arrive on every wire from now on, beside this share of the messages."""
 
     def beside(make: Make, dice: random.Random, *args: Any) -> Iterator[Arrival]:
         return make(dice, *args) if dice.random() < share else iter(())
@@ -47,7 +47,7 @@ def let_in(link: Link, share: float = SHARE) -> None:
 
 
 def beats_beside(dice: random.Random, sent: Beat | str, sent_true_s: float) -> Iterator[Arrival]:
-    """Yields what arrives beside a beat."""
+    """Yield what arrives beside a beat."""
     beat = sent if isinstance(sent, Beat) else beats.decode(sent)
     later = beats.encode(replace(beat, sent_us=beat.sent_us + FAR, sequence=beat.sequence + FAR))
     _, _, rest = later.partition(" ")
@@ -59,7 +59,7 @@ def beats_beside(dice: random.Random, sent: Beat | str, sent_true_s: float) -> I
 
 
 def data_beside(dice: random.Random, channel: str, header: bytes, payload: Any) -> Iterator[Arrival]:
-    """Yields what arrives beside a message of the data session."""
+    """Yield what arrives beside a message of the data session."""
     if channel == "probe":
         yield channel, header, spoiled_probe(dice, payload)
     elif channel == RELAY:
@@ -73,14 +73,14 @@ def data_beside(dice: random.Random, channel: str, header: bytes, payload: Any) 
 
 
 def spoiled_header(dice: random.Random, good: bytes) -> bytes:
-    """Returns no envelope header of this version."""
+    """Return no envelope header of this version."""
     opened = envelope.decode(good)
     later = envelope.encode(replace(opened, sequence=opened.sequence + FAR))
     return _spoiled(dice, (b"RO2" + later[3:], later[:3] + b"\x80" + later[4:]), later)
 
 
 def spoiled_probe(dice: random.Random, good: bytes) -> bytes:
-    """Returns no probe of this version; that of another one is another agent's."""
+    """Return no probe of this version; that of another one is another agent's."""
     body = json.loads(good)
     types = dict.fromkeys(body.get("t", {}), "another/msg/Type")
     other = body | {"v": probe.VERSION + 1, "d": "another", "h": "another", "t": types}
@@ -90,7 +90,7 @@ def spoiled_probe(dice: random.Random, good: bytes) -> bytes:
 
 
 def spoiled_letter(dice: random.Random, good: bytes) -> bytes:
-    """Returns no frame of a relay of this version; one of another is a relay's that nobody knows."""
+    """Return no frame of a relay of this version; one of another is a relay's that nobody knows."""
     frame = words.decode(good)
     stranger = words.encode(replace(frame, writer="ee" * 16))
     unknown = bytearray(good)
@@ -99,14 +99,14 @@ def spoiled_letter(dice: random.Random, good: bytes) -> bytes:
 
 
 def spoiled_snapshot(dice: random.Random, good: bytes) -> bytes:
-    """Returns no snapshot that is whole."""
+    """Return no snapshot that is whole."""
     at = good.index(snapshots.MAGIC) + len(snapshots.MAGIC)
     other = good[:at] + b"\xff" + good[at + 1 :]
     return _spoiled(dice, (other, good[:-5] + b"\xa5" + good[-4:]), good[: at + 2])
 
 
 def _spoiled(dice: random.Random, shapes: tuple[bytes, ...], good: bytes) -> bytes:
-    """Returns one of these, or what is wrong with any message: a part of it, more than it, or anything."""
+    """Return one of these, or what is wrong with any message: a part of it, more than it, or anything."""
     wrong: tuple[Callable[[], bytes], ...] = (
         lambda: good[: dice.randrange(len(good))], lambda: good + b"\0", lambda: dice.randbytes(len(good)), bytes,
     )  # fmt: skip

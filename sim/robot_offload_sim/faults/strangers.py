@@ -31,7 +31,7 @@ class OtherRobot:
         self._beat()
 
     def leave(self) -> None:
-        """Switches it off."""
+        """Switch it off."""
         self.here = False
 
     def _beat(self) -> None:
@@ -51,7 +51,7 @@ class OtherRobot:
 
 
 def other_cloud(run: System, duration_s: float, pick: float) -> Callable[[], None]:
-    """A second cloud agent (two pods with one name) whose beats reach the robot too; it may even claim to act."""
+    """Return a second cloud agent (two pods with one name) whose beats reach the robot; it may claim to act."""
     host = Host(run.world, "other cloud")
     incarnation = f"{run.world.dice.getrandbits(128):032x}"
     period_s = run.scenario.settings.beat_period_s
@@ -77,7 +77,7 @@ def other_cloud(run: System, duration_s: float, pick: float) -> Callable[[], Non
 
 
 def babble(run: System, duration_s: float) -> Callable[[], None]:
-    """Garbage, beats of foreign deployments, and bare beats in the names of the two sides."""
+    """Return garbage, beats of foreign deployments, and bare beats in the names of the two sides."""
     end_s = run.world.now + duration_s
     foreign = pulse.Pulse("somebody-else", Site.CLOUD, 0.02)
 
@@ -97,6 +97,6 @@ def babble(run: System, duration_s: float) -> Callable[[], None]:
 
 
 def _bare(side: RobotSide | CloudSide) -> Beat:
-    """A beat that says nothing: it proves no round trip and renews nothing."""
+    """Return a beat that says nothing: it proves no round trip and renews nothing."""
     own = Pulse(UID, Site.ROBOT if isinstance(side, RobotSide) else Site.CLOUD, 0.02, side.control.process.incarnation)
     return pulse.compose(own, side.host.now_s(), side.host.wall_us)[1]

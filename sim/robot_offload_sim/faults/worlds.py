@@ -44,20 +44,20 @@ class Kind:
 
 
 def draw(dice: random.Random, *, only_link: bool) -> tuple[str, ...]:
-    """Returns the names of the worlds of a stretch."""
+    """Return the names of the worlds of a stretch."""
     names = [name for name, kind in KINDS.items() if kind.only_link or not only_link]
     return tuple(dice.sample(names, dice.choice(SHARES)))
 
 
 def made(scenario: Scenario, names: tuple[str, ...], dice: random.Random) -> Scenario:
-    """Returns the scenario as these worlds make it."""
+    """Return the scenario as these worlds make it."""
     for name in names:
         scenario = KINDS[name].make(scenario, dice)
     return replace(scenario, worlds=names)
 
 
 def happen(system: System, dice: random.Random) -> None:
-    """Plans what happens in the worlds of a scenario."""
+    """Plan what happens in the worlds of a scenario."""
     for name in system.scenario.worlds:
         KINDS[name].happen(system, dice)
 
@@ -66,7 +66,7 @@ def happen(system: System, dice: random.Random) -> None:
 
 
 def _with_output(scenario: Scenario, spec: NodeSpec, output: OutputSpec, replica: Replica) -> Scenario:
-    """Adds a duplicated node with an output of its own, at the end."""
+    """Add a duplicated node with an output of its own, at the end."""
     replica = replace(replica, output=len(scenario.outputs))
     return replace(
         scenario,
@@ -79,7 +79,7 @@ def _with_output(scenario: Scenario, spec: NodeSpec, output: OutputSpec, replica
 
 
 def _slow(scenario: Scenario, dice: random.Random) -> Scenario:
-    """An output of 0.5 or 0.05 Hz, rated or not, mostly from a timer that is made at activation."""
+    """Return an output of 0.5 or 0.05 Hz, rated or not, mostly from a timer that is made at activation."""
     period_s = dice.choice((2.0, 2.0, 20.0))
     rated = dice.random() < 0.6
     output = OutputSpec("battery", 2.25 * period_s if rated else 0.0, period_s)
@@ -88,12 +88,12 @@ def _slow(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _idle(scenario: Scenario, dice: random.Random) -> Scenario:
-    """An output without a rate that says something now and then, for a while."""
+    """Return an output without a rate that says something now and then, for a while."""
     return _with_output(scenario, NodeSpec("goals"), OutputSpec("goal", 0.0), Replica(None, dice.choice((3.0, 9.0))))
 
 
 def _plain(scenario: Scenario, dice: random.Random) -> Scenario:
-    """One of the nodes, sometimes all of them, has no lifecycle: it runs on both sides."""
+    """Make one of the nodes, sometimes all of them, run on both sides without a lifecycle."""
     names = [node.name for node in scenario.cloud_nodes if node.duplicated]
     chosen = set(names) if dice.random() < 0.3 else {dice.choice(names)}
 
@@ -104,7 +104,7 @@ def _plain(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _hot(scenario: Scenario, dice: random.Random) -> Scenario:
-    """The nodes of rated outputs are Hot on both sides, and their rates are known: a missing message is a loss."""
+    """Make the nodes of rated outputs Hot on both sides, with known rates: a missing message is a loss."""
     names = {i: name for i, name in enumerate(scenario.publishers) if scenario.outputs[i].rated and name}
 
     def hot(nodes: tuple[NodeSpec, ...]) -> tuple[NodeSpec, ...]:
@@ -123,13 +123,13 @@ def _hot(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _latched(scenario: Scenario, dice: random.Random) -> Scenario:
-    """An output whose last value late subscribers hear."""
+    """Return an output whose last value late subscribers hear."""
     output = OutputSpec("plan_shown", 0.0, nodes=("shower",), latched=True)
     return _with_output(scenario, NodeSpec("shower"), output, Replica(None, dice.choice((2.0, 7.0))))
 
 
 def _order(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Nodes are brought up in another order: those that are not CORE may come first."""
+    """Bring nodes up in another order: those that are not CORE may come first."""
     robot, cloud = list(scenario.robot_nodes), list(scenario.cloud_nodes)
     dice.shuffle(robot)
     dice.shuffle(cloud)
@@ -137,7 +137,7 @@ def _order(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _die(system: System, dice: random.Random) -> None:
-    """A node that is not CORE dies for good on one side or on both; sometimes a CORE node of the cloud."""
+    """Kill a node that is not CORE for good on one side or on both; sometimes a CORE node of the cloud."""
     sides = dice.choice(((system.robot,), (system.cloud,), (system.robot, system.cloud)))
     for side in sides:
         system.world.at(dice.uniform(*SOON_S), side.nodes["planner"].kill, FOREVER_S)
@@ -146,7 +146,7 @@ def _die(system: System, dice: random.Random) -> None:
 
 
 def _results(scenario: Scenario, dice: random.Random) -> Scenario:
-    """A node with placement Cloud, whose results pass whoever is in charge."""
+    """Return a node with placement Cloud, whose results pass whoever is in charge."""
     index = len(scenario.outputs)
     output = OutputSpec(
         "detections", 0.3, 0.1, of_cloud=True, nodes=("detector",), max_age_s=dice.choice((0.0, 0.1, 0.2))
@@ -161,14 +161,14 @@ def _results(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _shared(scenario: Scenario, dice: random.Random) -> Scenario:
-    """A topic that the group and others say, with consumers on both sides."""
+    """Return a topic that the group and others say, with consumers on both sides."""
     output = OutputSpec("poses", 0.0, shared=True, nodes=("localizer",))
     scenario = _with_output(scenario, NodeSpec("localizer"), output, Replica(None, dice.choice((0.05, 0.2))))
     return replace(scenario, mirrored=(*scenario.mirrored, len(scenario.outputs) - 1))
 
 
 def _say(system: System, dice: random.Random) -> None:
-    """Others say something on the shared topic of the robot, for ever."""
+    """Publish on the shared topic of the robot as others do, for ever."""
     del dice
     index = next(i for i, output in enumerate(system.scenario.outputs) if output.shared)
     collector, said = system.robot.collector, 0
@@ -188,7 +188,7 @@ def _say(system: System, dice: random.Random) -> None:
 
 
 def _changing(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Settings that a person will ask for while the robot runs."""
+    """Return settings that a person will ask for while the robot runs."""
     settings = scenario.settings
     asked: list[Settings] = []
     while len(asked) < 3:
@@ -225,7 +225,7 @@ def _adopt(system: System, settings: Settings) -> None:
 
 
 def _replaced(system: System, dice: random.Random) -> None:
-    """The cloud's pods are replaced: they say so, end, and return. Some end before the robot has taken over."""
+    """Replace the cloud's pods: they announce it, end, and return. Some end before the robot has taken over."""
     for start_s in (dice.uniform(5.0, 15.0), dice.uniform(20.0, 30.0)):
         end_s = start_s + dice.uniform(0.0, 3.0)
         system.world.at(start_s, system.cloud.control.deliver, _announce, system)
@@ -250,14 +250,14 @@ def _rivalled(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _rival(system: System, dice: random.Random) -> None:
-    """Somebody else publishes the wheels' topic for a while, mostly when all else is quiet."""
+    """Publish the wheels' topic as a stranger for a while, mostly when all else is quiet."""
     start_s = dice.choice((dice.uniform(4.0, 12.0), dice.uniform(20.0, 23.0)))
     system.world.at(start_s, system.rivals.append, "intruder")
     system.world.at(start_s + dice.uniform(2.0, 6.0), system.rivals.clear)
 
 
 def _big(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Messages of which a few fill a socket: the byte limit counts, not the number of datagrams."""
+    """Return messages of which a few fill a socket: the byte limit counts, not the number of datagrams."""
     big = {name: replace(r, size=dice.choice((200, BIG))) for name, r in scenario.replicas.items()}
     cloud = {
         name: replace(r, size=big[name].size if name in big else BIG) for name, r in scenario.cloud_replicas.items()
@@ -266,13 +266,13 @@ def _big(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _states(scenario: Scenario, dice: random.Random) -> Scenario:
-    """The controller has state that the standby is to know."""
+    """Give the controller state that the standby is to know."""
     states: dict[str, StateSpec] = {"controller_1": SnapshotState("controller", max_age_s=0.5, max_size=1024)}
     return replace(scenario, states=states, state_period_s=dice.choice((0.1, 0.25)))
 
 
 def _tear(system: System, dice: random.Random) -> None:
-    """Some snapshots arrive torn, in most stretches."""
+    """Tear some snapshots, in most stretches."""
     assert system.keeping is not None
     for kept in system.keeping.sides.values():
         kept.torn = dice.choice((0.0, 0.05, 0.2))

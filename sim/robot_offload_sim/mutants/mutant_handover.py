@@ -145,7 +145,7 @@ HANDOVER: dict[str, Mutant] = {
     "N15": Mutant(
         "letters written once",
         "calls_on_a_bad_link",
-        (Edit("relay.goals.courier", "AGAIN_S = 0.1", "AGAIN_S = 1e9"),),
+        (Edit("relay.goals.courier", "RESEND_S = 0.1", "RESEND_S = 1e9"),),
     ),
     "N16": Mutant(
         "attempts of an ended token run on",

@@ -651,6 +651,21 @@ MUTANTS: dict[str, Mutant] = {
         "paused_virtual_machine",
         (Edit("link.links", "if known and not stood and half_s", "if known and half_s"),),
     ),
+    "K4": Mutant(
+        "a late copy of a beat is news",
+        "late_copies",
+        (Edit("link.links", "or beat.sent_us > link.sent_us", "or beat.sent_us != link.sent_us"),),
+    ),
+    "K5": Mutant(
+        "a doubled beat counts twice",
+        "late_copies",
+        (Edit("link.links", "or beat.sent_us > link.sent_us", "or beat.sent_us >= link.sent_us"),),
+    ),
+    "K6": Mutant(
+        "what a copy of a beat reports is taken",
+        "late_copies",
+        (Edit("control.robot.switcher", "if not links.is_news(link, beat):", "if False:"),),
+    ),
     "T1": Mutant(
         "no drift margin",
         "slow_clock_in_the_cloud",
@@ -1281,6 +1296,17 @@ MUTANTS: dict[str, Mutant] = {
         "`strict` does not stop the wheels",
         "second_publisher",
         (Edit("control.robot.process", "stops=self.strict and VETOES[reason].forbids", "stops=False"),),
+    ),
+    "V3": Mutant(
+        "a veto that the robot cannot obey never becomes a limit",
+        "second_publisher_unobeyed",
+        (
+            Edit(
+                "control.robot.requests",
+                "overdue = acting and since_s is not None",
+                "overdue = False and since_s is not None",
+            ),
+        ),
     ),
     "X9": Mutant(
         "what was held for a changeover is lost",

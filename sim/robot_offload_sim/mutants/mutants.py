@@ -59,7 +59,7 @@ class Equivalent:
 
 @contextmanager
 def planted(mutant: Mutant | Equivalent | None) -> Iterator[None]:
-    """Plants a mutant (None: none) for the time of the block; raises MutantError when it does not fit."""
+    """Plant a mutant (None: none) for the time of the block; raise MutantError when it does not fit."""
     undo: list[tuple[Any, str, Any]] = []
     try:
         for module_name in dict.fromkeys(edit.module for edit in mutant.edits) if mutant else ():
@@ -73,7 +73,7 @@ def planted(mutant: Mutant | Equivalent | None) -> Iterator[None]:
 
 
 def _edited(module: ModuleType, edits: list[Edit]) -> dict[str, Any]:
-    """Returns what the edited source defines."""
+    """Return what the edited source defines."""
     source = inspect.getsource(module)
     for edit in edits:
         if source.count(edit.old) != 1:
@@ -101,7 +101,7 @@ def _plant(module: ModuleType, defined: dict[str, Any], undo: list[tuple[Any, st
 
 
 def _known(value: Any, module: ModuleType) -> Any:
-    """Returns a constant of the edited source with the module's own enumerations, records and functions in it.
+    """Return a constant of the edited source with the module's own enumerations, records and functions in it.
 
     Else a table would hold twins of them, which the module's code takes for none of its own.
     """
@@ -119,14 +119,14 @@ def _known(value: Any, module: ModuleType) -> Any:
 
 
 def _swap(old: Any, new: Any, undo: list[tuple[Any, str, Any]]) -> None:
-    """Lets the function `old` run the code of `new`."""
+    """Let the function `old` run the code of `new`."""
     if isinstance(old, FunctionType) and isinstance(new, FunctionType) and old.__code__ != new.__code__:
         undo.append((old, "__code__", old.__code__))
         old.__code__ = new.__code__
 
 
 def _set_everywhere(name: str, old: Any, new: Any, undo: list[tuple[Any, str, Any]]) -> None:
-    """Sets a constant in every module that has imported it."""
+    """Set a constant in every module that has imported it."""
     for module in [m for key, m in sys.modules.items() if key.startswith(CORE)]:
         if name in vars(module) and vars(module)[name] == old:
             undo.append((module, name, old))

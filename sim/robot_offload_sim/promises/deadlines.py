@@ -70,7 +70,7 @@ class Deadlines(Promises):
         self.robot_since_s = 0.0
 
     def control_ticked(self) -> None:
-        """Everything that only time can break."""
+        """Judge everything that only time can break."""
         control = self.run.robot.control
         if any(n.state is not State.ACTIVE for n in control.guardian.nodes if not n.spec.duplicated):
             self.alone_s = self.world.now
@@ -166,7 +166,7 @@ class Deadlines(Promises):
                 self.violated("3b", f"output {index} is silent for {silent_s * 1e3:.0f} ms, the driver not inhibited")
 
     def _returned_s(self, index: int) -> float:
-        """Returns when the robot's node of an output was awake again, seen by a read: a transition may take long."""
+        """Return when the robot's node of an output was awake again, seen by a read: a transition may take long."""
         node = self.run.robot.nodes.get(self.run.scenario.publishers[index])
         return -1.0 if node is None else max(node.running_since_s, node.active_s) + READ_PERIOD_S
 

@@ -28,7 +28,7 @@ DRIFT = 4.1e-4
 
 
 def _tokens(permission: Permission, robot: str) -> list[Token]:
-    """Returns the tokens that a permission of a robot's control grants."""
+    """Return the tokens that a permission of a robot's control grants."""
     found = [permission.token(robot)] if permission.granted else []
     return [*found, presence(robot, permission.cloud)] if permission.presence or permission.granted else found
 
@@ -64,16 +64,16 @@ class Observer(Deadlines):
     # -- who is who ---------------------------------------------------------------------------------------------------
 
     def robot_started(self, incarnation: str) -> None:
-        """The robot's control process has started: its tokens outrank those of all earlier lives."""
+        """Note that the robot's control process has started: its tokens outrank those of all earlier lives."""
         self.order[incarnation] = len(self.order)
         self.world.note("robot control started", incarnation[:6])
 
     def cloud_started(self, incarnation: str) -> None:
-        """The cloud's control process has started."""
+        """Note that the cloud's control process has started."""
         self.world.note("cloud control started", incarnation[:6])
 
     def gate_said(self, gate: Gate) -> None:
-        """Control has told the collector whom to pass."""
+        """Note whom control has ordered the collector to pass."""
         self.named_s[gate.current.token] = self.world.now
         if gate.next is not None:
             self.named_s[gate.next.token] = self.world.now
@@ -81,7 +81,7 @@ class Observer(Deadlines):
             self.named_s[gate.presence] = self.world.now
 
     def robot_decided(self, decided: Decided) -> None:
-        """Control has told a decision. Counts changeovers; invariant 3c: no false alarm.
+        """Take a decision of control. Count changeovers; invariant 3c: no false alarm.
 
         3c: no loss is decided for silence of the link while a good beat reached the pulse process within the loss
         timeout (less a hand-over), and none for silence of the pulse process while it sends: a stall of control itself
@@ -198,7 +198,7 @@ class Observer(Deadlines):
             self.violated("1d", f"a cloud message passed {age_s * 1e3:.1f} ms after it had been published there")
 
     def flipped(self, left: Charge | None) -> None:
-        """Notes that the collector has changed over between two messages, away from `left`: a commanded changeover."""
+        """Note that the collector has changed over between two messages, away from `left`: a commanded changeover."""
         self.flip_s = self.world.now
         self.left_stay = None if left is None else (self.order[left.token.robot], left.token.epoch)
 
@@ -221,7 +221,7 @@ class Observer(Deadlines):
             self.violated("4", f"a commanded changeover left a gap of {gap_s * 1e3:.1f} ms on output {index}")
 
     def _died(self, index: int) -> bool:
-        """Returns whether a replica of the node of an output is dead or was within the last second."""
+        """Return whether a replica of the node of an output is dead or was within the last second."""
         name = self.run.scenario.publishers[index]
         replicas = [side.nodes[name] for side in (self.run.robot, self.run.cloud) if name in side.nodes]
         return any(not node.alive or self.world.now - node.running_since_s < 1.0 for node in replicas)
@@ -234,12 +234,12 @@ class Observer(Deadlines):
     # -- what leaves the cloud ----------------------------------------------------------------------------------------
 
     def permitted(self, permission: Permission, robot: str) -> None:
-        """The robot's control process renews a permission."""
+        """Note that the robot's control process renews a permission."""
         for token in _tokens(permission, robot):
             self.permitted_s[token] = self.world.now
 
     def beat_sent(self, beat: Beat) -> None:
-        """Nobody vouches: a grant leaves the robot at most two beats after control has renewed this permission."""
+        """Judge vouching: a grant leaves the robot at most two beats after control has renewed this permission."""
         self.sent.came(self.world.now)
         for token in _tokens(beat.body, beat.incarnation) if isinstance(beat.body, Permission) else ():
             age_s = self.world.now - self.permitted_s.get(token, -1e9)
@@ -249,7 +249,7 @@ class Observer(Deadlines):
                 )
 
     def grant_delivered(self, beat: Beat, sent_true_s: float) -> None:
-        """The cloud's control process gets a robot's beat."""
+        """Note that the cloud's control process gets a robot's beat."""
         body = beat.body
         for token in _tokens(body, beat.incarnation) if isinstance(body, Permission) else ():
             self.heard_grant_s[token] = max(self.heard_grant_s.get(token, -1e9), sent_true_s)
@@ -268,7 +268,7 @@ class Observer(Deadlines):
     # -- detection, outputs, order ------------------------------------------------------------------------------------
 
     def cloud_beat(self, beat: Beat, arrived_s: float) -> None:
-        """A new beat of the cloud reached the robot's pulse process: is it good (protocol section 1)?"""
+        """Judge whether a new beat of the cloud that reached the robot's pulse process is good (protocol section 1)."""
         robot = self.run.robot.control.robot
         report, echo = beat.body, beat.echo
         if (
@@ -303,7 +303,7 @@ class Observer(Deadlines):
             self.violated("7", f"a robot effect of stay {rank} while the cloud may send under epoch {token.epoch}")
 
     def cloud_effect(self, token: Token) -> None:
-        """The collector has admitted an effect of the cloud."""
+        """Note that the collector has admitted an effect of the cloud."""
         self._admit((self.order.get(token.robot, -2), token.epoch), Site.CLOUD)
 
     def _admit(self, rank: tuple[int, int], site: Site) -> None:
@@ -327,4 +327,4 @@ class Observer(Deadlines):
             self.violated("1g", f"{name} reached the cloud's replicas {age_s * 1e3:.1f} ms after it had been published")
 
     def answered(self, key: int, accepted: bool, message: str) -> None:
-        """A switch by hand was answered."""
+        """Note that a switch by hand was answered."""

@@ -24,7 +24,7 @@ OTHERS = "others"
 HANDING = frozenset({Reason.GOALS_PENDING, Reason.DIVERGED, Reason.REPLICA_PARAMETERS_DIFFER})
 """What a change may wait for, and what never ends a stay."""
 RIVAL_S = 3.0
-"""A look at the graph, a report with details, a changeover that waits for nodes alone."""
+"""A look at the graph, a report with details, a changeover or a takeover by the activation deadline."""
 FORGOTTEN_S = 2.0
 """So long after a second publisher has gone control may know of it: a look, a report, an inhibit that is lifted."""
 
@@ -33,7 +33,7 @@ Stay = tuple[int, int]
 
 
 def loosest(settings: tuple[Settings, ...]) -> Settings:
-    """Returns the longest of each limit among the settings that may be asked for: bounds hold through a change."""
+    """Return the longest of each limit among the settings that may be asked for: bounds hold through a change."""
     return replace(
         settings[0],
         lease_s=max(s.lease_s for s in settings),
@@ -54,7 +54,6 @@ class Promises:
         asked = (scenario.settings, *scenario.asked)
         self.settings = loosest(asked)
         self.strictest_loss_s = min(s.loss_timeout_s for s in asked)
-        self.patience_s = max(s.preparing_s - s.activation_deadline_s for s in asked)
         self.order: dict[str, int] = {}
         self.passed_under: dict[Message, Stay] = {}
         self.cloud_heard: tuple[int, Stay, Site | None] = (0, (-1, 0), None)
@@ -64,7 +63,7 @@ class Promises:
         self.result_s: dict[int, float] = {}
 
     def violated(self, invariant: str, text: str) -> NoReturn:
-        """Ends the stretch."""
+        """End the stretch."""
         raise ViolationError(invariant, text, self.world.now)
 
     def heard_in_cloud(self, index: int, payload: Payload) -> None:
@@ -105,8 +104,8 @@ class Promises:
     def check_rival(self, robot: placement.Robot) -> None:
         """Invariant 11: with a second publisher and nothing else wrong the robot acts; with `strict` the wheels stand.
 
-        That is, RIVAL_S after the publisher appeared, and as much later as goals and state have a longer deadline to
-        get ready than nodes.
+        That is, RIVAL_S after the publisher appeared, whatever goals and state wait for. A robot that cannot act does
+        not keep the cloud in charge either.
         """
         now, run = self.world.now, self.run
         if not run.rivals:
@@ -114,25 +113,24 @@ class Promises:
                 self.rival_s, self.rival_gone_s = None, now
             return
         self.rival_s = now if self.rival_s is None else self.rival_s
-        long_s = min(now - self.rival_s, self.quiet_s()) - RIVAL_S
-        if long_s <= 0.0:
+        if min(now - self.rival_s, self.quiet_s()) <= RIVAL_S:
             return
-        if IN_CHARGE[robot.phase] is Site.CLOUD and long_s > self.patience_s:
+        if IN_CHARGE[robot.phase] is Site.CLOUD:
             self.violated("11", "the cloud is in charge in spite of a second publisher")
         if run.scenario.strict and not run.driver.inhibited:
             self.violated("11", "the wheels are free in spite of a second publisher (strict)")
 
     def rivalled(self) -> bool:
-        """Returns whether control may know of a second publisher."""
+        """Return whether control may know of a second publisher."""
         present = bool(self.run.rivals) or self.rival_s is not None  # or gone since the last look
         return present or self.world.now - self.rival_gone_s < FORGOTTEN_S
 
     def stands_for_rival(self) -> bool:
-        """Returns whether the wheels may stand for a second publisher, whoever is in charge."""
+        """Return whether the wheels may stand for a second publisher, whoever is in charge."""
         return self.run.scenario.strict and self.rivalled()
 
     def available(self, statements: tuple[Available, ...]) -> None:
-        """The robot's control states which nodes with placement Cloud have results that arrive."""
+        """Note that the robot's control states which nodes with placement Cloud have results that arrive."""
         for statement in statements:
             self.world.note(statement.node, statement.reason.value if statement.reason else "available")
             if statement.reason is None:

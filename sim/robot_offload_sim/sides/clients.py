@@ -95,7 +95,7 @@ class Clients:
         self.unnamed: dict[tuple[Site, bytes], float] = {}
 
     def start(self) -> None:
-        """Begins to look after the promises."""
+        """Begin to look after the promises."""
         self.world.after(LOOK_S, self._look)
 
     # -- what clients do ----------------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ class Clients:
         return caller
 
     def send(self, action: str) -> ClientGoal:
-        """Sends a goal."""
+        """Send a goal."""
         self.count += 1
         goal = self.goals[self.count] = ClientGoal(self.count, action, self.world.now)
         caller = self._caller("goal", goal.number)
@@ -115,25 +115,25 @@ class Clients:
         return goal
 
     def ask(self, goal: ClientGoal) -> None:
-        """Asks for the result."""
+        """Ask for the result."""
         caller = self._caller("result", goal.number)
         self._to_relay("result_requested", goal.action, caller, goal.number.to_bytes(16, "big"))
 
     def cancel(self, action: str, goal: ClientGoal | None = None, stamp_ns: int = 0) -> None:
-        """Asks to cancel a goal, those up to a time, or all."""
+        """Ask to cancel a goal, those up to a time, or all."""
         goal_id = NO_GOAL if goal is None else goal.number.to_bytes(16, "big")
         caller = self._caller("cancel", goal.number if goal is not None else 0)
         self._to_relay("cancel_requested", action, caller, goal_id, stamp_ns)
 
     def call(self, service: str) -> ClientCall:
-        """Calls a served service."""
+        """Call a served service."""
         self.count += 1
         call = self.calls[self.count] = ClientCall(self.count, service, self.world.now)
         self._to_relay("called", service, self._caller("call", call.number), call.number.to_bytes(8, "big"))
         return call
 
     def use(self, site: Site, service: str) -> ClientCall:
-        """A replica of a side calls a service outside the group."""
+        """Return a replica of a side calls a service outside the group."""
         self.count += 1
         call = self.calls[self.count] = ClientCall(self.count, service, self.world.now)
         relay = self.relay if site is Site.ROBOT else self.cloud_relay
@@ -148,7 +148,7 @@ class Clients:
     # -- what they hear -----------------------------------------------------------------------------------------------
 
     def accepted(self, caller: bytes, accepted: bool, stamp_ns: int) -> None:
-        """A goal was accepted or refused."""
+        """Note that a goal was accepted or refused."""
         goal = self._goal(caller)
         if goal is None:
             return
@@ -165,12 +165,12 @@ class Clients:
             self.world.after(ASK_AGAIN_S, self._ask_again, goal)
 
     def cancelled(self, caller: bytes, code: CancelCode, entries: tuple[GoalEntry, ...]) -> None:
-        """A cancel was answered."""
+        """Note that a cancel was answered."""
         for entry in entries if code is CancelCode.NONE else ():
             self.goals[int.from_bytes(entry.goal_id, "big")].cancel = True
 
     def result(self, caller: bytes, status: GoalStatus, payload: bytes) -> None:
-        """A question for a result was answered."""
+        """Note that a question for a result was answered."""
         goal = self._goal(caller)
         if goal is None:
             return
@@ -185,14 +185,14 @@ class Clients:
         goal.results.append((status, payload))
 
     def _judge_result(self, goal: ClientGoal, site: Site, status: GoalStatus) -> None:
-        """What a standby's copy ended with reaches nobody, but for a success of the side that held before."""
+        """Judge that a standby's result reaches no client, but for a success of the side that held before."""
         holds = site is self._now().site
         before = site is self.holding.site or self.world.now - self.stay_s < SLACK_S
         earlier = status is GoalStatus.SUCCEEDED and site is Site.CLOUD
         self.expect(holds or before or earlier, "9", f"goal {goal.number}: the {site.value}'s end, it does not hold")
 
     def fed(self, payload: bytes) -> None:
-        """Feedback passed."""
+        """Note that feedback passed."""
         goal = self.goals[int.from_bytes(payload[4:20], "big")]
         self.expect(int.from_bytes(payload[20:28], "big") == goal.number, "6b", f"goal {goal.number}: of another goal")
         site = Site.ROBOT if payload[28:29] == b"r" else Site.CLOUD
@@ -208,13 +208,13 @@ class Clients:
         goal.fed.append(passed)
 
     def answered(self, caller: bytes, payload: bytes) -> None:
-        """A call was answered."""
+        """Note that a call was answered."""
         call = self.calls[self.callers[caller][1]]
         self.expect(not call.answers and not call.failures, "7a", f"call {call.number} was answered twice")
         call.answers.append(payload)
 
     def failed(self, caller: bytes, reason: str) -> None:
-        """A call got no server's answer."""
+        """Note that a call got no server's answer."""
         call = self.calls[self.callers[caller][1]]
         self.expect(not call.answers, "7a", f"call {call.number} was answered twice")
         call.failures.append(reason)
@@ -257,7 +257,7 @@ class Clients:
                 self._look_at_copy(site, execution)
 
     def _look_at(self, goal: ClientGoal) -> None:
-        """6c: a copy at the holder, or an offer that is not too old. While the relay is down time stands still."""
+        """Judge 6c: a copy at the holder, or an offer that is not too old. A relay that is down stops the time."""
         spec = self.actions[goal.action]
         held = bool(self.servers[self.holding.site].running(goal.number))
         down = not self.relay.running or self.world.now - self.relay.running_since_s < SLACK_S
@@ -269,7 +269,7 @@ class Clients:
         self.expect(bare_s <= most_s, "6c", f"goal {goal.number} is executed by nobody for {bare_s:.2f} s")
 
     def _look_at_copy(self, site: Site, execution: Execution) -> None:
-        """6d: what runs at the side that does not hold, and is not named, is asked to end within lease + 1 s."""
+        """Judge 6d: what runs at the other side, and is not named, is asked to end within lease + 1 s."""
         relay = self.relay if site is Site.ROBOT else self.cloud_relay
         node = self.servers[site].nodes[self.servers[site].of[execution.action]]
         orders = self.relay.process.orders
@@ -289,7 +289,7 @@ class Clients:
         )
 
     def finish(self, quiet_s: float) -> None:
-        """6a: whoever was accepted long ago, and whose goal could end, has a result; callers have an answer.
+        """Judge 6a: a goal accepted long ago that could end has a result; callers have an answer.
 
         Each changeover begins an execution anew (Resend): one that has just begun may take its time.
         """
@@ -305,10 +305,10 @@ class Clients:
             self.expect(not (old and lost), "7a", f"call {call.number} was executed and never answered")
 
     def expect(self, holds: bool, invariant: str, text: str) -> None:
-        """Raises ViolationError unless a promise holds."""
+        """Raise ViolationError unless a promise holds."""
         if not holds:
             raise ViolationError(invariant, text, self.world.now)
 
     def resends(self, action: str) -> bool:
-        """Returns whether goals of an action may be executed twice."""
+        """Return whether goals of an action may be executed twice."""
         return self.actions[action].on_switch is OnSwitch.RESEND

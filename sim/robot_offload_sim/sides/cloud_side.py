@@ -65,7 +65,7 @@ class CloudSide:
         self.data.post(name, self.data.output, index, message, self.host.system_s())
 
     def start(self) -> None:
-        """Starts everything, the user's nodes first."""
+        """Start everything, the user's nodes first."""
         for process in (*self.nodes.values(), self.data, self.pulse):
             process.start()
         self.around.world.after(self.around.scenario.late_s[1], self.control.start)
@@ -77,7 +77,7 @@ class WatchedControl(CloudControlProcess):
     around: Surroundings
 
     def step(self, event: lease.Event) -> None:
-        """Counts the event, then takes it."""
+        """Count the event, then take it."""
         self.around.coverage.cloud(self.cloud, event, self.ports.now_s())
         known = self.cloud.robot
         super().step(event)
@@ -96,12 +96,12 @@ class CloudControl(Shell):
 
     @property
     def cloud(self) -> lease.Cloud:
-        """Returns the state of the lease machine."""
+        """Return the state of the lease machine."""
         return self.process.cloud
 
     @property
     def guardian(self) -> Guardian:
-        """Returns the state of the guardian."""
+        """Return the state of the guardian."""
         return self.process.guardian
 
     def _made(self, incarnation: str) -> WatchedControl:
@@ -120,7 +120,7 @@ class CloudControl(Shell):
         return process
 
     def boot(self) -> None:
-        """Starts a new incarnation that knows nothing."""
+        """Start a new incarnation that knows nothing."""
         incarnation = f"{self.world.dice.getrandbits(128):032x}"
         self.leaving = ""
         self.process = self._made(incarnation)
@@ -131,17 +131,17 @@ class CloudControl(Shell):
         self.every(LOOK_S, lambda: self.process.guard(plain_nodes_seen(self.nodes)), first_s=0.1)
 
     def take(self, message: object) -> None:
-        """Takes a datagram."""
+        """Take a datagram."""
         if not isinstance(message, Notes):
             self.process.handle(message)
 
     def beat(self, beat: Beat, arrived_s: float, wall_us: int, sent_true_s: float) -> None:
-        """Takes a beat of a robot."""
+        """Take a beat of a robot."""
         self.around.witness.grant_delivered(beat, sent_true_s)
         self.process.arrived(beat, arrived_s, wall_us)
 
     def announce(self, leaving: str) -> None:
-        """Announces the end of these pods to the robot."""
+        """Announce the end of these pods to the robot."""
         self.leaving = leaving
         self._notes()
 
@@ -151,18 +151,18 @@ class CloudControl(Shell):
     # -- ports of the core's process ----------------------------------------------------------------------------------
 
     def carry_out(self, command: Command) -> None:
-        """Calls a node."""
+        """Call a node."""
         call_node(self, self.process.guard, self.nodes, command)
 
     def answer(self, key: int, accepted: bool, message: str) -> None:
-        """Shows the answer to a switch by hand."""
+        """Show the answer to a switch by hand."""
         self.around.witness.answered(key, accepted, message)
 
     def network_status(self, sustained: int) -> None:
-        """Publishes nothing here."""
+        """Publish nothing here."""
 
     def decided(self, reason: Stand, message: str) -> None:
-        """Shows a decision."""
+        """Show a decision."""
         self.world.note("cloud", reason.value, message)
         self.around.entered("cloud " + reason.value)
 
@@ -178,19 +178,19 @@ class CloudPulse(PulseShell):
         self.bare = 0
 
     def boot(self) -> None:
-        """Starts without a report, and has heard nobody."""
+        """Start without a report, and has heard nobody."""
         self.state = pulse.Pulse(UID, Site.CLOUD, self.period_s)
         if self.life > 1:
             self.around.link.pulse.reopen()
         self.once(0.0, self.turn)
 
     def take(self, message: object) -> None:
-        """Takes what control wants said."""
+        """Take what control wants said."""
         if isinstance(message, Speak) and isinstance(message.body, CloudReport):
             self.state = pulse.speak(self.state, message.incarnation, message.body, message.said_s)
 
     def beat(self) -> None:
-        """Sends the next beat."""
+        """Send the next beat."""
         self.state, beat = pulse.compose(self.state, self.host.now_s(), self.host.wall_us)
         self.last = beat
         if self.bare:
@@ -198,7 +198,7 @@ class CloudPulse(PulseShell):
         self.around.link.pulse.down.carry(written(beat), self.world.now)
 
     def hear(self, sent: Beat | str, sent_true_s: float) -> None:
-        """Takes what arrived on the pulse session."""
+        """Take what arrived on the pulse session."""
         beat = read(sent)
         if beat is None:
             return
@@ -235,7 +235,7 @@ class CloudData(DataShell):
         self.datagrams = {"probe", *(f"out/{scenario.outputs[i].name}" for i in scenario.best_effort)}
 
     def boot(self) -> None:
-        """Starts anew: nothing may leave; a new process opens a new session."""
+        """Start anew: nothing may leave; a new process opens a new session."""
         self.process = CloudDataProcess(self.around.scenario.data_plan, self)
         self.since = [Since() for _ in self.around.scenario.outputs]
         if self.life > 1:
@@ -245,18 +245,18 @@ class CloudData(DataShell):
 
     @property
     def token(self) -> Token | None:
-        """Returns the token under which messages may leave; None when none may."""
+        """Return the token under which messages may leave; None when none may."""
         return self.process.egress.egress.token
 
     def output(self, index: int, message: Message, published_s: float) -> None:
-        """Takes what a replica has published, with its publisher's stamp."""
+        """Take what a replica has published, with its publisher's stamp."""
         self.look_who_is_heard()
         self.process.leave(
             index, Payload(Site.CLOUD, message, b"", self.since[index].counts_s(self.host, message.born_s)), published_s
         )
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
-        """Sends over the data session; what leaves is shown."""
+        """Send over the data session; what leaves is shown."""
         session = self.around.link.data
         if isinstance(payload, Payload):
             token = decoded(header).token
@@ -275,17 +275,17 @@ class CloudData(DataShell):
             self.around.link.data.down.carry("effect", b"", egress.token)
 
     def publish_output(self, index: int, payload: Payload) -> None:
-        """Publishes to the consumers in the cloud."""
+        """Publish to the consumers in the cloud."""
         self.around.witness.heard_in_cloud(index, payload)
         if index in self.process.loops:  # we listen on the public topic of a shared output ourselves
             self.post(self.name, self.process.hear_others, index, payload)
 
     def fill(self, index: int, payload: Payload) -> None:
-        """Publishes on the private topic: the replica hears it, and so do we."""
+        """Publish on the private topic: the replica hears it, and so do we."""
         self.around.witness.filled(Site.CLOUD, index, payload)
         self.post(self.name, self.process.leave, index, payload)
 
     def publish_input(self, name: str, payload: Sensed) -> bool:
-        """Publishes to the replicas."""
+        """Publish to the replicas."""
         self.around.witness.input_heard(name, self.world.now - payload.since_s)
         return True

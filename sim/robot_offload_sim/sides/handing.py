@@ -40,7 +40,7 @@ class Handing:
         self.processes = (self.robot, self.cloud)
 
     def start(self) -> None:
-        """Starts the relays and what surrounds them."""
+        """Start the relays and what surrounds them."""
         for process in self.processes:
             process.start()
         for servers in self.servers.values():

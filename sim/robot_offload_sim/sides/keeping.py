@@ -62,7 +62,7 @@ class Kept:
         side.data.damage = self.damage
 
     def make(self, data: DataProcess) -> StateProcess:
-        """Returns the exchange of a data process that has just begun."""
+        """Return the exchange of a data process that has just begun."""
         self.restored_s = float("-inf")
         self.since = Since()
         if isinstance(data, RobotDataProcess):
@@ -73,30 +73,30 @@ class Kept:
         return self.process
 
     def say(self, period_s: float) -> None:
-        """Publishes while the node is Active, again and again."""
+        """Publish while the node is Active, again and again."""
         self.world.after(period_s, self.say, period_s)
         if self.node.state is State.ACTIVE and self.node.running and not self.silent and self.process is not None:
             data = SAID.pack(self.site is Site.ROBOT, self.world.now)
             self.side.data.post("state", self.hear, data, self.world.now, self.side.host.system_s())
 
     def hear(self, data: bytes, made_s: float, published_s: float) -> None:
-        """Lets the data process take what the node published, with its publisher's stamp."""
+        """Let the data process take what the node published, with its publisher's stamp."""
         if self.process is not None:
             self.excused_s[made_s] = self.since.counts_s(self.side.host, made_s) - made_s
             self.process.published(self.name, serialized(data), published_s)
 
     def woke(self) -> None:
-        """Takes what the node was given; notes whether it begins clean."""
+        """Take what the node was given; note whether it begins clean."""
         self.began.append((self.world.now, self.took > 0 and not self.deaf))
 
     def damage(self, payload: bytes) -> bytes:
-        """Returns what arrives of a snapshot: sometimes torn."""
+        """Return what arrives of a snapshot: sometimes torn."""
         if self.world.dice.random() >= self.torn:
             return payload
         return payload[:TORN_BYTE] + b"?" + payload[TORN_BYTE + 1 :]
 
     def restore(self, name: str, payload: bytes) -> bool:
-        """Gives a snapshot to the node; judges what it gets."""
+        """Give a snapshot to the node; judge what it gets."""
         found = snapshots.parse(payload, 1024)
         self.expect(isinstance(found, snapshots.Snapshot), "a torn snapshot is restored")
         assert isinstance(found, snapshots.Snapshot)
@@ -113,20 +113,20 @@ class Kept:
         return True
 
     def has(self, _name: str) -> bool:
-        """Returns whether the node reads what it is given."""
+        """Return whether the node reads what it is given."""
         return not self.deaf
 
     def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
-        """Refuses what is no snapshot: the nodes here have no other state."""
+        """Refuse what is no snapshot: the nodes here have no other state."""
         raise AssertionError(name)
 
     def expect(self, holds: bool, text: str) -> None:
-        """Raises ViolationError unless invariant 8 holds."""
+        """Raise ViolationError unless invariant 8 holds."""
         if not holds:
             raise ViolationError("8", f"{self.site.value}: {text}", self.world.now)
 
     def holder(self) -> Holding:
-        """Reads the collector's memory."""
+        """Read the collector's memory."""
         kept = self.robot.collector.kept
         if kept is None:
             return Holding(Site.ROBOT, 0, Token("", 0, ""))
@@ -151,13 +151,13 @@ class Keeping:
         }
 
     def start(self) -> None:
-        """Lets the nodes publish."""
+        """Let the nodes publish."""
         for kept in self.sides.values():
             kept.say(self.period_s)
 
 
 def serialized(data: bytes) -> bytes:
-    """Returns a snapshot as the middleware serializes its message."""
+    """Return a snapshot as the middleware serializes its message."""
     head = snapshots.HEADER.pack(snapshots.MAGIC, snapshots.FORMAT, 1, len(data), zlib.crc32(data))
     packed = head + data
     cdr = b"\x00\x01\x00\x00" + struct.pack("<3I", 0, 0, len(packed)) + packed

@@ -63,7 +63,7 @@ class Outside:
         self.count = 0
 
     def start(self) -> None:
-        """Starts the server and the watch."""
+        """Start the server and the watch."""
         self.node.start()
         self.servers.start()
         self.world.after(LOOK_S, self._look)
@@ -77,14 +77,14 @@ class Outside:
         return caller
 
     def send(self, site: Site, action: str) -> UsedGoal:
-        """A node of a side sends a goal and asks for its result when it is accepted."""
+        """Return a node of a side sends a goal and asks for its result when it is accepted."""
         self.count += 1
         goal = self.goals[self.count] = UsedGoal(self.count, site, action)
         self._post(goal, "goal_requested", goal_words(goal.number))
         return goal
 
     def cancel(self, goal: UsedGoal) -> None:
-        """Its client cancels a goal."""
+        """Cancel a goal, as its client."""
         self._post(goal, "cancel_requested", goal.number.to_bytes(16, "big"), 0)
 
     def _post(self, goal: UsedGoal, name: str, *words: object) -> None:
@@ -93,14 +93,14 @@ class Outside:
             relay.post("client", relay._then, name, Face.GROUP, goal.action, self._caller(goal), *words)
 
     def accepted(self, caller: bytes, accepted: bool) -> None:
-        """A goal was accepted or refused."""
+        """Note that a goal was accepted or refused."""
         goal = self.callers[caller]
         goal.accepted = accepted
         if accepted:
             self._post(goal, "result_requested", goal.number.to_bytes(16, "big"))
 
     def result(self, caller: bytes, status: GoalStatus) -> None:
-        """A question for a result was answered."""
+        """Note that a question for a result was answered."""
         goal = self.callers[caller]
         if not goal.results:
             goal.results.append(status)
@@ -108,13 +108,13 @@ class Outside:
             raise ViolationError("6a", f"goal {goal.number} outside has two results", self.world.now)
 
     def fed(self, payload: bytes) -> None:
-        """Feedback reached the client."""
+        """Note that feedback reached the client."""
         self.goals[int.from_bytes(payload[4:20], "big")].fed += 1
 
     # -- promises -----------------------------------------------------------------------------------------------------
 
     def offered(self, attempt: bytes | None) -> None:
-        """The robot's relay calls the server: whoever holds then may do so, whoever holds when the call arrives."""
+        """Judge a call of the robot's relay: whoever holds then may do so, or whoever holds when it arrives."""
         if attempt is not None:
             self.holders[attempt] = self.robot.holder()
 
@@ -127,7 +127,7 @@ class Outside:
             )
 
     def _look(self) -> None:
-        """Rule 11: what an earlier stay left running is asked to end in time."""
+        """Judge rule 11: what an earlier stay left running is asked to end in time."""
         self.world.after(LOOK_S, self._look)
         stay = self.robot.holder().stay
         for attempt, execution in self.servers.executions.items():

@@ -43,11 +43,11 @@ class RelayShell(Shell):
         self.beyond: Any = None
 
     def make(self, incarnation: str) -> RelayProcess:
-        """Returns the core's process of this side."""
+        """Return the core's process of this side."""
         raise NotImplementedError
 
     def boot(self) -> None:
-        """Starts a new process."""
+        """Start a new process."""
         self.process = self.make(f"{self.world.dice.getrandbits(128):032x}")
         self.every(GRAPH_S, self._look, first_s=0.05)
         self.once(0.0, self._turn)
@@ -68,7 +68,7 @@ class RelayShell(Shell):
         self.once(max(TURN_LEAST_S, self.process.due_s - self.host.now_s()) + slack_s, self._turn)
 
     def take(self, message: object) -> None:
-        """Takes a datagram of another process."""
+        """Take a datagram of another process."""
         self.process.handle(message)
         self._soon()
 
@@ -81,17 +81,17 @@ class RelayShell(Shell):
         self._soon()
 
     def wall_ns(self) -> int:
-        """Returns the system clock, nanoseconds."""
+        """Return the system clock, nanoseconds."""
         return round(self.host.now_s() * 1e9) + self.host.wall_us * 1000
 
     def warn(self, message: str) -> None:
-        """Keeps a warning for the story."""
+        """Keep a warning for the story."""
         self.world.note(self.name, message)
 
     # -- as a client of servers ---------------------------------------------------------------------------------------
 
     def offer(self, face: Face, action: str, payload: bytes) -> None:
-        """Calls send_goal."""
+        """Call send_goal."""
         if face is Face.PUBLIC:
             self.beyond.offered(goal_id_of(payload))
         self._at(face).offer(
@@ -99,15 +99,15 @@ class RelayShell(Shell):
         )
 
     def cancel(self, face: Face, action: str, goal_id: bytes) -> None:
-        """Calls cancel_goal."""
+        """Call cancel_goal."""
         self._at(face).cancel(self, action, goal_id, partial(self._then, "cancel_answered", face, action, goal_id))
 
     def ask_result(self, face: Face, action: str, goal_id: bytes) -> None:
-        """Calls get_result."""
+        """Call get_result."""
         self._at(face).ask_result(self, action, goal_id, partial(self._then, "result_arrived", face, action, goal_id))
 
     def call(self, face: Face, service: str, key: int, payload: bytes) -> None:
-        """Calls a service of this side's replica, or one outside the group."""
+        """Call a service of this side's replica, or one outside the group."""
         if face is Face.PUBLIC:
             self.outside(service, payload)
             self.world.after(OUTSIDE_S, self.post, "outside", self._then, "call_answered", key, payload)
@@ -115,16 +115,16 @@ class RelayShell(Shell):
             self.servers.call(self, service, payload, partial(self._then, "call_answered", key))
 
     def forget_call(self, key: int) -> None:
-        """Answers that nobody wants are left out by the core."""
+        """Answer that nobody wants are left out by the core."""
 
     def feed(self, action: str, payload: bytes) -> None:
-        """Takes feedback of a server here."""
+        """Take feedback of a server here."""
         self.post("feedback", self._then, "feedback_arrived", Face.GROUP, action, payload)
 
     # -- as a server --------------------------------------------------------------------------------------------------
 
     def answer_goal(self, face: Face, action: str, caller: bytes, accepted: bool, stamp_ns: int) -> None:
-        """Answers a client."""
+        """Answer a client."""
         if face is Face.GROUP:
             self.beyond.accepted(caller, accepted)
         else:
@@ -133,30 +133,30 @@ class RelayShell(Shell):
     def answer_cancel(
         self, face: Face, action: str, caller: bytes, code: CancelCode, goals: Sequence[GoalEntry]
     ) -> None:
-        """Answers a client."""
+        """Answer a client."""
         if face is Face.PUBLIC:
             self.clients.cancelled(caller, code, tuple(goals))
 
     def answer_result(self, face: Face, action: str, caller: bytes, status: GoalStatus, payload: bytes) -> None:
-        """Answers a client."""
+        """Answer a client."""
         if face is Face.GROUP:
             self.beyond.result(caller, status)
         else:
             self.clients.result(caller, status, payload)
 
     def publish_feedback(self, face: Face, action: str, payload: bytes) -> None:
-        """Publishes to the clients."""
+        """Publish to the clients."""
         (self.beyond if face is Face.GROUP else self.clients).fed(payload)
 
     def publish_status(self, face: Face, action: str, goals: Sequence[GoalEntry]) -> None:
-        """Clients here read no status."""
+        """Do nothing: clients here read no status."""
 
     def answer_call(self, face: Face, service: str, caller: bytes, payload: bytes) -> None:
-        """Answers a client."""
+        """Answer a client."""
         self.clients.answered(caller, payload)
 
     def fail_call(self, face: Face, service: str, caller: bytes, reason: str, message: str) -> None:
-        """Gives a client no server's answer."""
+        """Give a client no server's answer."""
         self.clients.failed(caller, reason)
 
 
@@ -174,11 +174,11 @@ class RobotRelayShell(RelayShell):
         return [(Face.PUBLIC, name, text) for _, name, text in self.beyond.servers.seen()]
 
     def make(self, incarnation: str) -> RobotRelay:
-        """Returns the relay, with the journal of the one before."""
+        """Return the relay, with the journal of the one before."""
         return RobotRelay(self.plan, self, incarnation, list(self.journal))
 
     def holder(self) -> Holding:
-        """Reads the collector's memory."""
+        """Read the collector's memory."""
         kept = self.memory()
         if kept is None:
             return Holding(Site.ROBOT, 0, Token("", 0, ""))
@@ -186,12 +186,12 @@ class RobotRelayShell(RelayShell):
         return Holding(Site.ROBOT if fell_back else charge.site, stay, charge.token)
 
     def keep(self, record: bytes) -> bool:
-        """Appends to the journal."""
+        """Append to the journal."""
         self.journal.append(record)
         return True
 
     def compact(self, records: Sequence[bytes]) -> bool:
-        """Replaces the journal."""
+        """Replace the journal."""
         self.journal = list(records)
         return True
 
@@ -202,5 +202,5 @@ class CloudRelayShell(RelayShell):
     process: CloudRelay
 
     def make(self, incarnation: str) -> CloudRelay:
-        """Returns the relay."""
+        """Return the relay."""
         return CloudRelay(self.plan, self, incarnation)

@@ -55,11 +55,11 @@ class CollectorShell(Shell):
 
     @property
     def state(self) -> Collector:
-        """Returns the state of the machine."""
+        """Return the state of the machine."""
         return self.process.state
 
     def boot(self) -> None:
-        """Takes up what an earlier life had kept."""
+        """Take up what an earlier life had kept."""
         self.process = WatchedCollector(self.plan, self, self.kept)
         self.process.around = self.around
         if self.kept is not None:
@@ -70,7 +70,7 @@ class CollectorShell(Shell):
             self.every(LOOK_S, lambda: self.process.rival(0, self.rivals))
 
     def _plan_look(self) -> None:
-        """Plans the look for a message of the cloud that would be missing then."""
+        """Plan the look for a message of the cloud that would be missing then."""
         due_s = self.process.look_due_s()
         if due_s < self.look_s:
             self.look_s = due_s
@@ -90,7 +90,7 @@ class CollectorShell(Shell):
         self.process.report(only_news=True)
 
     def take(self, message: object) -> None:
-        """Takes a datagram."""
+        """Take a datagram."""
         self.process.woke()
         coverage = self.around.coverage
         if isinstance(message, SetGate):
@@ -105,12 +105,12 @@ class CollectorShell(Shell):
             self.around.witness.flipped(before)  # nothing had to be heard: it changed over on being armed
 
     def robot_message(self, index: int, message: Message) -> None:
-        """Takes what the robot's replica has published."""
+        """Take what the robot's replica has published."""
         self.around.coverage.collector(self.process.state, "robot message")
         self.process.offer_robot(index, Payload(Site.ROBOT, message, b"", self.world.now))
 
     def cloud_effect(self, token: Token) -> None:
-        """Takes a request of the cloud: it is admitted from the holder of the token only."""
+        """Take a request of the cloud: it is admitted from the holder of the token only."""
         self.around.coverage.effect(self.process.state, token)
         if gate.admits_effect(self.process.state, token, self.host.now_s()).passes:
             self.around.witness.cloud_effect(token)
@@ -118,7 +118,7 @@ class CollectorShell(Shell):
     # -- ports of the core's process ----------------------------------------------------------------------------------
 
     def publish(self, index: int, payload: Payload) -> None:
-        """Publishes to the consumers; output 0 drives the wheels."""
+        """Publish to the consumers; output 0 drives the wheels."""
         if index == 0:
             self.around.driver.command()
         self.around.witness.passed(index, payload)
@@ -126,28 +126,28 @@ class CollectorShell(Shell):
             self.post(self.name, self.others, index, payload)
 
     def others(self, index: int, payload: Payload) -> None:
-        """Takes a message of the public topic of a shared output, ours and others' alike."""
+        """Take a message of the public topic of a shared output, ours and others' alike."""
         self.process.hear_others(index, payload)
 
     def fill(self, index: int, payload: Payload) -> None:
-        """Publishes on the private topic: the replica hears it, and so do we."""
+        """Publish on the private topic: the replica hears it, and so do we."""
         self.around.witness.filled(Site.ROBOT, index, payload)
         self.post(self.name, self.process.offer_robot, index, payload)
 
     def type_of(self, _index: int) -> str:
-        """Returns the one type that all payloads here have."""
+        """Return the one type that all payloads here have."""
         return TYPE
 
     def topics_of(self, index: int) -> tuple[str, str]:
-        """Returns the topics of an output, for sentences."""
+        """Return the topics of an output, for sentences."""
         name = self.plan.outputs[index].name
         return f"/{name}", f"/robot/{name}"
 
     def save(self, state: Collector) -> None:
-        """Keeps who passes."""
+        """Keep who passes."""
         if state.charge is not None:
             self.kept = (state.charge, state.started_us, state.fell_back, state.stay)
 
     def fell_silent(self) -> None:
-        """Keeps a note for the story."""
+        """Keep a note for the story."""
         self.world.note("collector: control is silent")

@@ -69,7 +69,7 @@ class RobotSide:
         self.collector.post(name, self.collector.robot_message, index, message)
 
     def start(self) -> None:
-        """Starts everything, the user's nodes first."""
+        """Start everything, the user's nodes first."""
         for process in (*self.nodes.values(), self.collector, self.data, self.pulse):
             process.start()
         self.around.world.after(self.around.scenario.late_s[0], self.control.start)
@@ -81,7 +81,7 @@ class WatchedControl(RobotControlProcess):
     watch: Any
 
     def step(self, event: placement.Event) -> None:
-        """Counts the event, then takes it."""
+        """Count the event, then take it."""
         if not isinstance(event, placement.RelayReported | StateReported | placement.WhileReported):
             self.watch(self.robot, event, self.ports.now_s())
         super().step(event)
@@ -103,12 +103,12 @@ class RobotControl(Shell):
 
     @property
     def robot(self) -> placement.Robot:
-        """Returns the state of the placement machine."""
+        """Return the state of the placement machine."""
         return self.process.robot
 
     @property
     def guardian(self) -> Guardian:
-        """Returns the state of the guardian."""
+        """Return the state of the guardian."""
         return self.process.guardian
 
     def _made(self, incarnation: str) -> WatchedControl:
@@ -130,7 +130,7 @@ class RobotControl(Shell):
         return process
 
     def boot(self) -> None:
-        """Starts a new incarnation that knows nothing."""
+        """Start a new incarnation that knows nothing."""
         incarnation = f"{self.world.dice.getrandbits(128):032x}"
         self.process = self._made(incarnation)
         self.blink_s = self.in_force.stall_s
@@ -142,12 +142,12 @@ class RobotControl(Shell):
         self.every(LOOK_S, lambda: self.process.guard(plain_nodes_seen(self.nodes)), first_s=0.1)
 
     def turn(self) -> None:
-        """Takes a turn."""
+        """Take a turn."""
         self.process.turn()
         self.around.witness.control_ticked()
 
     def take(self, message: object) -> None:
-        """Takes a datagram."""
+        """Take a datagram."""
         if isinstance(message, Notes):
             if message.incarnation == self.robot.link.peer:
                 self.process.announce_leaving(message.text, self.host.now_s() + LEAVING_S)
@@ -155,7 +155,7 @@ class RobotControl(Shell):
         self.process.handle(message)
 
     def beat(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None) -> None:
-        """Takes a beat of the cloud; the loss that may follow is noticed to the millisecond."""
+        """Take a beat of the cloud; the loss that may follow is noticed to the millisecond."""
         self.process.arrived(beat, arrived_s, wall_us, sent)
         deadline_s = self.process.next_deadline_s()
         if deadline_s != self.deadline_s and deadline_s < float("inf"):
@@ -171,11 +171,11 @@ class RobotControl(Shell):
             self.around.witness.robot_effect(self.robot)
 
     def step(self, event: placement.Event) -> None:
-        """Takes what a person does."""
+        """Take what a person does."""
         self.process.step(event)
 
     def adopt(self, settings: Settings) -> None:
-        """Takes settings that were changed at run time, and passes the limits on."""
+        """Take settings that were changed at run time, and pass the limits on."""
         self.in_force = settings
         self.process.adopt(settings, self.around.scenario.input_specs)
         self._limits()
@@ -192,12 +192,12 @@ class RobotControl(Shell):
     # -- ports of the core's process ----------------------------------------------------------------------------------
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a datagram; permissions and gates are shown."""
+        """Send a datagram; permissions and gates are shown."""
         self._show(message)
         return super().send(to, message)
 
     def renew(self, to: str, message: object) -> bool:
-        """Sends a level that has not changed; gates are shown."""
+        """Send a level that has not changed; gates are shown."""
         self._show(message)
         return super().renew(to, message)
 
@@ -208,7 +208,7 @@ class RobotControl(Shell):
             self.around.witness.gate_said(message.gate)
 
     def carry_out(self, command: Command) -> None:
-        """Calls a node or the driver."""
+        """Call a node or the driver."""
         if isinstance(command, Inhibit):
             self.around.driver.inhibit(command.inhibit, self, partial(self._inhibited, self.life))
         else:
@@ -219,23 +219,23 @@ class RobotControl(Shell):
             self.process.guard(InhibitAnswered(value))
 
     def answer(self, key: int, accepted: bool, message: str) -> None:
-        """Shows the answer to a switch by hand."""
+        """Show the answer to a switch by hand."""
         self.around.witness.answered(key, accepted, message)
 
     def network_status(self, sustained: int) -> None:
-        """Publishes nothing here."""
+        """Publish nothing here."""
 
     def decided(self, decided: Decided) -> None:
-        """Shows a decision."""
+        """Show a decision."""
         self.process.take_effects()
         self.around.witness.robot_decided(decided)
 
     def effects_changed(self) -> None:
-        """Takes note of who is admitted."""
+        """Take note of who is admitted."""
         self.process.take_effects()
 
     def available(self, statements: tuple[Available, ...]) -> None:
-        """Shows what is stated of the nodes with placement Cloud."""
+        """Show what is stated of the nodes with placement Cloud."""
         self.around.witness.available(statements)
 
 
@@ -250,7 +250,7 @@ class RobotPulse(PulseShell):
         self.told_sent_s = 0.0
 
     def boot(self) -> None:
-        """Starts without a permission, and has heard nobody."""
+        """Start without a permission, and has heard nobody."""
         self.state = pulse.Pulse(UID, Site.ROBOT, self.period_s)
         self.sent, self.told_sent_s = None, 0.0
         if self.life > 1:
@@ -258,14 +258,14 @@ class RobotPulse(PulseShell):
         self.once(0.0, self.turn)
 
     def take(self, message: object) -> None:
-        """Takes what control wants said."""
+        """Take what control wants said."""
         if isinstance(message, Speak):
             self.state = pulse.speak(self.state, message.incarnation, message.body, message.said_s)
         elif isinstance(message, Reopen):
             self.around.link.pulse.reopen()
 
     def beat(self) -> None:
-        """Sends the next beat."""
+        """Send the next beat."""
         now_s = self.host.now_s()
         self.state, beat = pulse.compose(self.state, now_s, self.host.wall_us)
         self.around.witness.beat_sent(beat)
@@ -276,7 +276,7 @@ class RobotPulse(PulseShell):
             self.send("control", self.sent)
 
     def hear(self, sent: Beat | str, _sent_s: float) -> None:
-        """Takes what arrived on the pulse session."""
+        """Take what arrived on the pulse session."""
         beat = read(sent)
         if beat is None:
             return
@@ -305,7 +305,7 @@ class RobotData(DataShell):
         self.since = {spec.name: Since() for spec in around.scenario.inputs}
 
     def boot(self) -> None:
-        """Starts anew; a new process opens a new session."""
+        """Start anew; a new process opens a new session."""
         self.process = RobotDataProcess(self.around.scenario.data_plan, self)
         self.since = {spec.name: Since() for spec in self.around.scenario.inputs}
         if self.life > 1:
@@ -313,19 +313,19 @@ class RobotData(DataShell):
         self.boot_timers()
 
     def input(self, name: str, payload: Sensed, published_s: float) -> None:
-        """Takes a message of an input from the robot's sensors, with its publisher's stamp."""
+        """Take a message of an input from the robot's sensors, with its publisher's stamp."""
         self.look_who_is_heard()
         payload.since_s = self.since[name].counts_s(self.host, payload.since_s)
         self.process.forward(name, payload, published_s=published_s)
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
-        """Sends over the data session."""
+        """Send over the data session."""
         session = self.around.link.data
         session.up.carry(channel, header, payload, datagram=channel == "probe")
         return session.connected
 
     def arrived(self, channel: str, header: bytes, payload: Any) -> None:
-        """Takes a message from the link, or a request of the cloud for an effect."""
+        """Take a message from the link, or a request of the cloud for an effect."""
         if channel == "effect":
             collector = self.peers["collector"]
             assert isinstance(collector, CollectorShell)

@@ -49,19 +49,19 @@ class Shell(Process):
 
     @abstractmethod
     def take(self, message: object) -> None:
-        """Takes a datagram of another process."""
+        """Take a datagram of another process."""
 
     def now_s(self) -> float:
-        """Returns the steady clock of this host."""
+        """Return the steady clock of this host."""
         host = self.host
         return host.offset_s + self.world.now * host.rate
 
     def system_s(self) -> float:
-        """Returns the system clock of this host."""
+        """Return the system clock of this host."""
         return self.host.system_s()
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a datagram to another process of this side."""
+        """Send a datagram to another process of this side."""
         peer = self.peers.get(to)
         if peer is None or not peer.alive:
             return False
@@ -70,7 +70,7 @@ class Shell(Process):
         return True
 
     def renew(self, to: str, message: object) -> bool:
-        """Puts a level that has not changed into the inbox of another process, which reads it when it wakes."""
+        """Put a level that has not changed into the inbox of another process, which reads it when it wakes."""
         peer = self.peers.get(to)
         if peer is None or not peer.alive:
             return False
@@ -79,13 +79,13 @@ class Shell(Process):
         return True
 
     def read_renewed(self) -> None:
-        """Takes the levels that were only repeated: this process has woken, or is about to."""
+        """Take the levels that were only repeated: this process has woken, or is about to."""
         waiting, self.renewed = self.renewed, []
         for sender, message in waiting:
             self.post(sender, self.take, message)
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
-        """Sends an output's message to another process of this side."""
+        """Send an output's message to another process of this side."""
         return self.send(to, Carried(kind, index, header, payload))
 
 
@@ -103,10 +103,10 @@ class PulseShell(Shell):
 
     @abstractmethod
     def beat(self) -> None:
-        """Sends the next beat."""
+        """Send the next beat."""
 
     def turn(self) -> None:
-        """Sends the beat that has not gone out with one of the other side."""
+        """Send the beat that has not gone out with one of the other side."""
         left_s = pulse.wake_s(self.state) - self.host.now_s()
         if left_s <= 0:
             self.beat()
@@ -114,7 +114,7 @@ class PulseShell(Shell):
         self.once(max(0.0, left_s) / self.host.rate + LATE_S * self.world.dice.random(), self.turn)
 
     def answer(self, arrived_s: float) -> None:
-        """Sends the next beat with the one that has just been heard, where it goes with that."""
+        """Send the next beat with the one that has just been heard, where it goes with that."""
         if pulse.joins(self.state, arrived_s):
             self.beat()
 
@@ -134,16 +134,16 @@ class DataShell(Shell):
 
     @property
     def lock(self) -> AbstractContextManager[Any]:
-        """Returns a lock that locks nothing: there is one thread."""
+        """Return a lock that locks nothing: there is one thread."""
         return nullcontext()
 
     def boot_timers(self) -> None:
-        """Plans the first turn; the exchange of state begins anew."""
+        """Plan the first turn; the exchange of state begins anew."""
         self.states = self.exchange(self.process) if self.exchange is not None else None
         self.once(self.world.dice.random() * 0.04, self._turn)
 
     def look_who_is_heard(self) -> None:
-        """Takes the newest beat of the partner."""
+        """Take the newest beat of the partner."""
         pulse_shell = self.peers["pulse"]
         assert isinstance(pulse_shell, PulseShell)
         if pulse_shell.heard is not None:
@@ -160,42 +160,42 @@ class DataShell(Shell):
         self.once(max(0.0, process.due_s - self.host.now_s()) + slack_s, self._turn)
 
     def take(self, message: object) -> None:
-        """Takes a datagram of another process."""
+        """Take a datagram of another process."""
         self.process.woke()
         self.process.handle(message)
         self.look_who_is_heard()
 
     def arrived(self, channel: str, header: bytes, payload: Any) -> None:
-        """Takes a message from the link."""
+        """Take a message from the link."""
         if self.states is not None and channel.startswith(CHANNEL):
             self.states.arrived(channel.removeprefix(CHANNEL), header, self.damage(payload))
         else:
             self.process.arrived(channel, header, payload)
 
     def link_status(self) -> tuple[bool, str]:
-        """Returns the state of the data session."""
+        """Return the state of the data session."""
         return self.around.link.data.connected, "quic"
 
     def reopen(self, _reason: str) -> None:
-        """Opens a new data session."""
+        """Open a new data session."""
         self.around.link.data.reopen()
 
     def types(self) -> dict[str, str]:
-        """Returns the one type that all payloads here have."""
+        """Return the one type that all payloads here have."""
         return {output.name: TYPE for output in self.process.plan.outputs}
 
     def warn(self, message: str) -> None:
-        """Keeps a warning for the story."""
+        """Keep a warning for the story."""
         self.world.note(self.name, message)
 
 
 def written(beat: Beat) -> Beat | str:
-    """Returns what crosses the link for a beat."""
+    """Return what crosses the link for a beat."""
     return beats.encode(beat) if beat.sequence % TEXT_EVERY == 0 else beat
 
 
 def read(sent: Beat | str) -> Beat | None:
-    """Returns what arrived, None for garbage."""
+    """Return what arrived, None for garbage."""
     if isinstance(sent, Beat):
         return sent
     try:
@@ -207,7 +207,7 @@ def read(sent: Beat | str) -> Beat | None:
 def call_node(
     control: Process, guard: Callable[[guardians.Event], None], nodes: dict[str, Node], command: managed_nodes.Command
 ) -> None:
-    """Calls a node's lifecycle service; an answer to an earlier life of control, or after the deadline, is lost."""
+    """Call a node's lifecycle service; an answer to an earlier life of control, or after the deadline, is lost."""
     life, world = control.life, control.world
 
     if isinstance(command, managed_nodes.ChangeState):
@@ -229,5 +229,5 @@ def call_node(
 
 
 def plain_nodes_seen(nodes: dict[str, Node]) -> guardians.Seen:
-    """Returns what a look at the graph finds: nodes without a lifecycle whose process lives."""
+    """Return what a look at the graph finds: nodes without a lifecycle whose process lives."""
     return guardians.Seen(tuple(name for name, node in nodes.items() if not node.spec.lifecycle and node.alive))

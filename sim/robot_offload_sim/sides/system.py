@@ -19,7 +19,7 @@ from robot_offload_sim.world.world import Host, World
 
 
 def size_of(words: tuple[Any, ...]) -> int:
-    """Returns the bytes of a datagram: those of the message that it carries, and 200 for what comes with it."""
+    """Return the bytes of a datagram: those of the message that it carries, and 200 for what comes with it."""
     for word in words:
         payload = word.payload if isinstance(word, Carried) else word
         message = payload.message if isinstance(payload, Payload) else payload
@@ -60,7 +60,7 @@ class System:
         self.cut_short_s = float("-inf")
 
     def start(self) -> None:
-        """Starts both sides, the driver and the sensors."""
+        """Start both sides, the driver and the sensors."""
         self.driver.start()
         self.robot.start()
         self.cloud.start()

@@ -22,7 +22,7 @@ BOTH = (ROBOT, CLOUD)
 
 
 def _stage(*, always: tuple[Site, ...] = (), **changes: Any) -> GoalStage:
-    """Returns a stage on which the controller publishes while it executes a goal; on `always` it never stops."""
+    """Return a stage on which the controller publishes while it executes a goal; on `always` it never stops."""
     stage = GoalStage(outputs=(changes.pop("output", COMMANDS),), **changes)
     for site, side in ((ROBOT, stage.robot), (CLOUD, stage.cloud)):
         if site not in always:

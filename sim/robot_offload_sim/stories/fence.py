@@ -71,7 +71,7 @@ def stranger_in_the_echo() -> None:
 
 
 def old_grants() -> None:
-    """Grants of an earlier epoch that arrive again change nothing (pulse, lease: order of beats, epochs)."""
+    """Grant of an earlier epoch that arrive again change nothing (pulse, lease: order of beats, epochs)."""
     stage = Stage()
     stage.start()
     beats: list[Beat] = []
@@ -186,7 +186,7 @@ def _effects_are_exclusive(stage: Stage, for_s: float) -> None:
 
 
 def _lost_without_a_word(stage: Stage) -> None:
-    """Lets the cloud fall silent on a living link, and the revocation that follows never reach the pulse."""
+    """Let the cloud fall silent on a living link, and the revocation that follows never reach the pulse."""
     decided = stage.seen.robot_decided
 
     def deafen(decision: Decided) -> None:

@@ -17,7 +17,7 @@ STATES = {"controller_1": SnapshotState("controller", max_age_s=0.5, max_size=10
 
 
 def _refused(stage: Stage) -> dict[str, int]:
-    """Returns how much garbage each channel of each side has refused."""
+    """Return how much garbage each channel of each side has refused."""
     assert stage.system.handing is not None
     found: dict[str, int] = {}
     for site, side in ((Site.ROBOT, stage.robot), (Site.CLOUD, stage.cloud)):

@@ -17,7 +17,7 @@ from robot_offload_sim.world.scenario import Replica
 
 
 def _offer(stage: Stage, index: int, sequence: int, *, ahead_s: float = -0.002, token: Token | None = None) -> None:
-    """Offers a message of the cloud to the collector, under the present token unless another one is given."""
+    """Offer a message of the cloud to the collector, under the present token unless another one is given."""
     collector = stage.robot.collector
     charge = collector.state.next or collector.state.charge
     assert charge is not None

@@ -54,26 +54,26 @@ class GoalStage(Stage):
         self.clients = self.handing.clients
 
     def traits(self, side: Site, name: str = FOLLOW) -> Traits:
-        """Returns how a server behaves."""
+        """Return how a server behaves."""
         return self.handing.servers[side].traits[name]
 
     def copies(self, side: Site, goal: ClientGoal) -> list[Execution]:
-        """Returns what a side executes of a goal now."""
+        """Return what a side executes of a goal now."""
         return self.handing.servers[side].running(goal.number)
 
     def began(self, side: Site, goal: ClientGoal) -> int:
-        """Returns how often a side has begun a goal."""
+        """Return how often a side has begun a goal."""
         return sum(1 for e in self.handing.servers[side].began if e.number == goal.number)
 
     def goal(self, action: str = FOLLOW) -> ClientGoal:
-        """A client sends a goal, which begins on the side in charge."""
+        """Return a client sends a goal, which begins on the side in charge."""
         goal = self.clients.send(action)
         self.until(lambda: bool(goal.accepted), 3.0, "the goal is accepted")
         self.until(lambda: bool(self.copies(self.holder, goal)), 3.0, "the goal is executed")
         return goal
 
     def on_robot(self) -> None:
-        """Starts, and waits until all is calm on a robot that is pinned to itself."""
+        """Start, and wait until all is calm on a robot that is pinned to itself."""
         self.start()
         self.robot_acts()
         self.pin(Site.ROBOT)
@@ -81,30 +81,30 @@ class GoalStage(Stage):
 
     @property
     def holder(self) -> Site:
-        """Returns who holds, as the collector's memory says."""
+        """Return who holds, as the collector's memory says."""
         return self.handing.robot.holder().site
 
     def to(self, site: Site, within_s: float = 8.0) -> None:
-        """Switches by hand."""
+        """Switch by hand."""
         self.expect(self.by_hand(site), "the switch is accepted")
         self.until(lambda: self.holder is site, within_s, f"the {site.value} holds")
 
     def lose_cloud(self) -> Any:
-        """Cuts the link; returns what joins it again."""
+        """Cut the link; return what joins it again."""
         join = self.cut()
         self.until(lambda: self.holder is Site.ROBOT, 2.0, "the robot takes over")
         return join
 
     def ends(self, goal: ClientGoal, status: GoalStatus, within_s: float = 5.0) -> None:
-        """Waits until the client has its result."""
+        """Wait until the client has its result."""
         self.until(lambda: bool(goal.results), within_s, f"goal {goal.number} has a result")
         self.expect(goal.results[0][0] is status, f"goal {goal.number} is {goal.results[0][0].name}, not {status.name}")
 
     def let_end(self, action: str = FOLLOW) -> None:
-        """Lets what is executed come to its end on both sides."""
+        """Let what is executed come to its end on both sides."""
         for site in Site:
             self.traits(site, action).takes_s = 0.0
 
     def answered(self, call: ClientCall, within_s: float = 3.0) -> None:  # type: ignore[override]
-        """Waits until a caller has its answer."""
+        """Wait until a caller has its answer."""
         self.until(lambda: bool(call.answers), within_s, f"call {call.number} is answered")

@@ -25,7 +25,7 @@ EVERY = 6
 
 
 def drawn(dice: random.Random) -> Scenario:
-    """Returns a scenario of the storms in which services and actions are served."""
+    """Return a scenario of the storms in which services and actions are served."""
     scenario = scenarios.draw(dice)
     return replace(
         scenario,
@@ -36,7 +36,7 @@ def drawn(dice: random.Random) -> Scenario:
 
 
 def drawn_with_state(dice: random.Random) -> Scenario:
-    """Returns such a scenario in which the controller has state as well."""
+    """Return such a scenario in which the controller has state as well."""
     return replace(drawn(dice), states={"controller_1": SnapshotState("controller", max_age_s=0.5, max_size=1024)})
 
 
@@ -97,12 +97,12 @@ class Demands:
 
 
 def with_goals(index: int) -> bool:
-    """Returns whether a stretch of the storms has goals and calls."""
+    """Return whether a stretch of the storms has goals and calls."""
     return index % EVERY == EVERY - 3
 
 
 def live(seed: int, index: int, *, state: bool = False) -> Outcome:
-    """Lives one stretch, with `state` always; the end of each goal and call is judged too."""
+    """Live one stretch, with `state` always; the end of each goal and call is judged too."""
     chunk = Chunk(seed, index, drawn_with_state if state else drawn)
     handing = chunk.system.handing
     assert handing is not None

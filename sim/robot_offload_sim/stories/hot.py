@@ -38,7 +38,7 @@ def _stage(cloud_s: float = PERIOD_S, **changes: Any) -> Stage:
 
 
 def _every(period_s: float) -> dict[str, Any]:
-    """Returns what makes both replicas speak at a rate."""
+    """Return what makes both replicas speak at a rate."""
     return {"outputs": (replace(COMMANDS, period_s=period_s),), "replicas": {"controller": Replica(0, period_s)}}
 
 
@@ -50,7 +50,7 @@ def _learned(stage: Stage) -> Stage:
 
 
 def _gap(stage: Stage, from_s: float) -> float:
-    """Returns the silence at the consumer between its last message of the cloud and the next of the robot."""
+    """Return the silence at the consumer between its last message of the cloud and the next of the robot."""
     at_s = stage.first_message(from_s, Site.ROBOT)
     assert at_s is not None
     return at_s - max(m.at_s for m in stage.seen.messages if m.site is Site.CLOUD and m.at_s < at_s)
@@ -95,7 +95,7 @@ def both_silent_prove_nothing() -> None:
 
 
 def _pause_of_the_cloud(stage: Stage, for_s: float) -> None:
-    """Lets the data wire keep everything back for a while."""
+    """Let the data wire keep everything back for a while."""
     wire, heard = stage.link.data.down, len(stage.seen.messages)
     stage.until(lambda: len(stage.seen.messages) > heard, 0.1, "a message just came")
     wire.cut_held += 1
@@ -120,19 +120,19 @@ def late_message_after_a_takeover() -> None:
     known = stage.robot.collector.state.outputs[0].late
     stage.expect(known.floor_s > 0.03, f"the margin has a floor, {known.floor_s * 1e3:.0f} ms")
     _forget_mistakes(stage)
-    stage.run(lateness.WINDOW_S)
+    stage.run(lateness.LATENESS_WINDOW_S)
     _pause_of_the_cloud(stage, 0.085)
     stage.always(lambda: stage.phase is Phase.CLOUD, 0.1, "as late a message is waited for, minutes later too")
 
 
 def _forget_mistakes(stage: Stage) -> None:
-    """Takes back what control has learned from its mistakes, as if an hour had passed."""
+    """Take back what control has learned from its mistakes, as if an hour had passed."""
     control = stage.robot.control.process
     control.robot = replace(control.robot, early=replace(control.robot.early, floors=()))
 
 
 def _lose(stage: Stage, for_s: float) -> None:
-    """Lets everything get lost that the cloud says within a time, from just after a message on."""
+    """Let everything get lost that the cloud says within a time, from just after a message on."""
     wire, heard = stage.link.data.down, len(stage.seen.messages)
     stage.until(lambda: len(stage.seen.messages) > heard, 0.1, "a message just came")
     wire.losses.append(1.0)
@@ -159,12 +159,12 @@ def mistake_teaches_whoever_hears_nothing_more() -> None:
         replace(floor, until_s=floor.until_s - fast_takeover.FLOOR_S) for floor in stage.machine.early.floors
     )
     stage.robot.control.process.robot = replace(stage.machine, early=replace(stage.machine.early, floors=floors))
-    stage.run(lateness.WINDOW_S)
+    stage.run(lateness.LATENESS_WINDOW_S)
     _mistake(stage)
 
 
 def _mistake(stage: Stage) -> None:
-    """Lets a message get lost, and all that the cloud says after the robot took it for the cloud's end."""
+    """Let a message get lost, and all that the cloud says after the robot took it for the cloud's end."""
     _lose(stage, PERIOD_S)
     stage.until(lambda: stage.site is Site.ROBOT, 0.1, "taken for lost")
     wire = stage.link.data.down
@@ -297,7 +297,7 @@ def hour_on_a_lossy_link(
     cloud_s: float = PERIOD_S, *, best_effort: bool = False, for_s: float = 3600.0, name: str = "story",
     loss: float = 0.03,
 ) -> int:  # fmt: skip
-    """Returns how many takeovers by silence an hour at 40 +- 5 ms has that no limit confirms.
+    """Return how many takeovers by silence an hour at 40 +- 5 ms has that no limit confirms.
 
     Args:
         cloud_s: period of the cloud's replica, seconds; the declared one is 50 ms.

@@ -27,7 +27,7 @@ def _die(stage: Stage) -> None:
 
 
 def _silent_behind(fall: Fall, *, in_cloud: bool = False, hot: bool = False) -> Stage:
-    """Returns a stage on which the driver is inhibited, and the arm fell silent before the collector is back."""
+    """Return a stage on which the driver is inhibited, and the arm fell silent before the collector is back."""
     stage = Stage(**TWO, hot=hot)
     if in_cloud:
         stage.in_cloud()
@@ -142,7 +142,7 @@ def slow_outputs_hold_nobody() -> None:
 
 
 def _slow_arm(**changes: Any) -> Stage:
-    """Returns a stage whose arm speaks each 5 s, from its activation on, and may be silent for 12 s."""
+    """Return a stage whose arm speaks each 5 s, from its activation on, and may be silent for 12 s."""
     slow: dict[str, Any] = TWO | {
         "outputs": (OutputSpec("cmd_vel", 0.15), OutputSpec("arm", 12.0)),
         "replicas": {"controller": Replica(0, 0.05), "arm": Replica(1, 5.0, on_activate=True)},
@@ -151,7 +151,7 @@ def _slow_arm(**changes: Any) -> Stage:
 
 
 def _arm_is_dead(stage: Stage) -> None:
-    """Lets the arm's node be dead for longer than its output may be silent."""
+    """Let the arm's node be dead for longer than its output may be silent."""
     stage.robot.nodes["arm"].kill(26.0)
     stage.until(lambda: stage.driver.inhibited, 16.0, "a dead CORE node stops the driver")
     stage.until(lambda: stage.robot.nodes["arm"].alive, 26.0, "it returns")

@@ -14,7 +14,7 @@ from robot_offload_sim.stories.stage import Stage
 
 
 def _gate_of_now(stage: Stage) -> SetGate:
-    """Returns the gate that control has set, as it may wait in a queue."""
+    """Return the gate that control has set, as it may wait in a queue."""
     state = stage.robot.collector.state
     assert state.charge is not None
     return SetGate(Gate(state.started_us, state.charge, None, stage.robot.host.now_s()))

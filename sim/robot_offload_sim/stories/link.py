@@ -214,6 +214,32 @@ def echo_from_the_future() -> None:
     stage.always(lambda: (stage.machine.link.round_trip_s or 0.0) >= 0, 0.01, "no negative round trip")
 
 
+def late_copies() -> None:
+    """Late and doubled copies of a beat change nothing, also when the pulse process has forgotten the first."""
+    stage = Stage()
+    stage.in_cloud()
+    heard: list[Beat] = []
+    seen = stage.seen.cloud_beat
+
+    def keep(beat: Beat, arrived_s: float) -> None:
+        heard.append(beat)
+        seen(beat, arrived_s)
+
+    stage.seen.cloud_beat = keep  # type: ignore[method-assign]
+    stage.run(0.5)
+    stage.robot.pulse.kill(0.01)
+    stage.link.pulse.down.cut_lost += 1  # the copies come before any new beat
+    stage.run(0.03)
+    before, report = stage.machine.link, stage.machine.situation.report
+    stage.expect(before.received > 20, "beats have been counted")
+    for copied in (heard[-15], heard[-1], heard[-1]):
+        stage.robot.pulse.hear(copied, stage.now)
+        stage.run(0.002)
+        stage.expect(stage.machine.link == before, "a copy of a beat is no news")
+        stage.expect(stage.machine.situation.report is report, "what a copy reports is past")
+    stage.link.pulse.down.cut_lost -= 1
+
+
 def apart_clocks() -> None:
     """System clocks that differ are a veto: the robot acts, and the cloud cannot be had by hand."""
     stage = Stage()
@@ -250,6 +276,7 @@ STORIES = (
     overdue_echoes,
     hold_time,
     echo_from_the_future,
+    late_copies,
     apart_clocks,
     paused_virtual_machine,
 )

@@ -23,7 +23,7 @@ class Narrow:
         data.cross = self.cross  # type: ignore[method-assign]
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
-        """Sends what there is room for."""
+        """Send what there is room for."""
         if not channel.startswith("in/"):
             return self.wide(channel, header, payload)
         now_s = self.stage.now
@@ -91,7 +91,7 @@ def late_but_in_time() -> None:
     wide, offered = data.cross, [0]
 
     def cross(channel: str, header: bytes, payload: Any) -> bool:
-        """Refuses one message of three; the next one it is offered passes."""
+        """Refuse one message of three; the next one it is offered passes."""
         offered[0] += channel.startswith("in/camera")
         return not (channel.startswith("in/camera") and offered[0] % 4 == 0) and wide(channel, header, payload)
 

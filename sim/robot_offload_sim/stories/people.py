@@ -10,6 +10,7 @@ from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import Mode, OutputSpec, Settings
 from robot_offload_core.words.token import Site
+from robot_offload_sim.promises.promises import RIVAL_S
 from robot_offload_sim.stories.stage import ARM, CONTROLLER, Stage
 from robot_offload_sim.world.scenario import Replica
 
@@ -204,8 +205,24 @@ def second_publisher() -> None:
         stage.until(lambda s=stage: s.site is Site.CLOUD and not s.driver.inhibited, 6.0, "until it has gone")  # type: ignore[misc]
 
 
+def second_publisher_unobeyed() -> None:
+    """A robot whose node is dead takes over when a second publisher appears: two are worse than wheels that stand."""
+    stage = Stage(worlds=("second publisher",))
+    stage.in_cloud()
+    stage.robot.nodes["controller"].kill(1e9)
+    stage.run(1.0)
+    stage.expect(stage.site is Site.CLOUD, "the cloud goes on without the robot's node")
+    stage.system.rivals.append("intruder")
+    stage.until(lambda: stage.site is Site.ROBOT, RIVAL_S, "the robot is in charge although it cannot act")
+    stage.until_inhibited(1.0, "the wheels stand")
+    stage.always(lambda: stage.site is Site.ROBOT and stage.driver.inhibited, 5.0, "for as long as there are two")
+    stage.system.rivals.clear()
+    stage.until(lambda: stage.site is Site.CLOUD and not stage.driver.inhibited, 8.0, "until it has gone")
+
+
 STORIES = (
     second_publisher,
+    second_publisher_unobeyed,
     there_and_back,
     pinned,
     asked_while_cut,

@@ -25,7 +25,7 @@ def _stage(*, drops: bool = True, **changes: object) -> Stage:
 
 
 def _flow(stage: Stage, for_s: float, what: str) -> None:
-    """Raises StoryError unless results arrive without a gap for a while."""
+    """Raise StoryError unless results arrive without a gap for a while."""
     from_s = stage.now
     stage.run(for_s)
     gap_s = stage.longest_gap(from_s, RESULTS)
@@ -33,14 +33,14 @@ def _flow(stage: Stage, for_s: float, what: str) -> None:
 
 
 def _stated(stage: Stage) -> Reason | None:
-    """Returns the reason of the newest statement on the detector."""
+    """Return the reason of the newest statement on the detector."""
     if not stage.seen.statements:
         raise StoryError("nothing was stated of the detector")
     return stage.seen.statements[-1][1].reason
 
 
 def _until_stated(stage: Stage, *, available: bool) -> None:
-    """Waits until the detector is stated to be available, or not."""
+    """Wait until the detector is stated to be available, or not."""
     words = "available" if available else "away"
     stage.until(lambda: (_stated(stage) is None) is available, 3.0, f"the detector is stated to be {words}")
 
@@ -134,7 +134,7 @@ def results_of_two_robots_lives() -> None:
 
 
 def results_after_old_grants() -> None:
-    """Grants that waited in a buffer let no result leave."""
+    """Grant that waited in a buffer let no result leave."""
     stage = _stage()
     stage.in_cloud()
     for number in range(6):

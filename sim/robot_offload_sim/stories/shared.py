@@ -36,7 +36,7 @@ class Others:
         stage.world.after(OTHERS_S, self._say)
 
     def given(self, side: Site) -> int:
-        """Returns how much of it the replica of a side was given."""
+        """Return how much of it the replica of a side was given."""
         times = [m.born_s for _, to, m in self.stage.seen.fills if to is side and m.others]
         self.stage.expect(len(times) == len(set(times)), f"the replica of the {side.value} hears others once")
         return len(times)

@@ -64,46 +64,46 @@ class Recorder(Observer):
         self.statements: list[tuple[float, Available]] = []
 
     def passed(self, index: int, payload: Payload) -> None:
-        """Keeps a message, after its invariants were checked."""
+        """Keep a message, after its invariants were checked."""
         super().passed(index, payload)
         self.messages.append(Passed(self.world.now, payload.site, index, payload.message.born_s))
 
     def heard_in_cloud(self, index: int, payload: Payload) -> None:
-        """Keeps a message of the cloud's consumers."""
+        """Keep a message of the cloud's consumers."""
         super().heard_in_cloud(index, payload)
         others = payload.message.producer == OTHERS
         self.in_cloud.append(Passed(self.world.now, payload.site, index, payload.message.born_s, others))
 
     def filled(self, side: Site, index: int, payload: Payload) -> None:
-        """Keeps what a replica of a shared output was given, after its invariant was checked."""
+        """Keep what a replica of a shared output was given, after its invariant was checked."""
         super().filled(side, index, payload)
         others = payload.message.producer == OTHERS
         given = Passed(self.world.now, payload.site, index, payload.message.born_s, others)
         self.fills.append((self.world.now, side, given))
 
     def robot_decided(self, decided: Decided) -> None:
-        """Keeps a decision."""
+        """Keep a decision."""
         super().robot_decided(decided)
         self.decisions.append((self.world.now, decided))
 
     def left_cloud(self, token: Any) -> None:
-        """Keeps when something left the cloud."""
+        """Keep when something left the cloud."""
         super().left_cloud(token)
         if token.epoch:
             self.left.append(self.world.now)
 
     def available(self, statements: tuple[Available, ...]) -> None:
-        """Keeps what is stated of the nodes with placement Cloud."""
+        """Keep what is stated of the nodes with placement Cloud."""
         super().available(statements)
         self.statements += [(self.world.now, statement) for statement in statements]
 
     def answered(self, key: int, accepted: bool, message: str) -> None:
-        """Keeps an answer."""
+        """Keep an answer."""
         self.answers.append((key, accepted, message))
 
 
 def plain(**changes: Any) -> Scenario:
-    """Returns a small scenario: wheels, a controller that drives them, a planner without an output."""
+    """Return a small scenario: wheels, a controller that drives them, a planner without an output."""
     settings = changes.pop("settings", Settings(hold_down_initial_s=1.0, flap_window_s=3.0, hold_down_max_s=4.0))
     hot = changes.pop("hot", False)
     cloud_only: tuple[NodeSpec, ...] = changes.pop("cloud_only", ())
@@ -146,15 +146,15 @@ class Stage:
 
     @property
     def now(self) -> float:
-        """Returns true time."""
+        """Return true time."""
         return self.world.now
 
     def run(self, seconds: float) -> None:
-        """Lets time pass."""
+        """Let time pass."""
         self.world.run(self.world.now + seconds)
 
     def until(self, condition: Callable[[], bool], within_s: float, what: str) -> float:
-        """Lets time pass until something holds; returns after how long; raises StoryError when that takes too long."""
+        """Let time pass until something holds; return after how long; raise StoryError when that takes too long."""
         start_s = self.now
         while not condition():
             if self.now - start_s > within_s:
@@ -163,14 +163,14 @@ class Stage:
         return self.now - start_s
 
     def always(self, condition: Callable[[], bool], for_s: float, what: str) -> None:
-        """Lets time pass while something must hold."""
+        """Let time pass while something must hold."""
         end_s = self.now + for_s
         while self.now < end_s:
             self.expect(condition(), what)
             self.run(STEP_S)
 
     def expect(self, condition: bool, what: str) -> None:
-        """Raises StoryError unless the condition holds."""
+        """Raise StoryError unless the condition holds."""
         if not condition:
             raise StoryError(f"at {self.now:.3f} s: {what}")
 
@@ -178,33 +178,33 @@ class Stage:
 
     @property
     def machine(self) -> Robot:
-        """Returns the state of the placement machine."""
+        """Return the state of the placement machine."""
         return self.robot.control.robot
 
     @property
     def phase(self) -> Phase:
-        """Returns the phase."""
+        """Return the phase."""
         return self.machine.phase
 
     @property
     def armed(self) -> bool:
-        """Returns whether the collector may change over at the first messages of the side that gets ready."""
+        """Return whether the collector may change over at the first messages of the side that gets ready."""
         preparation = self.machine.preparation
         return preparation is not None and preparation.armed
 
     @property
     def offered(self) -> bool:
-        """Returns whether the collector was given the present preparation of the cloud."""
+        """Return whether the collector was given the present preparation of the cloud."""
         preparation = self.machine.preparation
         return preparation is not None and preparation.offered
 
     @property
     def site(self) -> Site:
-        """Returns the side in charge."""
+        """Return the side in charge."""
         return placement.IN_CHARGE[self.phase]
 
     def start(self, *, cloud: bool = True) -> None:
-        """Starts everything; without the cloud when asked so."""
+        """Start everything; without the cloud when asked so."""
         self.system.start()
         if not cloud:
             for process in (*self.cloud.processes, *self.cloud.nodes.values()):
@@ -212,11 +212,11 @@ class Stage:
                 self.world.at(0.8, process.kill, 1e9)
 
     def robot_acts(self) -> None:
-        """Waits until the robot's nodes act."""
+        """Wait until the robot's nodes act."""
         self.until(lambda: self.phase is Phase.ROBOT and self.machine.nodes_ready, 3.0, "the robot acts")
 
     def in_cloud(self) -> None:
-        """Starts, and waits until the cloud is in charge and all is calm."""
+        """Start, and wait until the cloud is in charge and all is calm."""
         self.start()
         self.until(lambda: self.phase is Phase.CLOUD, SETTLE_S, "the cloud is in charge")
         self.run(0.5)
@@ -225,7 +225,7 @@ class Stage:
     # -- what happens -------------------------------------------------------------------------------------------------
 
     def cut(self, way: str = "both", sessions: str = "both") -> Callable[[], None]:
-        """Cuts the link (one direction or both, of pulse, data or both); returns what joins it again."""
+        """Cut the link (one direction or both, of pulse, data or both); return what joins it again."""
         chosen = {"both": (self.link.pulse, self.link.data), "pulse": (self.link.pulse,), "data": (self.link.data,)}
         wires = [w for s in chosen[sessions] for w in ((s.up, s.down) if way == "both" else (getattr(s, way),))]
         for wire in wires:
@@ -238,12 +238,12 @@ class Stage:
         return join
 
     def by_hand(self, site: Site, key: int = 1) -> bool:
-        """Asks for a side; returns whether that was accepted."""
+        """Ask for a side; return whether that was accepted."""
         self.robot.control.step(placement.SwitchByHand(site, key))
         return next(accepted for k, accepted, _ in reversed(self.seen.answers) if k == key)
 
     def answered(self, key: int, accepted: bool) -> bool:
-        """Returns whether a request was answered like this."""
+        """Return whether a request was answered like this."""
         return (key, accepted) in [(k, ok) for k, ok, _ in self.seen.answers]
 
     def pin(self, site: Site | None, for_s: float | None = None) -> None:
@@ -252,18 +252,18 @@ class Stage:
         self.robot.control.step(placement.SetPin(None if site is None else Wish(site, until_s)))
 
     def deaf(self, sender: str, to: str, for_s: float) -> None:
-        """Loses what one process of the robot sends to another, as a full inbox does."""
+        """Lose what one process of the robot sends to another, as a full inbox does."""
         peers = dict(self.robot.control.peers)
         process = peers[sender]
         process.peers = {name: peer for name, peer in peers.items() if name != to}
         self.world.after(for_s, setattr, process, "peers", self.robot.control.peers)
 
     def stall(self, process: Process, for_s: float) -> None:
-        """Stops a process for a while (SIGSTOP)."""
+        """Stop a process for a while (SIGSTOP)."""
         process.stop_for(for_s)
 
     def starve(self, process: Process, off_s: float, on_s: float, for_s: float) -> None:
-        """Gives a process its processor time in slices."""
+        """Give a process its processor time in slices."""
         end_s = self.now + for_s
 
         def slice_() -> None:
@@ -274,38 +274,38 @@ class Stage:
         slice_()
 
     def hush(self, side: str, node: str = "controller") -> None:
-        """Lets a node stay Active and publish nothing any more."""
+        """Let a node stay Active and publish nothing any more."""
         getattr(self, side).nodes[node].hung += 1
 
     # -- judging ------------------------------------------------------------------------------------------------------
 
     def first_message(self, after_s: float, site: Site, index: int = 0) -> float | None:
-        """Returns when the consumer heard a side for the first time after `after_s`."""
+        """Return when the consumer heard a side for the first time after `after_s`."""
         found = (m.at_s for m in self.seen.messages if m.at_s > after_s and m.site is site and m.index == index)
         return next(found, None)
 
     def until_heard(self, after_s: float, site: Site, within_s: float, what: str) -> None:
-        """Waits until the consumer hears a side, for the first time after `after_s`."""
+        """Wait until the consumer hears a side, for the first time after `after_s`."""
         self.until(lambda: self.first_message(after_s, site) is not None, within_s, what)
 
     def until_inhibited(self, within_s: float, what: str) -> None:
-        """Waits until the driver is inhibited."""
+        """Wait until the driver is inhibited."""
         self.until(lambda: self.driver.inhibited, within_s, what)
 
     def until_phase(self, phase: Phase, within_s: float, what: str) -> None:
-        """Waits for a phase."""
+        """Wait for a phase."""
         self.until(lambda: self.phase is phase, within_s, what)
 
     def longest_gap(self, from_s: float, index: int = 0) -> float:
-        """Returns the longest silence of an output at the consumer since `from_s`, until now."""
+        """Return the longest silence of an output at the consumer since `from_s`, until now."""
         times = [from_s, *(m.at_s for m in self.seen.messages if m.at_s >= from_s and m.index == index), self.now]
         return max(later - earlier for earlier, later in pairwise(times))
 
     def active(self, side: str, node: str = "controller") -> bool:
-        """Returns whether a node is Active."""
+        """Return whether a node is Active."""
         return bool(getattr(self, side).nodes[node].state is State.ACTIVE)
 
     def lost(self, within_s: float, what: str) -> float:
-        """Waits for a sudden loss; returns after how long control decided it."""
+        """Wait for a sudden loss; return after how long control decided it."""
         before = self.seen.changeovers["sudden"]
         return self.until(lambda: self.seen.changeovers["sudden"] > before, within_s, what)

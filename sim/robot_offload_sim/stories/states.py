@@ -24,16 +24,16 @@ class StateStage(Stage):
         super().__init__(states={NAME: SnapshotState("controller", max_age_s=0.5, max_size=1024)}, **changes)
 
     def kept(self, site: Site) -> Kept:
-        """Returns the node with state of a side."""
+        """Return the node with state of a side."""
         assert self.system.keeping is not None
         return self.system.keeping.sides[site]
 
     def shown(self, name: str) -> int:
-        """Returns a counter of the robot's data process."""
+        """Return a counter of the robot's data process."""
         return int(self.robot.data.process.counters[f"state {NAME}.{name}"])
 
     def reasons(self) -> set[str]:
-        """Returns all reasons that were given so far."""
+        """Return all reasons that were given so far."""
         return {decided.verdict.reason.value for _, decided in self.seen.decisions}
 
 

@@ -31,7 +31,7 @@ class MemoryBox:
         self._closed: set[Machine] = set()
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Writes a step, and a state now and then."""
+        """Write a step, and a state now and then."""
         if self.clock_s() < self.window_s[0] or machine in self._closed:
             return
         if machine not in self._framed_s:
@@ -45,12 +45,12 @@ class MemoryBox:
             self._closed.add(machine)
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Writes a state that no step has led to."""
+        """Write a state that no step has led to."""
         if self.window_s[0] <= self.clock_s() and machine not in self._closed:
             self._frame(machine, now_s, state, was_set=True)
 
     def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
-        """Writes a step that broke a rule."""
+        """Write a step that broke a rule."""
         if machine in self._framed_s and machine not in self._closed:
             self.lines.append(blackbox.broken_step(machine, now_s, event, rule))
 
@@ -59,7 +59,7 @@ class MemoryBox:
         self.lines.append(blackbox.key_frame(machine, now_s, state, was_set=was_set))
 
     def text(self) -> list[str]:
-        """Returns the lines, one by one."""
+        """Return the lines, one by one."""
         return "".join(self.lines).splitlines()
 
 
@@ -71,12 +71,12 @@ class Boxes:
         self.clock_s, self.window_s = clock_s, window_s
 
     def watch(self, process: ControlProcess) -> None:
-        """Gives a process a box."""
+        """Give a process a box."""
         self.boxes.append(MemoryBox(process.incarnation, self.clock_s, self.window_s))
         process.watched_by(self.boxes[-1])
 
     def judge(self, now_s: float) -> int:
-        """Replays all boxes; returns how many steps that were.
+        """Replay all boxes; return how many steps that were.
 
         Raises:
             ViolationError: a replay does not come to what was decided.

@@ -120,7 +120,7 @@ class Coverage:
         self.pairs: dict[Pair, int] = {}
 
     def met(self, machine: str, state: str, event: str, cause: str = "") -> None:
-        """One more of this pair; `cause` is what the class of the event gathers."""
+        """Count one more of this pair; `cause` is what the class of the event gathers."""
         pairs = self.pairs
         pair = (machine, state, event)
         pairs[pair] = pairs.get(pair, 0) + 1
@@ -129,34 +129,34 @@ class Coverage:
             pairs[pair] = pairs.get(pair, 0) + 1
 
     def robot(self, robot: placement.Robot, event: placement.Event, now_s: float) -> None:
-        """The placement machine is about to take `event`."""
+        """Note that the placement machine is about to take `event`."""
         self.met("robot", robot.phase.value, *_robot_event(robot, event, now_s))
         if isinstance(event, placement.CloudBeat) and event.sent is not None:
             self.met("robot", robot.phase.value, *_robot_event(robot, event.sent, now_s))
 
     def cloud(self, cloud: lease.Cloud, event: lease.Event, now_s: float) -> None:
-        """The lease machine is about to take `event`."""
+        """Note that the lease machine is about to take `event`."""
         self.met("cloud", cloud_state(cloud), *_cloud_event(cloud, event, now_s))
 
     def collector(self, collector: Collector, event: str, cause: str = "") -> None:
-        """The collector in this state is about to take `event`."""
+        """Note that the collector in this state is about to take `event`."""
         self.met("collector", collector_state(collector), event, cause)
 
     def cloud_message(self, collector: Collector, index: int, envelope: Envelope, now_s: float) -> None:
-        """The collector is about to be offered a message of the cloud."""
+        """Note that the collector is about to be offered a message of the cloud."""
         self.collector(collector, *_cloud_message(collector, index, envelope, now_s))
 
     def effect(self, collector: Collector, token: Token) -> None:
-        """The collector is about to be asked for an effect."""
+        """Note that the collector is about to be asked for an effect."""
         current = collector.charge is not None and collector.charge.token == token
         self.collector(collector, "effect: current" if current else "effect: foreign")
 
     def gate(self, collector: Collector, gate: Gate) -> None:
-        """The collector is about to take a gate."""
+        """Note that the collector is about to take a gate."""
         self.collector(collector, "gate: " + _gate_event(collector, gate))
 
     def passage(self, site: Site, reason: Ruling) -> None:
-        """What came of an offer, where that is a cause of its own."""
+        """Count what came of an offer, where that is a cause of its own."""
         cause = {Ruling.CHANGED_OVER: f"changed over to the {site.value}", Ruling.NOT_ALL_READY: "not all ready",
                  Ruling.BEFORE_RESTART: "before restart"}.get(reason)  # fmt: skip
         if cause:
@@ -168,12 +168,12 @@ class Coverage:
 
 
 def cloud_state(cloud: lease.Cloud) -> str:
-    """As the cloud tells it; alone when it hears no robot."""
+    """Return the cloud's state as it reports it; alone when it hears no robot."""
     return "Alone" if not cloud.robot and cloud.reported is lease.Stand.ASLEEP else cloud.reported.value
 
 
 def collector_state(collector: Collector) -> str:
-    """Who passes, who may follow."""
+    """Return who passes, who may follow."""
     charge = collector.charge
     if charge is None:
         return "empty"
@@ -208,7 +208,7 @@ def _robot_event(robot: placement.Robot, event: placement.Event, now_s: float) -
 
 
 def _person(event: placement.Event) -> tuple[str, str]:
-    """What people, the cloud's operator and other publishers do."""
+    """Return what people, the cloud's operator and other publishers do."""
     if isinstance(event, placement.SwitchByHand):
         return "by hand: robot" if event.site is Site.ROBOT else "by hand: cloud", ""
     if isinstance(event, placement.SetSettings):
@@ -330,7 +330,7 @@ def _gate_event(collector: Collector, gate: Gate) -> str:
 
 
 def expected() -> set[Pair]:
-    """Every pair that can occur."""
+    """Return every pair that can occur."""
     product = {
         (machine, state, event) for machine, states in STATES.items() for state in states for event in EVENTS[machine]
     }
@@ -339,7 +339,7 @@ def expected() -> set[Pair]:
 
 
 def unreachable(pair: Pair) -> str | None:
-    """Why this pair cannot occur; None when it can."""
+    """Return why this pair cannot occur; None when it can."""
     for machine, state, event, reason in UNREACHABLE:
         if pair[0] == machine and fnmatchcase(pair[1], state) and fnmatchcase(pair[2], event):
             return reason

@@ -25,21 +25,21 @@ class Driver(Process):
         self.slow_s = 0.0
 
     def boot(self) -> None:
-        """A new process has heard nothing: the dead man holds it until the first command."""
+        """Start as a new process that has heard nothing: the dead man holds it until the first command."""
         self.inhibited = False
         self.command_s = -1.0
 
     def command(self) -> None:
-        """A command reached the wheels."""
+        """Take a command that reached the wheels."""
         if self.alive:
             self.command_s = self.world.now
 
     def may_move(self) -> bool:
-        """Neither inhibited nor held by the dead man."""
+        """Return neither inhibited nor held by the dead man."""
         return self.alive and not self.inhibited and self.world.now - self.command_s <= DEAD_MAN_S
 
     def inhibit(self, value: bool, client: Process, answered: Act) -> None:
-        """The service: `answered(value)` happens at the client."""
+        """Serve the request; `answered(value)` happens at the client."""
         delay_s = 0.0003 + self.world.dice.random() * 0.003 + self.slow_s
         self.world.after(delay_s, self.deliver, self._inhibit, value, client, answered)
 

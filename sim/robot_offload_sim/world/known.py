@@ -19,11 +19,11 @@ class Known:
         self._came_s = deque([0.0])
 
     def came(self, now_s: float) -> None:
-        """Notes that something came now."""
+        """Note that something came now."""
         while len(self._came_s) > 1 and now_s - self._came_s[1] > self.late_s:
             self._came_s.popleft()
         self._came_s.append(now_s)
 
     def newest_s(self, now_s: float) -> float:
-        """Returns when the newest came that the process must know by now; 0: none."""
+        """Return when the newest came that the process must know by now; 0: none."""
         return max((came_s for came_s in self._came_s if now_s - came_s > self.late_s), default=0.0)

@@ -55,7 +55,7 @@ class Wire:
         self._tail_s = 0.0
 
     def carry(self, *args: Any, datagram: bool = False) -> None:
-        """Sends: the target gets `args`, later, perhaps; a datagram has no order and is not sent again when lost."""
+        """Send: the target gets `args`, later, perhaps; a datagram has no order and is not sent again when lost."""
         ordered = self.ordered and not datagram
         if not self.session.connected or self.cut_lost:
             return
@@ -97,7 +97,7 @@ class Wire:
             process.deliver(act, *args)
 
     def release(self) -> None:
-        """What the last holding cut kept arrives in a burst."""
+        """Deliver in a burst what the last holding cut kept."""
         if self.cut_held or self.cut_lost:
             return
         held, self._held = self._held, []
@@ -107,7 +107,7 @@ class Wire:
         self._tail_s = max(self._tail_s, start_s + len(held) * BURST_GAP_S)
 
     def forget(self) -> None:
-        """Drops what is held."""
+        """Drop what is held."""
         self._held.clear()
 
 
@@ -129,7 +129,7 @@ class Session:
         self.down = Wire(world, self, base_s, jitter_s, ordered)
 
     def reopen(self) -> None:
-        """Closes the session with everything buffered in it and opens a new one as soon as the path allows."""
+        """Close the session with everything buffered in it and open a new one as soon as the path allows."""
         if not self.drops or not self.connected:
             return
         self.life += 1

@@ -79,7 +79,7 @@ class Node(Process):
         self._busy_until_s = 0.0
 
     def boot(self) -> None:
-        """Starts a new process: Unconfigured, its timer runs from now on in every state, or from activation on."""
+        """Start a new process: Unconfigured, its timer runs from now on in every state, or from activation on."""
         awake = (self.awake and self.life == 1) or not self.spec.lifecycle
         self.state = State.ACTIVE if awake else State.UNCONFIGURED
         self._sequence = 0
@@ -100,17 +100,17 @@ class Node(Process):
         return Message(self.name, self.life, self._sequence, self.world.now, self.replica.size)
 
     def _timer_of(self, activation: int) -> None:
-        """Publishes on a timer that was made at an activation, and ends with it."""
+        """Publish on a timer that was made at an activation, and end with it."""
         if activation == self.activations:
             self._timer()
             self.once(self.replica.period_s, partial(self._timer_of, activation))
 
     def change_state(self, transition: Transition, client: Process, answered: Act) -> None:
-        """The service: `answered(transition, success)` happens at the client, unless the reply is lost."""
+        """Serve the request; `answered(transition, success)` happens at the client, unless the reply is lost."""
         self.world.after(self._call_s(), self.deliver, self._change, transition, client, answered)
 
     def get_state(self, client: Process, answered: Act) -> None:
-        """The service: `answered(state)` happens at the client; a dead node never answers."""
+        """Serve the request; `answered(state)` happens at the client; a dead node never answers."""
         self.world.after(self._call_s(), self.deliver, self._read, client, answered)
 
     def _call_s(self) -> float:
@@ -140,7 +140,7 @@ class Node(Process):
             client.post(self.name, answered, transition, legal)
 
     def _begin(self) -> None:
-        """Becomes Active."""
+        """Become Active."""
         self.active_s = self.world.now
         if self.woken is not None:
             self.woken()

@@ -55,7 +55,7 @@ class Payload(NamedTuple):
     left_s: float
 
     def __radd__(self, before: bytes) -> bytes:
-        """Stands for its bytes where a latched one is hashed."""
+        """Stand for its bytes where a latched one is hashed."""
         return before + repr(self.message).encode()
 
 
@@ -63,61 +63,61 @@ class Witness(Protocol):
     """Who watches the sides; see the observer for what each is judged by."""
 
     def robot_started(self, incarnation: str) -> None:
-        """The robot's control process has started."""
+        """Note that the robot's control process has started."""
 
     def cloud_started(self, incarnation: str) -> None:
-        """The cloud's control process has started."""
+        """Note that the cloud's control process has started."""
 
     def gate_said(self, gate: Gate) -> None:
-        """The robot's control has sent a gate to the collector."""
+        """Note that the robot's control has sent a gate to the collector."""
 
     def robot_decided(self, decided: Decided) -> None:
-        """The robot's control has reported a decision."""
+        """Note that the robot's control has reported a decision."""
 
     def control_ticked(self) -> None:
-        """The robot's control has taken a turn."""
+        """Note that the robot's control has taken a turn."""
 
     def robot_effect(self, robot: Robot) -> None:
-        """The robot admits an effect of its own."""
+        """Note that the robot admits an effect of its own."""
 
     def cloud_effect(self, token: Token) -> None:
-        """The collector has admitted an effect of the cloud."""
+        """Note that the collector has admitted an effect of the cloud."""
 
     def permitted(self, permission: Permission, robot: str) -> None:
-        """The robot's control renews a permission."""
+        """Note that the robot's control renews a permission."""
 
     def beat_sent(self, beat: Beat) -> None:
-        """The robot's pulse sends a beat."""
+        """Note that the robot's pulse sends a beat."""
 
     def cloud_beat(self, beat: Beat, arrived_s: float) -> None:
-        """A newer beat of a cloud reached the robot's pulse."""
+        """Note that a newer beat of a cloud reached the robot's pulse."""
 
     def grant_delivered(self, beat: Beat, sent_true_s: float) -> None:
-        """The cloud's control gets a robot's beat that was sent at a true time."""
+        """Note that the cloud's control gets a robot's beat that was sent at a true time."""
 
     def left_cloud(self, token: Token) -> None:
-        """A message or an effect leaves the cloud."""
+        """Note that a message or an effect leaves the cloud."""
 
     def passed(self, index: int, payload: Payload) -> None:
-        """A message reached the robot's consumer of an output."""
+        """Note that a message reached the robot's consumer of an output."""
 
     def flipped(self, left: Charge | None) -> None:
-        """The collector has changed over between two messages, away from `left`."""
+        """Note that the collector has changed over between two messages, away from `left`."""
 
     def heard_in_cloud(self, index: int, payload: Payload) -> None:
-        """A message reached the consumer of an output in the cloud."""
+        """Note that a message reached the consumer of an output in the cloud."""
 
     def filled(self, side: Site, index: int, payload: Payload) -> None:
-        """A replica of a shared output got on its private topic what it would hear on the public one."""
+        """Note that a replica of a shared output got on its private topic what it would hear on the public one."""
 
     def input_heard(self, name: str, age_s: float) -> None:
-        """A message of an input reached the cloud's replicas, so long after it was published (true time)."""
+        """Note that a message of an input reached the cloud's replicas, so long after it was published (true time)."""
 
     def available(self, statements: tuple[Available, ...]) -> None:
-        """The robot's control states which nodes with placement Cloud have results that arrive."""
+        """Note that the robot's control states which nodes with placement Cloud have results that arrive."""
 
     def answered(self, key: int, accepted: bool, message: str) -> None:
-        """A switch by hand was answered."""
+        """Note that a switch by hand was answered."""
 
 
 @dataclass

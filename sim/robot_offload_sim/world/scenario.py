@@ -84,18 +84,18 @@ class Scenario:
 
     @cached_property
     def input_specs(self) -> tuple[InputSpec, ...]:
-        """Returns the inputs as the core judges them."""
+        """Return the inputs as the core judges them."""
         return tuple(InputSpec(i.name, i.max_age_ms / 1e3) for i in self.inputs)
 
     @cached_property
     def publishers(self) -> tuple[str, ...]:
-        """Returns the node of each output; "" where nobody publishes it."""
+        """Return the node of each output; "" where nobody publishes it."""
         names = {replica.output: name for name, replica in self.replicas.items()}
         return tuple(names.get(i, "") for i in range(len(self.outputs)))
 
     @cached_property
     def data_plan(self) -> DataPlan:
-        """Returns what the data processes need."""
+        """Return what the data processes need."""
         outputs = tuple(
             OutputPlan(o.name, o.deadline_s, i in self.mirrored, o.of_cloud, o) for i, o in enumerate(self.outputs)
         )
@@ -108,7 +108,7 @@ class Scenario:
 
 
 def draw(dice: random.Random) -> Scenario:
-    """A scenario; most are the defaults with short hold-downs, some pin, prefer the robot, or only observe."""
+    """Return a scenario; most are the defaults with short hold-downs, some pin, prefer the robot, or only observe."""
     hot_robot, hot_cloud = dice.random() < 0.25, dice.random() < 0.25
     two = dice.random() < 0.5
     outputs = (OutputSpec("cmd_vel", 0.15), *((OutputSpec("arm", 0.20),) if two else ()), OutputSpec("plan", 0.0))

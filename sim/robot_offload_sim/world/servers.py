@@ -24,12 +24,12 @@ Done = Callable[..., None]
 
 
 def goal_words(number: int) -> bytes:
-    """Returns a SendGoal request of a client's goal; its number stands behind the id, where nobody looks."""
+    """Return a SendGoal request of a client's goal; its number stands behind the id, where nobody looks."""
     return bytes(4) + number.to_bytes(16, "big") + number.to_bytes(8, "big")
 
 
 def number_of(payload: bytes) -> int:
-    """Returns the number of the client's goal in a request, whatever its id has become."""
+    """Return the number of the client's goal in a request, whatever its id has become."""
     return int.from_bytes(payload[GOAL_ID.stop :][:8], "big")
 
 
@@ -92,18 +92,18 @@ class Servers:
         self.heard_call: Callable[[str, bytes], None] = lambda _service, _payload: None
 
     def start(self) -> None:
-        """Begins to look after what is executed."""
+        """Begin to look after what is executed."""
         self.world.after(LOOK_S, self._look)
 
     def seen(self) -> list[tuple[Face, str, str]]:
-        """Returns the servers in the graph of this side; those of a node that was started again are others."""
+        """Return the servers in the graph of this side; those of a node that was started again are others."""
         alive = [(name, self.nodes[node]) for name, node in self.of.items() if self.nodes[node].alive]
         return [(Face.GROUP, name, str(node.life)) for name, node in alive]
 
     # -- actions ------------------------------------------------------------------------------------------------------
 
     def offer(self, client: Process, action: str, payload: bytes, done: Done) -> None:
-        """The service send_goal: `done(accepted)` happens at the client, unless the answer is lost."""
+        """Serve send_goal; `done(accepted)` happens at the client, unless the answer is lost."""
         delay_s = ANSWER_S + self.world.dice.random() * ANSWER_S + self.traits[action].accept_s
         self._node(action).post("offer", self._later, delay_s, self._offered, client, action, payload, done)
 
@@ -128,7 +128,7 @@ class Servers:
         client.reply(node.name, f"{action}/send_goal", done, accepted)
 
     def cancel(self, client: Process, action: str, attempt: bytes, done: Done) -> None:
-        """The service cancel_goal for one goal."""
+        """Serve cancel_goal for one goal."""
         self._node(action).post("cancel", self._later, ANSWER_S, self._cancelled, client, action, attempt, done)
 
     def _cancelled(self, client: Process, action: str, attempt: bytes, done: Done) -> None:
@@ -156,7 +156,7 @@ class Servers:
             self.world.after(LOOK_S, self._end, execution, GoalStatus.CANCELED)
 
     def ask_result(self, client: Process, action: str, attempt: bytes, done: Done) -> None:
-        """The service get_result: `done(status, payload)` at the client when the goal has ended; 0: not known."""
+        """Serve get_result: `done(status, payload)` at the client when the goal has ended; 0: not known."""
         self._node(action).post("result", self._asked, client, action, attempt, done)
 
     def _asked(self, client: Process, action: str, attempt: bytes, done: Done) -> None:
@@ -192,11 +192,11 @@ class Servers:
         return [e for e in self.executions.values() if e.action == action and not e.status.ended]
 
     def busy(self) -> bool:
-        """Returns whether anything is executed now."""
+        """Return whether anything is executed now."""
         return any(not e.status.ended for e in self.executions.values())
 
     def running(self, number: int) -> list[Execution]:
-        """Returns what is executed of a client's goal now."""
+        """Return what is executed of a client's goal now."""
         for action in self.of:
             self._forget(action)
         return [e for e in self.executions.values() if e.number == number and not e.status.ended]
@@ -205,7 +205,7 @@ class Servers:
         return self.nodes[self.of[name]]
 
     def _forget(self, action: str) -> None:
-        """A node that was started again knows nothing."""
+        """Forget everything, as a node that was started again."""
         node = self.of[action]
         life = self.nodes[node].life
         if self.lives.get(node, life) != life or not self.nodes[node].alive:
@@ -213,7 +213,7 @@ class Servers:
         self.lives[node] = life
 
     def _look(self) -> None:
-        """Lets time pass for what is executed: feedback, ends, aborts of deactivated nodes."""
+        """Let time pass for what is executed: feedback, end, abort of deactivated nodes."""
         self.world.after(LOOK_S, self._look)
         for action in self.of:
             self._forget(action)
@@ -235,7 +235,7 @@ class Servers:
     # -- services -----------------------------------------------------------------------------------------------------
 
     def call(self, client: Process, service: str, payload: bytes, done: Done) -> None:
-        """A service: `done(payload)` at the client. An Inactive node answers too, and changes nothing."""
+        """Serve a call: `done(payload)` at the client. An Inactive node answers too, and changes nothing."""
         self._node(service).post("call", self._later, ANSWER_S, self._execute, client, service, payload, done)
 
     def _execute(self, client: Process, service: str, payload: bytes, done: Done) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from robot_offload_core.topics.waits import ON_THE_WAY_S, WINDOW_S
+from robot_offload_core.topics.waits import ON_THE_WAY_S, WAITS_WINDOW_S
 from robot_offload_sim.world.world import IPC_LEAST_S, IPC_SPREAD_S, Host
 
 
@@ -16,7 +16,7 @@ class Since:
         self.wall_us = -math.inf
 
     def counts_s(self, host: Host, born_s: float) -> float:
-        """Returns a true time: `born_s`, that of publishing.
+        """Return a true time: `born_s`, that of publishing.
 
         Or now, where no message came without waiting of late or the system clock was set back: what it took until here
         cannot be known.
@@ -27,5 +27,5 @@ class Since:
         self.wall_us = host.wall_us
         if now - born_s <= IPC_LEAST_S + IPC_SPREAD_S + 1e-6:
             self.unwaited_s = now
-        known = now - self.unwaited_s < WINDOW_S and now - self.set_back_s > ON_THE_WAY_S * 1.01
+        known = now - self.unwaited_s < WAITS_WINDOW_S and now - self.set_back_s > ON_THE_WAY_S * 1.01
         return born_s if known else now

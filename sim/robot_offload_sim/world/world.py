@@ -53,26 +53,26 @@ class World:
         self._count = 0
 
     def at(self, time_s: float, act: Act, *args: Any) -> None:
-        """Plans `act(*args)` for `time_s`; equal times keep the order of planning."""
+        """Plan `act(*args)` for `time_s`; equal times keep the order of planning."""
         self._count += 1
         heappush(self._heap, (time_s, self._count, act, args))
 
     def after(self, delay_s: float, act: Act, *args: Any) -> None:
-        """Plans `act(*args)` in `delay_s`."""
+        """Plan `act(*args)` in `delay_s`."""
         self._count += 1
         heappush(self._heap, (self.now + delay_s, self._count, act, args))
 
     def note(self, *words: object) -> None:
-        """Keeps words for the story; they are put into text only when the story is told."""
+        """Keep words for the story; they are put into text only when the story is told."""
         self.trace.append((self.now, words))
 
     def story(self, length: int) -> tuple[str, ...]:
-        """Returns the latest notes as lines of text."""
+        """Return the latest notes as lines of text."""
         notes = list(self.trace)[-length:]
         return tuple(f"{time_s:9.4f}  " + " ".join(str(word) for word in words) for time_s, words in notes)
 
     def run(self, until_s: float) -> None:
-        """Lives up to `until_s`."""
+        """Live up to `until_s`."""
         heap = self._heap
         events = 0
         while heap and heap[0][0] <= until_s:
@@ -105,21 +105,21 @@ class Host:
         self.processes: list[Process] = []
 
     def now_s(self) -> float:
-        """The steady clock."""
+        """Return the steady clock."""
         return self.offset_s + self.world.now * self.rate
 
     def system_s(self) -> float:
-        """The system clock, which stamps messages."""
+        """Return the system clock, which stamps messages."""
         return self.now_s() + self.wall_us / 1e6
 
     def freeze(self) -> None:
-        """Stops every process of this host."""
+        """Stop every process of this host."""
         self.frozen += 1
         for process in self.processes:
             process.stop()
 
     def stand(self, duration_s: float) -> None:
-        """Stops every process, and the steady clock with them; the system clock is right again at the end."""
+        """Stop every process, and the steady clock with them; the system clock is right again at the end."""
         if self.frozen:
             return
         self.freeze()
@@ -133,11 +133,11 @@ class Host:
         self.thaw()
 
     def stood_since(self, true_s: float) -> float:
-        """Returns how long the steady clock has stood still since a true time."""
+        """Return how long the steady clock has stood still since a true time."""
         return sum(max(0.0, end_s - max(start_s, true_s)) for start_s, end_s in self.stands)
 
     def thaw(self) -> None:
-        """Continues them."""
+        """Continue them."""
         self.frozen -= 1
         for process in self.processes:
             process.resume()
@@ -187,15 +187,15 @@ class Process:
         return self.alive and not self.stops
 
     def starved(self) -> bool:
-        """Returns whether it is, or was last, stopped in slices: again soon after a stop."""
+        """Return whether it is, or was last, stopped in slices: again soon after a stop."""
         return self.row > 1 or (self.stops > 0 and self.row > 0 and self._stopped_s - self.running_since_s < ROW_S)
 
     def boot(self) -> None:
-        """Sets the first state and the timers; called at each start. Subclasses say what that is."""
+        """Set the first state and the timers; called at each start. Subclasses say what that is."""
         raise NotImplementedError
 
     def start(self) -> None:
-        """Starts a new life."""
+        """Start a new life."""
         self.alive = True
         self.life += 1
         self.stops = self.host.frozen
@@ -211,7 +211,7 @@ class Process:
             self.boot()
 
     def kill(self, restart_after_s: float) -> None:
-        """SIGKILL; the supervisor starts it again."""
+        """Kill it (SIGKILL); the supervisor starts it again."""
         if not self.alive:
             return
         self.world.note("killed", self.name)
@@ -222,7 +222,7 @@ class Process:
         self.world.after(restart_after_s, self.start)
 
     def stop(self) -> None:
-        """SIGSTOP (they add up)."""
+        """Stop it (SIGSTOP; they add up)."""
         if not self.alive:
             return
         self.stops += 1
@@ -230,7 +230,7 @@ class Process:
             self._stopped_s = self.world.now
 
     def resume(self) -> None:
-        """SIGCONT. Reads what has arrived first, then does what has become due."""
+        """Continue it (SIGCONT): first what has arrived is read, then what is due is done."""
         if not self.alive or not self.stops:
             return
         self.stops -= 1
@@ -254,7 +254,7 @@ class Process:
             self._fire(life, period_s, act)
 
     def stop_for(self, duration_s: float) -> None:
-        """SIGSTOP, and SIGCONT after `duration_s` unless it was killed in between."""
+        """Stop it, and continue it after `duration_s` unless it was killed in between."""
         if self.alive:
             self.world.note("stopped", self.name, duration_s)
             self.stop()
@@ -266,12 +266,12 @@ class Process:
             self.resume()
 
     def every(self, period_s: float, act: Act, first_s: float | None = None) -> None:
-        """A timer of this life; `first_s` from now, at a random phase when not given."""
+        """Start a timer of this life, `first_s` from now, at a random phase when not given."""
         delay_s = self.world.dice.random() * period_s if first_s is None else first_s
         self.world.after(delay_s, self._fire, self.life, period_s, act)
 
     def once(self, delay_s: float, act: Act) -> None:
-        """Plans `act` once in this life."""
+        """Plan `act` once in this life."""
         self.world.after(delay_s, self._fire, self.life, None, act)
 
     def _fire(self, life: int, period_s: float | None, act: Act) -> None:
@@ -288,7 +288,7 @@ class Process:
         return len(self._inbox) - sum(self._replies.values())
 
     def deliver(self, act: Act, *args: Any) -> None:
-        """Something has arrived: handled now, kept while stopped, lost while dead."""
+        """Deliver something: handled now, kept while stopped, lost while dead."""
         if not self.alive:
             return
         if not self.stops:
@@ -297,11 +297,11 @@ class Process:
             self._inbox.append((act, args))
 
     def post(self, sender: str, act: Act, *args: Any) -> None:
-        """Hands over a local datagram from `sender`: short random delay, order kept per sender."""
+        """Hand over a local datagram from `sender`: short random delay, order kept per sender."""
         self.world.at(self._arrival_s(sender), self._take_in, sender, act, args)
 
     def reply(self, sender: str, service: str, act: Act, *args: Any) -> None:
-        """Hands over a server's answer; while the process is stopped the middleware keeps some of each service."""
+        """Hand over a server's answer; while the process is stopped the middleware keeps some of each service."""
         self.world.at(self._arrival_s(sender), self._take_reply, service, act, args)
 
     def _arrival_s(self, sender: str) -> float:
@@ -323,7 +323,7 @@ class Process:
             self._inbox.append((act, args))
 
     def _take_in(self, sender: str, act: Act, args: tuple[Any, ...]) -> None:
-        """As `deliver`; what one sender may have waiting is limited in bytes too."""
+        """Take it as `deliver` does; what one sender may have waiting is limited in bytes too."""
         if not self.alive:
             return
         if not self.stops:

@@ -32,6 +32,16 @@ def test_a_second_publisher_that_comes_later_takes_the_cloud_away_and_when_stric
     world.until(lambda: "ear" in problem(world, "SecondPublisher"), "the problem names who")
 
 
+def test_a_second_publisher_takes_the_cloud_away_although_the_robot_cannot_act(build: Callable[..., World]) -> None:
+    world = build()
+    world.start()
+    world.until(world.driver.drives, "the driver drives")
+    world.kill_node("robot")
+    world.ear.feed("/command", 0.1)
+    world.until(lambda: (world.site, world.reason) == ("robot", "SecondPublisher"), "the robot is in charge")
+    world.until(lambda: world.driver.inhibited, "the driver is inhibited")
+
+
 def test_a_replica_that_publishes_what_nobody_declared_takes_the_cloud_away_and_stops_the_driver_when_strict(
     build: Callable[..., World],
 ) -> None:

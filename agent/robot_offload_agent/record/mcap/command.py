@@ -36,14 +36,14 @@ The file opens in Foxglove, Lichtblick, PlotJuggler and with `ros2 bag`. exit co
 2 bad configuration or no place for the file, 4 mcap is not installed, 5 the disk was full
 """
 NODE_NAME = "offload_record"
-PERIOD_S = 0.25
+SHOW_PERIOD_S = 0.25
 WAITING_BYTES = 64 << 20
 """Messages that may wait for the disk; more are left out and counted."""
 DISK_FULL = 5
 
 
 def main(words: list[str]) -> int:
-    """Runs the command; returns the exit code."""
+    """Run the command; return the exit code."""
     parser = argparse.ArgumentParser(
         prog="robot-offload-agent record", description=__doc__, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -90,7 +90,7 @@ class Stream:
         self._writer.start()
 
     def take(self, topic: str, type_name: str, latched: bool, data: bytes) -> None:
-        """Takes a message."""
+        """Take a message."""
         entry = Entry(now_s(), wall_ns(), topic, type_name, data, latched)
         with self._lock:
             fits = not self.failure and self._bytes + entry.size <= WAITING_BYTES
@@ -101,7 +101,7 @@ class Stream:
             self.left_out += 1
 
     def close(self) -> None:
-        """Writes what waits, and the index."""
+        """Write what waits, and the index."""
         self._waiting.put(None)
         self._writer.join()
 
@@ -124,7 +124,7 @@ class Stream:
 
 
 def record(configuration: Configuration, stream: IO[bytes]) -> int:
-    """Records until SIGINT or SIGTERM; returns the exit code."""
+    """Record until SIGINT or SIGTERM; return the exit code."""
     context.init(configuration)
     written = Stream(stream)
     node = context.make_node(configuration, NODE_NAME)
@@ -135,7 +135,7 @@ def record(configuration: Configuration, stream: IO[bytes]) -> int:
 
     def work() -> float:
         heard.resolve()
-        return PERIOD_S
+        return SHOW_PERIOD_S
 
     spin_topics(node, work, ended.is_set)
     written.close()

@@ -23,7 +23,7 @@ _BOUNDED = re.compile(r"(w?string)<(\d+)>")
 
 
 def definition(kind: Any, name: str) -> str:
-    """Returns the definition of a type with those of all types in it, as a rosbag2 file has it.
+    """Return the definition of a type with those of all types in it, as a rosbag2 file has it.
 
     Args:
         kind: the class.
@@ -45,7 +45,7 @@ def definition(kind: Any, name: str) -> str:
 
 
 def _part(name: str, within: Any) -> Any:
-    """Returns the class of a type `PACKAGE/TYPE` in another one; the parts of an action stand in its module."""
+    """Return the class of a type `PACKAGE/TYPE` in another one; the parts of an action stand in its module."""
     short = name.partition("/")[2]
     beside = getattr(sys.modules[within.__module__], short, None)
     return beside if beside is not None else message_type(name.replace("/", "/msg/", 1))
@@ -57,19 +57,19 @@ def _fields(kind: Any) -> str:
 
 
 def _parts(kind: Any) -> list[tuple[str, Any]]:
-    """Returns the types of the fields that are messages, `PACKAGE/TYPE`, each with the type it stands in."""
+    """Return the types of the fields that are messages, `PACKAGE/TYPE`, each with the type it stands in."""
     elements = [_element(idl) for idl in kind.get_fields_and_field_types().values()]
     return [(element, kind) for element in elements if "/" in element]
 
 
 def _element(idl: str) -> str:
-    """Returns the type of a field without its sequence or array."""
+    """Return the type of a field without its sequence or array."""
     match = _SEQUENCE.fullmatch(idl) or _ARRAY.fullmatch(idl)
     return match[1] if match else idl
 
 
 def _written(idl: str) -> str:
-    """Returns the type of a field as a .msg file has it."""
+    """Return the type of a field as a .msg file has it."""
     if match := _SEQUENCE.fullmatch(idl):
         return f"{_written(match[1])}[{'<=' + match[2] if match[2] else ''}]"
     if match := _ARRAY.fullmatch(idl):

@@ -32,7 +32,7 @@ class Kept:
         self.folder, self.keep, self.release, self.uid = folder, keep, release, uid
 
     def write(self, window: Window) -> Path:
-        """Writes a window; returns the file.
+        """Write a window; return the file.
 
         Raises:
             OSError: the disk is full, gone, or cannot be written; nothing of the file is left.
@@ -66,7 +66,7 @@ class Kept:
         return f"switch-{at}.{rest // 1_000_000:03d}Z-{changeover.site}-{changeover.epoch}-{self.uid}.mcap"
 
     def _clear(self) -> None:
-        """Removes what an earlier process of this agent has left unfinished."""
+        """Remove what an earlier process of this agent has left unfinished."""
         for part in self.folder.glob(f"switch-*-{self.uid}.mcap{PART}"):
             part.unlink(missing_ok=True)
 
@@ -77,7 +77,7 @@ class Kept:
 
 
 def recordings(folder: Path) -> Iterator[Path]:
-    """Yields the recordings in a folder, the oldest first."""
+    """Yield the recordings in a folder, the oldest first."""
     found = (file for file in folder.glob("switch-*.mcap") if re.match(r"switch-\d{8}T", file.name))
     yield from sorted(found)
 

@@ -23,12 +23,12 @@ CHUNK_BYTES = 1 << 20
 
 
 def installed() -> bool:
-    """Returns whether recordings can be written here."""
+    """Return whether recordings can be written here."""
     return importlib.util.find_spec("mcap") is not None
 
 
 def library() -> ModuleType:
-    """Returns mcap's writer; raises StartError where it is not installed."""
+    """Return mcap's writer; raise StartError where it is not installed."""
     try:
         return importlib.import_module("mcap.writer")
     except ImportError as error:
@@ -53,11 +53,11 @@ class McapFile:
         self._channels: dict[tuple[str, str], int] = {}
 
     def describe(self, facts: Mapping[str, str]) -> None:
-        """Writes what was recorded, and why."""
+        """Write what was recorded, and why."""
         self._writer.add_metadata(FACTS, dict(facts))
 
     def write(self, entry: Entry) -> None:
-        """Writes a message; raises StartError when its type is not installed."""
+        """Write a message; raise StartError when its type is not installed."""
         channel = self._channels.get((entry.topic, entry.type_name))
         if channel is None:
             channel = self._writer.register_channel(
@@ -68,7 +68,7 @@ class McapFile:
         self._writer.add_message(channel, entry.stamp_ns, entry.data, entry.stamp_ns)
 
     def finish(self) -> None:
-        """Writes the index; without it readers must go through the whole file."""
+        """Write the index; without it readers must go through the whole file."""
         self._writer.finish()
 
     def _schema(self, type_name: str) -> int:

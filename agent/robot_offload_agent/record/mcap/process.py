@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 
 NODE_NAME = "offload_recording"
 FOLDER = "recordings"
-PERIOD_S = 0.5
+RECORD_PERIOD_S = 0.5
 REPORT_S = 1.0
 WAITING = 2
 """Windows that may wait for the disk; each holds its messages in memory."""
@@ -70,7 +70,7 @@ class RecordShell:
         self.diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def run(self) -> None:
-        """Runs until it is ended; what is open then is written as far as it goes."""
+        """Run until it is ended; what is open then is written as far as it goes."""
         threads.start("write", self.write_all)
         try:
             spin_topics(self.node, self.work)
@@ -79,7 +79,7 @@ class RecordShell:
                 self.write(window)
 
     def take(self, topic: str, type_name: str, latched: bool, data: bytes) -> None:
-        """Takes a message (ROS thread)."""
+        """Take a message (ROS thread)."""
         entry = Entry(now_s(), wall_ns(), topic, type_name, data, latched)
         self.ring.add(entry)
         if topic == PLACEMENT:
@@ -89,7 +89,7 @@ class RecordShell:
                     self.ring.begin(changeover)
 
     def changed(self, entry: Entry) -> Changeover | None:
-        """Returns the changeover that a placement reports; None: the side is the same, or the first one heard."""
+        """Return the changeover that a placement reports; None: the side is the same, or the first one heard."""
         body = placement(entry.data)
         site, before = str(body.get("site", "")), self.site
         if site not in ("robot", "cloud"):
@@ -102,7 +102,7 @@ class RecordShell:
         return Changeover(entry.at_s, entry.stamp_ns, site, number, str(body.get("reason", ""))[:128])
 
     def work(self) -> float:
-        """Subscribes to what has come, hands windows on, reports (ROS thread); returns seconds until the next look."""
+        """Subscribe to what has come, hand windows on, report (ROS thread); return seconds until the next look."""
         self.beacon.sign("ros")
         self.heard.resolve()
         for window in self.ring.due(now_s()):
@@ -114,16 +114,16 @@ class RecordShell:
         if now_s() >= self.report_due_s:
             self.report_due_s = now_s() + REPORT_S
             self.publish()
-        return PERIOD_S
+        return RECORD_PERIOD_S
 
     def write_all(self) -> None:
-        """Writes what waits, over and over (writing thread)."""
+        """Write what waits, over and over (writing thread)."""
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
         while True:
             self.write(self.waiting.get())
 
     def write(self, window: Window) -> None:
-        """Writes one window."""
+        """Write one window."""
         try:
             file = self.kept.write(window)
         except OSError as error:
@@ -138,13 +138,13 @@ class RecordShell:
             log.info("Changeover recorded in %s", file)
 
     def fail(self, problem: str) -> None:
-        """Keeps a problem until a recording is written again; logs each new one once."""
+        """Keep a problem until a recording is written again; log each new one once."""
         if problem != self.problem:
             self.problem = problem
             log.warning("%s; the agent goes on reason=RecordingFailed", problem)
 
     def publish(self) -> None:
-        """Publishes what has become of the recordings."""
+        """Publish what has become of the recordings."""
         values = {**self.counters, "left_out": self.counters["left_out"] + self.ring.left_out, "last": self.last}
         status = diagnostic(self.configuration["robot_name"] or self.configuration["uid"], values, self.problem)
         array = DiagnosticArray(status=[status])
@@ -153,7 +153,7 @@ class RecordShell:
 
 
 def placement(data: bytes) -> Mapping[str, Any]:
-    """Returns what a message on the placement's topic says; empty for anything else."""
+    """Return what a message on the placement's topic says; empty for anything else."""
     try:
         body = json.loads(deserialize_message(data, String).data)
     except (ValueError, RecursionError):
@@ -162,7 +162,7 @@ def placement(data: bytes) -> Mapping[str, Any]:
 
 
 def diagnostic(who: str, values: Mapping[str, object], problem: str) -> DiagnosticStatus:
-    """Returns the status of the recordings."""
+    """Return the status of the recordings."""
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
     if problem:
         pairs.append(KeyValue(key="RecordingFailed", value=problem))
@@ -173,5 +173,5 @@ def diagnostic(who: str, values: Mapping[str, object], problem: str) -> Diagnost
 
 
 def run(configuration: Configuration) -> None:
-    """Entry of the process."""
+    """Run the process."""
     RecordShell(configuration, Bus(configuration.runtime_dir, "record")).run()

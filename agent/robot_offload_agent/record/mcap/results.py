@@ -56,7 +56,7 @@ class Results:
         self._asked: dict[int, float] = {}
 
     def heard(self, data: bytes) -> None:
-        """Takes the states of all goals, and asks those that have ended for their results."""
+        """Take the states of all goals, and ask those that have ended for their results."""
         goals = deserialize_message(data, self._states).status_list
         ended = [bytes(goal.goal_info.goal_id.uuid) for goal in goals if goal.status in ENDED]
         if self._known is None or self._event is None:
@@ -68,7 +68,7 @@ class Results:
                 self._ask(goal_id)
 
     def look(self) -> None:
-        """Takes the answers that have come; call now and then."""
+        """Take the answers that have come; call now and then."""
         self._client.serve()
         for sequence in [number for number, at_s in self._asked.items() if now_s() - at_s > PATIENCE_S]:
             self._client.forget(sequence)
@@ -88,7 +88,7 @@ class Results:
         self._asked[number] = now_s()
 
     def _written(self, goal_id: bytes, response: bytes) -> bytes:
-        """Returns the event that service introspection would have published."""
+        """Return the event that service introspection would have published."""
         event = self._event()
         event.info.event_type = RECEIVED
         event.info.stamp.sec, event.info.stamp.nanosec = divmod(wall_ns(), 1_000_000_000)
@@ -102,5 +102,5 @@ class Results:
 
 
 def of(node: Node, actions: Iterable[Named], take: Take) -> dict[str, Results]:
-    """Returns who asks, by the topic on which an action's states are heard."""
+    """Return who asks, by the topic on which an action's states are heard."""
     return {f"{action['name']}/_action/status": Results(node, action, take) for action in actions}

@@ -86,7 +86,7 @@ class Ring:
         self._open: list[Changeover] = []
 
     def add(self, entry: Entry) -> None:
-        """Takes a message; lets those go that are too old, or too many."""
+        """Take a message; let those go that are too old, or too many."""
         if entry.size > self.max_bytes:
             self.left_out += 1
             self._cut_s = entry.at_s
@@ -101,7 +101,7 @@ class Ring:
             self._drop()
 
     def begin(self, changeover: Changeover) -> bool:
-        """Opens a window; returns False when too many are open."""
+        """Open a window; return False when too many are open."""
         if len(self._open) >= MAX_WINDOWS:
             self.left_out += 1
             return False
@@ -109,7 +109,7 @@ class Ring:
         return True
 
     def due(self, now_s: float) -> list[Window]:
-        """Returns the windows whose time is over; with `now_s` infinite all that are open."""
+        """Return the windows whose time is over; with `now_s` infinite all that are open."""
         over = [each for each in self._open if now_s >= each.at_s + self.after_s]
         self._open = [each for each in self._open if each not in over]
         return [self._window(each) for each in over]

@@ -39,7 +39,7 @@ class Topic:
 
 
 def topics(configuration: Configuration) -> Iterator[Topic]:
-    """Yields the topics of the robot's side."""
+    """Yield the topics of the robot's side."""
     latched, volatile = ("reliable", "transient_local"), ("best_effort", "volatile")
     yield Topic(PLACEMENT, "std_msgs/msg/String", *latched)
     yield Topic(ACTING, "std_msgs/msg/Int32", *latched)
@@ -78,7 +78,7 @@ class Heard:
                 )
 
     def resolve(self) -> None:
-        """Subscribes to what has become known, and takes results that have come; call now and then."""
+        """Subscribe to what has become known, and take results that have come; call now and then."""
         for subscription in self._subscriptions.values():
             subscription.resolve()
         for asking in self._results.values():

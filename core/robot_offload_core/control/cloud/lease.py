@@ -114,7 +114,7 @@ Command = SetEgress | Acting | SetReport | StandChanged
 
 
 def step(cloud: Cloud, event: Event, now_s: float) -> tuple[Cloud, list[Command]]:
-    """Takes in one event; returns the next state and the level of everything the shell keeps up.
+    """Take in one event; return the next state and the level of everything the shell keeps up.
 
     The three levels (egress, acting, report) come with every step: losing one message of them loses nothing.
     """
@@ -142,7 +142,7 @@ def step(cloud: Cloud, event: Event, now_s: float) -> tuple[Cloud, list[Command]
 
 
 def check(before: Cloud, after: Cloud, event: Event, now_s: float) -> None:
-    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
     same = after.robot == before.robot
     require(
         "lease",
@@ -158,23 +158,23 @@ def check(before: Cloud, after: Cloud, event: Event, now_s: float) -> None:
 
 
 def holds_lease(cloud: Cloud, now_s: float) -> bool:
-    """Whether a lease of the current epoch is valid now."""
+    """Return whether a lease of the current epoch is valid now."""
     return cloud.granted and now_s < cloud.lease_end_s
 
 
 def called_off(before: Cloud, after: Cloud) -> bool:
-    """Whether the robot has ended a preparation of this side, which was ready and never in charge."""
+    """Return whether the robot has ended a preparation of this side, which was ready and never in charge."""
     prepared = before.granted and before.ready and not before.in_charge
     return prepared and not after.granted and after.robot == before.robot and after.epoch > before.epoch
 
 
 def token(cloud: Cloud) -> Token:
-    """The token that this side would act under."""
+    """Return the token that this side would act under."""
     return Token(cloud.robot, cloud.epoch, cloud.incarnation)
 
 
 def situation(cloud: Cloud, now_s: float) -> tuple[Stand, str]:
-    """(reason, message) of what this side does."""
+    """Return (reason, message) of what this side does."""
     if cloud.refused:
         return Stand.DUPLICATE_IDENTITY, f"A second robot of this identity is refused: {cloud.refused[:8]}"
     if holds_lease(cloud, now_s):
@@ -216,7 +216,7 @@ def _hear(cloud: Cloud, beat: Beat, arrived_s: float, now_s: float) -> Cloud:
 
 
 def _renew(cloud: Cloud, beat: Beat, permission: Permission, now_s: float) -> Cloud:
-    """Renews what a permission grants, anchored to our own beat that it echoes."""
+    """Renew what a permission grants, anchored to our own beat that it echoes."""
     echo = beat.echo
     if echo is None or echo.incarnation != cloud.incarnation:
         return cloud
@@ -260,5 +260,5 @@ def _levels(cloud: Cloud, now_s: float) -> list[Command]:
 
 
 def _us(age_s: float | None) -> int:
-    """Microseconds; -1 for never, also when nothing of us had been heard by the sender and the age has no bound."""
+    """Return microseconds; -1 for never, also if the sender had heard nothing of us and the age has no bound."""
     return -1 if age_s is None or age_s == float("inf") else max(0, round(age_s * 1e6))

@@ -25,7 +25,7 @@ class CloudControlPorts(ControlPorts, Protocol):
     """What the shell does for the cloud's control process besides."""
 
     def decided(self, reason: Stand, message: str) -> None:
-        """Logs a decision."""
+        """Log a decision."""
 
 
 class CloudControlProcess(ControlProcess):
@@ -44,7 +44,7 @@ class CloudControlProcess(ControlProcess):
         has_relay: bool = False, outputs: tuple[OutputSpec, ...] = (), publishers: tuple[str, ...] = (),
         has_state: bool = False,
     ) -> None:  # fmt: skip
-        """`publishers`: the node of each of `outputs`, "" unknown.
+        """Begin without a robot; `publishers` is the node of each of `outputs`, "" unknown.
 
         `has_relay`: services or actions are declared; `has_state`: state.
         """
@@ -70,26 +70,26 @@ class CloudControlProcess(ControlProcess):
         self.told_s = 0.0
 
     def watched_by(self, witness: Witness) -> None:
-        """Lets `witness` see every step from now on."""
+        """Let `witness` see every step from now on."""
         super().watched_by(witness)
         witness.restated(Machine.LEASE, self.ports.now_s(), self.cloud)
 
     def ask(self, site: Site, key: int) -> None:
-        """Asks the robot for a switch by hand: it decides, the request travels with our probes."""
+        """Ask the robot for a switch by hand: it decides, the request travels with our probes."""
         self.requests += 1
         self.request = f"{site.value}:{self.incarnation[:8]}.{self.requests}"
         self.request_until_s = self.ports.now_s() + REQUEST_LIFE_S
         self.request_key = key
 
     def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None = None) -> None:
-        """Takes a beat of a robot; that this side's pulse sends, nobody asks here."""
+        """Take a beat of a robot; that this side's pulse sends, nobody asks here."""
         del sent
         self.step(lease.RobotBeat(beat, arrived_s))
         if beat.incarnation == self.cloud.robot:
             self.link = links.hear(self.link, beat, self.incarnation, arrived_s, wall_us)
 
     def handle(self, message: object) -> None:
-        """Takes the reports of data and relay."""
+        """Take the reports of data and relay."""
         if isinstance(message, RelayStatus):
             self.relay_status = message
             self.rest.take(message, self.ports.now_s())
@@ -112,7 +112,7 @@ class CloudControlProcess(ControlProcess):
         self.step(replace(message.cloud_data, rated=self._bits()))
 
     def _note_while(self) -> None:
-        """Reports at once that other outputs must speak here."""
+        """Report at once that other outputs must speak here."""
         if self.cloud_data is not None and self._bits() != self.cloud.rated:
             self.step(replace(self.cloud_data, rated=self._bits()))
 
@@ -120,7 +120,7 @@ class CloudControlProcess(ControlProcess):
         return sum(1 << index for index in self.holding())
 
     def tick(self) -> None:
-        """Lets time pass for the lease machine."""
+        """Let time pass for the lease machine."""
         self.check_ready()
         self._note_while()
         if self._able() is not self.cloud.ready:
@@ -131,12 +131,12 @@ class CloudControlProcess(ControlProcess):
             self.request = ""
 
     def ready_changed(self, ready: bool) -> None:
-        """Takes the changed readiness of the CORE nodes."""
+        """Take the changed readiness of the CORE nodes."""
         del ready
         self.step(lease.CloudNodes(self._able()))
 
     def _able(self) -> bool:
-        """Returns whether the CORE nodes are Active and got the robot's latched inputs before they began to act.
+        """Return whether the CORE nodes are Active and got the robot's latched inputs before they began to act.
 
         A stay does not end for a latched input that changes meanwhile: its new value is on the way to the replicas.
         """
@@ -144,7 +144,7 @@ class CloudControlProcess(ControlProcess):
         return self.is_ready() and (self.complete or acting)
 
     def step(self, event: lease.Event) -> None:
-        """Steps the lease and carries out its commands."""
+        """Step the lease and carry out its commands."""
         now_s, before = self.ports.now_s(), self.cloud
         self.cloud, commands = self.watched(Machine.LEASE, lease.step, before, event, now_s)
         if self.hands_over and lease.called_off(before, self.cloud):
@@ -177,10 +177,10 @@ class CloudControlProcess(ControlProcess):
                     assert_never(command)
 
     def health(self) -> links.Health | None:
-        """Returns the health of the link to the robot served; None when there is none."""
+        """Return the health of the link to the robot served; None when there is none."""
         return links.health(self.link, self.ports.now_s()) if self.cloud.robot else None
 
     def sustained(self) -> int:
-        """Returns 1 while a robot is heard."""
+        """Return 1 while a robot is heard."""
         alive = self.ports.now_s() - self.cloud.robot_s <= self.settings.loss_timeout_s
         return int(bool(self.cloud.robot) and alive)

@@ -97,12 +97,12 @@ Event = Observed | Answered | Acting | Flowing | Seen | InhibitAnswered | Tick
 
 
 def start(specs: Iterable[NodeSpec], grace_s: float, has_driver: bool = False) -> Guardian:
-    """A guardian that knows nothing yet."""
+    """Return a guardian that knows nothing yet."""
     return Guardian(tuple(Node(spec) for spec in specs), grace_s, has_driver)
 
 
 def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list[Command]]:
-    """Takes in one event and does all that has become due."""
+    """Take in one event and does all that has become due."""
     commands: list[Command] = []
     before = guardian
     match event:
@@ -133,7 +133,7 @@ def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list
 
 
 def check(before: Guardian, after: Guardian, event: Event) -> None:
-    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
     require(
         "guardian",
         event,
@@ -145,7 +145,7 @@ def check(before: Guardian, after: Guardian, event: Event) -> None:
 
 
 def is_ready(guardian: Guardian) -> bool:
-    """All duplicated CORE nodes (all duplicated ones when none is CORE) are Active and not on their way out of it.
+    """Return whether all duplicated CORE nodes (all duplicated ones if none is CORE) are Active and stay so.
 
     Those without a lifecycle are seen.
     """
@@ -155,7 +155,7 @@ def is_ready(guardian: Guardian) -> bool:
 
 
 def core_fault(guardian: Guardian) -> str:
-    """Why the robot must not move now; "" when it may."""
+    """Return why the robot must not move now; "" when it may."""
     if guardian.stop:
         return guardian.stop
     for node in guardian.nodes:
@@ -170,14 +170,14 @@ def _silent(guardian: Guardian) -> bool:
 
 
 def _unheard(guardian: Guardian) -> str:
-    """Returns why a driver that is inhibited, perhaps by an earlier life of ours, stays so; "" for no reason."""
+    """Return why a driver that is inhibited, perhaps by an earlier life of ours, stays so; "" for no reason."""
     if guardian.inhibit_said is False or not guardian.in_charge or guardian.outputs_heard:
         return ""
     return "No message of the robot's rated outputs has been seen since"
 
 
 def wanted(guardian: Guardian, node: Node) -> State:
-    """The state that a node is to be in."""
+    """Return the state that a node is to be in."""
     active = not node.spec.duplicated or guardian.acting or node.spec.hot
     return State.ACTIVE if active else State.INACTIVE
 
@@ -204,7 +204,7 @@ def _act(guardian: Guardian, event: Acting, now_s: float) -> Guardian:
 
 
 def _advance(guardian: Guardian, now_s: float, commands: list[Command]) -> Guardian:
-    """Asks for what is due: bring-up in order, sleep in reverse, reads in between.
+    """Ask for what is due: bring-up in order, sleep in reverse, read in between.
 
     A CORE node waits for CORE nodes only: without it the robot does not move, and no other node is worth that.
     """
@@ -234,13 +234,13 @@ def _advance(guardian: Guardian, now_s: float, commands: list[Command]) -> Guard
 
 
 def _with(guardian: Guardian, nodes: tuple[Node, ...]) -> Guardian:
-    """Returns the guardian with these nodes: the same one when each of them is the same."""
+    """Return the guardian with these nodes: the same one when each of them is the same."""
     same = all(map(is_, nodes, guardian.nodes))
     return guardian if same else replace(guardian, nodes=nodes)
 
 
 def due_s(guardian: Guardian, now_s: float) -> float:
-    """Returns before when a Tick changes nothing, once a Tick at `now_s` has changed nothing; infinite for never."""
+    """Return before when a Tick changes nothing, once a Tick at `now_s` has changed nothing; infinite for never."""
     times_s = [guardian.inhibit_due_s]
     if guardian.fault_since_s is not None:
         times_s.append(guardian.fault_since_s + guardian.grace_s)
@@ -254,7 +254,7 @@ def due_s(guardian: Guardian, now_s: float) -> float:
 
 
 def degraded(guardian: Guardian) -> tuple[str, ...]:
-    """Returns the nodes, none of them CORE, that should be Active and are dead, refuse, are unseen or were given up."""
+    """Return the nodes, none of them CORE, that should be Active and are dead, refuse, are unseen or were given up."""
     return tuple(
         n.spec.name
         for n in guardian.nodes
@@ -264,7 +264,7 @@ def degraded(guardian: Guardian) -> tuple[str, ...]:
 
 
 def _answered(guardian: Guardian, inhibited: bool, now_s: float) -> Guardian:
-    """Notes what the driver confirmed. When that is not our last word the driver may have served it last: say it again.
+    """Note what the driver confirmed. When that is not our last word the driver may have served it last: say it again.
 
     Two contrary requests within milliseconds can overtake each other in a driver with several threads.
     """
@@ -274,7 +274,7 @@ def _answered(guardian: Guardian, inhibited: bool, now_s: float) -> Guardian:
 
 
 def _core_rule(guardian: Guardian, now_s: float, commands: list[Command]) -> Guardian:
-    """Inhibits the driver when a CORE node that should act does not, after the grace; releases it when healthy."""
+    """Inhibit the driver when a CORE node that should act does not, after the grace; release it when healthy."""
     if not guardian.has_driver:
         return guardian
     fault = core_fault(guardian) or _unheard(guardian)

@@ -19,12 +19,15 @@ from robot_offload_core.words.settings import NodeSpec
 TRANSITION_DEADLINE_S = 2.0
 """For one change_state call; a heavy on_activate takes tens of milliseconds, on_configure may load a map."""
 READ_DEADLINE_S = 1.0
+"""For one get_state call."""
 READ_PERIOD_S = 1.0
-"""How often a state is read again although nothing was heard (a node that died says nothing)."""
+"""How often a state is read without news: a node that died reports nothing."""
 UNKNOWN_PERIOD_S = 0.25
 """The same while the state is unknown: a node that starts is to be found quickly."""
 RETRY_FIRST_S = 0.1
+"""Wait after the first failed transition; doubled by each further one."""
 RETRY_MAX_S = 5.0
+"""Longest such wait."""
 GIVE_UP_S = 60.0
 """After failing for this long a node is given up until it restarts or is asked for again."""
 UNSEEN_LOOKS = 2
@@ -149,12 +152,12 @@ Command = ChangeState | GetState | Inhibit | NodeNews
 
 
 def stays_active(node: Node) -> bool:
-    """Returns whether a node is Active and not on its way out of it."""
+    """Return whether a node is Active and not on its way out of it."""
     return node.state is State.ACTIVE and node.asked is not Transition.DEACTIVATE
 
 
 def observe(node: Node, state: State, now_s: float, commands: list[Command]) -> Node:
-    """Takes in a state that was read or heard."""
+    """Take in a state that was read or heard."""
     period_s = UNKNOWN_PERIOD_S if state is State.UNKNOWN else READ_PERIOD_S
     before = node.state
     node = replace(node, state=state, state_s=now_s, read_due_s=now_s + period_s, reading_until_s=None)
@@ -174,7 +177,7 @@ def observe(node: Node, state: State, now_s: float, commands: list[Command]) -> 
 
 
 def look(node: Node, seen: bool, now_s: float, commands: list[Command]) -> Node:
-    """Takes what a look at the graph found of a node without a lifecycle."""
+    """Take what a look at the graph found of a node without a lifecycle."""
     if node.spec.lifecycle:
         return node
     unseen = 0 if seen else node.unseen + 1
@@ -184,7 +187,7 @@ def look(node: Node, seen: bool, now_s: float, commands: list[Command]) -> Node:
 
 
 def answer(node: Node, event: Answered, now_s: float, commands: list[Command]) -> Node:
-    """Takes in the answer of a transition call."""
+    """Take in the answer of a transition call."""
     if node.asked is not event.transition:
         return node
     if event.success:
@@ -193,7 +196,7 @@ def answer(node: Node, event: Answered, now_s: float, commands: list[Command]) -
 
 
 def expire(node: Node, flows: bool, now_s: float, commands: list[Command]) -> Node:
-    """Ends calls at their deadlines. A transition without an answer is followed by a read, not by a retry."""
+    """End calls at their deadlines. A transition without an answer is followed by a read, not by a retry."""
     if node.reading_until_s is not None and now_s >= node.reading_until_s:
         if flows and node.state is State.ACTIVE:  # a long callback answers nobody; what it publishes shows its life
             return replace(node, reading_until_s=None, read_due_s=now_s + UNKNOWN_PERIOD_S)
@@ -230,20 +233,20 @@ def _failed(node: Node, why: str, now_s: float, commands: list[Command]) -> Node
 
 
 def rises(node: Node) -> bool:
-    """Returns whether a node is on its way up for the first time; a dead or refusing one holds up nobody."""
+    """Return whether a node is on its way up for the first time; a dead or refusing one holds up nobody."""
     unread = node.state_s is None
     return unread or (node.state in (State.UNCONFIGURED, State.INACTIVE) and node.failures == 0 and not node.gave_up)
 
 
 def upwards(node: Node) -> Transition | None:
-    """Returns the transition that leads towards Active; None when there is none."""
+    """Return the transition that leads towards Active; None when there is none."""
     if node.state is State.UNCONFIGURED:
         return Transition.CONFIGURE
     return Transition.ACTIVATE if node.state is State.INACTIVE else None
 
 
 def ask(node: Node, transition: Transition | None, now_s: float, commands: list[Command]) -> Node:
-    """Asks for a transition, unless one is under way, the node was given up or its next attempt is later."""
+    """Ask for a transition, unless one is under way, the node was given up or its next attempt is later."""
     if transition is None or node.asked is not None or node.gave_up or now_s < node.retry_s:
         return node
     commands.append(ChangeState(node.spec.name, transition, TRANSITION_DEADLINE_S))

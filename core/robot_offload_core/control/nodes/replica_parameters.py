@@ -23,7 +23,7 @@ DIGEST_LENGTH = 8
 MAX_NODES = 128
 MAX_STATED = 512
 """Parameters of one node that are stated one by one; of a node with more the first ones by name."""
-PERIOD_S = 5.0
+READ_PERIOD_S = 5.0
 """How often a node's parameters are read."""
 HASTY_PERIOD_S = 1.0
 """The same while they differ: most differences pass when the other replica has started."""
@@ -63,18 +63,18 @@ class Compared:
 
 
 def value_digest(value: object, side: Site) -> str:
-    """Returns the digest of a value; the private topics of both sides count as one name."""
+    """Return the digest of a value; the private topics of both sides count as one name."""
     text = repr(value).replace(PRIVATE_TOPICS.format(side.value), PRIVATE_TOPICS.format("*"))
     return _digest(text)
 
 
 def counts(name: str, may_differ: Iterable[str]) -> bool:
-    """Returns whether a parameter is compared: `*` in an exception stands for any text."""
+    """Return whether a parameter is compared: `*` in an exception stands for any text."""
     return not any(fnmatchcase(name, pattern) for pattern in (*ALWAYS_DIFFER, *may_differ))
 
 
 def table_digest(table: Table) -> str:
-    """Returns the digest of all parameters of a node."""
+    """Return the digest of all parameters of a node."""
     return _digest(repr(sorted(table.items())))
 
 
@@ -83,20 +83,20 @@ def _digest(text: str) -> str:
 
 
 def read(compared: Compared, node: str, table: Table | None) -> Compared:
-    """Takes the parameters of a node here; None: it does not answer."""
+    """Take the parameters of a node here; None: it does not answer."""
     others = {name: known for name, known in compared.own.items() if name != node}
     return replace(compared, own=others if table is None else {**others, node: table})
 
 
 def heard(compared: Compared, stated: Mapping[str, Statement]) -> Compared:
-    """Takes what the other side states."""
+    """Take what the other side states."""
     tables = {name: known for name, known in compared.tables.items() if name in stated}
     tables |= {name: (said.digest, said.table) for name, said in stated.items() if said.table is not None}
     return replace(compared, stated=stated, tables=tables)
 
 
 def statements(compared: Compared) -> dict[str, Statement]:
-    """Returns what to say to the other side: of one node at a time the parameters one by one."""
+    """Return what to say to the other side: of one node at a time the parameters one by one."""
     found: dict[str, Statement] = {}
     free = True
     for node, table in sorted(compared.own.items())[:MAX_NODES]:
@@ -109,14 +109,14 @@ def statements(compared: Compared) -> dict[str, Statement]:
 
 
 def unlike(compared: Compared, node: str) -> bool:
-    """Returns whether the digests of a node differ: it is read again soon."""
+    """Return whether the digests of a node differ: it is read again soon."""
     said = compared.stated.get(node)
     table = compared.own.get(node)
     return said is not None and table is not None and said.digest not in ("", table_digest(table))
 
 
 def differences(compared: Compared, alike: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Returns the names of the parameters that differ, by node.
+    """Return the names of the parameters that differ, by node.
 
     Args:
         compared: the state.
@@ -139,7 +139,7 @@ def differences(compared: Compared, alike: Iterable[str]) -> dict[str, tuple[str
 
 
 def problem(found: Mapping[str, tuple[str, ...]]) -> tuple[Reason, str] | None:
-    """Returns (reason, message) for what differs; None when nothing does."""
+    """Return (reason, message) for what differs; None when nothing does."""
     if not found:
         return None
     parts = []

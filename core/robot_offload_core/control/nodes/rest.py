@@ -10,10 +10,11 @@ from __future__ import annotations
 from robot_offload_core.words.messages import RelayStatus
 from robot_offload_core.words.token import Site
 
-RELAY_SILENT_S = 0.5
-"""A relay that has not spoken for so long holds nothing back."""
+RELAY_GONE_S = 0.5
+"""After this long without a report a relay holds nothing back, and nodes may be deactivated. Longer than
+RELAY_UNHEARD_S: a node that sleeps too soon costs a goal."""
 RELAY_LATE_S = 0.1
-"""A relay hears of a change later than control, or the other way round."""
+"""How much later than control a relay may learn of a change, and the reverse."""
 
 
 class Rest:
@@ -33,22 +34,22 @@ class Rest:
         self.acted_s = self.settles_until_s = float("-inf")
 
     def settle(self, until_s: float) -> None:
-        """Notes that this side was called off although its nodes were Active: they stay so until `until_s`."""
+        """Note that this side was called off although its nodes were Active: they stay so until `until_s`."""
         self.settles_until_s = until_s
 
     def take(self, status: RelayStatus, now_s: float) -> None:
-        """Takes a status of the relay."""
+        """Take a status of the relay."""
         self.status, self.status_s = status, now_s
 
     def keeps_active(self, acting: bool, now_s: float) -> bool:
-        """Returns whether the nodes stay Active although the side does not act any more."""
+        """Return whether the nodes stay Active although the side does not act any more."""
         if acting:
             self.acted_s, self.settles_until_s = now_s, float("-inf")
             return False
         if now_s < self.settles_until_s:
             return True
         status = self.status
-        if status is None or now_s - self.status_s > RELAY_SILENT_S or now_s >= self.acted_s + self.deadline_s:
+        if status is None or now_s - self.status_s > RELAY_GONE_S or now_s >= self.acted_s + self.deadline_s:
             return False
         unheard = status.holder is self.site and now_s < self.acted_s + RELAY_LATE_S
         return status.busy or (unheard and bool(status.executing))

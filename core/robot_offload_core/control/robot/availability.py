@@ -36,7 +36,7 @@ class Available:
 
 
 def available(robot: Robot, states: Mapping[str, str], now_s: float) -> tuple[Available, ...]:
-    """Returns a statement for each node with placement Cloud that has outputs, in the order of the outputs.
+    """Return a statement for each node with placement Cloud that has outputs, in the order of the outputs.
 
     Args:
         robot: state of the placement machine.

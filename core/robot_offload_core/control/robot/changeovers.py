@@ -17,13 +17,15 @@ PREPARE_EXTRA_S = 0.5
 REPORT_BEATS = 2
 """Beats added to that: the grant must go there, the report must come back."""
 RETRY_FIRST_S = 1.0
+"""Wait after the first preparation that was called off; doubled by each further one."""
 RETRY_MAX_S = 30.0
+"""Longest such wait."""
 DECIDED_PERIOD_S = 0.5
-"""Changes of reason that change nothing else are given out at most this often."""
+"""Least distance of two announcements that differ in their reason alone."""
 
 
 def clear_s_of(robot: Robot, revoked_s: float) -> float:
-    """When the cloud has stopped for sure, if nothing permits it to act after `revoked_s`.
+    """Return when the cloud has stopped for sure, if nothing permits it to act after `revoked_s`.
 
     The pulse process may use the last permission for two more beats, and the lease that it grants then lasts from
     there.
@@ -33,12 +35,12 @@ def clear_s_of(robot: Robot, revoked_s: float) -> float:
 
 
 def charge(robot: Robot, side: Site, epoch: int) -> Charge:
-    """Returns the charge of a side in an epoch."""
+    """Return the charge of a side in an epoch."""
     return Charge(side, Token(robot.incarnation, epoch, robot.partner if side is Site.CLOUD else ""))
 
 
 def prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
-    """Begins to get the other side ready, under a candidate epoch."""
+    """Begin to get the other side ready, under a candidate epoch."""
     candidate = robot.last_epoch + 1
     settings = robot.settings
     need = verdict.reason.kind is Kind.NEED
@@ -55,7 +57,7 @@ def prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, commands
 
 
 def enter(robot: Robot, charge: Charge, now_s: float, commands: list[Command]) -> Robot:
-    """The collector has changed over to what was the candidate."""
+    """Take that the collector has changed over to what was the candidate."""
     phase = Phase.CLOUD if charge.site is Site.CLOUD else Phase.ROBOT
     good_s = robot.situation.good_s
     robot = replace(
@@ -73,7 +75,7 @@ def enter(robot: Robot, charge: Charge, now_s: float, commands: list[Command]) -
 
 
 def call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: list[Command]) -> Robot:
-    """A preparation failed (unless a person or the clocks ended it): the old side goes on, the next attempt waits."""
+    """Give a preparation up: the old side goes on, the next attempt waits (not after a person or the clocks)."""
     failed = not why.reason.urgent
     wait_s = min(RETRY_MAX_S, RETRY_FIRST_S * 2**robot.failures) if failed else 0.0
     epoch = robot.epoch
@@ -90,7 +92,7 @@ def call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: l
 def take_over(
     robot: Robot, fault: Verdict, now_s: float, commands: list[Command], *, by_silence: bool = False
 ) -> Robot:
-    """Sudden loss: the robot is in charge from now on; consumers hear nobody else.
+    """Return sudden loss: the robot is in charge from now on; consumers hear nobody else.
 
     `by_silence`: of one message, which may come yet: sessions, wishes and what the policy has learned stay.
     """
@@ -116,7 +118,7 @@ def decide(
     robot: Robot, verdict: Verdict, now_s: float, commands: list[Command], *,
     force: bool = False, switched: bool = False, silent_s: float | None = None,
 ) -> Robot:  # fmt: skip
-    """Gives a decision out when it changed, at most every DECIDED_PERIOD_S; at once when `force`."""
+    """Give a decision out when it changed, at most every DECIDED_PERIOD_S; at once when `force`."""
     changed = (verdict.site, verdict.reason) != (robot.decided.site, robot.decided.reason)
     if not force and not (changed and now_s - robot.decided_s >= DECIDED_PERIOD_S):
         return robot

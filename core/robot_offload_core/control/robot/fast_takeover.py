@@ -24,15 +24,16 @@ from robot_offload_core.words.token import Site
 JUDGED_TIMEOUTS = 2
 """Loss timeouts after which a takeover that no limit confirmed is taken for a mistake."""
 ROW_S = 600.0
+"""Mistakes further apart than this are not counted as a row."""
 MOST = 3
 FLOOR_S = 3600.0
 """How long a mistake keeps the margin of its outputs up."""
 PROVEN_S = 60.0
-"""A stay in the cloud for so long shows that its messages come in time again."""
+"""A stay of this length in the cloud shows that its messages come in time again."""
 
 
 def missed(robot: Robot) -> Verdict | None:
-    """Returns the loss that a missing message of the cloud means; None when there is none, or it proves nothing."""
+    """Return the loss that a missing message of the cloud means; None when there is none, or it proves nothing."""
     gate, early = robot.situation.gate, robot.early
     if gate is None or not gate.missed or early.off or not (robot.hot and robot.nodes_ready) or _unfit(robot):
         return None
@@ -46,20 +47,20 @@ def missed(robot: Robot) -> Verdict | None:
 
 
 def _missing(robot: Robot) -> tuple[tuple[int, float], ...]:
-    """Returns the outputs whose next message of the cloud is missing, by index, and when each was due."""
+    """Return the outputs whose next message of the cloud is missing, by index, and when each was due."""
     gate = robot.situation.gate
     missed_ = () if gate is None else gate.missed
     return tuple((index, due_s) for index, due_s in missed_ if _was_due(robot, index, due_s))
 
 
 def _unfit(robot: Robot) -> bool:
-    """Returns whether the robot has given up a goal that the cloud still executes: it would begin that anew."""
+    """Return whether the robot has given up a goal that the cloud still executes: it would begin that anew."""
     report = robot.handing.report
     return report is not None and report.unfit
 
 
 def _was_due(robot: Robot, index: int, due_s: float) -> bool:
-    """Whether a message had to come: with a `while` a beat that the cloud sent later still calls the output rated.
+    """Return whether a message had to come: with `while`, if a later beat of the cloud still calls the output rated.
 
     The beat shows that by what it echoes: a beat of ours from after that time.
     """
@@ -70,13 +71,13 @@ def _was_due(robot: Robot, index: int, due_s: float) -> bool:
 
 
 def taken(robot: Robot, now_s: float) -> Robot:
-    """Notes a takeover by silence. The cloud is not asked again before it was judged."""
+    """Note a takeover by silence. The cloud is not asked again before it was judged."""
     early = replace(robot.early, taken_s=now_s, missing=_missing(robot))
     return replace(robot, early=early, retry_s=now_s + JUDGED_TIMEOUTS * robot.settings.loss_timeout_s)
 
 
 def judge(robot: Robot, fault: Verdict | None, now_s: float, commands: list[Command]) -> Robot:
-    """Judges the last takeover by silence; `fault`: the limit that is broken since, None while all hold."""
+    """Judge the last takeover by silence; `fault`: the limit that is broken since, None while all hold."""
     early, settings = robot.early, robot.settings
     if early.taken_s is None:
         return robot
@@ -97,19 +98,19 @@ def judge(robot: Robot, fault: Verdict | None, now_s: float, commands: list[Comm
 
 
 def _learned(robot: Robot, taken_s: float) -> tuple[Floor, ...]:
-    """Returns the floors after a mistake: a period more than its outputs had been waited for when it was made."""
+    """Return the floors after a mistake: a period more than its outputs had been waited for when it was made."""
     missing = {index: taken_s - due_s + robot.outputs[index].period_s for index, due_s in robot.early.missing}
     others = (floor for floor in robot.early.floors if floor.index not in missing and taken_s < floor.until_s)
     return (*others, *(Floor(index, margin_s, taken_s + FLOOR_S) for index, margin_s in missing.items()))
 
 
 def floors(robot: Robot, now_s: float) -> tuple[tuple[int, float], ...]:
-    """Returns the outputs, by index, that are waited for longer because of a mistake, and the least margins."""
+    """Return the outputs, by index, that are waited for longer because of a mistake, and the least margins."""
     return tuple((floor.index, floor.margin_s) for floor in robot.early.floors if now_s < floor.until_s)
 
 
 def prove(robot: Robot, now_s: float) -> Robot:
-    """Waits for messages again once a stay in the cloud has lasted."""
+    """Wait for messages again once a stay in the cloud has lasted."""
     if robot.early.off and robot.phase is Phase.CLOUD and now_s - robot.charged_s > PROVEN_S:
         return replace(robot, early=Early(floors=robot.early.floors))
     return robot

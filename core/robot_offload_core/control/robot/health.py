@@ -66,7 +66,7 @@ class Circumstances(NamedTuple):
 
 
 def is_good(beat: Beat, arrived_s: float, link: Link, frame: Circumstances) -> bool:
-    """Returns whether a beat proves that the cloud acts: current token, a living loop, and it says so.
+    """Return whether a beat proves that the cloud acts: current token, fresh echo, and it reports acting.
 
     Args:
         beat: of the cloud.
@@ -87,7 +87,7 @@ def is_good(beat: Beat, arrived_s: float, link: Link, frame: Circumstances) -> b
 
 
 def fitness(link: Link, settings: Settings, now_s: float) -> Fitness:
-    """The thesis's rule on the loop latency: t_l + t_c_cloud <= t_c_robot + tolerance."""
+    """Return the thesis's rule on the loop latency: t_l + t_c_cloud <= t_c_robot + tolerance."""
     latency_s = links.latency_s(link, now_s, settings.beat_period_s)
     limit_s = settings.allowed_loop_s
     silent_s = float("inf") if link.heard_s is None else now_s - link.heard_s
@@ -99,7 +99,7 @@ def fitness(link: Link, settings: Settings, now_s: float) -> Fitness:
 
 
 def clock_fault(link: Link, settings: Settings) -> Verdict | None:
-    """The veto on system clocks that differ: user nodes compare stamps."""
+    """Return the veto on system clocks that differ: user nodes compare stamps."""
     excess_s = links.clock_excess_s(link)
     if excess_s <= settings.max_clock_offset_s:
         return None

@@ -19,7 +19,7 @@ from robot_offload_core.words.token import Site, presence
 
 
 def outputs_flow_now(robot: Robot, now_s: float) -> bool:
-    """The robot's rated outputs, as the collector hears them, are not silent (known only while the robot acts).
+    """Return the robot's rated outputs, as the collector hears them, are not silent (known only while the robot acts).
 
     Without a collector nothing reaches the consumers.
     """
@@ -35,7 +35,7 @@ def outputs_flow_now(robot: Robot, now_s: float) -> bool:
 
 
 def _silent(robot: Robot, gate: GateReport, now_s: float) -> tuple[int, ...]:
-    """Returns the outputs, by index, whose silence on the robot is a fault now."""
+    """Return the outputs, by index, whose silence on the robot is a fault now."""
     excused = {one.index for one in _slow(robot) if one.excused(now_s)}
     return tuple(index for index in gate.robot_silent if index not in excused)
 
@@ -46,7 +46,7 @@ def _slow(robot: Robot) -> Iterator[SlowOutput]:
 
 
 def outputs_heard_now(robot: Robot, now_s: float) -> bool:
-    """The collector passes the robot and has seen a message of each rated output in time (while the robot acts).
+    """Return whether the collector passes the robot and has seen a message of each rated output in time.
 
     No grace counts, for pauses of whichever process or for a new charge, but for outputs that are slower than nodes
     wake: nobody waits for the next message of those unless nothing is known of them for longer than their deadline.
@@ -69,7 +69,7 @@ def outputs_heard_now(robot: Robot, now_s: float) -> bool:
 
 
 def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
-    """Gives the three levels out when they changed or a beat period has passed."""
+    """Give the three levels out when they changed or a beat period has passed."""
     settings = robot.settings
     preparing_cloud = robot.phase is Phase.TO_CLOUD
     granted = preparing_cloud or IN_CHARGE[robot.phase] is Site.CLOUD
@@ -114,7 +114,7 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
 
 
 def _cloud_while(robot: Robot) -> tuple[int, ...]:
-    """Returns the outputs whose `while` is true in the cloud, by its newest report."""
+    """Return the outputs whose `while` is true in the cloud, by its newest report."""
     report = robot.situation.report
     rated = 0 if report is None or report.serves != robot.incarnation else report.rated
     return tuple(i for i, o in enumerate(robot.outputs) if o.while_ is not None and rated >> i & 1)

@@ -32,7 +32,7 @@ class Readings(NamedTuple):
     report: CloudReport | None
 
     def silent(self, heard_s: float | None, limit_s: float) -> bool:
-        """Returns whether nothing was heard for longer than the limit, or never."""
+        """Return whether nothing was heard for longer than the limit, or never."""
         return heard_s is None or self.now_s - heard_s > limit_s
 
 
@@ -64,7 +64,7 @@ def cloud_fault(
     situation: Situation, link: Link, frame: Circumstances, now_s: float, *, acting: bool,
     without: frozenset[Reason] = frozenset(),
 ) -> Verdict | None:  # fmt: skip
-    """Returns the first broken hard limit, None when all hold.
+    """Return the first broken hard limit, None when all hold.
 
     After a stall of our own process the cloud is never kept in charge for longer than a lease: it has stopped by then.
     A process that stalls again and again judges silence all the same, or rather says that it is in no state to judge.

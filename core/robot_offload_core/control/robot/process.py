@@ -41,11 +41,11 @@ UNSEEN = State.UNKNOWN.value
 REPLICA_GRACE_S = 3.0
 """How long a replica may be on its way before it is reported missing."""
 UNREAD_MOST_S = 0.045
-"""Ticks are this far apart at most but for a turn: below what counts as a stall."""
+"""Longest time between two Ticks, but for a turn: below what counts as a stall."""
 STEPPED_MOST_S = 0.015
-"""The next turn comes up to 30 ms later: when the beats have ceased meanwhile that is no stall of ours yet (50 ms)."""
+"""A Tick is left out only after a step at most this old: with a turn in 30 ms the gap stays below a stall (50 ms)."""
 DEADLINE_MARGIN_S = 0.0005
-"""Behind a deadline, so that one turn finds it passed."""
+"""Added to a deadline, so that one turn finds it passed."""
 VETOES = {
     reason.value: reason for reason in (
         Reason.SECOND_PUBLISHER, Reason.UNDECLARED_PUBLISHER, Reason.TYPES_DIFFER, Reason.DUPLICATE_AGENT,
@@ -61,13 +61,13 @@ class RobotControlPorts(ControlPorts, Protocol):
     """What the shell does for the robot's control process besides."""
 
     def decided(self, decided: Decided) -> None:
-        """Logs a decision and publishes the placement."""
+        """Log a decision and publish the placement."""
 
     def effects_changed(self) -> None:
-        """Publishes the placement again: another side's effects are admitted now."""
+        """Publish the placement again: another side's effects are admitted now."""
 
     def available(self, statements: tuple[Available, ...]) -> None:
-        """Publishes which nodes with placement Cloud have results that reach the robot."""
+        """Publish which nodes with placement Cloud have results that reach the robot."""
 
 
 @dataclass(frozen=True)
@@ -143,19 +143,19 @@ class RobotControlProcess(ControlProcess):
         self.stated: tuple[Available, ...] | None = None
 
     def watched_by(self, witness: Witness) -> None:
-        """Lets `witness` see every step from now on."""
+        """Let `witness` see every step from now on."""
         super().watched_by(witness)
         witness.restated(Machine.PLACEMENT, self.ports.now_s(), self.robot)
 
     # -- events in ----------------------------------------------------------------------------------------------------
 
     def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None = None) -> None:
-        """Takes a beat of the cloud, and our own newest."""
+        """Take a beat of the cloud, and our own newest."""
         self.step(CloudBeat(beat, arrived_s, wall_us, sent))
         self.heard = self.robot.link.heard_s == arrived_s
 
     def handle(self, message: object) -> None:
-        """Takes reports of pulse, collector, relay and data."""
+        """Take reports of pulse, collector, relay and data."""
         if isinstance(message, PulseSent):
             self.step(message)
         elif isinstance(message, CollectorStatus):
@@ -180,13 +180,13 @@ class RobotControlProcess(ControlProcess):
             self._ask_for_cloud(message.word)
 
     def _states_reported(self, states: tuple[StateReported, ...]) -> None:
-        """Takes what each side lacks of the state of the other."""
+        """Take what each side lacks of the state of the other."""
         for reported in states if self.robot.handing.kept else ():
             if reported not in self.robot.handing.states:
                 self.step(reported)
 
     def _relay_reported(self, status: RelayStatus) -> None:
-        """Takes what the relay says: what a change waits for, and whether this side's nodes may be deactivated."""
+        """Take what the relay says: what a change waits for, and whether this side's nodes may be deactivated."""
         self.relay_status = status
         self.executing, self.relay_s = status.executing, self.ports.now_s()
         self._note_while()
@@ -198,7 +198,7 @@ class RobotControlProcess(ControlProcess):
             self.step(reported)
 
     def _note_while(self) -> None:
-        """Takes which outputs must speak on the robot now."""
+        """Take which outputs must speak on the robot now."""
         if self.ports.now_s() - self.data_s > DATA_TIMEOUT_S:
             self.occasions = ()
         holding = self.holding()
@@ -206,7 +206,7 @@ class RobotControlProcess(ControlProcess):
             self.step(placement.WhileReported(holding))
 
     def veto(self, source: str, problems: Iterable[tuple[str, str]]) -> None:
-        """Takes the problems, (reason, message), of one source: those in VETOES reach the machine."""
+        """Take the problems, (reason, message), of one source: those in VETOES reach the machine."""
         vetoes = tuple(
             placement.Veto(VETOES[reason], message, stops=self.strict and VETOES[reason].forbids)
             for reason, message in problems
@@ -217,7 +217,7 @@ class RobotControlProcess(ControlProcess):
             self.step(level)
 
     def adopt(self, settings: Settings, inputs: tuple[InputSpec, ...]) -> None:
-        """Takes settings that were changed at run time."""
+        """Take settings that were changed at run time."""
         self.settings = settings
         self.guardian = replace(self.guardian, grace_s=settings.activation_deadline_s)
         if self.witness is not None:
@@ -225,7 +225,7 @@ class RobotControlProcess(ControlProcess):
         self.step(placement.SetSettings(settings, inputs))
 
     def announce_leaving(self, leaving: str, until_s: float) -> bool:
-        """Takes what the present cloud said of its end (`leaving`, "" for nothing); returns whether that was new."""
+        """Take what the present cloud said of its end (`leaving`, "" for nothing); return whether that was new."""
         cloud = self.robot.link.peer
         if not leaving or (cloud, leaving) == self.left:
             return False
@@ -234,7 +234,7 @@ class RobotControlProcess(ControlProcess):
         return True
 
     def _ask_for_cloud(self, word: str) -> None:
-        """Carries out a switch by hand asked for in the cloud; each request once."""
+        """Carry out a switch by hand asked for in the cloud; each request once."""
         if not word or word == self.asked_in_cloud:
             return
         self.asked_in_cloud = word
@@ -246,7 +246,7 @@ class RobotControlProcess(ControlProcess):
             self.cloud_answer = "0|Refused (NotUnderstood): the robot's agent does not know this request"
 
     def tick(self) -> None:
-        """Lets time pass for the placement machine."""
+        """Let time pass for the placement machine."""
         self.check_ready()
         self._note_while()
         if not self._has_judged():
@@ -256,7 +256,7 @@ class RobotControlProcess(ControlProcess):
         self._state()
 
     def _has_judged(self) -> bool:
-        """Returns whether a Tick would add nothing: a beat of our cloud has just been taken, which judges all the same.
+        """Return whether a beat of our cloud was just processed; it checks the same limits as a Tick.
 
         Silence is judged as of that beat then. What else comes, such as beats of strangers, takes no Tick's place.
         """
@@ -266,21 +266,21 @@ class RobotControlProcess(ControlProcess):
         return heard and read and stepped_s is not None and now_s - stepped_s < STEPPED_MOST_S
 
     def _state(self) -> None:
-        """Publishes what has changed for the nodes with placement Cloud."""
+        """Publish what has changed for the nodes with placement Cloud."""
         statements = available(self.robot, self.replicas, self.ports.now_s())
         if self.stated is None or [(s.node, s.reason) for s in statements] != [(s.node, s.reason) for s in self.stated]:
             self.stated = statements
             self.ports.available(statements)
 
     def next_deadline_s(self) -> float:
-        """Returns when the loss of the cloud is certain: it is noticed to the millisecond, not at the next turn."""
+        """Return when the loss of the cloud is certain: it is noticed to the millisecond, not at the next turn."""
         good_s = self.robot.situation.good_s
         if good_s is None or switcher.site(self.robot) is not Site.CLOUD:
             return float("inf")
         return good_s + self.settings.loss_timeout_s + DEADLINE_MARGIN_S
 
     def degraded(self) -> tuple[str, str] | None:
-        """Returns a problem for dead nodes that nobody waits for, and for what a stay in the cloud goes on without."""
+        """Return a problem for dead nodes that nobody waits for, and for what a stay in the cloud goes on without."""
         dead, lacks = super().degraded(), readiness.lacking(self.robot)
         found = [dead[1]] if dead is not None else []
         if lacks is not None and switcher.site(self.robot) is Site.CLOUD:
@@ -290,12 +290,12 @@ class RobotControlProcess(ControlProcess):
         return (managed_nodes.NodeEvent.DEGRADED, "; ".join(found)) if found else None
 
     def asleep(self) -> tuple[int, ...]:
-        """Returns the rated outputs, by index, whose node is known and not Active."""
+        """Return the rated outputs, by index, whose node is known and not Active."""
         active = self._active()
         return tuple(i for i, (o, name) in enumerate(self._published) if o.rated and name and name not in active)
 
     def ready_changed(self, ready: bool) -> None:
-        """Takes the changed readiness of the robot's nodes."""
+        """Take the changed readiness of the robot's nodes."""
         specs = [n.spec for n in self.guardian.nodes if n.spec.duplicated]
         core = [spec for spec in specs if spec.core] or specs
         hot = bool(core) and all(spec.hot for spec in core)
@@ -304,7 +304,7 @@ class RobotControlProcess(ControlProcess):
     # -- commands out -------------------------------------------------------------------------------------------------
 
     def step(self, event: placement.Event) -> None:
-        """Steps the placement machine and carries out its commands."""
+        """Step the placement machine and carry out its commands."""
         now_s = self.ports.now_s()
         self.robot, commands = self.watched(Machine.PLACEMENT, switcher.step, self.robot, event, now_s)
         for command in commands:
@@ -335,12 +335,12 @@ class RobotControlProcess(ControlProcess):
                 assert_never(command)
 
     def _note_called_off(self, decided: Decided) -> None:
-        """Lets the robot's nodes stay Active for a while when their preparation ended for goals or state."""
+        """Let the robot's nodes stay Active for a while when their preparation ended for goals or state."""
         if decided.phase is Phase.CLOUD and decided.verdict.reason in readiness.REASONS.values():
             self.rest.settle(self.ports.now_s() + self.settings.settle_for_s)
 
     def _act(self, command: Acting) -> None:
-        """Has the guardian follow; nodes whose goals still end are kept Active meanwhile."""
+        """Have the guardian follow; nodes whose goals still end are kept Active meanwhile."""
         if self.rest.keeps_active(command.acting, self.ports.now_s()):
             command = replace(command, acting=True, in_charge=False)
         guardian = self.guardian
@@ -358,14 +358,14 @@ class RobotControlProcess(ControlProcess):
         return tuple(n.spec.name for n in self.guardian.nodes if n.state is State.ACTIVE)
 
     def _order_data(self) -> None:
-        """Sends identity and levels that the data process cannot see by itself."""
+        """Send identity and levels that the data process cannot see by itself."""
         prepared = switcher.prepared(self.robot)
         preparing = prepared.token.epoch if prepared is not None and prepared.site is Site.ROBOT else 0
         active = self._active() if self.robot.handing.kept else ()
         self._renew("data", Orders(self.incarnation, self.robot.epoch, self._answered_cloud(), preparing, active))
 
     def _order_relay(self) -> None:
-        """Sends what the relay cannot see by itself."""
+        """Send what the relay cannot see by itself."""
         if not self.has_relay:
             return
         robot, now_s = self.robot, self.ports.now_s()
@@ -380,7 +380,7 @@ class RobotControlProcess(ControlProcess):
         self._renew("relay", orders)
 
     def _renew(self, process: str, message: SetGate | Orders | RelayOrders) -> None:
-        """Sends a level at once when it changed, else five times in a lease: the others live with an older one."""
+        """Send a level at once when it changed, else five times in a lease: the others live with an older one."""
         now_s = self.ports.now_s()
         level: Gate | Orders | RelayOrders
         if isinstance(message, SetGate):
@@ -399,24 +399,24 @@ class RobotControlProcess(ControlProcess):
         self.levels[process] = level, now_s
 
     def _answered_cloud(self) -> str:
-        """Returns the answer to the last request from the cloud, a level in our probes."""
+        """Return the answer to the last request from the cloud, a level in our probes."""
         return f"{self.asked_in_cloud}|{self.cloud_answer}" if self.asked_in_cloud else ""
 
     # -- what is shown ------------------------------------------------------------------------------------------------
 
     def take_effects(self) -> Site | None:
-        """Returns the side whose effects are admitted now, and remembers it as published."""
+        """Return the side whose effects are admitted now, and remember it as published."""
         self.effects = switcher.effects_site(self.robot, self.ports.now_s())
         return self.effects
 
     def sustained(self) -> int:
-        """Returns 1 while the link sustains the cloud."""
+        """Return 1 while the link sustains the cloud."""
         now_s, heard_s = self.ports.now_s(), self.robot.link.heard_s
         alive = heard_s is not None and now_s - heard_s <= self.settings.loss_timeout_s
         return int(alive and health.fitness(self.robot.link, self.settings, now_s).ok)
 
     def missing_replicas(self) -> tuple[str, str] | None:
-        """Returns a problem when the cloud, while it is connected, has not seen a duplicated node for a while."""
+        """Return a problem when the cloud, while it is connected, has not seen a duplicated node for a while."""
         now_s = self.ports.now_s()
         report = self.data_status.report if self.data_status else None
         unseen = [

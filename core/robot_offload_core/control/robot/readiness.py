@@ -17,13 +17,13 @@ REASONS = {reason.value: reason for reason in (Reason.GOALS_PENDING, Reason.DIVE
 
 
 def lacking(robot: Robot) -> Verdict | None:
-    """Returns what other processes found that keeps the policy from the cloud, but no person and nobody in need."""
+    """Return what other processes found that keeps the policy from the cloud, but no person and nobody in need."""
     found = (veto for vetoed in robot.vetoes for veto in vetoed.vetoes if not veto.reason.forbids)
     return next((Verdict(Site.ROBOT, veto.reason, veto.message) for veto in found), None)
 
 
 def pending(robot: Robot, preparation: Preparation, *, without_state: bool = False) -> Verdict | None:
-    """Returns what the side that gets ready lacks, as the relay and the replicas say; None when nothing."""
+    """Return what the side that gets ready lacks, as the relay and the replicas say; None when nothing."""
     candidate = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT
     lacks = lacking(robot) if candidate is Site.CLOUD else None
     lacks = lacks or (None if without_state else _stale(robot, preparation, candidate))
@@ -39,7 +39,7 @@ def pending(robot: Robot, preparation: Preparation, *, without_state: bool = Fal
 
 
 def _stale(robot: Robot, preparation: Preparation, candidate: Site) -> Verdict | None:
-    """Returns what the side that gets ready lacks of the state of the one that acts; None when nothing."""
+    """Return what the side that gets ready lacks of the state of the one that acts; None when nothing."""
     if not robot.handing.kept:
         return None
     told = _said_of(robot.handing, candidate)
@@ -54,7 +54,7 @@ def _said_of(known: Handing, site: Site) -> StateReported | None:
 
 
 def begins(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | None]:
-    """Returns why a change to the side of `wish` does not begin yet; None when it begins.
+    """Return why a change to the side of `wish` does not begin yet; None when it begins.
 
     A node takes its state when it becomes Active, so its side is not to get ready before the state is there. The policy
     waits for that before a stay in the cloud, for as long as it takes. A person waits no longer than a preparation may
@@ -69,7 +69,7 @@ def begins(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | 
 
 
 def _unknown(robot: Robot, candidate: Site) -> Verdict | None:
-    """Returns what the nodes of a side would lack if they became Active now; None when nothing."""
+    """Return what the nodes of a side would lack if they became Active now; None when nothing."""
     if not robot.handing.kept:
         return None
     told = _said_of(robot.handing, candidate)
@@ -80,14 +80,14 @@ def _unknown(robot: Robot, candidate: Site) -> Verdict | None:
 
 
 def _waited_out(robot: Robot, wish: Verdict, now_s: float) -> bool:
-    """Returns whether a change has waited for state so long that it begins without."""
+    """Return whether a change has waited for state so long that it begins without."""
     since_s = robot.handing.lacked_s
     bounded = wish.site is Site.ROBOT or wish.reason.urgent
     return bounded and since_s is not None and now_s - since_s >= robot.settings.preparing_s
 
 
 def content(robot: Robot) -> Robot:
-    """Returns the robot when nobody wishes a change: nothing has waited for state."""
+    """Return the robot when nobody wishes a change: nothing has waited for state."""
     return _lacked(robot, None)
 
 
@@ -98,25 +98,25 @@ def _lacked(robot: Robot, lacked_s: float | None) -> Robot:
 
 
 def told(known: Handing, report: RelayReported | StateReported) -> Handing:
-    """Returns what is handed over, with the newest word of the relay or of a data process."""
+    """Return what is handed over, with the newest word of the relay or of a data process."""
     if isinstance(report, RelayReported):
         return replace(known, report=report)
     return replace(known, states=(*(s for s in known.states if s.site is not report.site), report))
 
 
 def may_arm(robot: Robot, preparation: Preparation, wish: Verdict, now_s: float) -> bool:
-    """Returns whether the collector may change over as far as goals, requests and state go.
+    """Return whether the collector may change over as far as goals, requests and state go.
 
     A pin, a switch by hand or a veto waits until the deadline, then changes over without them; for state it waits once,
-    before the preparation or in it.
+    before the preparation or in it. A veto that hardens waits for none of them.
     """
-    impatient = wish.reason.urgent and now_s >= preparation.patient_until_s
+    impatient = wish.reason.hardens or (wish.reason.urgent and now_s >= preparation.patient_until_s)
     without_state = wish.reason.urgent and _waited_out(robot, wish, now_s)
     return preparation.need or impatient or pending(robot, preparation, without_state=without_state) is None
 
 
 def hold(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, bool]:
-    """Returns whether a change waits for a goal that must not be interrupted, at most its `holdFor` (`onSwitch: Hold`).
+    """Return whether a change waits for a goal that must not be interrupted, at most its `holdFor` (`onSwitch: Hold`).
 
     Not for a pin, a veto, a switch by hand, nor when a side cannot act.
     """
@@ -134,7 +134,7 @@ def _held(robot: Robot, held_s: float | None) -> Robot:
 
 
 def interrupts(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | None]:
-    """Returns why a preparation is called off: a goal began that must not be interrupted; None for no reason.
+    """Return why a preparation is called off: a goal began that must not be interrupted; None for no reason.
 
     Once the gate is armed the collector may have changed over already: to call that off would be a change back.
     """

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from robot_offload_core.control.robot import readiness
 from robot_offload_core.control.robot.health import clock_fault, fitness
-from robot_offload_core.control.robot.placement import IN_CHARGE, Robot, Veto
+from robot_offload_core.control.robot.placement import IN_CHARGE, Robot, Veto, Vetoed
 from robot_offload_core.link import policies
 from robot_offload_core.words.reasons import Kind, Reason, Verdict
 from robot_offload_core.words.replace import replace
@@ -14,20 +14,44 @@ from robot_offload_core.words.token import Site
 
 
 def pin(robot: Robot, now_s: float) -> Site | None:
-    """The side that placement is pinned to: on the robot, else in the resource."""
+    """Return the side that placement is pinned to: on the robot, else in the resource."""
     if robot.pin is not None and robot.pin.holds(now_s):
         return robot.pin.site
     return robot.settings.pin
 
 
 def reported(robot: Robot) -> Iterator[Veto]:
-    """Yields what other processes found that forbids the cloud."""
+    """Yield what other processes found that forbids the cloud."""
     for vetoed in robot.vetoes:
         yield from (v for v in vetoed.vetoes if v.reason.forbids)
 
 
+def forbid(robot: Robot, vetoed: Vetoed, now_s: float) -> Robot:
+    """Return the robot with the newest vetoes of one source, and since when one stands that hardens."""
+    others = tuple(v for v in robot.vetoes if v.source != vetoed.source)
+    robot = replace(robot, vetoes=(*others, vetoed) if vetoed.vetoes else others)
+    if not any(v.reason.hardens for v in reported(robot)):
+        return replace(robot, forbidden_s=None)
+    return robot if robot.forbidden_s is not None else replace(robot, forbidden_s=now_s)
+
+
+def limits(robot: Robot, now_s: float, *, acting: bool) -> Iterator[Veto]:
+    """Yield what others found that is a hard limit now: also a veto that the robot could not obey in time.
+
+    Args:
+        robot: state of the placement machine.
+        now_s: on the robot's steady clock.
+        acting: the cloud is in charge, so that there is something to obey.
+    """
+    since_s = robot.forbidden_s
+    overdue = acting and since_s is not None and now_s - since_s >= robot.settings.activation_deadline_s
+    for found in reported(robot):
+        if found.reason.kind is Kind.LIMIT or (overdue and found.reason.hardens):
+            yield found
+
+
 def veto(robot: Robot, now_s: float) -> Verdict | None:
-    """What forbids the cloud whatever anybody asks for, besides the hard limits."""
+    """Return what forbids the cloud whatever anybody asks for, besides the hard limits."""
     fault = clock_fault(robot.link, robot.settings)
     leaving = robot.leaving
     if fault is None and leaving is not None and leaving.cloud == robot.link.peer and now_s < leaving.until_s:
@@ -38,7 +62,7 @@ def veto(robot: Robot, now_s: float) -> Verdict | None:
 
 
 def wanted(robot: Robot, now_s: float) -> tuple[Robot, Verdict]:
-    """Precedence: vetoes > pin on the robot > pin in the resource > by hand > policy; hard limits come before all."""
+    """Choose by precedence: vetoes > pin on the robot > pin in the resource > by hand > policy."""
     fit = fitness(robot.link, robot.settings, robot.judged_s(now_s))
     policy, verdict = policies.decide(robot.policy, IN_CHARGE[robot.phase], fit, robot.settings, now_s)
     robot = replace(robot, policy=policy)

@@ -17,7 +17,7 @@ from robot_offload_core.words.token import Site
 
 
 def meanwhile(present: Settings, asked: Settings) -> Settings:
-    """What holds instead of `asked` as long as the cloud may act."""
+    """Return what holds instead of `asked` as long as the cloud may act."""
     held = replace(asked, lease_s=max(present.lease_s, asked.lease_s))
     if asked.mode is Mode.OBSERVE and present.mode is Mode.AUTO:
         held = replace(held, mode=Mode.AUTO, pin=Site.ROBOT)

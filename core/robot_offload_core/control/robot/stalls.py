@@ -6,11 +6,11 @@ from robot_offload_core.control.robot.placement import Robot
 from robot_offload_core.words.replace import replace
 
 HEALTHY_S = 0.5
-"""Without a stall for so long our process is healthy: a later stall begins a new row (see Stalls)."""
+"""After this long without a stall our process counts as healthy: a later stall begins a new row (see Stalls)."""
 
 
 def notice(robot: Robot, now_s: float) -> Robot:
-    """Notices that our own steps came late.
+    """Notice that our own steps came late.
 
     The queues between our processes hold only so much: what came last during a stall may be lost. Therefore silence
     counts from the end of the stall (for no longer than a lease, see limits.cloud_fault).
@@ -24,6 +24,6 @@ def notice(robot: Robot, now_s: float) -> Robot:
 
 
 def starved(robot: Robot, now_s: float) -> bool:
-    """Stalls have followed each other for longer than a lease: to wait for the end of the last one is no answer."""
+    """Return whether stalls have followed each other for longer than a lease: then waiting is no answer."""
     stalls = robot.stalls
     return now_s < stalls.until_s and now_s - stalls.first_s > robot.settings.lease_s

@@ -45,7 +45,7 @@ from robot_offload_core.words.token import Site
 
 
 def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]]:
-    """Takes in one event, decides, and gives out the levels when they changed or a beat period has passed."""
+    """Take in one event, decide, and give out the levels when they changed or a beat period has passed."""
     commands: list[Command] = []
     before = robot
     robot = stalls.notice(robot, now_s)
@@ -59,7 +59,7 @@ def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]
 
 
 def check(before: Robot, after: Robot, event: Event) -> None:
-    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
     preparing = after.phase in (Phase.TO_CLOUD, Phase.TO_ROBOT)
     changed = site(after) is not site(before)
     require(
@@ -76,12 +76,12 @@ def check(before: Robot, after: Robot, event: Event) -> None:
 
 
 def site(robot: Robot) -> Site:
-    """The side in charge."""
+    """Return the side in charge."""
     return IN_CHARGE[robot.phase]
 
 
 def effects_site(robot: Robot, now_s: float) -> Site | None:
-    """The side whose effects that are not collected are admitted now; None while the other might still act."""
+    """Return the side whose effects that are not collected are admitted now; None while the other might still act."""
     if site(robot) is Site.CLOUD:
         return Site.CLOUD
     if robot.preparation is not None and robot.preparation.offered:
@@ -91,7 +91,7 @@ def effects_site(robot: Robot, now_s: float) -> Site | None:
 
 
 def _settle(robot: Robot, asked: Settings, now_s: float) -> Robot:
-    """Takes over changed settings, all of them once the cloud has stopped for sure."""
+    """Take over changed settings, all of them once the cloud has stopped for sure."""
     if robot.phase is Phase.ROBOT and effects_site(robot, now_s) is Site.ROBOT:
         return replace(robot, settings=asked, asked=None)
     return replace(robot, settings=meanwhile(robot.settings, asked))
@@ -118,8 +118,7 @@ def _take(robot: Robot, event: Event, now_s: float, commands: list[Command]) -> 
         case WhileReported():
             robot = replace(robot, robot_while=event.outputs)
         case Vetoed():
-            others = tuple(v for v in robot.vetoes if v.source != event.source)
-            robot = replace(robot, vetoes=(*others, event) if event.vetoes else others)
+            robot = requests.forbid(robot, event, now_s)
         case SetPin():
             robot = replace(robot, pin=event.pin)
         case CloudLeaving():
@@ -151,6 +150,8 @@ def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
     live = link.heard_s is not None and now_s - link.heard_s <= robot.settings.loss_timeout_s
     if stranger and live:
         return robot  # a second cloud agent, or late words of an old one: the one we hear goes on
+    if not links.is_news(link, beat):
+        return robot  # a copy, late or doubled: what it reports is past
     heard = links.hear(link, beat, robot.incarnation, event.arrived_s, event.wall_us)
     robot = replace(robot, link=heard, policy=policies.echoed(robot.policy, link, heard, robot.settings))
     if not isinstance(beat.body, CloudReport):
@@ -194,7 +195,7 @@ def _by_hand(robot: Robot, asked: Site, now_s: float) -> tuple[Robot, bool, str]
 
 
 def frame(robot: Robot, now_s: float) -> Circumstances:
-    """Returns what the situation is judged against."""
+    """Return what the situation is judged against."""
     return Circumstances(
         robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stalls.until_s,
         stalls.starved(robot, now_s), robot.outputs,
@@ -204,7 +205,7 @@ def frame(robot: Robot, now_s: float) -> Circumstances:
 def _fault(robot: Robot, now_s: float, *, acting: bool) -> Verdict | None:
     judged = frame(robot, now_s)
     fault = cloud_fault(robot.situation, robot.link, judged, robot.judged_s(now_s), acting=acting)
-    limits = (v for v in requests.reported(robot) if v.reason.kind is Kind.LIMIT)
+    limits = requests.limits(robot, now_s, acting=acting)
     return fault or next((Verdict(Site.ROBOT, v.reason, v.message) for v in limits), None)
 
 
@@ -325,7 +326,7 @@ def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: lis
 
 
 def _in_need(robot: Robot, verdict: Verdict, now_s: float) -> bool:
-    """The robot has not been able to act for longer than its nodes may take, and the cloud may be asked (again).
+    """Return whether the robot could not act for longer than its nodes may take, and the cloud may be asked (again).
 
     Retries grow, but not those of a robot that stands still: unless the cloud's outputs were as silent as the robot's.
     Then there may be nothing to do, and to wake the cloud's nodes each second would not help.
@@ -339,7 +340,7 @@ def _in_need(robot: Robot, verdict: Verdict, now_s: float) -> bool:
 
 
 def _unable(robot: Robot, now_s: float) -> bool:
-    """Whether the robot has not been able to act for longer than its nodes may take."""
+    """Return whether the robot has not been able to act for longer than its nodes may take."""
     since_s = robot.fell_at_s
     return since_s is not None and now_s - max(since_s, robot.charged_s) > robot.settings.activation_deadline_s
 
@@ -355,7 +356,7 @@ def _observe_only(robot: Robot, verdict: Verdict, now_s: float, commands: list[C
 
 
 def prepared(robot: Robot) -> Charge | None:
-    """Returns the side that gets ready, and the token it does so under; None while none does."""
+    """Return the side that gets ready, and the token it does so under; None while none does."""
     if robot.preparation is None:
         return None
     side = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT

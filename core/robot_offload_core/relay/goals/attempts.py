@@ -27,7 +27,7 @@ from robot_offload_core.words.token import Site, Token
 
 
 def settle(work: Work) -> None:
-    """Brings the attempts to what they must be, goal by goal in the client's order."""
+    """Bring the attempts to what they must be, goal by goal in the client's order."""
     for goal in work.live():
         if goal.cancel:
             _settle_cancelled(work, goal)
@@ -60,7 +60,7 @@ def _settle_cancelled(work: Work, goal: Goal) -> None:
 
 
 def _settle_holder(work: Work, goal: Goal) -> None:
-    """Sees that the holder has a copy or gets one, and ends the goal when that takes too long (rules 1, 3, 12)."""
+    """See that the holder has a copy or gets one, and end the goal when that takes too long (rules 1, 3, 12)."""
     site, token = work.acts(goal)
     if token is None or _away(work, goal):
         work.end(goal, GoalStatus.ABORTED, why=Why.CLOUD_AWAY)
@@ -83,26 +83,26 @@ def _settle_holder(work: Work, goal: Goal) -> None:
 
 
 def _away(work: Work, goal: Goal) -> bool:
-    """Returns whether a goal of a node with placement Cloud has lost its cloud, or its cloud is another one now."""
+    """Return whether a goal of a node with placement Cloud has lost its cloud, or its cloud is another one now."""
     if not work.spec(goal).of_cloud:
         return False
     return not there(work.view, goal.action) or any(a.token != work.view.present for a in goal.attempts)
 
 
 def _show_executing(work: Work, goal: Goal) -> None:
-    """A copy that was accepted while its side only got ready has become the holder's."""
+    """Show the client a copy that was accepted while its side only got ready, and is the holder's now."""
     if goal.status is GoalStatus.ACCEPTED:
         work.put(replace(goal, status=GoalStatus.EXECUTING))
         work.shown.add(goal.action)
 
 
 def _renew(work: Work, goal: Goal) -> bool:
-    """Takes an attempt of the cloud into a newer epoch of the same side; returns whether there was one."""
+    """Take an attempt of the cloud into a newer epoch of the same side; return whether there was one."""
     return not work.spec(goal).of_cloud and _adopt(work, goal, work.holding.site, work.holding.token)
 
 
 def _adopt(work: Work, goal: Goal, site: Site, token: Token) -> bool:
-    """Takes a live attempt of a side, if there is one, under another token; returns whether there was one."""
+    """Take a live attempt of a side, if there is one, under another token; return whether there was one."""
     attempt = _live_at(goal, site)
     if attempt is None:
         return False
@@ -117,7 +117,7 @@ def _live_at(goal: Goal, site: Site) -> Attempt | None:
 
 
 def _slot_free(work: Work, goal: Goal, site: Site) -> bool:
-    """Returns whether no other offer of the action waits for its answer there: offers arrive in the client's order."""
+    """Return whether no other offer of the action waits for its answer there: offers arrive in the client's order."""
     return not any(
         other.action == goal.action and a.site is site and a.phase is AttemptPhase.OFFERED and not a.cancel
         for other in work.goals.values()
@@ -134,7 +134,7 @@ def _offer(work: Work, goal: Goal, site: Site, token: Token, *, mirror: bool = F
 
 
 def _is_copied(work: Work, goal: Goal) -> bool:
-    """Returns whether the goal goes to the side that gets ready too: `Resend` goals of CORE nodes (rule 2)."""
+    """Return whether the goal goes to the side that gets ready too: `Resend` goals of CORE nodes (rule 2)."""
     spec, candidate = work.spec(goal), work.view.candidate
     return (
         candidate is not None
@@ -146,13 +146,13 @@ def _is_copied(work: Work, goal: Goal) -> bool:
 
 
 def _mirror_at(work: Work, goal: Goal) -> tuple[Site, Token] | None:
-    """Returns the Hot standby that executes the goal too (rule 9); None where it is prepared, or for none."""
+    """Return the Hot standby that executes the goal too (rule 9); None where it is prepared, or for none."""
     found = None if goal.cancel else mirrored(work.view, work.spec(goal))
     return None if found is None or _is_copied(work, goal) else found
 
 
 def _settle_mirror(work: Work, goal: Goal, site: Site, token: Token) -> None:
-    """Keeps a copy at the Hot standby. One that has ended is not begun again while the goal runs at the holder."""
+    """Keep a copy at the Hot standby. One that has ended is not begun again while the goal runs at the holder."""
     if _adopt(work, goal, site, token) or any(_ended_itself(a, site) for a in goal.attempts):
         return
     if work.now_s >= goal.copy_retry_s and able(work.view, site, goal.action) and _slot_free(work, goal, site):
@@ -164,7 +164,7 @@ def _ended_itself(attempt: Attempt, site: Site) -> bool:
 
 
 def unfit(ledger: Ledger, view: View, now_s: float) -> bool:
-    """Returns whether a mirror ended although its goal has run on at the holder for another second (rule 9)."""
+    """Return whether a mirror ended although its goal has run on at the holder for another second (rule 9)."""
     live = (goal for goal in ledger.goals.values() if goal.ended_s is None)
     found = ((goal, mirrored(view, ledger.actions[goal.action])) for goal in live)
     return any(
@@ -175,7 +175,7 @@ def unfit(ledger: Ledger, view: View, now_s: float) -> bool:
 
 
 def _copy_at(goal: Goal, site: Site, token: Token) -> Attempt | None:
-    """Returns the live copy made for this very preparation."""
+    """Return the live copy made for this very preparation."""
     found = (
         a for a in reversed(goal.attempts) if a.site is site and a.token == token and a.phase.live and not a.cancel
     )
@@ -183,7 +183,7 @@ def _copy_at(goal: Goal, site: Site, token: Token) -> Attempt | None:
 
 
 def preempted(ledger: Ledger, goal: Goal, site: Site, token: Token) -> bool:
-    """Returns whether the goal's copy there ended because a later goal was accepted: it is never offered again."""
+    """Return whether the goal's copy there ended because a later goal was accepted: it is never offered again."""
     return any(
         a.site is site
         and a.token == token
@@ -214,7 +214,7 @@ def _settle_candidate(work: Work, goal: Goal) -> None:
 
 
 def pending(ledger: Ledger, view: View) -> tuple[str, ...]:
-    """Returns the actions of which the candidate lacks an accepted copy of a goal; none without a candidate."""
+    """Return the actions of which the candidate lacks an accepted copy of a goal; none without a candidate."""
     if view.candidate is None or view.candidate[0] is view.holding.site:
         return ()
     site, token = view.candidate
@@ -231,7 +231,7 @@ def pending(ledger: Ledger, view: View) -> tuple[str, ...]:
 
 
 def waiting(ledger: Ledger, view: View, now_s: float) -> tuple[str, ...]:
-    """Returns the actions with a goal that the side that acts has not accepted for a while."""
+    """Return the actions with a goal that the side that acts has not accepted for a while."""
     lacking = set()
     for goal in ledger.goals.values():
         if goal.ended_s is not None or goal.cancel or now_s < goal.need_s + RETRY_S:
@@ -243,7 +243,7 @@ def waiting(ledger: Ledger, view: View, now_s: float) -> tuple[str, ...]:
 
 
 def held(ledger: Ledger) -> tuple[str, float]:
-    """Returns an action with a `Hold` goal that runs and the longest `holdFor`, seconds; ("", 0) when there is none."""
+    """Return an action with a `Hold` goal that runs and the longest `holdFor`, seconds; ("", 0) when there is none."""
     found = [
         ledger.actions[goal.action]
         for goal in ledger.goals.values()
@@ -257,7 +257,7 @@ def held(ledger: Ledger) -> tuple[str, float]:
 
 
 def _resume(work: Work, goal: Goal) -> None:
-    """Asks a relay or a server that knows an attempt what became of it, as soon as it can be asked."""
+    """Ask a relay or a server that knows an attempt what became of it, as soon as it can be asked."""
     for attempt in goal.attempts:
         if not attempt.resume or (attempt.site is Site.CLOUD and not work.view.heard):
             continue
@@ -273,7 +273,7 @@ def _resume(work: Work, goal: Goal) -> None:
 
 
 def _end_unwanted(work: Work, goal: Goal) -> None:
-    """Cancels every attempt that is not to run, and forgets those that ended long ago."""
+    """Cancel every attempt that is not to run, and forget those that ended long ago."""
     wanted = _wanted(work, goal)
     for attempt in goal.attempts:
         if attempt.phase.live and not attempt.cancel and attempt.id not in wanted:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from robot_offload_core.relay.goals import words
 from robot_offload_core.relay.goals.words import Ack, Hello, RelayFrame, Word
 
-AGAIN_S = 0.1
+RESEND_S = 0.1
+"""How often a letter is sent again until it is acknowledged."""
 WINDOW = 256
 """Numbers that the reader remembers; a letter further behind is refused, so none is written so far ahead either."""
 MAX_GONE = 64
@@ -46,7 +47,7 @@ class Courier:
         self.highest = 0
 
     def meet(self, peer: str) -> bool:
-        """Takes up with a relay; returns whether that is another one than before. Letters to the former are void."""
+        """Take up with a relay; return whether that is another one than before. Letters to the former are void."""
         if peer == self.peer or peer in self.gone:
             return False
         if self.peer:
@@ -61,7 +62,7 @@ class Courier:
         return True
 
     def write(self, word: Word, now_s: float) -> list[bytes]:
-        """Writes a letter to the peer; returns what to send now. Without a peer nobody ever gets it."""
+        """Return queue a message for the peer and return what to send now. Without a peer the message is dropped."""
         if not self.peer:
             return []
         self.number += 1
@@ -70,11 +71,11 @@ class Courier:
         return self._send(self.number, letter, now_s)
 
     def once(self, word: Word) -> bytes:
-        """Returns a word that is written once."""
+        """Return a word that is written once."""
         return words.encode(RelayFrame(self.mine, self.peer, 0, word))
 
     def due(self, now_s: float) -> list[bytes]:
-        """Returns what is to be sent now: acknowledgements, and letters again."""
+        """Return what is to be sent now: acknowledgements, and letters again."""
         out = [frame for number, letter in self.letters.items() if letter.due_s <= now_s
                for frame in self._send(number, letter, now_s)]  # fmt: skip
         if self.acks:
@@ -83,14 +84,14 @@ class Courier:
         return out
 
     def due_s(self) -> float:
-        """Returns when `due` has something to send."""
+        """Return when `due` has something to send."""
         if self.acks:
             return float("-inf")
         lowest = next(iter(self.letters), 0)
         return min((x.due_s for n, x in self.letters.items() if n < lowest + WINDOW), default=float("inf"))
 
     def take(self, frame: RelayFrame) -> Word | None:
-        """Takes a frame of the peer; returns its word, None when it is not for us or was taken before."""
+        """Take a frame of the peer; return its word, None when it is not for us or was taken before."""
         if frame.writer != self.peer or not self.peer or isinstance(frame.word, Hello):
             return None
         if frame.reader != self.mine:
@@ -115,5 +116,5 @@ class Courier:
     def _send(self, number: int, letter: Letter, now_s: float) -> list[bytes]:
         if number >= next(iter(self.letters)) + WINDOW:
             return []
-        letter.due_s = now_s + AGAIN_S
+        letter.due_s = now_s + RESEND_S
         return [letter.frame]

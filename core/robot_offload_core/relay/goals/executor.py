@@ -15,9 +15,9 @@ from robot_offload_core.relay.goals.wire_ids import with_goal_id
 from robot_offload_core.words.token import Token
 
 CANCEL_AGAIN_S = 0.5
-"""A server that did not end an attempt is asked again this often."""
+"""How often a server that did not end an attempt is asked again."""
 SEEN_WITHIN_S = 5.0
-"""A server that is not in the graph so long after an attempt was resumed is gone; discovery may take seconds."""
+"""A server that is not in the graph this long after an attempt was resumed is gone; discovery may take seconds."""
 MAX_DONE = 1024
 """Ids of attempts that ended, so that a late word does not begin one of them again."""
 MAX_RESULTS_BYTES = 16 * 1024 * 1024
@@ -94,14 +94,14 @@ class Executor:
     # -- orders -------------------------------------------------------------------------------------------------------
 
     def offer(self, action: str, attempt: bytes, payload: bytes, token: Token, *, mirror: bool = False) -> None:
-        """Offers a goal under an id; an id that is known is never offered again."""
+        """Offer a goal under an id; an id that is known is never offered again."""
         if attempt in self.runs or attempt in self.done:
             return
         self.runs[attempt] = Run(action, token, named_until_s=_named(mirror))
         self.ports.offer(self.face, action, with_goal_id(payload, attempt))
 
     def cancel(self, attempt: bytes) -> None:
-        """Ends an attempt: now, or as soon as it is accepted, and again until it is gone."""
+        """End an attempt: now, or as soon as it is accepted, and again until it is gone."""
         run = self.runs.get(attempt)
         if run is None:
             self._finish(attempt)
@@ -110,7 +110,7 @@ class Executor:
             self._ask_to_cancel(attempt, run)
 
     def resume(self, action: str, attempt: bytes, token: Token, *, mirror: bool = False) -> None:
-        """Takes an attempt of a predecessor, or of an earlier epoch: the server says whether it knows it."""
+        """Take an attempt of a predecessor, or of an earlier epoch: the server says whether it knows it."""
         if attempt in self.done:
             self.report(self.done[attempt] or RunGone(attempt))
             return
@@ -127,7 +127,7 @@ class Executor:
     # -- the servers --------------------------------------------------------------------------------------------------
 
     def offer_answered(self, attempt: bytes, accepted: bool) -> None:
-        """Takes the answer to an offer."""
+        """Take the answer to an offer."""
         run = self.runs.get(attempt)
         if run is None or run.accepted:
             return
@@ -141,12 +141,12 @@ class Executor:
         self._ask_to_cancel(attempt, run)
 
     def cancel_answered(self, attempt: bytes, code: CancelCode) -> None:
-        """Takes the answer to a cancel: a server that does not know the attempt has forgotten it."""
+        """Take the answer to a cancel: a server that does not know the attempt has forgotten it."""
         if code is CancelCode.UNKNOWN_GOAL and attempt in self.runs:
             self._gone(attempt)
 
     def result_arrived(self, attempt: bytes, status: GoalStatus, result: bytes, leased: bool = True) -> None:
-        """Takes a result; status 0: the server does not know the attempt."""
+        """Take a result; status 0: the server does not know the attempt."""
         if attempt not in self.runs:
             return
         if status is GoalStatus.UNKNOWN:
@@ -158,7 +158,7 @@ class Executor:
             self.report(ended)
 
     def feedback_arrived(self, attempt: bytes) -> int:
-        """Counts a feedback message; returns its sequence, 0 when the attempt is none of ours."""
+        """Count a feedback message; return its sequence, 0 when the attempt is none of ours."""
         run = self.runs.get(attempt)
         if run is None:
             return 0
@@ -166,7 +166,7 @@ class Executor:
         return run.sequence
 
     def servers_seen(self, seen: dict[str, str]) -> None:
-        """Takes the servers in the graph: one that left, or came back another, has forgotten its attempts (rule 10)."""
+        """Take the servers in the graph: one that left, or came back another, has forgotten its attempts (rule 10)."""
         before, self.seen = self.seen, dict(seen)
         changed = {name for name, endpoints in before.items() if seen.get(name) != endpoints}
         for attempt in [a for a, run in self.runs.items() if run.action in changed]:
@@ -177,7 +177,7 @@ class Executor:
     # -- time ---------------------------------------------------------------------------------------------------------
 
     def turn(self) -> None:
-        """Asks again for cancels that are due, gives up servers that do not come back."""
+        """Ask again for cancels that are due, give up servers that do not come back."""
         now_s = self.ports.now_s()
         for attempt, run in list(self.runs.items()):
             if run.cancel_due_s <= now_s:
@@ -186,7 +186,7 @@ class Executor:
                 self._gone(attempt)
 
     def due_s(self) -> float:
-        """Returns when `turn` has something to do."""
+        """Return when `turn` has something to do."""
         cancels = [run.cancel_due_s for run in self.runs.values() if run.accepted]
         unasked = [run.unasked_until_s for run in self.runs.values() if run.unasked_until_s is not None]
         return min(cancels + unasked, default=float("inf"))

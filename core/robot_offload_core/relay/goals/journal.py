@@ -65,12 +65,12 @@ class Replayed:
 
 
 def frame(record: bytes) -> bytes:
-    """Returns a record as it lies in the file."""
+    """Return a record as it lies in the file."""
     return FRAME.pack(len(record), zlib.crc32(record)) + record
 
 
 def unframe(data: bytes) -> Iterator[bytes]:
-    """Returns the whole records at the beginning of a file's bytes; a torn one ends the row."""
+    """Return the whole records at the beginning of a file's bytes; a torn one ends the row."""
     at = 0
     while at + FRAME.size <= len(data):
         size, check = FRAME.unpack_from(data, at)
@@ -85,7 +85,7 @@ def unframe(data: bytes) -> Iterator[bytes]:
 
 
 def changes(before: Ledger, after: Ledger) -> list[bytes]:
-    """Returns the records of a step: what a successor must know of it."""
+    """Return the records of a step: what a successor must know of it."""
     records = []
     if after.holding != before.holding:
         records.append(_record({"k": "stay", **_holding(after.holding)}))
@@ -103,7 +103,7 @@ def changes(before: Ledger, after: Ledger) -> list[bytes]:
 
 
 def whole(ledger: Ledger, calls: dict[bytes, str]) -> list[bytes]:
-    """Returns the fewest records that say the same as all so far."""
+    """Return the fewest records that say the same as all so far."""
     records = [_record({"k": "stay", **_holding(ledger.holding)})]
     for goal in ledger.goals.values():
         records.append(_record({"k": "goal", **_goal(goal)}, goal.payload))
@@ -113,17 +113,17 @@ def whole(ledger: Ledger, calls: dict[bytes, str]) -> list[bytes]:
 
 
 def call_opened(caller: bytes, service: str) -> bytes:
-    """Returns the record of a service call that waits for its answer."""
+    """Return the record of a service call that waits for its answer."""
     return _record({"k": "call", "c": caller.hex(), "s": service})
 
 
 def call_closed(caller: bytes) -> bytes:
-    """Returns the record of its answer."""
+    """Return the record of its answer."""
     return _record({"k": "done", "c": caller.hex()})
 
 
 def used_kept(goal: UsedKept) -> bytes:
-    """Returns the record of a goal at an action outside the group."""
+    """Return the record of a goal at an action outside the group."""
     words = {
         "k": "used", "id": goal.id.hex(), "a": goal.action, "at": goal.site.value,
         "token": None if goal.token is None else _token_words(goal.token), "stay": goal.stay, "relay": goal.relay,
@@ -132,12 +132,12 @@ def used_kept(goal: UsedKept) -> bytes:
 
 
 def used_ended(goal_id: bytes) -> bytes:
-    """Returns the record of its end."""
+    """Return the record of its end."""
     return _record({"k": "unused", "id": goal_id.hex()})
 
 
 def near_kept(goal: NearGoal) -> bytes:
-    """Returns the record of what a client of the robot's group knows of its goal outside."""
+    """Return the record of what a client of the robot's group knows of its goal outside."""
     words = {
         "k": "near", "id": goal.id.hex(), "a": goal.action, "t": goal.stamp_ns, "s": int(goal.status),
         "x": goal.cancel, "e": goal.ended_s, "r": [caller.hex() for caller in goal.waiting],
@@ -146,12 +146,12 @@ def near_kept(goal: NearGoal) -> bytes:
 
 
 def near_forgotten(goal_id: bytes) -> bytes:
-    """Returns the record that nobody asks for a goal's result any more."""
+    """Return the record that nobody asks for a goal's result any more."""
     return _record({"k": "far", "id": goal_id.hex()})
 
 
 def replay(records: Iterable[bytes]) -> Replayed:
-    """Reads records in order; one that is none of ours is left out."""
+    """Read records in order; one that is none of ours is left out."""
     said = Replayed()
     for record in records:
         try:
@@ -162,7 +162,7 @@ def replay(records: Iterable[bytes]) -> Replayed:
 
 
 def restored(ledger: Ledger, said: Replayed) -> Ledger:
-    """Returns a new ledger with the goals of its predecessor."""
+    """Return a new ledger with the goals of its predecessor."""
     goals = {goal_id: goal for goal_id, goal in said.goals.items() if goal.action in ledger.actions}
     index = {a.id: goal.id for goal in goals.values() for a in goal.attempts}
     counter = max(

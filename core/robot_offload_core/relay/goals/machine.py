@@ -51,13 +51,13 @@ def start(
     prepare_deadline_s: float = 5.0,
     cancel_deadline_s: float = 2.0,
 ) -> Ledger:
-    """Returns a ledger without goals."""
+    """Return a ledger without goals."""
     table = {spec.name: spec for spec in actions}
     return Ledger(incarnation, table, holding, prepare_deadline_s, cancel_deadline_s)
 
 
 def step(ledger: Ledger, event: Event, view: View, now_s: float) -> tuple[Ledger, list[Command]]:
-    """Takes in one event; returns the next state and what is to be done."""
+    """Take in one event; return the next state and what is to be done."""
     work = Work(ledger, view, now_s)
     _notice_change(work)
     match event:
@@ -86,7 +86,7 @@ def step(ledger: Ledger, event: Event, view: View, now_s: float) -> tuple[Ledger
 
 
 def check(before: Ledger, after: Ledger, event: object) -> None:
-    """Raises InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
     for goal_id, goal in after.goals.items():
         was = before.goals.get(goal_id)
         if was is goal:
@@ -106,7 +106,7 @@ def check(before: Ledger, after: Ledger, event: object) -> None:
 
 
 def _notice_change(work: Work) -> None:
-    """Begins a new stay: what waited for nothing goes on, what may not be executed twice ends (rules 3 and 7)."""
+    """Begin a new stay: what waited for nothing goes on, what may not be executed twice ends (rules 3 and 7)."""
     holding = work.view.holding
     known = work.ledger.holding
     if (holding.site, holding.stay) == (known.site, known.stay):
@@ -161,7 +161,7 @@ def _goal_requested(work: Work, event: GoalRequested) -> None:
 
 
 def _cancel_requested(work: Work, event: CancelRequested) -> None:
-    """Answers from the ledger at once, goal by goal (rule 7)."""
+    """Answer from the ledger at once, goal by goal (rule 7)."""
     known = work.goals.get(event.goal_id)
     named = known if known is not None and known.action == event.action and not known.caller else None
     chosen = [
@@ -222,7 +222,7 @@ def _accepted(work: Work, goal: Goal, attempt: Attempt) -> None:
 
 
 def _counts(work: Work, goal: Goal, attempt: Attempt) -> bool:
-    """Returns whether an attempt is the holder's copy: on its side, under its token, not called back by us."""
+    """Return whether an attempt is the holder's copy: on its side, under its token, not called back by us."""
     site, token = work.acts(goal)
     if attempt.site is not site or attempt.cancel:
         return False
@@ -253,21 +253,21 @@ def _ended(work: Work, event: Ended) -> None:
 
 
 def unasked(goal: Goal, event: Ended) -> tuple[GoalStatus, bytes]:
-    """Returns status and result for the client: never CANCELED when no client asked for that (invariant 6e)."""
+    """Return status and result for the client: never CANCELED when no client asked for that (invariant 6e)."""
     if event.status is GoalStatus.CANCELED and not goal.cancel:
         return GoalStatus.ABORTED, event.result[:4] + bytes([GoalStatus.ABORTED]) + event.result[5:]
     return event.status, event.result
 
 
 def _of_earlier_stay(work: Work, attempt: Attempt, event: Ended) -> bool:
-    """Returns whether a success of the side that held before counts: made there, and under its lease (rule 6)."""
+    """Return whether a success of the side that held before counts: made there, and under its lease (rule 6)."""
     held = attempt.site is not work.holding.site and attempt.token.epoch < work.holding.token.epoch
     same_control = attempt.token.robot == work.holding.token.robot
     return attempt.site is Site.CLOUD and held and same_control and event.under_lease
 
 
 def _early(work: Work, goal: Goal) -> bool:
-    """Returns whether an end that nobody asked for is an effect of the change: within `timeout` after it (rule 3)."""
+    """Return whether an end that nobody asked for is an effect of the change: within `timeout` after it (rule 3)."""
     spec = work.spec(goal)
     return goal.moved and spec.on_switch is OnSwitch.RESEND and work.now_s < work.offers_until_s(goal)
 
@@ -285,7 +285,7 @@ def _gone(work: Work, event: Gone) -> None:
 
 
 def _need_another(work: Work, goal: Goal, why: Why) -> None:
-    """The holder's copy came to nothing through no fault of the goal: another one, or the end (rule 10)."""
+    """Offer another copy, or end the goal: the holder's came to nothing through no fault of the goal (rule 10)."""
     if goal.cancel:
         work.end(goal, GoalStatus.CANCELED, why=Why.CANCELED)
     elif work.spec(goal).on_switch is OnSwitch.RESEND:

@@ -16,7 +16,7 @@ from robot_offload_core.relay.goals.wire_ids import NO_GOAL
 from robot_offload_core.words.declared import UsedAction
 
 KEPT_S = 900.0
-"""A result is kept so long for a client that has not asked, as rclpy's servers do."""
+"""How long a result is kept for a client that has not asked, as in rclpy's servers."""
 STATUS = slice(4, 5)
 """Of the serialized response of `get_result`."""
 
@@ -42,7 +42,7 @@ class NearGoal:
 
     @property
     def entry(self) -> GoalEntry:
-        """Returns how status messages show the goal."""
+        """Return how status messages show the goal."""
         return GoalEntry(self.id, self.stamp_ns, self.status)
 
 
@@ -62,7 +62,7 @@ class NearGoals:
     # -- clients ------------------------------------------------------------------------------------------------------
 
     def accept(self, action: str, caller: bytes, goal_id: bytes) -> bool:
-        """Accepts a client's goal at once; returns False for one that is refused: its id is known, or too many live."""
+        """Accept a client's goal at once; return False for one that is refused: its id is known, or too many live."""
         live = sum(1 for goal in self.goals.values() if goal.ended_s is None)
         if goal_id in self.goals or live >= MAX_LIVE:
             self.refuse(action, caller)
@@ -74,11 +74,11 @@ class NearGoals:
         return True
 
     def refuse(self, action: str, caller: bytes) -> None:
-        """Refuses a client's goal."""
+        """Refuse a client's goal."""
         self.ports.answer_goal(Face.GROUP, action, caller, False, 0)
 
     def cancel(self, asked: CancelRequested) -> list[bytes]:
-        """Answers a cancel at once; returns the goals that are to end."""
+        """Answer a cancel at once; return the goals that are to end."""
         chosen = [
             goal for goal in self.goals.values()
             if goal.action == asked.action and goal.ended_s is None and meant(asked, goal.id, goal.stamp_ns)
@@ -95,7 +95,7 @@ class NearGoals:
         return [goal.id for goal in chosen]
 
     def ask_result(self, action: str, caller: bytes, goal_id: bytes) -> None:
-        """Answers a question for a result, now or when the goal ends."""
+        """Answer a question for a result, now or when the goal ends."""
         goal = self.goals.get(goal_id)
         if goal is None or goal.action != action:
             self.ports.answer_result(Face.GROUP, action, caller, GoalStatus.UNKNOWN, b"")
@@ -108,7 +108,7 @@ class NearGoals:
     # -- what became of goals -----------------------------------------------------------------------------------------
 
     def executing(self, goal_id: bytes) -> None:
-        """Notes that the server has accepted a goal."""
+        """Note that the server has accepted a goal."""
         goal = self.goals.get(goal_id)
         if goal is not None and goal.status is GoalStatus.ACCEPTED:
             goal.status = GoalStatus.EXECUTING
@@ -116,7 +116,7 @@ class NearGoals:
             self._show(goal.action)
 
     def end(self, goal_id: bytes, status: GoalStatus = GoalStatus.ABORTED, result: bytes = b"") -> bool:
-        """Ends a goal towards its client, once; returns whether that was news. UNKNOWN: its server has forgotten it."""
+        """End a goal towards its client, once; return whether that was news. UNKNOWN: its server has forgotten it."""
         goal = self.goals.get(goal_id)
         if goal is None or goal.ended_s is not None:
             return False
@@ -131,17 +131,17 @@ class NearGoals:
         return True
 
     def feed(self, action: str, goal_id: bytes, payload: bytes) -> None:
-        """Passes feedback of a goal that lives."""
+        """Pass feedback of a goal that lives."""
         goal = self.goals.get(goal_id)
         if goal is not None and goal.ended_s is None:
             self.ports.publish_feedback(Face.GROUP, action, payload)
 
     def live(self) -> list[NearGoal]:
-        """Returns the goals that have not ended."""
+        """Return the goals that have not ended."""
         return [goal for goal in self.goals.values() if goal.ended_s is None]
 
     def _forget(self) -> None:
-        """Forgets results that were kept long enough, and the oldest ones when they are too many."""
+        """Forget results that were kept long enough, and the oldest ones when they are too many."""
         now_s = self.ports.now_s()
         kept = sorted((g for g in self.goals.values() if g.ended_s is not None), key=lambda g: g.ended_s or 0.0)
         size, count = sum(len(goal.result) for goal in kept), len(kept)
@@ -158,7 +158,7 @@ class NearGoals:
 
 
 def _for_client(goal: NearGoal, status: GoalStatus, result: bytes) -> tuple[GoalStatus, bytes]:
-    """Returns the end as the client hears it: never CANCELED when it did not ask for that (invariant 6e)."""
+    """Return the end as the client hears it: never CANCELED when it did not ask for that (invariant 6e)."""
     if status is GoalStatus.UNKNOWN:
         return (GoalStatus.CANCELED if goal.cancel else GoalStatus.ABORTED), b""
     if status is GoalStatus.CANCELED and not goal.cancel:

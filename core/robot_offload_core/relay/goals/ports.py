@@ -69,61 +69,61 @@ class RelayPorts(Protocol):
     """What the shell of either relay does. No call may block, and none may call the relay back before it returns."""
 
     def now_s(self) -> float:
-        """Returns the steady clock, seconds (CLOCK_BOOTTIME, as the other processes)."""
+        """Return the steady clock, seconds (CLOCK_BOOTTIME, as the other processes)."""
 
     def wall_ns(self) -> int:
-        """Returns the system clock, nanoseconds: the stamp of accepted goals."""
+        """Return the system clock, nanoseconds: the stamp of accepted goals."""
 
     def send(self, to: str, message: object) -> bool:
-        """Sends a message to another process of this agent ("control", "data", "collector")."""
+        """Send a message to another process of this agent ("control", "data", "collector")."""
 
     def warn(self, message: str) -> None:
-        """Logs a warning."""
+        """Log a warning."""
 
     # -- as a client of servers ---------------------------------------------------------------------------------------
 
     def offer(self, face: Face, action: str, payload: bytes) -> None:
-        """Calls `send_goal`; the goal id is in the payload. The answer comes back as `offer_answered`."""
+        """Call `send_goal`; the goal id is in the payload. The answer comes back as `offer_answered`."""
 
     def cancel(self, face: Face, action: str, goal_id: bytes) -> None:
-        """Calls `cancel_goal` for one goal (stamp 0). The answer comes back as `cancel_answered`."""
+        """Call `cancel_goal` for one goal (stamp 0). The answer comes back as `cancel_answered`."""
 
     def ask_result(self, face: Face, action: str, goal_id: bytes) -> None:
-        """Calls `get_result`. The answer comes back as `result_arrived`, whenever the goal ends."""
+        """Call `get_result`. The answer comes back as `result_arrived`, whenever the goal ends."""
 
     def call(self, face: Face, service: str, key: int, payload: bytes) -> None:
-        """Calls a service. The answer comes back as `call_answered` with the same key; none may ever come."""
+        """Call a service. The answer comes back as `call_answered` with the same key; none may ever come."""
 
     def forget_call(self, key: int) -> None:
-        """Drops a call: its answer is not wanted any more."""
+        """Drop a call: its answer is not wanted any more."""
 
     # -- as a server of clients ---------------------------------------------------------------------------------------
 
     def answer_goal(self, face: Face, action: str, caller: bytes, accepted: bool, stamp_ns: int) -> None:
-        """Answers a `send_goal`."""
+        """Answer a `send_goal`."""
 
     def answer_cancel(
         self, face: Face, action: str, caller: bytes, code: CancelCode, goals: Sequence[GoalEntry]
     ) -> None:
-        """Answers a `cancel_goal` with the goals that will be cancelled."""
+        """Answer a `cancel_goal` with the goals that will be cancelled."""
 
     def answer_result(self, face: Face, action: str, caller: bytes, status: GoalStatus, payload: bytes) -> None:
-        """Answers a `get_result`. `payload`: the server's whole response; b"": a default one with `status`.
+        """Answer a `get_result`. `payload`: the server's whole response; b"": a default one with `status`.
 
         Where a payload is given, its status (byte 4) is `status` already.
         """
 
     def publish_feedback(self, face: Face, action: str, payload: bytes) -> None:
-        """Publishes a feedback message as it is."""
+        """Publish a feedback message as it is."""
 
     def publish_status(self, face: Face, action: str, goals: Sequence[GoalEntry]) -> None:
-        """Publishes the status array of an action (latched)."""
+        """Publish the status array of an action (latched)."""
 
     def answer_call(self, face: Face, service: str, caller: bytes, payload: bytes) -> None:
-        """Answers a service call with the server's response."""
+        """Answer a service call with the server's response."""
 
     def fail_call(self, face: Face, service: str, caller: bytes, reason: str, message: str) -> None:
-        """Answers a service call without a server's response, or drops it.
+        """Answer a service call without a server's response, or drop it.
 
         Where the response has a boolean `success`: a default response with `message` in its `message`. Elsewhere
         nothing is sent (a ROS service knows no error) and the shell only logs and forgets the caller.
@@ -134,13 +134,13 @@ class RobotRelayPorts(RelayPorts, Protocol):
     """What the shell of the robot's relay does besides."""
 
     def holder(self) -> Holding:
-        """Reads the collector's memory, now; a torn or missing one is read again, then what was read last holds."""
+        """Read the collector's memory, now; a torn or missing one is read again, then what was read last holds."""
 
     def keep(self, record: bytes) -> bool:
-        """Appends a record to the journal; returns False when there is no room for it."""
+        """Append a record to the journal; return False when there is no room for it."""
 
     def compact(self, records: Sequence[bytes]) -> bool:
-        """Replaces the whole journal, at once or not at all; returns False when there is no room for that."""
+        """Replace the whole journal, at once or not at all; return False when there is no room for that."""
 
 
 class CloudRelayPorts(RelayPorts, Protocol):

@@ -9,37 +9,37 @@ from robot_offload_core.words.token import Site, Token
 
 
 def meant(asked: CancelRequested, goal_id: bytes, stamp_ns: int) -> bool:
-    """Returns whether a cancel means the goal with this id, accepted at `stamp_ns`."""
+    """Return whether a cancel means the goal with this id, accepted at `stamp_ns`."""
     if asked.goal_id == NO_GOAL and asked.stamp_ns == 0:
         return True
     return goal_id == asked.goal_id or (asked.stamp_ns > 0 and stamp_ns <= asked.stamp_ns)
 
 
 def able(view: View, site: Site, action: str) -> bool:
-    """Returns whether a side's server can take a goal: CORE nodes Active, its own node Active, its server seen."""
+    """Return whether a side's server can take a goal: CORE nodes Active, its own node Active, its server seen."""
     reachable = site is Site.ROBOT or view.heard
     return reachable and site in view.able and (site, action) in view.up
 
 
 def there(view: View, name: str) -> bool:
-    """Returns whether a server with placement Cloud can be asked: its cloud is served and heard, and it is seen."""
+    """Return whether a server with placement Cloud can be asked: its cloud is served and heard, and it is seen."""
     return view.present is not None and view.heard and (Site.CLOUD, name) in view.up
 
 
 def acts(view: View, spec: ActionSpec) -> tuple[Site, Token | None]:
-    """Returns who executes goals of an action, under which token: the holder, or always the cloud by presence."""
+    """Return who executes goals of an action, under which token: the holder, or always the cloud by presence."""
     return (Site.CLOUD, view.present) if spec.of_cloud else (view.holding.site, view.holding.token)
 
 
 def mirrored(view: View, spec: ActionSpec) -> tuple[Site, Token] | None:
-    """Returns the Hot standby that gets goals of an action too (`mirror`), and its token; None for none."""
+    """Return the Hot standby that gets goals of an action too (`mirror`), and its token; None for none."""
     site = view.holding.site.other
     token = view.standby if site is Site.CLOUD else view.holding.token
     return (site, token) if spec.mirror and site in spec.hot and token is not None else None
 
 
 def copy_of(goal: Goal, site: Site, token: Token | None) -> Attempt | None:
-    """Returns the attempt that counts on a side: the newest that lives and is not to end.
+    """Return the attempt that counts on a side: the newest that lives and is not to end.
 
     In the cloud only under this very token. On the robot under any: nothing stands between its relay and its server.
     """
@@ -50,12 +50,12 @@ def copy_of(goal: Goal, site: Site, token: Token | None) -> Attempt | None:
 
 
 def is_resent(ledger: Ledger, attempt: bytes) -> bool:
-    """Returns whether an attempt is of a goal that was offered before: its execution begins anew."""
+    """Return whether an attempt is of a goal that was offered before: its execution begins anew."""
     return any(len(g.attempts) > 1 and any(a.id == attempt for a in g.attempts) for g in ledger.goals.values())
 
 
 def overtaken(ledger: Ledger, goal: Goal, attempt: Attempt) -> bool:
-    """Returns whether a later goal of the action was accepted at the same server after this attempt was: preempted."""
+    """Return whether a later goal of the action was accepted at the same server after this attempt was: preempted."""
     return any(
         other.action == goal.action and other.order > goal.order and a.site is attempt.site and a.rank > attempt.rank
         for other in ledger.goals.values()
@@ -64,7 +64,7 @@ def overtaken(ledger: Ledger, goal: Goal, attempt: Attempt) -> bool:
 
 
 def executing(ledger: Ledger, site: Site) -> tuple[str, ...]:
-    """Returns the actions of which a side executes an accepted attempt."""
+    """Return the actions of which a side executes an accepted attempt."""
     found = {
         goal.action
         for goal in ledger.goals.values()
@@ -75,7 +75,7 @@ def executing(ledger: Ledger, site: Site) -> tuple[str, ...]:
 
 
 def open_goals(ledger: Ledger, view: View) -> dict[str, tuple[int, int]]:
-    """Returns for each action how many goals the side that acts executes, and how many wait for it to accept them."""
+    """Return for each action how many goals the side that acts executes, and how many wait for it to accept them."""
     found = dict.fromkeys(ledger.actions, (0, 0))
     for goal in ledger.goals.values():
         if goal.ended_s is None:
@@ -87,7 +87,7 @@ def open_goals(ledger: Ledger, view: View) -> dict[str, tuple[int, int]]:
 
 
 def passes_feedback(ledger: Ledger, attempt: bytes, view: View) -> Goal | None:
-    """Returns the goal whose client may hear the attempt's feedback: the holder's copy's only; None else."""
+    """Return the goal whose client may hear the attempt's feedback: the holder's copy's only; None else."""
     goal = ledger.goals.get(ledger.index.get(attempt, b""))
     if goal is None or goal.ended_s is not None:
         return None
@@ -96,7 +96,7 @@ def passes_feedback(ledger: Ledger, attempt: bytes, view: View) -> Goal | None:
 
 
 def busy(ledger: Ledger, site: Site, now_s: float) -> bool:
-    """Returns whether a side that no longer holds has attempts to end, within `cancel_deadline_s` of the change."""
+    """Return whether a side that no longer holds has attempts to end, within `cancel_deadline_s` of the change."""
     if ledger.holding.site is site or now_s >= ledger.changed_s + ledger.cancel_deadline_s:
         return False
     return any(a.site is site and a.phase.live and a.cancel for g in ledger.goals.values() for a in g.attempts)

@@ -141,7 +141,7 @@ class Desk:
     # -- what happens -------------------------------------------------------------------------------------------------
 
     def called(self, service: str, caller: bytes, payload: bytes, now_s: float) -> list[Order]:
-        """Takes a client's call."""
+        """Take a client's call."""
         spec = self.services[service]
         waiting = sum(1 for r in self.requests if r.spec.name == service and not _open(r))
         if waiting >= MAX_WAITING:
@@ -154,7 +154,7 @@ class Desk:
         return []
 
     def answered(self, number: int, payload: bytes, success: bool) -> list[Order]:
-        """Takes an answer; it counts while the caller has none, however late."""
+        """Take an answer; it counts while the caller has none, however late."""
         self._note_played(number, success)
         request, ask = self._find(number)
         if request is None or ask is None:
@@ -166,7 +166,7 @@ class Desk:
         return [Reply(request.spec.name, request.caller, payload)]
 
     def not_holder(self, number: int, now_s: float) -> None:
-        """Takes the proof that an ask executed nothing."""
+        """Take the proof that an ask executed nothing."""
         for replay in self.replays.values():
             replay.open = {site: ask for site, ask in replay.open.items() if ask[0] != number}
         request, ask = self._find(number)
@@ -175,7 +175,7 @@ class Desk:
             request.retry_s = now_s + ASK_AGAIN_S
 
     def lost(self, site: Site, stay: int | None = None) -> None:
-        """Notes that nobody will say any more what became of the open asks of a side, but those of stay `stay`."""
+        """Mark a side's open requests as lost, except those of stay `stay`."""
         for request in self.requests:
             for ask in request.asks:
                 if ask.site is site and ask.fate is Fate.OPEN and ask.stay != stay:
@@ -184,7 +184,7 @@ class Desk:
             replay.open.pop(site, None)
 
     def lost_server(self, site: Site, service: str) -> None:
-        """Notes that a side's server went: nobody will say any more what became of the calls that it had."""
+        """Mark the calls of a side's server that went as lost."""
         for request in self.requests:
             for ask in request.asks:
                 if request.spec.name == service and ask.site is site and ask.fate is Fate.OPEN:
@@ -195,7 +195,7 @@ class Desk:
     # -- what must be -------------------------------------------------------------------------------------------------
 
     def settle(self, view: View, now_s: float) -> list[Order]:
-        """Asks whom it may, gives up what took too long."""
+        """Ask whom it may, give up what took too long."""
         orders: list[Order] = []
         for request in list(self.requests):
             orders += self._settle(request, view, now_s)
@@ -227,7 +227,7 @@ class Desk:
         return [*self._ask(request, holding.site, holding.stay, False, now_s), *self._race(request, view, now_s)]
 
     def _settle_of_cloud(self, request: Request, view: View, now_s: float) -> list[Order]:
-        """A node with placement Cloud has no replica: it is asked whoever holds, and fails at once while it is away."""
+        """Return whether a node with placement Cloud serves: it is asked whoever holds, and fails while it is away."""
         executed = any(ask.fate is Fate.UNKNOWN or now_s >= ask.until_s for ask in request.asks)
         asked = any(ask.fate is Fate.OPEN for ask in request.asks)
         if executed or (asked and not there(view, request.spec.name)):
@@ -241,7 +241,7 @@ class Desk:
         return self._ask(request, Site.CLOUD, view.holding.stay, False, now_s)
 
     def _race(self, request: Request, view: View, now_s: float) -> list[Order]:
-        """Asks the standby too: the first answer wins."""
+        """Ask the standby too: the first answer wins."""
         other = view.holding.site.other
         if request.spec.mode is not ServiceMode.RACE or any(ask.standby for ask in request.asks):
             return []
@@ -271,7 +271,7 @@ class Desk:
     # -- Both ---------------------------------------------------------------------------------------------------------
 
     def _play(self, name: str, replay: Replay, view: View, now_s: float) -> list[Order]:
-        """Has the newest request executed where it was not: on a Hot standby, on the candidate, after a change."""
+        """Have the newest request executed where it was not: on a Hot standby, on the candidate, after a change."""
         orders: list[Order] = []
         for site in self._listeners(name, view):
             stale = replay.played.get(site, 0) < replay.version
@@ -305,31 +305,31 @@ class Desk:
                         replay.failed.add(site)
 
     def diverged(self, view: View) -> tuple[str, ...]:
-        """Returns the `Both` services whose newest request the candidate has not executed."""
+        """Return the `Both` services whose newest request the candidate has not executed."""
         if view.candidate is None or view.candidate[0] is view.holding.site:
             return ()
         site = view.candidate[0]
         return tuple(sorted(n for n, r in self.replays.items() if r.played.get(site, 0) < r.version))
 
     def refused(self, view: View) -> tuple[str, ...]:
-        """Returns the `Both` services whose newest request the side that acts has refused."""
+        """Return the `Both` services whose newest request the side that acts has refused."""
         site = view.holding.site
         found = (n for n, r in self.replays.items() if site in r.failed and r.played.get(site, 0) < r.version)
         return tuple(sorted(found))
 
     def busy(self, site: Site) -> bool:
-        """Returns whether a side has calls to answer."""
+        """Return whether a side has calls to answer."""
         return any(a.site is site and a.fate is Fate.OPEN for r in self.requests for a in r.asks)
 
     def due_s(self) -> float:
-        """Returns when `settle` gives something up or may ask again."""
+        """Return when `settle` gives something up or may ask again."""
         times = [min([r.until_s, *(a.until_s for a in r.asks if a.fate is Fate.OPEN)]) for r in self.requests]
         times += [r.retry_s for r in self.requests if r.retry_s and not _open(r)]
         return min(times, default=float("inf"))
 
 
 def able(view: View, site: Site, service: str) -> bool:
-    """Returns whether a side's server can take a call: CORE nodes Active, its own node Active, its server seen."""
+    """Return whether a side's server can take a call: CORE nodes Active, its own node Active, its server seen."""
     reachable = site is Site.ROBOT or view.heard
     return reachable and site in view.able and (site, service) in view.up
 

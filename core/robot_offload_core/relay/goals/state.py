@@ -18,7 +18,7 @@ MAX_KEPT_BYTES = 16 * 1024 * 1024
 RETRY_S = 0.5
 """Distance of two offers of a goal that was refused or ended while a side gets ready, or after a change."""
 MIRROR_S = 1.0
-"""A mirror may end so long before the holder's copy; later its replica does not do what the holder does."""
+"""How long before the holder's attempt a mirror may end; if it ends sooner, its replica does something else."""
 ASK_AGAIN_S = 0.020
 """After a `NotHolder`, while our own view of the holder is the same."""
 
@@ -121,12 +121,12 @@ class Goal:
 
     @property
     def entry(self) -> GoalEntry:
-        """Returns how status messages show the goal."""
+        """Return how status messages show the goal."""
         return GoalEntry(self.id, self.stamp_ns, self.status)
 
     @property
     def at_rest(self) -> bool:
-        """Returns whether the goal is only kept for its result: it has ended, and so has its one attempt, if any."""
+        """Return whether the goal is only kept for its result: it has ended, and so has its one attempt, if any."""
         if self.ended_s is None or len(self.attempts) > 1:
             return False
         return not any(a.phase.live or a.resume for a in self.attempts)

@@ -22,7 +22,7 @@ class Admission(Enum):
 
 
 def admit(view: View, effects: Site | None, site: Site, token: Token | None, of_cloud: bool = False) -> Admission:
-    """Returns what becomes of a call of `site`; `token`: under which a cloud's call was made, None on the robot.
+    """Return what becomes of a call of `site`; `token`: under which a cloud's call was made, None on the robot.
 
     Args:
         view: who holds, by the collector's memory.
@@ -72,7 +72,7 @@ class UsedCalls:
         self.calls: list[UsedCall] = []
 
     def settle(self, view: View, effects: Site | None, now_s: float) -> list[tuple[UsedCall, Verdicts]]:
-        """Returns the calls that are decided now; those that are to be made stay known until they are answered."""
+        """Return the calls that are decided now; those that are to be made stay known until they are answered."""
         decided: list[tuple[UsedCall, Verdicts]] = []
         for call in list(self.calls):
             admission = (
@@ -89,12 +89,12 @@ class UsedCalls:
         return decided
 
     def answered(self, number: int) -> UsedCall | None:
-        """Returns the call that an answer is for, which is closed; None when nobody waits any more."""
+        """Return the call that an answer is for, which is closed; None when nobody waits any more."""
         call = next((c for c in self.calls if c.number == number), None)
         if call is not None:
             self.calls.remove(call)
         return call
 
     def due_s(self) -> float:
-        """Returns when a call is given up."""
+        """Return when a call is given up."""
         return min((call.until_s for call in self.calls), default=float("inf"))

@@ -65,7 +65,7 @@ class UsedGoals:
     def settle(
         self, view: View, effects: Site | None, seen: frozenset[str], now_s: float
     ) -> list[tuple[UsedGoal, Move]]:
-        """Returns what is to be done now; a goal that is refused, or has timed out, is not known any more.
+        """Return what is to be done now; a goal that is refused, or has timed out, is not known any more.
 
         Args:
             view: who holds, by the collector's memory.
@@ -96,7 +96,7 @@ class UsedGoals:
         return Move.OFFER
 
     def _slot_free(self, goal: UsedGoal) -> bool:
-        """Returns whether no other offer of the action waits for its answer: offers arrive in the clients' order."""
+        """Return whether no other offer of the action waits for its answer: offers arrive in the clients' order."""
         return not any(
             other.spec.name == goal.spec.name and other.stay is not None and not other.accepted
             for other in self.goals.values()
@@ -115,14 +115,14 @@ class UsedGoals:
         return Move.CANCEL
 
     def _followed(self, goal: UsedGoal, view: View) -> bool:
-        """Returns whether the new side's first goal of that action was accepted."""
+        """Return whether the new side's first goal of that action was accepted."""
         return any(
             other.spec.name == goal.spec.name and other.accepted and other.stay == view.holding.stay
             for other in self.goals.values()
         )
 
     def orphaned(self, relay: str, now_s: float) -> list[UsedGoal]:
-        """Notes that `relay` serves the cloud's group: what clients of another one left is dropped, or cancelled.
+        """Note that `relay` serves the cloud's group: what clients of another one left is dropped, or cancelled.
 
         Returns:
             The goals that waited, which are not known any more.
@@ -136,7 +136,7 @@ class UsedGoals:
         return dropped
 
     def due_s(self) -> float:
-        """Returns when a goal is given up or cancelled."""
+        """Return when a goal is given up or cancelled."""
         waits = [goal.until_s for goal in self.goals.values() if not goal.accepted]
         cancels = [goal.cancel_due_s for goal in self.goals.values() if not goal.cancelled]
         return min(waits + cancels, default=float("inf"))

@@ -184,18 +184,18 @@ class Reader:
         self.at = 0
 
     def take(self, size: int) -> bytes:
-        """Returns the next bytes."""
+        """Return the next bytes."""
         if self.at + size > len(self.data):
             raise WordError("BadForm", "a frame ends too early")
         self.at += size
         return self.data[self.at - size : self.at]
 
     def number(self, size: int = 8) -> int:
-        """Returns an unsigned number."""
+        """Return an unsigned number."""
         return int.from_bytes(self.take(size), "big")
 
     def text(self) -> str:
-        """Returns a name."""
+        """Return a name."""
         size = self.number(2)
         if size > MAX_NAME:
             raise WordError("BadForm", f"a name of {size} bytes")
@@ -205,30 +205,30 @@ class Reader:
             raise WordError("BadForm", "a name that is no text") from error
 
     def payload(self) -> bytes:
-        """Returns a payload."""
+        """Return a payload."""
         size = self.number(4)
         if size > MAX_BYTES:
             raise WordError("BadForm", f"a payload of {size} bytes")
         return self.take(size)
 
     def count(self) -> int:
-        """Returns the length of a list."""
+        """Return the length of a list."""
         count = self.number(2)
         if count > MAX_LIST:
             raise WordError("BadForm", f"a list of {count}")
         return count
 
     def incarnation(self) -> str:
-        """Returns an incarnation, "" for none."""
+        """Return an incarnation, "" for none."""
         found = self.take(16)
         return "" if found == NOBODY else found.hex()
 
     def token(self) -> Token:
-        """Returns a token."""
+        """Return a token."""
         return Token(self.incarnation(), self.number(), self.incarnation())
 
     def one_of(self, kind: type[Enum]) -> Any:
-        """Returns a member of an enumeration by its number, or by its word."""
+        """Return a member of an enumeration by its number, or by its word."""
         number = self.number(1)
         members = list(kind)
         found = [m for m in members if (m.value if isinstance(m.value, int) else members.index(m) + 1) == number]
@@ -303,7 +303,7 @@ _FORMS = _forms()
 
 
 def encode(frame: RelayFrame) -> bytes:
-    """Returns the frame's bytes."""
+    """Return the frame's bytes."""
     kind = type(frame.word)
     head = HEAD.pack(
         MAGIC, _incarnation(frame.writer), _incarnation(frame.reader), frame.number, KINDS.index(kind)
@@ -313,7 +313,7 @@ def encode(frame: RelayFrame) -> bytes:
 
 
 def decode(data: bytes) -> RelayFrame:
-    """Reads a frame; raises WordError for anything that is none."""
+    """Read a frame; raise WordError for anything that is none."""
     if len(data) < HEAD.size:
         raise WordError("BadForm", f"{len(data)} bytes are no frame")
     magic, writer, reader, number, kind = HEAD.unpack_from(data)

@@ -48,45 +48,45 @@ class Work:
         self.shown: set[str] = set()
 
     def live(self) -> Iterator[Goal]:
-        """Returns the goals that have not ended, in the client's order."""
+        """Return the goals that have not ended, in the client's order."""
         return iter([goal for goal in self.goals.values() if goal.ended_s is None])
 
     def all(self) -> Iterator[Goal]:
-        """Returns all goals, in the client's order."""
+        """Return all goals, in the client's order."""
         return iter(list(self.goals.values()))
 
     def acts(self, goal: Goal) -> tuple[Site, Token | None]:
-        """Returns who executes the goal, and under which token."""
+        """Return who executes the goal, and under which token."""
         return acts(self.view, self.spec(goal))
 
     def spec(self, goal: Goal) -> ActionSpec:
-        """Returns what is declared of the goal's action."""
+        """Return what is declared of the goal's action."""
         return self.ledger.actions[goal.action]
 
     def count(self) -> int:
-        """Returns the next number of this ledger."""
+        """Return the next number of this ledger."""
         self.counter += 1
         return self.counter
 
     def seen(self) -> Ledger:
-        """Returns the ledger as it is at this point of the step, for questions."""
+        """Return the ledger as it is at this point of the step, for questions."""
         return replace(self.ledger, goals=self.goals)
 
     def put(self, goal: Goal) -> None:
-        """Keeps a goal that is new or has changed."""
+        """Keep a goal that is new or has changed."""
         if self.goals is self.ledger.goals:
             self.goals = dict(self.goals)
         self.goals[goal.id] = goal
 
     def find(self, attempt: bytes) -> tuple[Goal | None, Attempt | None]:
-        """Returns the goal of an attempt, and the attempt."""
+        """Return the goal of an attempt, and the attempt."""
         goal = self.goals.get(self.index.get(attempt, b""))
         if goal is None:
             return None, None
         return goal, next((a for a in goal.attempts if a.id == attempt), None)
 
     def attempt(self, goal: Goal, attempt: Attempt) -> Goal:
-        """Keeps an attempt that has changed, or is new; returns its goal."""
+        """Keep an attempt that has changed, or is new; return its goal."""
         others = [a for a in goal.attempts if a.id != attempt.id]
         known = len(others) < len(goal.attempts)
         attempts = tuple(attempt if a.id == attempt.id else a for a in goal.attempts) if known else (*others, attempt)
@@ -97,13 +97,13 @@ class Work:
         return goal
 
     def new_attempt(self, goal: Goal, site: Site, token: Token) -> Attempt:
-        """Makes an attempt under an id of its own."""
+        """Make an attempt under an id of its own."""
         attempt = Attempt(attempt_id(self.ledger.incarnation, self.count()), site, token, self.now_s)
         self.attempt(goal, attempt)
         return attempt
 
     def offers_until_s(self, goal: Goal) -> float:
-        """Returns until when the goal is offered to the holder.
+        """Return until when the goal is offered to the holder.
 
         `timeout` counts from when the holder is able, at most `prepareDeadline` after the need began.
         """
@@ -112,7 +112,7 @@ class Work:
         return able_s + self.spec(goal).timeout_s
 
     def end(self, goal: Goal, status: GoalStatus, result: bytes = b"", why: Why | None = None) -> None:
-        """Ends a goal towards its client: the one result."""
+        """End a goal towards its client: the one result."""
         if goal.caller:  # for its client the goal was refused; nobody ever hears of it again
             self.commands.append(AnswerGoal(goal.action, goal.caller, False, 0, why))
         for caller in goal.waiting:
@@ -123,7 +123,7 @@ class Work:
         self.put(goal)
 
     def done(self) -> Ledger:
-        """Returns the ledger after the step; what nobody needs any more is forgotten."""
+        """Return the ledger after the step; what nobody needs any more is forgotten."""
         self._forget()
         for action in sorted(self.shown):
             entries = tuple(g.entry for g in self.goals.values() if g.action == action and not g.caller)
@@ -136,7 +136,7 @@ class Work:
         )  # fmt: skip
 
     def _forget(self) -> None:
-        """Forgets ended goals whose result was kept long enough, and the oldest when they are too many (rule 8)."""
+        """Forget ended goals whose result was kept long enough, and the oldest when they are too many (rule 8)."""
         kept = [goal for goal in self.goals.values() if goal.ended_s is not None]
         kept.sort(key=lambda goal: goal.ended_s or 0.0)
         size = sum(len(goal.result) for goal in kept)

@@ -47,7 +47,7 @@ class CommandedSwitch:
 def switches(
     recording: Recording, robot: Sequence[Observation], cloud: Sequence[Observation]
 ) -> tuple[CommandedSwitch, ...]:
-    """Returns every switch of a run."""
+    """Return every switch of a run."""
     arrivals = recording.outputs.get(COMMAND, ())
     transitions = {"robot": only(Transition, robot), "cloud": only(Transition, cloud)}
     asked = [answer for answer in only(Answered, robot) if answer.accepted]
@@ -80,7 +80,7 @@ def _switches(
 
 
 def stream(recording: Recording) -> Stream:
-    """Returns the consumer's view of the command."""
+    """Return the consumer's view of the command."""
     arrivals = recording.outputs.get(COMMAND, ())
     return examine(COMMAND, arrivals, recording.end_s, recording.run.max_command_age_ms)
 
@@ -92,7 +92,7 @@ def outcome(
     robot: Sequence[Observation],
     cloud: Sequence[Observation],
 ) -> GroupResult:
-    """Returns the figures of a run of commanded switches."""
+    """Return the figures of a run of commanded switches."""
     found = switches(recording, robot, cloud)
     seen = stream(recording)
     faults = {

@@ -97,7 +97,7 @@ class CutAccount:
 
 
 def falls(account: CutAccount) -> tuple[Fall, ...]:
-    """Returns what came of each cut."""
+    """Return what came of each cut."""
     placements = only(PlacementChange, account.robot)
     active = [event.t_s for event in only(Transition, account.robot) if event.state == "active"]
     good = good_beats(account.robot, account.loop_limit_s)
@@ -109,7 +109,7 @@ def falls(account: CutAccount) -> tuple[Fall, ...]:
 
 
 def good_beats(observations: Sequence[Observation], limit_s: float) -> tuple[float, ...]:
-    """Returns when beats arrived that prove a living loop."""
+    """Return when beats arrived that prove a living loop."""
     return tuple(heard.t_s for heard in only(BeatHeard, observations) if _is_good(heard, limit_s))
 
 
@@ -162,7 +162,7 @@ def _ms(from_s: float | None, to_s: float | None) -> float | None:
 
 
 def good_intervals(account: CutAccount) -> tuple[Interval, ...]:
-    """Returns when the link was not cut, from the first cut's own beginning of good time on."""
+    """Return when the link was not cut, from the first cut's own beginning of good time on."""
     begin_s = account.recording.run.start_s
     found = []
     for cut in account.cuts:
@@ -172,7 +172,7 @@ def good_intervals(account: CutAccount) -> tuple[Interval, ...]:
 
 
 def outcome(case: BenchCase, priority: Priority, account: CutAccount) -> GroupResult:
-    """Returns the figures of a run of cuts."""
+    """Return the figures of a run of cuts."""
     found = falls(account)
     return GroupResult(
         group=GROUP,

@@ -62,7 +62,7 @@ class DetectionAccount:
 
 
 def ours(falls: Sequence[Fall], alarms: int | None) -> Judged:
-    """Returns the product's, from what came of each cut."""
+    """Return the product's, from what came of each cut."""
     return Judged(
         OURS, tuple(f.noticed_ms for f in falls), tuple(f.back_ms for f in falls), alarms,
         tuple(f.gap_ms for f in falls),
@@ -70,7 +70,7 @@ def ours(falls: Sequence[Fall], alarms: int | None) -> Judged:
 
 
 def rival(kind: Rival, reports: Sequence[RivalReport], cuts: Sequence[Cut], quiet: Interval | None) -> Judged:
-    """Returns a rival's, from what the rival reported. A cut shorter than the rival's patience does not count."""
+    """Return a rival's, from what the rival reported. A cut shorter than the rival's patience does not count."""
     said = [one for one in reports if one.rival == kind.name]
     seen = [cut for cut in cuts if kind.patience_s is None or cut.healed_s - cut.cut_s > kind.patience_s]
     ends = {cut.number: after.cut_s for cut, after in itertools.pairwise(cuts)}
@@ -80,7 +80,7 @@ def rival(kind: Rival, reports: Sequence[RivalReport], cuts: Sequence[Cut], quie
 
 
 def alarms(said: Sequence[RivalReport], quiet: Interval) -> int:
-    """Returns how often a loss was reported in a time without any."""
+    """Return how often a loss was reported in a time without any."""
     return sum(one.lost and quiet.start_s <= one.t_s <= quiet.end_s for one in said)
 
 
@@ -89,7 +89,7 @@ def _first_ms(said: Sequence[RivalReport], lost: bool, from_s: float, to_s: floa
 
 
 def per_hour(count: int, seconds: float) -> str:
-    """Returns a rate in words, honest about short times."""
+    """Return a rate in words, honest about short times."""
     hours = seconds / 3600
     if not count:
         return f"none in {seconds / 60:.1f} minutes: below {UNSEEN / hours:.0f} per hour"
@@ -97,7 +97,7 @@ def per_hour(count: int, seconds: float) -> str:
 
 
 def outcome(priority: Priority, found: Sequence[DetectionAccount], refused: str) -> GroupResult:
-    """Returns the figures of all cases; `refused` says why the rivals did not run, empty when they did."""
+    """Return the figures of all cases; `refused` says why the rivals did not run, empty when they did."""
     figures = [figure for account in found for figure in _figures(account)]
     if refused:
         figures += [

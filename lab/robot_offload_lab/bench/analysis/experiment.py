@@ -74,7 +74,7 @@ class Travelled:
 def latencies(
     arrivals: Iterable[Arrival], window: Interval, within: Sequence[Interval], *, halved: bool
 ) -> list[float]:
-    """Of the messages made in the window that arrived while the far end was in charge, milliseconds."""
+    """Return of the messages made in the window that arrived while the far end was in charge, milliseconds."""
     return [
         travel_ms(arrival) / (2 if halved else 1)
         for arrival in arrivals
@@ -84,13 +84,13 @@ def latencies(
 
 
 def lost(arrivals: Iterable[Arrival], window: Interval) -> int:
-    """Returns how many numbers are missing between the first and the last message of the window."""
+    """Return how many numbers are missing between the first and the last message of the window."""
     numbers = {a.sequence for a in arrivals if window.start_s <= a.sent_t_s <= window.end_s}
     return max(numbers) - min(numbers) + 1 - len(numbers) if numbers else 0
 
 
 def outcome(priority: Priority, found: Sequence[Travelled], refused: Mapping[str, str]) -> GroupResult:
-    """Returns the figures of all scenarios.
+    """Return the figures of all scenarios.
 
     Args:
         priority: of nodes and agents.

@@ -69,21 +69,21 @@ class HandoverAccount:
 
 
 def accepted_ms(account: HandoverAccount, name: str) -> list[float]:
-    """Returns how long goals waited for their answer in a phase."""
+    """Return how long goals waited for their answer in a phase."""
     phase = next(p for p in account.phases if p.name == name)
     goals = only(GoalAnswered, account.observations)
     return [(g.t_s - g.asked_s) * 1e3 for g in goals if phase.begin_s <= g.asked_s <= phase.end_s]
 
 
 def called_ms(account: HandoverAccount, name: str) -> list[float]:
-    """Returns how long calls waited for their answer in a phase."""
+    """Return how long calls waited for their answer in a phase."""
     phase = next(p for p in account.phases if p.name == name)
     calls = only(CallAnswered, account.observations)
     return [(c.t_s - c.asked_s) * 1e3 for c in calls if phase.begin_s <= c.asked_s <= phase.end_s]
 
 
 def gaps_ms(account: HandoverAccount, kind: str) -> list[float]:
-    """Returns the longest gap of each goal to which something of that kind happened."""
+    """Return the longest gap of each goal to which something of that kind happened."""
     feedback: dict[int, list[float]] = {}
     for heard in only(GoalFeedback, account.observations):
         feedback.setdefault(heard.goal, []).append(heard.t_s)
@@ -105,7 +105,7 @@ def _alive(account: HandoverAccount, moment: Moment) -> list[GoalAnswered]:
 
 
 def faults(account: HandoverAccount) -> tuple[int, dict[str, int]]:
-    """Returns how many goals were alive when something happened, and how many of them did not end as they should."""
+    """Return how many goals were alive when something happened, and how many of them did not end as they should."""
     ends = Counter(end.goal for end in only(GoalEnded, account.observations))
     wrong = {end.goal for end in only(GoalEnded, account.observations) if end.status != SUCCEEDED}
     goals = [goal for moment in account.moments for goal in _alive(account, moment)]
@@ -117,14 +117,14 @@ def faults(account: HandoverAccount) -> tuple[int, dict[str, int]]:
 
 
 def outcome(group: str, case: BenchCase, priority: Priority, account: HandoverAccount) -> GroupResult:
-    """Returns the figures of a run: of a group, because it is measured idle and with load."""
+    """Return the figures of a run: of a group, because it is measured idle and with load."""
     return GroupResult(
         group, priority, tuple(_figures(case, account)), parts(_parts(account)), tuple(_samples(account))
     )
 
 
 def mirrored(case: BenchCase, priority: Priority, account: HandoverAccount) -> GroupResult:
-    """Returns the figures of a run of cuts in which both sides execute each goal."""
+    """Return the figures of a run of cuts in which both sides execute each goal."""
     gaps = gaps_ms(account, "cut")
     gap = Figure(
         "gap_cut", "Feedback gap of a mirrored goal at a sudden cut, Hot, p99", case.describe(), case.tolerance_ms,

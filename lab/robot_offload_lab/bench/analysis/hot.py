@@ -38,7 +38,7 @@ class HotChange:
 
 
 def changes(account: CutAccount) -> tuple[HotChange, ...]:
-    """Returns the commanded changes: those of before the first cut."""
+    """Return the commanded changes: those of before the first cut."""
     until_s = account.cuts[0].cut_s if account.cuts else float("inf")
     asked = [a.asked_s for a in only(Answered, account.robot) if a.accepted and a.asked_s < until_s]
     arrivals = [a for a in account.recording.outputs.get(COMMAND, ()) if asked and asked[0] <= a.t_s < until_s]
@@ -50,7 +50,7 @@ def changes(account: CutAccount) -> tuple[HotChange, ...]:
 
 
 def outcome(case: BenchCase, priority: Priority, account: CutAccount) -> GroupResult:
-    """Returns the figures of a run with commanded changes and cuts."""
+    """Return the figures of a run with commanded changes and cuts."""
     found, changed = falls(account), changes(account)
     return GroupResult(
         group=GROUP,

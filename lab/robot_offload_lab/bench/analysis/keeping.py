@@ -47,7 +47,7 @@ class Restore:
 
 
 def restores(account: StateAccount) -> tuple[Restore, ...]:
-    """Returns what followed each cut."""
+    """Return what followed each cut."""
     return tuple(_restore(account, cut_s) for cut_s in account.cuts_s)
 
 
@@ -67,12 +67,12 @@ def _restore(account: StateAccount, cut_s: float) -> Restore:
 
 
 def size_in_words(size: int) -> str:
-    """Returns a size as people say it."""
+    """Return a size as people say it."""
     return f"{size / MIB:.0f} MiB" if size > MIB / 2 else f"{size / 1024:.0f} KiB"
 
 
 def outcome(priority: Priority, accounts: Sequence[StateAccount]) -> GroupResult:
-    """Returns the figures of all sizes."""
+    """Return the figures of all sizes."""
     found = [(account, restores(account)) for account in accounts]
     return GroupResult(
         GROUP, priority, tuple(figure for one in found for figure in _figures(*one)),

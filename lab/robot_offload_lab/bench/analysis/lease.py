@@ -48,7 +48,7 @@ class Leaving:
 
 
 def grants(observations: Iterable[Observation]) -> tuple[Grant, ...]:
-    """Returns the grants among the beats that reached the cloud."""
+    """Return the grants among the beats that reached the cloud."""
     return tuple(_grants(only(Reached, observations)))
 
 
@@ -63,7 +63,7 @@ def _grants(reached: Iterable[Reached]) -> Iterator[Grant]:
 
 
 def leavings(observations: Sequence[Observation], lease_s: float, begin_s: float) -> tuple[Leaving, ...]:
-    """Returns every envelope that left from `begin_s` on, against its lease.
+    """Return every envelope that left from `begin_s` on, against its lease.
 
     Args:
         observations: of the observer.

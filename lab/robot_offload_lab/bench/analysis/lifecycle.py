@@ -45,15 +45,15 @@ class Rounds:
 
     @classmethod
     def from_json(cls, case: TransitionCase, said: Mapping[str, Any]) -> Rounds:
-        """From what the manager has said."""
+        """Return it from the manager's lines."""
         return cls(case, {word: said[word] for word in TRANSITIONS}, said["refused"], said["unanswered"])
 
     def each(self, transition: str) -> tuple[float, ...]:
-        """Of single nodes."""
+        """Return of single nodes."""
         return tuple(value for answers in self.answers[transition] for value in answers)
 
     def whole(self, transition: str) -> tuple[float, ...]:
-        """Of all nodes of a round together: the last answer."""
+        """Return of all nodes of a round together: the last answer."""
         return tuple(max(answers) for answers in self.answers[transition] if answers)
 
     @property
@@ -66,7 +66,7 @@ _FIRST_ANSWER = "asked once each; DDS loses an answer to somebody not discovered
 
 
 def outcome(priority: Priority, found: Sequence[Rounds], refused: Mapping[str, str]) -> GroupResult:
-    """Returns the figures of all cases.
+    """Return the figures of all cases.
 
     Args:
         priority: of the nodes.

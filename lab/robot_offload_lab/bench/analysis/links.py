@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import itertools
 import json
 from collections.abc import Iterable, Sequence
@@ -108,7 +110,7 @@ def row(
     load: TopicLoad, cell: Cell, window: Interval, arrivals: Iterable[Arrival], robot: Sequence[Observation],
     found: tuple[str, str, float],
 ) -> Row:  # fmt: skip
-    """Returns what one observation gave.
+    """Return what one observation gave.
 
     Args:
         load: what was published.
@@ -134,12 +136,12 @@ def _rounded(value_ms: float | None) -> float | None:
 
 
 def encode(rows: Iterable[Row]) -> str:
-    """Returns the file of the rows."""
+    """Return the file of the rows."""
     return json.dumps({"schema": SCHEMA, "rows": [asdict(one) for one in rows]}, indent=1) + "\n"
 
 
 def decode(text: str, source: str) -> list[Row]:
-    """Reads the file of the rows.
+    """Read the file of the rows.
 
     Raises:
         InputError: the text is something else.
@@ -158,7 +160,7 @@ def _row(values: dict[str, Any]) -> Row:
 
 
 def merged(old: Iterable[Row], new: Iterable[Row]) -> list[Row]:
-    """Returns the newest row of each load and cell, in the order of the table."""
+    """Return the newest row of each load and cell, in the order of the table."""
     by_key = {(one.load, one.cell): one for one in (*old, *new)}
     names = [load.name for load in LOADS]
     return sorted(by_key.values(), key=lambda one: (names.index(one.load), one.cell))
@@ -167,51 +169,47 @@ def merged(old: Iterable[Row], new: Iterable[Row]) -> list[Row]:
 # -- as text ----------------------------------------------------------------------------------------------------------
 
 
-def page(rows: Sequence[Row]) -> str:
-    """Returns one table for each load in Markdown, and under them when and on what the rows were measured."""
-    lines: list[str] = []
+COLUMNS: Final = (
+    "load", "rate_mbit_s", "round_trip_ms", "loss_percent", "delivered_percent", "age_p50_ms", "age_p99_ms",
+    "in_cloud_percent", "takeovers", "reasons", "false_alarms", "date", "machine", "load_average",
+)  # fmt: skip
+RECKONED: Final = "reckoned: at most"
+"""The reason of a row that was not measured: its rate cannot carry the load."""
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return the rows of each load as CSV with a header, and a reckoned row for each rate that cannot carry it."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
     for load in LOADS:
         mine = [one for one in rows if one.load == load.name]
-        if not mine:
-            continue
-        lines += [
-            f"**{load.title}, {load.rate_hz:g} Hz ({load.mbit_s:.0f} Mbit/s)**", "",
-            "| link | round trip | loss | delivered | age p50 / p99 | in the cloud | robot took over | false alarms |",
-            "|--:|--:|--:|--:|--:|--:|---|--:|",
-            *map(line, mine), *_too_narrow(load, mine), "",
-        ]  # fmt: skip
-    dates = sorted({f"{one.date}, {one.machine}" for one in rows})
-    loads = [one.load_average for one in rows]
-    if rows:
-        lines.append(f"Measured {'; '.join(dates)}; load {min(loads):.1f} to {max(loads):.1f}.")
-    return "\n".join(lines) + "\n"
+        writer.writerows(map(_cells, mine))
+        writer.writerows(_too_narrow(load, mine) if mine else [])
+    return text.getvalue()
 
 
-def _too_narrow(load: TopicLoad, measured: Sequence[Row]) -> list[str]:
-    """Returns a row for each rate that cannot carry a load, by reckoning, where none was measured."""
+def _too_narrow(load: TopicLoad, measured: Sequence[Row]) -> list[list[object]]:
+    """Return a row for each rate that cannot carry a load, by reckoning, where none was measured."""
     wide, known = {cell.rate_mbit for cell in wide_enough(load.name)}, {one.cell.rate_mbit for one in measured}
     return [
-        f"| {rate} Mbit/s | any | any | reckoned: {_percent(rate / load.mbit_s)} at most | | | | |"
+        [load.name, rate, "", "", round(rate / load.mbit_s * 100), "", "", "", "", RECKONED, "", "", "", ""]
         for rate in RATES
         if rate not in wide | known
     ]
 
 
 def wide_enough(name: str) -> tuple[Cell, ...]:
-    """Returns the kinds of link whose rate could carry all of a load."""
+    """Return the kinds of link whose rate could carry all of a load."""
     (load,) = [one for one in LOADS if one.name == name]
     return tuple(cell for cell in ALL if cell.rate_mbit >= load.mbit_s)
 
 
-def line(one: Row) -> str:
-    """Returns a row of the table."""
-    cell = one.cell
-    age = "nothing" if one.p50_ms is None or one.p99_ms is None else f"{one.p50_ms:.0f} / {one.p99_ms:.0f} ms"
-    why = ", ".join(sorted(set(one.reasons)))
-    over = f"{one.takeovers} times ({why})" if one.takeovers else "never"
-    link = f"{cell.rate_mbit} Mbit/s | {cell.round_trip_ms} ms | {cell.loss_percent:g} %"
-    return f"| {link} | {_percent(one.delivered)} | {age} | {_percent(one.cloud)} | {over} | {one.alarms} |"
-
-
-def _percent(share: float) -> str:
-    return f"{share * 100:.0f} %"
+def _cells(one: Row) -> list[object]:
+    """Return the cells of a measured row."""
+    cell, why = one.cell, ", ".join(sorted(set(one.reasons)))
+    return [
+        one.load, cell.rate_mbit, cell.round_trip_ms, f"{cell.loss_percent:g}", f"{one.delivered * 100:.0f}",
+        *("" if age is None else f"{age:.0f}" for age in (one.p50_ms, one.p99_ms)), f"{one.cloud * 100:.0f}",
+        one.takeovers, why, one.alarms, one.date, one.machine, one.load_average,
+    ]  # fmt: skip

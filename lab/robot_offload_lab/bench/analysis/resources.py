@@ -64,7 +64,7 @@ class Weighed:
     alone_mb: float
 
     def of(self, side: str) -> tuple[Cost, ...]:
-        """Returns the costs of one side."""
+        """Return the costs of one side."""
         return self.robot if side == "robot" else self.cloud
 
     @property
@@ -79,7 +79,7 @@ class Weighed:
 
 
 def usage(comm: str, stat: str, smaps_rollup: str, smaps: str, *, ticks_per_s: int) -> Usage:
-    """From the files of a process in /proc, see proc(5)."""
+    """Return it from the files of a process in /proc, see proc(5)."""
     fields = stat.rpartition(")")[2].split()
     sizes = _sizes(smaps_rollup)
     return Usage(
@@ -92,13 +92,13 @@ def usage(comm: str, stat: str, smaps_rollup: str, smaps: str, *, ticks_per_s: i
 
 
 def _sizes(text: str) -> dict[str, int]:
-    """Lines such as `Pss:   123 kB` in bytes."""
+    """Return lines such as `Pss:   123 kB` in bytes."""
     words = (line.split() for line in text.splitlines())
     return {found[0].rstrip(":"): int(found[1]) * 1024 for found in words if len(found) == 3 and found[2] == "kB"}
 
 
 def _files(smaps: str) -> dict[str, int]:
-    """Resident bytes of every mapped piece of a file, by file and offset; copied (anonymous) pages are not its own."""
+    """Return resident bytes of every mapped piece of a file, by file and offset, without copied pages."""
     found: dict[str, int] = {}
     piece = ""
     for line in smaps.splitlines():
@@ -112,7 +112,7 @@ def _files(smaps: str) -> dict[str, int]:
 
 
 def costs(before: Sequence[Usage], after: Sequence[Usage], seconds: float) -> tuple[Cost, ...]:
-    """Per process; both lists are of the same processes in the same order."""
+    """Return per process; both lists are of the same processes in the same order."""
     return tuple(
         Cost(_process(late.name), (late.cpu_s - early.cpu_s) / seconds * 100, late.pss_bytes / MB)
         for early, late in zip(before, after, strict=True)
@@ -120,13 +120,13 @@ def costs(before: Sequence[Usage], after: Sequence[Usage], seconds: float) -> tu
 
 
 def _process(name: str) -> str:
-    """Returns the agent's process behind a name of ps, which the kernel cuts off after 15 characters."""
+    """Return the agent's process behind a name of ps, which the kernel cuts off after 15 characters."""
     short = name.removeprefix("ro-robot-").removeprefix("ro-cloud-")
     return next((process for process in PROCESSES if process.startswith(short)), "supervisor")
 
 
 def alone_mb(usages: Sequence[Usage]) -> float:
-    """Returns what the same processes would hold with no other program on the machine to share files with.
+    """Return what the same processes would hold with no other program on the machine to share files with.
 
     Anonymous pages are shared only within the agent (it forks), so their proportional parts add up. Of each file the
     most that one process holds is taken.
@@ -141,7 +141,7 @@ def alone_mb(usages: Sequence[Usage]) -> float:
 def outcome(
     priority: Priority, whole: Weighed, single: Weighed, earlier: Weighed | None = None, against: str = ""
 ) -> GroupResult:
-    """Returns the figures of one observation.
+    """Return the figures of one observation.
 
     Args:
         priority: of agents and nodes.
@@ -165,7 +165,7 @@ def outcome(
 
 
 def _totals(whole: Weighed, earlier: Weighed | None, against: str) -> Iterator[Figure]:
-    """Yields processor time and memory of each side; limits are demanded of the robot's agent."""
+    """Yield processor time and memory of each side; limits are demanded of the robot's agent."""
     alone = f"; {whole.alone_mb:.0f} MB with no other program on the machine to share libraries with"
     for side in ("robot", "cloud"):
         found, before = whole.of(side), earlier.of(side) if earlier else ()
@@ -214,7 +214,7 @@ def _shares(costs: Sequence[Cost], field: str) -> str:
 
 
 def load(case: BenchCase) -> str:
-    """Returns what the agent was busy with."""
+    """Return what the agent was busy with."""
     rates = sorted({case.sensor_rate_hz, case.cloud_rate_hz, case.robot_rate_hz})
     shown = " and ".join(f"{rate:g}" for rate in rates)
     topics = "1 topic" if len(case.sensors) == 1 else f"{len(case.sensors)} topics"

@@ -12,7 +12,7 @@ MUST_SHARE: Final = 0.8
 
 
 def stays(placements: Sequence[PlacementChange], site: str) -> tuple[Interval, ...]:
-    """Returns when a side was in charge; the last stay is open."""
+    """Return when a side was in charge; the last stay is open."""
     found: list[Interval] = []
     since_s: float | None = None
     for change in placements:
@@ -27,7 +27,7 @@ def stays(placements: Sequence[PlacementChange], site: str) -> tuple[Interval, .
 
 
 def cloud_share(placements: Sequence[PlacementChange], good: Sequence[Interval]) -> float | None:
-    """Returns the cloud's share of the good time, from 0 to 1; None when there was none."""
+    """Return the cloud's share of the good time, from 0 to 1; None when there was none."""
     total_s = sum(interval.length_s for interval in good)
     if total_s <= 0:
         return None

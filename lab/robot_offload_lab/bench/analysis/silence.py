@@ -22,7 +22,7 @@ REPORTED_MINUTES: Final = 60.0
 
 
 def outcome(priority: Priority, watched: Sequence[tuple[BenchCase, QuietStretch]]) -> GroupResult:
-    """Returns the figures of a watch of each case."""
+    """Return the figures of a watch of each case."""
     return GroupResult(
         group=GROUP,
         priority=priority,

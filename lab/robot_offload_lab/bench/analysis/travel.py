@@ -6,7 +6,7 @@ from robot_offload_lab.judge.recording import Arrival
 
 
 def travel_ms(arrival: Arrival) -> float:
-    """From the stamp, just before it was published, until the consumer's middleware had it.
+    """Return the time from the stamp, just before it was published, until the consumer's middleware had it.
 
     Not the age that decides whether a command is stale: that one ends where the collector passes the message on, and
     leaves out the last hop.

@@ -24,13 +24,8 @@ STAY_FACTOR: Final = 5.0
 STAY_MORE_S: Final = (1.0, 1.5)
 
 
-def steps(amounts: Amounts) -> float:
-    """For the progress bar."""
-    return amounts.cuts + 2 * amounts.one_way + amounts.long_cuts
-
-
 def order_of_cuts(amounts: Amounts, chance: random.Random) -> list[tuple[Direction, float]]:
-    """(direction, length in seconds) of every cut, mixed."""
+    """Return (direction, length in seconds) of every cut, mixed."""
     wanted: tuple[tuple[Direction, float, int], ...] = (
         ("both", SHORT_S, amounts.cuts),
         ("both", LONG_S, amounts.long_cuts),
@@ -43,7 +38,7 @@ def order_of_cuts(amounts: Amounts, chance: random.Random) -> list[tuple[Directi
 
 
 def run(order: Order) -> GroupResult:
-    """Cuts the link, mends it, waits until the policy has gone back to the cloud, and stays there for a while."""
+    """Cut the link, mends it, wait until the policy has gone back to the cloud, and stay there for a while."""
     chance = random.Random(order.seed)
     done = []
     with MeasuredSystem(CASE, order.watching(CASE.name)) as world:
@@ -57,7 +52,6 @@ def run(order: Order) -> GroupResult:
             done.append(Cut(number, direction, length_s, cut_s, healed_s))
             world.until(lambda: world.site == "cloud", "the cloud is in charge again after a cut")
             world.rest(STAY_FACTOR * (steady_s() - healed_s))
-            order.advance(1)
         evidence = world.finish()
         switching = world.system.spec.switching
     account = CutAccount(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import random
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Final
@@ -13,7 +12,7 @@ from robot_offload_lab.bench.analysis import alarms, cuts, detect
 from robot_offload_lab.bench.analysis.alarms import QuietStretch
 from robot_offload_lab.bench.analysis.cuts import Cut
 from robot_offload_lab.bench.analysis.detect import Judged, Variant
-from robot_offload_lab.bench.groups.alarms import CASE as BAD_CASE
+from robot_offload_lab.bench.groups.silence import BAD as BAD_CASE
 from robot_offload_lab.bench.plan import Amounts, Order
 from robot_offload_lab.bench.resource import BenchCase, Sensor
 from robot_offload_lab.bench.results import GroupResult
@@ -88,17 +87,12 @@ CASES: Final = tuple(one.name for one in (*RUNS, *MORE))
 
 
 def runs(amounts: Amounts) -> tuple[DetectionRun, ...]:
-    """Returns the cases of a form."""
+    """Return the cases of a form."""
     return RUNS if amounts.form == "short" else (*RUNS, *MORE)
 
 
-def steps(amounts: Amounts) -> float:
-    """For the progress bar."""
-    return len(runs(amounts)) * (amounts.detections + 1)
-
-
 def run(order: Order) -> GroupResult:
-    """Measures one case after the other, each with its rivals where this machine can run them."""
+    """Measure one case after the other, each with its rivals where this machine can run them."""
     refused = TwoHosts.refusal()
     known = (*RUNS, *MORE) if order.cases else runs(order.amounts)
     wanted = [one for one in known if order.wants(one.name)]
@@ -127,7 +121,7 @@ class _Rivals:
         return tuple(RivalReport(**said) for said in self._stage.said[WATCHER])
 
     def until_back(self) -> None:
-        """Waits until every one says that the cloud is there."""
+        """Wait until every one says that the cloud is there."""
         self._stage.until(self._all_back, "the rivals find the other host", BACK_PATIENCE_S)
 
     def _all_back(self) -> bool:
@@ -135,13 +129,13 @@ class _Rivals:
         return all(newest.get(rival.name) is False for rival in RIVALS)
 
     def cut(self, which: str | None) -> float:
-        """Cuts or mends; returns the moment."""
+        """Cut or mends; return the moment."""
         before_s = steady_s()
         self._hosts.cut("both" if which else None)
         return steady_s() if which else before_s
 
     def judged(self, quiet: Interval | None) -> list[Judged]:
-        """Returns what became of each."""
+        """Return what became of each."""
         self._stage.follow()
         return [detect.rival(kind, self.reports, self.cuts, quiet) for kind in RIVALS]
 
@@ -155,8 +149,7 @@ def _measure(order: Order, one: DetectionRun, *, rivals: bool) -> detect.Detecti
         if beside is not None:
             beside.until_back()
         quiet = _quiet(world, order.amounts.quiet_s) if one.quiet else None
-        order.advance(1)
-        done = [_cut(world, beside, one, number, chance, order.advance) for number in range(order.amounts.detections)]
+        done = [_cut(world, beside, one, number, chance) for number in range(order.amounts.detections)]
         evidence = world.finish()
         judged = beside.judged(quiet) if beside is not None else []
         switching = world.system.spec.switching
@@ -180,15 +173,8 @@ def _quiet(world: MeasuredSystem, seconds: float) -> Interval:
     return Interval(start_s, steady_s())
 
 
-def _cut(
-    world: MeasuredSystem,
-    beside: _Rivals | None,
-    one: DetectionRun,
-    number: int,
-    chance: random.Random,
-    advance: Callable[[float], None],
-) -> Cut:
-    """Cuts both links at the same moment; each has its own time stamp."""
+def _cut(world: MeasuredSystem, beside: _Rivals | None, one: DetectionRun, number: int, chance: random.Random) -> Cut:
+    """Cut both links at the same moment; each has its own time stamp."""
     world.rest(chance.uniform(*REST_S))
     world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
     _, cut_s = world.cut("both")
@@ -200,5 +186,4 @@ def _cut(
     world.until(lambda: world.site == "cloud", "the cloud is in charge again after a cut")
     if beside is not None:
         beside.until_back()
-    advance(1)
     return Cut(number, "both", one.cut_s, cut_s, healed_s)

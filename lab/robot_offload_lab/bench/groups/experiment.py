@@ -16,7 +16,7 @@ from robot_offload_lab.bench.analysis.experiment import ExperimentScenario, Trav
 from robot_offload_lab.bench.analysis.share import stays
 from robot_offload_lab.bench.kinds import KINDS, RATE_HZ
 from robot_offload_lab.bench.observed import Hop, only
-from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.plan import Order
 from robot_offload_lab.bench.resource import BenchCase
 from robot_offload_lab.bench.results import GroupResult, at_or_none
 from robot_offload_lab.bench.stage import Stage
@@ -64,13 +64,8 @@ PORT: Final = 20999
 """In a network namespace of its own."""
 
 
-def steps(_amounts: Amounts) -> float:
-    """For the progress bar."""
-    return len(RUNS)
-
-
 def run(order: Order) -> GroupResult:
-    """Measures all scenarios, one after the other."""
+    """Measure all scenarios, one after the other."""
     found: list[Travelled] = []
     refused = {}
     for name, (scenario, measure) in RUNS.items():
@@ -78,7 +73,6 @@ def run(order: Order) -> GroupResult:
             found += measure(order) if order.wants(name) else []
         except RobotOffloadError as error:  # the others are worth having without it
             refused[scenario.title] = error.lines[0]
-        order.advance(1)
     if not found:
         raise RobotOffloadError("\n".join(f"{title}: {why}" for title, why in refused.items()))
     return experiment.outcome(order.priority, found, {**refused, PODS: PODS_WHY})
@@ -134,7 +128,7 @@ def _one_host(order: Order) -> list[Travelled]:
 
 
 def _two_hosts(order: Order) -> list[Travelled]:
-    """Network namespaces where that is permitted, otherwise two domains joined by the emulated DDS link."""
+    """Return network namespaces where that is permitted, otherwise two domains joined by the emulated DDS link."""
     folder = order.folder("experiment-two-hosts")
     if TwoHosts.refusal():
         domains = order.domains or free_domains()
@@ -158,7 +152,7 @@ def _two_hosts(order: Order) -> list[Travelled]:
 
 
 def _start(stage: Stage, cloud: Mapping[str, str] | None = None) -> None:
-    """Publishers and subscribers on the robot, the echo in the cloud."""
+    """Start publishers and subscribers on the robot, and the echo in the cloud."""
     by_itself = ("--ros-args", "-p", "by_itself:=true")
     stage.start("echo", "robot_offload_lab.bench.parts.echo", *by_itself, host="cloud", extra=cloud)
     topics = [f"{topic}={kind.type}" for kind in KINDS for topic in (kind.sent, kind.returned)]
@@ -180,7 +174,7 @@ Recorded = tuple[Mapping[str, Sequence[Arrival]], Interval, tuple[processor.Read
 
 
 def _record(order: Order, stage: Stage) -> Recorded:
-    """Waits until messages come back on every topic, then records."""
+    """Wait until messages come back on every topic, then record."""
     wanted = {kind.returned for kind in KINDS}
     stage.until(lambda: wanted <= {said.get("topic") for said in stage.said[RECORDER]}, "messages come back")
     stage.rest(SETTLE_S)
@@ -201,7 +195,7 @@ def _record(order: Order, stage: Stage) -> Recorded:
 
 
 def _window(order: Order, rest: Callable[[float], None]) -> Interval:
-    """Lets as many messages travel as were asked for."""
+    """Let as many messages travel as were asked for."""
     start_s = steady_s()
     rest(order.amounts.messages / RATE_HZ)
     return Interval(start_s, steady_s())

@@ -12,7 +12,7 @@ from robot_offload_lab.bench.analysis import handover
 from robot_offload_lab.bench.analysis.handover import HandoverAccount, Moment, Phase
 from robot_offload_lab.bench.groups.hot import CASE as HOT
 from robot_offload_lab.bench.groups.hot import LEARN_S
-from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.plan import Order
 from robot_offload_lab.bench.resource import BenchCase
 from robot_offload_lab.bench.results import GroupResult
 from robot_offload_lab.bench.world import MeasuredSystem, Setting
@@ -23,7 +23,6 @@ DELAY_MS: Final = 5
 CASE: Final = BenchCase("handover", LinkOptions(delay=f"{DELAY_MS}ms"), tolerance_ms=30, serves=True)
 MIRRORED: Final = dataclasses.replace(HOT, name="mirrored", serves=True, mirrors=True)
 """Both sides execute each goal; the cloud comes back soon after a cut."""
-LOADED: Final = "loaded"
 PRODUCT, DIRECT = "/bench", "/direct"
 ALIVE: Final = 3
 """Goals alive at once."""
@@ -35,32 +34,17 @@ KILLS: Final = 3
 WARM: Final = 5
 
 
-def steps(amounts: Amounts) -> float:
-    """For the progress bar."""
-    return 3 + amounts.switches + amounts.cuts + KILLS
-
-
 def run(order: Order) -> GroupResult:
-    """Measures acceptance and calls on each path, then switches, cuts and kills with goals alive."""
+    """Measure acceptance and call on each path, then switch, cut and kill with goals alive."""
     return handover.outcome(handover.GROUP, CASE, order.priority, _measure(order, order.serving(CASE.name)))
 
 
-def run_loaded(order: Order) -> GroupResult:
-    """Measures the same while every processor is busy with something else."""
-    return handover.outcome(LOADED, CASE, order.priority, _measure(order, order.loaded(LOADED)))
-
-
-def steps_mirrored(amounts: Amounts) -> float:
-    """For the progress bar."""
-    return amounts.mirror_cuts
-
-
 def run_mirrored(order: Order) -> GroupResult:
-    """Cuts the link while both sides execute the goals."""
+    """Cut the link while both sides execute the goals."""
     chance = random.Random(order.seed)
     with MeasuredSystem(MIRRORED, order.serving(MIRRORED.name)) as world:
         world.rest(LEARN_S)
-        moments = [_happen(world, "cut", chance) for _ in _counted(order, order.amounts.mirror_cuts)]
+        moments = [_happen(world, "cut", chance) for _ in range(order.amounts.mirror_cuts)]
         world.rest(1.0)  # a second result would come now
         evidence = world.finish()
     account = HandoverAccount((), tuple(moments), evidence.goals, 0.0, 2.0 * DELAY_MS)
@@ -76,18 +60,13 @@ def _measure(order: Order, setting: Setting) -> HandoverAccount:
             if world.site != site:
                 world.ask(site)
             phases.append(_ask(world, order, PRODUCT, site))
-        moments = [_happen(world, "commanded", chance) for _ in _counted(order, order.amounts.switches)]
-        moments += [_happen(world, "cut", chance) for _ in _counted(order, order.amounts.cuts)]
-        moments += [_happen(world, "killed", chance) for _ in _counted(order, KILLS)]
+        moments = [_happen(world, "commanded", chance) for _ in range(order.amounts.switches)]
+        moments += [_happen(world, "cut", chance) for _ in range(order.amounts.cuts)]
+        moments += [_happen(world, "killed", chance) for _ in range(KILLS)]
         world.rest(1.0)  # a second result would come now
         evidence = world.finish()
         loss_ms = world.system.spec.switching.loss_timeout_ms
     return HandoverAccount(tuple(phases), tuple(moments), evidence.goals, loss_ms, 2.0 * DELAY_MS)
-
-
-def _counted(order: Order, count: int) -> range:
-    order.advance(count)
-    return range(count)
 
 
 def _ask(world: MeasuredSystem, order: Order, prefix: str, name: str) -> Phase:
@@ -97,12 +76,11 @@ def _ask(world: MeasuredSystem, order: Order, prefix: str, name: str) -> Phase:
     begin_s = steady_s()
     world.have(2 * count, {"accept": count, "prefix": prefix}, "short goals end")
     world.have(count, {"calls": count, "prefix": prefix}, "calls are answered")
-    order.advance(1)
     return Phase(name, prefix, begin_s, steady_s())
 
 
 def _happen(world: MeasuredSystem, kind: str, chance: random.Random) -> Moment:
-    """Starts goals, lets something happen to them, and waits for their results."""
+    """Start goals, let something happen to them, and wait for their results."""
     if kind == "cut":
         world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
     begin_s = steady_s()

@@ -7,7 +7,7 @@ from typing import Final
 
 from robot_offload_lab.bench.analysis import hot
 from robot_offload_lab.bench.analysis.cuts import Cut, CutAccount
-from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.plan import Order
 from robot_offload_lab.bench.resource import BenchCase
 from robot_offload_lab.bench.results import GroupResult
 from robot_offload_lab.bench.world import MeasuredSystem
@@ -26,21 +26,15 @@ STAY_S: Final = (0.3, 0.6)
 REST_S: Final = (0.4, 0.8)
 
 
-def steps(amounts: Amounts) -> float:
-    """For the progress bar."""
-    return amounts.hot_switches + amounts.hot_cuts
-
-
 def run(order: Order) -> GroupResult:
-    """Switches there and back, then cuts the link again and again, each time in a stay of the cloud."""
+    """Switch there and back, then cut the link again and again, each time in a stay of the cloud."""
     chance = random.Random(order.seed)
     with MeasuredSystem(CASE, order.watching(CASE.name)) as world:
         world.rest(LEARN_S)
         for _ in range(order.amounts.hot_switches):
             world.rest(chance.uniform(*REST_S))
             world.ask("robot" if world.site == "cloud" else "cloud")
-            order.advance(1)
-        cuts = [_cut(world, number, chance, order) for number in range(1, order.amounts.hot_cuts + 1)]
+        cuts = [_cut(world, number, chance) for number in range(1, order.amounts.hot_cuts + 1)]
         evidence = world.finish()
         switching = world.system.spec.switching
     loop_s = (switching.loss_timeout_ms + switching.latency.allowed_loop_ms) / 1e3
@@ -50,8 +44,8 @@ def run(order: Order) -> GroupResult:
     return hot.outcome(CASE, order.priority, account)
 
 
-def _cut(world: MeasuredSystem, number: int, chance: random.Random, order: Order) -> Cut:
-    """Cuts the link in a stay of the cloud, mends it, and waits until the cloud is in charge again."""
+def _cut(world: MeasuredSystem, number: int, chance: random.Random) -> Cut:
+    """Cut the link in a stay of the cloud, mends it, and wait until the cloud is in charge again."""
     world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
     world.rest(chance.uniform(*STAY_S))
     length_s = chance.uniform(*CUT_S)
@@ -59,7 +53,6 @@ def _cut(world: MeasuredSystem, number: int, chance: random.Random, order: Order
     world.rest(length_s)
     healed_s, _ = world.cut(None)
     world.until(lambda: world.site == "cloud" and _since(world) > healed_s, "the cloud is in charge again after a cut")
-    order.advance(1)
     return Cut(number, "both", length_s, cut_s, healed_s)
 
 

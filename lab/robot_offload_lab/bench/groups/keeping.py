@@ -29,13 +29,8 @@ LARGE_CUTS: Final = 3
 """As many of the largest at most."""
 
 
-def steps(amounts: Amounts) -> float:
-    """For the progress bar."""
-    return sum(_cuts(case, amounts) for case in CASES)
-
-
 def run(order: Order) -> GroupResult:
-    """Cuts the link again and again in stays of the cloud, for each size in a world of its own."""
+    """Cut the link again and again in stays of the cloud, for each size in a world of its own."""
     wanted = [case for case in CASES if order.wants(case.name)]
     return keeping.outcome(order.priority, [_measure(case, order) for case in wanted])
 
@@ -55,7 +50,6 @@ def _measure(case: BenchCase, order: Order) -> StateAccount:
             world.rest(CUT_S)
             world.cut(None)
             world.until(lambda: world.site == "cloud", "the cloud is in charge again after a cut")
-            order.advance(1)
         evidence = world.finish()
         kept = observed.read(world.system.source / f"{NODE}.jsonl")
     return StateAccount(case, tuple(cuts), kept, evidence.recording)

@@ -7,7 +7,7 @@ from typing import Final
 
 from robot_offload_lab.bench.analysis import lifecycle
 from robot_offload_lab.bench.analysis.lifecycle import BASELINE, Rounds, TransitionCase
-from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.plan import Order
 from robot_offload_lab.bench.results import GroupResult
 from robot_offload_lab.bench.stage import Stage
 from robot_offload_lab.wire.options import LinkOptions
@@ -33,13 +33,8 @@ CASES: Final = (ALONE, HEAVY, AMONG, TOGETHER, ACROSS)
 WORKER: Final = "robot_offload_lab.bench.parts.worker"
 
 
-def steps(_amounts: Amounts) -> float:
-    """For the progress bar."""
-    return len(CASES)
-
-
 def run(order: Order) -> GroupResult:
-    """Measures the cases on this host one after the other, then the one on two hosts."""
+    """Measure the cases on this host one after the other, then the one on two hosts."""
     found = []
     with _stage(order, "lifecycle") as stage:
         if order.wants(ALONE.name):
@@ -60,7 +55,7 @@ def run(order: Order) -> GroupResult:
 
 
 def _measure_among(stage: Stage, order: Order) -> Rounds:
-    """Measures one node while others are active beside it."""
+    """Measure one node while others are active beside it."""
     light = (LIGHT,) if LIGHT in stage.said else _started(stage, [(LIGHT,)])
     share = len(OTHERS) // OTHER_PROCESSES
     groups = [OTHERS[first : first + share] for first in range(0, len(OTHERS), share)]
@@ -76,7 +71,7 @@ def _stage(order: Order, name: str, hosts: TwoHosts | None = None) -> Stage:
 
 
 def _started(stage: Stage, groups: Sequence[Sequence[str]], *options: object) -> tuple[str, ...]:
-    """Starts nodes, each group a process, and waits until the manager can ask them."""
+    """Start nodes, each group a process, and wait until the manager can ask them."""
     for group in groups:
         stage.start(group[0], WORKER, *group, *options, host="cloud")
     if MANAGER not in stage.said:
@@ -90,5 +85,4 @@ def _measure(stage: Stage, order: Order, case: TransitionCase, names: Sequence[s
     stage.rest(1.0)  # discovery among all of them comes to rest
     what = f"the rounds of {case.title!r} end"
     said = stage.ask(MANAGER, {"nodes": names, "rounds": order.amounts.rounds, "rest_ms": REST_MS}, what, 600.0)
-    order.advance(1)
     return Rounds.from_json(case, said)

@@ -15,7 +15,7 @@ from robot_offload.api.v1alpha1.names import Side
 from robot_offload.errors import InputError
 from robot_offload_lab.bench.analysis import resources
 from robot_offload_lab.bench.analysis.resources import Usage, Weighed
-from robot_offload_lab.bench.plan import Amounts, Order
+from robot_offload_lab.bench.plan import Order
 from robot_offload_lab.bench.resource import BenchCase, Sensor
 from robot_offload_lab.bench.results import GroupResult
 from robot_offload_lab.bench.world import MeasuredSystem, Setting
@@ -38,13 +38,8 @@ STEP_S: Final = 1.0
 TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 
 
-def steps(amounts: Amounts) -> float:
-    """For the progress bar."""
-    return amounts.resources_s / STEP_S * 2
-
-
 def run(order: Order) -> GroupResult:
-    """Reads /proc before and after."""
+    """Read /proc before and after."""
     whole = observe(CASE, order.setting(CASE.name), order)
     single = observe(SINGLE, order.setting(SINGLE.name), order)
     if not order.against:
@@ -55,14 +50,13 @@ def run(order: Order) -> GroupResult:
 
 
 def observe(case: BenchCase, setting: Setting, order: Order) -> Weighed:
-    """Runs one system; returns what its agents cost."""
+    """Run one system; return what its agents cost."""
     with MeasuredSystem(case, replace(setting, beats=False)) as world:
         world.rest(SETTLE_S)
         sides = {side: world.agent(side) for side in SIDES}
         before, start_s = {side: usages(pids) for side, pids in sides.items()}, steady_s()
         for _ in range(round(order.amounts.resources_s / STEP_S)):
             world.rest(STEP_S)
-            order.advance(1)
         after, seconds = {side: usages(pids) for side, pids in sides.items()}, steady_s() - start_s
         world.finish()
     robot, cloud = (resources.costs(before[side], after[side], seconds) for side in SIDES)
@@ -71,7 +65,7 @@ def observe(case: BenchCase, setting: Setting, order: Order) -> Weighed:
 
 @contextmanager
 def checked_out(commit: str) -> Iterator[Path]:
-    """Provides the tree of a commit of this repository in a folder of its own.
+    """Provide the tree of a commit of this repository in a folder of its own.
 
     Raises:
         InputError: there is no such commit, or this is no clone.
@@ -92,7 +86,7 @@ def _git(*words: str) -> None:
 
 
 def usages(pids: Sequence[int]) -> tuple[Usage, ...]:
-    """Returns what each process has used so far, and holds now."""
+    """Return what each process has used so far, and hold now."""
     return tuple(_usage(Path(f"/proc/{pid}")) for pid in pids)
 
 

@@ -26,7 +26,7 @@ class Echo(LifecycleNode):  # type: ignore[misc]  # rclpy carries no types
             self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Creates both ends of every topic."""
+        """Create both ends of every topic."""
         for kind in KINDS:
             message = message_class(kind.type)
             output = self.create_lifecycle_publisher(message, kind.returned, 10)

@@ -25,7 +25,7 @@ class Feed(Node):  # type: ignore[misc]  # rclpy carries no types
         self._stagger = self.create_timer(self._period_s / (len(self._waiting) + 1), self._add)
 
     def _add(self) -> None:
-        """Starts the next topic."""
+        """Start the next topic."""
         if not self._waiting:
             self._stagger.cancel()
             return

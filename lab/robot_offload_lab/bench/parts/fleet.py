@@ -18,7 +18,7 @@ _HANDS = 16
 
 
 async def main(kubeconfig: str, namespace: str, count: int, period_s: float) -> None:
-    """Renews until it is ended."""
+    """Renew until it is ended."""
     api = connect(kubeconfig)
     try:
         await asyncio.gather(*(_renew(api, namespace, range(hand, count, _HANDS), period_s) for hand in range(_HANDS)))

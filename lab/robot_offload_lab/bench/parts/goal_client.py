@@ -43,7 +43,7 @@ class Client:
         self._left = 0
 
     def attend(self) -> None:
-        """Commands that have come."""
+        """Carry out the commands that have come."""
         if not select.select([sys.stdin], [], [], 0)[0]:
             return
         *lines, self._unread = (self._unread + os.read(sys.stdin.fileno(), 4096)).split(b"\n")
@@ -114,7 +114,7 @@ class Client:
 
 
 def main() -> None:
-    """Asks until SIGTERM."""
+    """Ask until SIGTERM."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.bench.parts.goal_client", description=__doc__)
     parser.add_argument("file", type=Path, help="what to write")
     options = parser.parse_args()

@@ -39,7 +39,7 @@ class Goals:
         owner.create_timer(TICK_S, self._tick)
 
     def deactivate(self) -> None:
-        """Aborts what runs."""
+        """Abort what runs."""
         self.active = False
         for key in list(self._running):
             self._end(key, "abort")
@@ -86,18 +86,18 @@ class GoalReplica(Replica):
         self._goals = Goals(self, "/bench", active=False)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Takes goals."""
+        """Take goals."""
         self._goals.active = True
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Aborts goals."""
+        """Abort goals."""
         self._goals.deactivate()
         return super().on_deactivate(state)
 
 
 def main() -> None:
-    """Serves until SIGTERM."""
+    """Serve until SIGTERM."""
     node.start()
     if len(sys.argv) > 1 and sys.argv[1] != "--ros-args":
         plain = rclpy.create_node("direct_server")

@@ -29,12 +29,12 @@ HOST: Final = "127.0.0.1"
 
 
 def datagrams(size: int) -> int:
-    """Returns how many datagrams carry a message with this payload."""
+    """Return how many datagrams carry a message with this payload."""
     return -(-(size + OVERHEAD_BYTES) // DATAGRAM_BYTES)
 
 
 def datagram_socket(namespace: str) -> socket.socket:
-    """Returns a socket that stays in the network namespace in which it is made; empty for this process's own."""
+    """Return a socket that stays in the network namespace in which it is made; empty for this process's own."""
     if not namespace:
         return socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     with Path("/proc/self/ns/net").open(encoding="ascii") as home, Path(namespace).open(encoding="ascii") as other:
@@ -46,7 +46,7 @@ def datagram_socket(namespace: str) -> socket.socket:
 
 
 def measure(robot: socket.socket, cloud: socket.socket, number: int, size: int) -> float | None:
-    """Sends one message's worth to the robot's end; returns the milliseconds until all of it has arrived.
+    """Send one message's worth to the robot's end; return the milliseconds until all of it has arrived.
 
     Args:
         robot: the robot's end. It speaks first, each time: the relay learns the way back from it.
@@ -74,7 +74,7 @@ def measure(robot: socket.socket, cloud: socket.socket, number: int, size: int) 
 
 
 def _receive(end: socket.socket, mark: bytes) -> tuple[str, int] | None:
-    """Waits for a datagram with this mark; returns where it came from, None when none comes."""
+    """Wait for a datagram with this mark; return where it came from, None when none comes."""
     while select.select([end], [], [], PATIENCE_S)[0]:
         with suppress(ConnectionRefusedError):  # reported by the kernel for an earlier datagram
             data, sender = end.recvfrom(65535)
@@ -84,7 +84,7 @@ def _receive(end: socket.socket, mark: bytes) -> tuple[str, int] | None:
 
 
 def main() -> None:
-    """Measures until SIGTERM."""
+    """Measure until SIGTERM."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.bench.parts.hop", description=__doc__)
     parser.add_argument("file", type=Path, help="what to write")
     parser.add_argument("--dial", type=int, required=True, help="port of the wire on the robot's end")

@@ -34,19 +34,19 @@ class Keeper(Replica, StatefulNode):
         self._begins = False
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Makes the snapshots' filling and their timer."""
+        """Make the snapshots' filling and their timer."""
         self._filling = bytes(self.get_parameter("state_bytes").value - MADE.size)
         self._keeping = self.create_timer(1.0 / self.get_parameter("state_hz").value, self._keep)
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Takes the newest snapshot."""
+        """Take the newest snapshot."""
         self._take_down(Woken(steady_s()))
         self._begins = True
         return super().on_activate(state)
 
     def take_state(self, version: int, data: bytes) -> None:
-        """Takes down how old a snapshot is."""
+        """Take down how old a snapshot is."""
         (made_s,) = MADE.unpack_from(data)
         self._take_down(SnapshotTaken(steady_s(), made_s, len(data)))
 

@@ -25,7 +25,7 @@ class Source(Node):  # type: ignore[misc]  # rclpy carries no types
         self._stagger = self.create_timer(1.0 / RATE_HZ / len(KINDS), self._add)
 
     def _add(self) -> None:
-        """Starts the next publisher."""
+        """Start the next publisher."""
         if not self._waiting:
             self._stagger.cancel()
             return
@@ -41,13 +41,13 @@ class Source(Node):  # type: ignore[misc]  # rclpy carries no types
 
 
 def message_class(type_name: str) -> Any:
-    """Returns the class of `package/msg/Type`."""
+    """Return the class of `package/msg/Type`."""
     package, _, short = type_name.partition("/msg/")
     return getattr(importlib.import_module(f"{package}.msg"), short)
 
 
 def filled(name: str, kind: Any) -> Any:
-    """Returns a message of the size that a robot's has: ranges in a scan, a robot arm's joints."""
+    """Return a message of the size that a robot's has: ranges in a scan, a robot arm's joints."""
     message = kind()
     if name == "scan":
         message.ranges = [1.0] * BEAMS

@@ -40,7 +40,7 @@ class Observer:
         ]
 
     def run(self, path: Path) -> None:
-        """Writes until SIGTERM."""
+        """Write until SIGTERM."""
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._on_signal)
         with path.open("w", encoding="utf-8", buffering=1) as file:
@@ -67,14 +67,14 @@ class Observer:
 
 
 def listen(options: argparse.Namespace, address: str, key: str, heard: Callable[[Any], None]) -> Any:
-    """Opens a session with a listener of the cloud agent and subscribes to a key."""
+    """Open a session with a listener of the cloud agent and subscribe to a key."""
     session = zenoh.open(zenoh.Config.from_json5(config(options, f"quic/{address}?{KIND}")))
     session.declare_subscriber(key, heard)
     return session
 
 
 def config(options: argparse.Namespace, endpoint: str) -> str:
-    """Returns the configuration of a client session that waits for its listener."""
+    """Return the configuration of a client session that waits for its listener."""
     tls = {
         "root_ca_certificate": options.ca,
         "enable_mtls": True,
@@ -94,7 +94,7 @@ def config(options: argparse.Namespace, endpoint: str) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Opens the sessions, which waits for the cloud agent, then observes until SIGTERM."""
+    """Open the sessions, which waits for the cloud agent, then observe until SIGTERM."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.bench.parts.lease_observer", description=__doc__)
     parser.add_argument("file", type=Path, help="what to write")
     for name, text in (

@@ -37,7 +37,7 @@ class Manager:
         self._clients: dict[str, Any] = {}
 
     def find(self, names: list[str]) -> None:
-        """Waits until every node can be asked.
+        """Wait until every node can be asked.
 
         Raises:
             SystemExit: one cannot be found.
@@ -48,7 +48,7 @@ class Manager:
                 raise SystemExit(f"{name}: no lifecycle service was found within {PATIENCE_S:g} s")
 
     def change(self, names: list[str], transition: int) -> tuple[list[float], int, int]:
-        """Asks all at once; returns the milliseconds until each answer, how many refused, and how many said nothing."""
+        """Ask all at once; return the milliseconds until each answer, how many refused, and how many said nothing."""
         request = ChangeState.Request(transition=Transition(id=transition))
         took_ms: dict[str, float] = {}
         refused: set[str] = set()
@@ -67,7 +67,7 @@ class Manager:
         return list(took_ms.values()), len(refused), len(names) - len(took_ms)
 
     def rounds(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Activates and deactivates the nodes again and again."""
+        """Activate and deactivates the nodes again and again."""
         found: dict[str, Any] = {"activate": [], "deactivate": [], "refused": 0, "unanswered": 0}
         low_ms, high_ms = order["rest_ms"]
         for _ in range(order["rounds"]):
@@ -81,7 +81,7 @@ class Manager:
 
 
 def main() -> None:
-    """Obeys until standard input ends."""
+    """Obey until standard input ends."""
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
     manager = Manager()
     for line in sys.stdin:

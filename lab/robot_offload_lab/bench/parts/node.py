@@ -35,7 +35,7 @@ class Stamped:
         self._messages = {size: CompressedImage(data=array.array("B", bytes(size))) for size in self._sizes}
 
     def next(self, now: Any) -> CompressedImage:
-        """Returns the next message; `now` is a ROS time."""
+        """Return the next message; `now` is a ROS time."""
         number = next(self._numbers)
         message = self._messages[size_of(number, self._sizes)]
         message.header.stamp = now
@@ -44,12 +44,12 @@ class Stamped:
 
 
 def start() -> None:
-    """Starts ROS without its signal handlers: with them the context can vanish under a publish."""
+    """Start ROS without its signal handlers: with them the context can vanish under a publish."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 
 
 def spin(node: Any, attend: Callable[[], None] | None = None, every_s: float = SPIN_S) -> None:
-    """Spins a node until SIGINT or SIGTERM, then ends ROS. `attend` is called between two waits."""
+    """Spin a node until SIGINT or SIGTERM, then end ROS. `attend` is called between two waits."""
     stop = False
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:
@@ -69,7 +69,7 @@ def spin(node: Any, attend: Callable[[], None] | None = None, every_s: float = S
 
 
 def serve(nodes: Sequence[Any]) -> None:
-    """Spins nodes until standard input ends, then ends ROS."""
+    """Spin nodes until standard input ends, then end ROS."""
     executor = SingleThreadedExecutor()
     for node in nodes:
         executor.add_node(node)
@@ -81,12 +81,12 @@ def serve(nodes: Sequence[Any]) -> None:
 
 
 def _ended() -> bool:
-    """Returns whether standard input has ended; what is written to it is not for us."""
+    """Return whether standard input has ended; what is written to it is not for us."""
     return bool(select.select([sys.stdin], [], [], 0)[0]) and not os.read(sys.stdin.fileno(), 4096)
 
 
 def spin_in_background(node: Any) -> None:
-    """Spins a node on a thread of its own, which ends with the process or with ROS."""
+    """Spin a node on a thread of its own, which ends with the process or with ROS."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
 

@@ -22,7 +22,7 @@ class Replica(LifecycleNode):  # type: ignore[misc]  # rclpy carries no types
         self.declare_parameter("payload_bytes", [64])
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Creates the output and the timer."""
+        """Create the output and the timer."""
         self._stamped = node.Stamped(self.get_name(), self.get_parameter("payload_bytes").value)
         self._output = self.create_lifecycle_publisher(CompressedImage, "/bench/command", 10)
         self._timer = self.create_timer(1.0 / self.get_parameter("rate_hz").value, self._tick)

@@ -25,7 +25,7 @@ DEPTH: Final = 10
 
 
 def quality(rival: Rival) -> QoSProfile:
-    """Of both ends of a rival's topic."""
+    """Return the arguments of both ends of a rival's topic."""
     if rival is LIVELINESS:
         assert rival.patience_s is not None
         return QoSProfile(
@@ -37,7 +37,7 @@ def quality(rival: Rival) -> QoSProfile:
 
 
 def publish(sender: Node, rival: Rival, period_s: float) -> None:
-    """Publishes forever; a message asserts the liveliness, too."""
+    """Publish forever; a message asserts the liveliness, too."""
     publisher, message = sender.create_publisher(Header, rival.name, quality(rival)), Header()
     due_s = steady_s()
     while True:
@@ -48,7 +48,7 @@ def publish(sender: Node, rival: Rival, period_s: float) -> None:
 
 
 def main() -> None:
-    """Publishes until SIGTERM."""
+    """Publish until SIGTERM."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.bench.parts.rival_sender", description=__doc__)
     parser.add_argument("--period", type=float, required=True, help="seconds")
     options = parser.parse_args()

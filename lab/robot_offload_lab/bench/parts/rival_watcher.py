@@ -27,7 +27,7 @@ _saying = threading.Lock()
 
 
 def say(rival: Rival, *, lost: bool) -> None:
-    """Prints one line."""
+    """Print one line."""
     line = json.dumps(dataclasses.asdict(RivalReport(steady_s(), rival.name, lost)))
     with _saying:
         sys.stdout.write(line + "\n")
@@ -47,7 +47,7 @@ class Waiting:
         threading.Thread(target=self._expire, name=rival.name, daemon=True).start()
 
     def heard(self, latency_s: float) -> None:
-        """Takes a message that has come."""
+        """Take a message that has come."""
         with self._changed:
             self._deadline_s = steady_s() + self._patience_s
             self._become(lost=latency_s > self._limit_s)
@@ -92,11 +92,11 @@ class Watcher:
 
 
 def _ignore(_message: Header) -> None:
-    """Ignores the message: the middleware's event is what counts."""
+    """Ignore the message: the middleware's event is what counts."""
 
 
 def main() -> None:
-    """Watches until SIGTERM."""
+    """Watch until SIGTERM."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.bench.parts.rival_watcher", description=__doc__)
     parser.add_argument("--patience", type=float, required=True, help="of silence, seconds")
     parser.add_argument("--limit", type=float, required=True, help="of one message's latency, seconds")

@@ -49,7 +49,7 @@ class Witness:
         self._services = {site: self.node.create_client(Trigger, name) for site, name in SERVICES.items()}
 
     def attend(self) -> None:
-        """Commands that have come."""
+        """Carry out the commands that have come."""
         if not select.select([sys.stdin], [], [], 0)[0]:
             return
         *lines, self._unread = (self._unread + os.read(sys.stdin.fileno(), 4096)).split(b"\n")
@@ -88,7 +88,7 @@ class Witness:
 
 
 def main() -> None:
-    """Observes until SIGTERM."""
+    """Observe until SIGTERM."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.bench.parts.witness", description=__doc__)
     parser.add_argument("file", type=Path, help="what to write")
     parser.add_argument("--node", required=True, help="the lifecycle node whose transitions are watched")

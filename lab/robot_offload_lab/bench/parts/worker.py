@@ -26,19 +26,19 @@ class Worker(LifecycleNode):  # type: ignore[misc]  # rclpy carries no types
         self._work_s = work_s
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Creates output and timer."""
+        """Create output and timer."""
         self._output = self.create_lifecycle_publisher(PoseStamped, f"/bench/{self.get_name()}", 10)
         self._message = PoseStamped()
         self._timer = self.create_timer(1.0 / self._rate_hz, self._tick)
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Works, then publishes."""
+        """Work, then publish."""
         burn(self._work_s)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Works, then falls silent."""
+        """Work, then falls silent."""
         burn(self._work_s)
         return super().on_deactivate(state)
 
@@ -49,14 +49,14 @@ class Worker(LifecycleNode):  # type: ignore[misc]  # rclpy carries no types
 
 
 def burn(seconds: float) -> None:
-    """Uses so much processor time."""
+    """Use so much processor time."""
     end_s = time.thread_time() + seconds
     while time.thread_time() < end_s:
         pass
 
 
 def main() -> None:
-    """Serves until standard input ends."""
+    """Serve until standard input ends."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.bench.parts.worker", description=__doc__)
     parser.add_argument("names", nargs="+")
     parser.add_argument("--rate", type=float, default=10.0, help="of the output, Hz")

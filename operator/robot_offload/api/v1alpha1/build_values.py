@@ -50,12 +50,12 @@ _NODE = r"^(/[A-Za-z_][A-Za-z0-9_]*)+$"
 
 
 def commit(ref: str) -> str | None:
-    """`ref` when it names one commit for ever (40 hexadecimal digits), else None."""
+    """Return `ref` when it names one commit for ever (40 hexadecimal digits), else None."""
     return ref if re.fullmatch(r"[0-9a-f]{40}", ref) else None
 
 
 def shown(text: str) -> str:
-    """`text` quoted on one line, cut to a readable length."""
+    """Return `text` quoted on one line, cut to a readable length."""
     quoted = ascii(text)
     return quoted if len(quoted) <= 60 else f"{quoted[:56]}...'"
 
@@ -114,7 +114,7 @@ def _check_host_port(text: str) -> str:
 
 
 def _schema(pattern: str, max_length: int = 255, rule: tuple[str, str] | None = None) -> WithJsonSchema:
-    """What the API server holds a value against: a pattern, a length, and (CEL rule, message) for the rest."""
+    """Return what the API server holds a value against: a pattern, a length, and (CEL rule, message) for the rest."""
     schema: dict[str, Any] = {"type": "string", "minLength": 1, "maxLength": max_length, "pattern": pattern}
     if rule:
         schema["x-kubernetes-validations"] = [{"rule": rule[0], "message": rule[1]}]

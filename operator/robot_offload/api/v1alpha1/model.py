@@ -14,12 +14,12 @@ NO_SERVER_DEFAULT: Final[dict[str, Any]] = {"x-no-server-default": True}
 
 
 def map_list(key: str) -> dict[str, Any]:
-    """Marks a list whose entries are told apart by the field `key`: each may occur once, each has one owner."""
+    """Mark a list whose entries are told apart by the field `key`: each may occur once, each has one owner."""
     return {"x-kubernetes-list-type": "map", "x-kubernetes-list-map-keys": [key]}
 
 
 def yaml_name(field: str) -> str:
-    """The name of a field in YAML: `loss_timeout_ms` -> `lossTimeout`, `domain_id` -> `domainID`.
+    """Return the name of a field in YAML: `loss_timeout_ms` -> `lossTimeout`, `domain_id` -> `domainID`.
 
     Python names carry their unit, YAML values do (`90ms`), so the suffix is left out. A word that Python keeps for
     itself carries an underscore there: `while_` -> `while`.

@@ -34,12 +34,12 @@ class NameRule:
 
 
 def cel_list(words: tuple[str, ...]) -> str:
-    """Returns a list of texts in CEL."""
+    """Return a list of texts in CEL."""
     return f"[{', '.join(repr(word) for word in words)}]"
 
 
 def own_topic(name: str) -> bool:
-    """Whether a topic, absolute or relative to the root, is one of the agents' own."""
+    """Return whether a topic, absolute or relative to the root, is one of the agents' own."""
     absolute = f"/{name.lstrip('/')}"
     return absolute in OWN_TOPICS or absolute.startswith(OWN_TOPIC_PREFIX)
 
@@ -85,7 +85,7 @@ OUR_NODE: Final = NameRule(
 
 
 def keeps(text: str, *rules: NameRule) -> None:
-    """Holds a name against rules.
+    """Hold a name against rules.
 
     Raises:
         ValueError: it breaks one.
@@ -96,6 +96,6 @@ def keeps(text: str, *rules: NameRule) -> None:
 
 
 def shown(text: str) -> str:
-    """`text` quoted on one line, cut to a readable length; what only looks like Latin letters is spelled out."""
+    """Return `text` quoted on one line, cut to a readable length; what only looks like Latin letters is spelled out."""
     quoted = ascii(text)
     return quoted if len(quoted) <= 60 else f"{quoted[:56]}...'"

@@ -78,7 +78,7 @@ _REMAPPED = rf"^(~/)?/?{_WORD}(/{_WORD})*$"
 
 
 def identifier(topic: str) -> str:
-    """A topic as a name without slashes, for parameters, channels and metrics: `/a/b` -> `a__b`."""
+    """Return a topic as a name without slashes, for parameters, channels and metrics: `/a/b` -> `a__b`."""
     return topic.strip("/").replace("/", "__")
 
 
@@ -159,7 +159,7 @@ def _check_host(text: str) -> str:
 
 
 def _no_machine(text: str) -> bool:
-    """Whether a text is no IP address by which one machine can be reached."""
+    """Return whether a text is no IP address by which one machine can be reached."""
     try:
         address = ipaddress.ip_address(text)
     except ValueError:
@@ -169,7 +169,7 @@ def _no_machine(text: str) -> bool:
 
 
 def _no_range(text: str) -> bool:
-    """Whether a text is no range of addresses; the library takes one address for a range of one."""
+    """Return whether a text is no range of addresses; the library takes one address for a range of one."""
     try:
         ipaddress.ip_network(text)
     except ValueError:
@@ -196,7 +196,7 @@ def _check_remapped(text: str) -> str:
 
 
 def _schema(pattern: str, max_length: int = 255, rules: tuple[NameRule, ...] = ()) -> WithJsonSchema:
-    """What the API server holds a name against: a pattern, a length, and rules for the rest."""
+    """Return what the API server holds a name against: a pattern, a length, and rules for the rest."""
     schema: dict[str, Any] = {"type": "string", "minLength": 1, "maxLength": max_length, "pattern": pattern}
     if rules:
         schema["x-kubernetes-validations"] = [{"rule": rule.cel, "message": rule.text} for rule in rules]

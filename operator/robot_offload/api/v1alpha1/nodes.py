@@ -33,7 +33,7 @@ _RENAMING = re.compile(r"(^|:)__(node|ns|name):=")
 
 
 def _check_parameters(value: Any) -> Any:
-    """ROS parameters: names to truth values, numbers, texts, lists of one of these, or further mappings."""
+    """Return ROS parameters: names to truth values, numbers, texts, lists of one of these, or further mappings."""
     if not isinstance(value, dict):
         raise ValueError("must be a mapping of parameter names to values")
     for name, item in value.items():
@@ -62,7 +62,7 @@ def _check_parameter(name: str, value: Any) -> None:
 
 
 def _with_doubles(values: Mapping[str, Any], doubles: Collection[str], prefix: str = "") -> dict[str, Any]:
-    """`values` with those named as floating-point numbers, whole or not; nested names are joined by dots."""
+    """Return `values` with those named as floating-point numbers, whole or not; nested names are joined by dots."""
     return {name: _with_double(f"{prefix}{name}", item, doubles) for name, item in values.items()}
 
 
@@ -77,7 +77,7 @@ def _with_double(name: str, item: Any, doubles: Collection[str]) -> Any:
 
 
 def flat_parameters(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Every parameter with its full name, nested names joined by dots."""
+    """Yield every parameter with its full name, nested names joined by dots."""
     for name, item in values.items():
         if isinstance(item, Mapping):
             yield from flat_parameters(item, f"{prefix}{name}.")
@@ -94,7 +94,7 @@ Parameters = Annotated[
 
 
 def _check_text(text: str, what: str = "this text") -> str:
-    """What a process can be given: no NUL, which ends a text in C, and nothing that is no character."""
+    """Return what a process can be given: no NUL, which ends a text in C, and nothing that is no character."""
     if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
         raise ValueError(f"{what} holds a character that no process can be given (NUL or half of one); leave it out")
     return text
@@ -191,7 +191,7 @@ class Run(Model):
     @model_validator(mode="before")
     @classmethod
     def _read_doubles(cls, value: Any) -> Any:
-        """Gives back the point that Kubernetes takes away."""
+        """Give back the point that Kubernetes takes away."""
         doubles = value.get("doubles") if isinstance(value, Mapping) else None
         if not isinstance(doubles, tuple | list) or not all(isinstance(name, str) for name in doubles):
             return value

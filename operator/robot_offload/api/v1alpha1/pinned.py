@@ -53,12 +53,12 @@ NO_PIN: Final = Hold(AUTO)
 
 
 def written(side: str, at: datetime.datetime) -> str:
-    """Returns the annotation's text: the end of a pin in whole seconds UTC."""
+    """Return the annotation's text: the end of a pin in whole seconds UTC."""
     return f"{side} {at.astimezone(datetime.UTC).strftime('%Y-%m-%dT%H:%M:%SZ')}"
 
 
 def read(text: str) -> End | None:
-    """Returns the end that a text names; None: it names none."""
+    """Return the end that a text names; None: it names none."""
     found = _FORM.fullmatch(text)
     if found is None:
         return None
@@ -70,13 +70,13 @@ def read(text: str) -> End | None:
 
 
 def _end_of(pin: str, text: str) -> End | None:
-    """Returns the end that a text names for this pin; None: for another one, or none."""
+    """Return the end that a text names for this pin; None: for another one, or none."""
     end = read(text)
     return end if end is not None and pin != AUTO and end.side == pin else None
 
 
 def hold(pin: str, text: str, ended: str, now: datetime.datetime) -> Hold:
-    """Returns the pin that is in force.
+    """Return the pin that is in force.
 
     Args:
         pin: of the specification.
@@ -94,7 +94,7 @@ def hold(pin: str, text: str, ended: str, now: datetime.datetime) -> Hold:
 
 
 def observed(manifest: Mapping[str, Any]) -> Hold:
-    """Returns the pin that is in force, as the operator has found; `recheck_s` is left out.
+    """Return the pin that is in force, as the operator has found; `recheck_s` is left out.
 
     Args:
         manifest: a RobotOffload as the API server has it.
@@ -109,7 +109,7 @@ def observed(manifest: Mapping[str, Any]) -> Hold:
 
 
 def held(offload: RobotOffload, side: str) -> RobotOffload:
-    """Returns the resource with the pin that is in force in place of the one that is written."""
+    """Return the resource with the pin that is in force in place of the one that is written."""
     if offload.spec.switching.pin == side:
         return offload
     switching = offload.spec.switching.model_copy(update={"pin": side})
@@ -117,7 +117,7 @@ def held(offload: RobotOffload, side: str) -> RobotOffload:
 
 
 def findings(offload: RobotOffload) -> Iterator[Finding]:
-    """Yields what is wrong with the end of a pin; such a pin holds until somebody lets go."""
+    """Yield what is wrong with the end of a pin; such a pin holds until somebody lets go."""
     text = offload.metadata.annotations.get(PINNED_UNTIL, "")
     if text and read(text) is None:
         yield Finding(

@@ -17,7 +17,7 @@ _UNITS_MS: Final = {"h": 3_600_000, "m": 60_000, "s": 1_000, "ms": 1}
 
 
 def parse_duration(text: object) -> int:
-    """`text` (`20ms`, `90s`, `1m30s`) in milliseconds.
+    """Return `text` (`20ms`, `90s`, `1m30s`) in milliseconds.
 
     Raises:
         ValueError: the message says how a duration is written.
@@ -39,7 +39,7 @@ def _complaint(text: object) -> str:
 
 
 def format_duration(milliseconds: int) -> str:
-    """`milliseconds` with the largest unit that divides it: 90000 -> `90s`, 150 -> `150ms`, 0 -> `0s`."""
+    """Return `milliseconds` with the largest unit that divides it: 90000 -> `90s`, 150 -> `150ms`, 0 -> `0s`."""
     if milliseconds == 0:
         return "0s"
     unit, factor = next(item for item in _UNITS_MS.items() if milliseconds % item[1] == 0)
@@ -152,7 +152,7 @@ _FACTORS: Final = {"": Decimal(1), "m": Decimal("0.001")} | {
 
 
 def amount(quantity: str) -> Decimal:
-    """The number that a Quantity stands for: `500m` -> 0.5, `1Ki` -> 1024."""
+    """Return the number that a Quantity stands for: `500m` -> 0.5, `1Ki` -> 1024."""
     number = quantity.rstrip("mkKMGTPi")
     unit = quantity[len(number) :]
     return Decimal(number) * _FACTORS[unit.replace("Ki", "ki")]
@@ -162,7 +162,7 @@ _SIZE: Final = r"^[1-9][0-9]{0,6}(Ki|Mi)$"
 
 
 def parse_size(text: object) -> int:
-    """Returns `text` (`64Ki`, `8Mi`) in bytes.
+    """Return `text` (`64Ki`, `8Mi`) in bytes.
 
     Raises:
         ValueError: the message says how a size is written.
@@ -174,7 +174,7 @@ def parse_size(text: object) -> int:
 
 
 def format_size(size: int) -> str:
-    """Returns `size` in bytes with the largest unit that divides it: 8388608 -> `8Mi`."""
+    """Return `size` in bytes with the largest unit that divides it: 8388608 -> `8Mi`."""
     return f"{size // 1024**2}Mi" if size % 1024**2 == 0 else f"{size // 1024}Ki"
 
 

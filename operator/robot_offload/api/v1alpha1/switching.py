@@ -47,18 +47,18 @@ LARGEST_AGE_MS: Final = 10_000
 
 
 def default_loss_timeout_ms(heartbeat_period_ms: int) -> int:
-    """Returns the silence that counts as a loss when none is given: four beats are missing, a fifth is not due."""
+    """Return the silence that counts as a loss when none is given: four beats are missing, a fifth is not due."""
     return heartbeat_period_ms * 9 // 2
 
 
 def default_lease_ms(loss_timeout_ms: int, latency: Latency, heartbeat_period_ms: int) -> int:
-    """Returns the lease when none is given: three heartbeats longer than it must be, within the range of the field."""
+    """Return the lease when none is given: three heartbeats longer than it must be, within the range of the field."""
     needed_ms = loss_timeout_ms + max(0, latency.allowed_loop_ms) + 5 * heartbeat_period_ms
     return min(LONGEST_LEASE_MS, max(50, needed_ms))
 
 
 def default_max_command_age_ms(loss_timeout_ms: int, latency: Latency) -> int:
-    """Returns the largest age of a command when none is given: of a link as slow as allowed, about to be lost."""
+    """Return the largest age of a command when none is given: of a link as slow as allowed, about to be lost."""
     return min(LARGEST_AGE_MS, max(0, latency.allowed_loop_ms) + loss_timeout_ms)
 
 

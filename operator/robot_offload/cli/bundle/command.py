@@ -57,7 +57,7 @@ KEYS: Final = ("ca.crt", "tls.crt", "tls.key")
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("bundle", epilog=example_text(EXAMPLES))(bundle_command)
 
 
@@ -115,7 +115,7 @@ def bundle_command(
 
 
 def facts_of(material: Material) -> Facts:
-    """What rendering must know."""
+    """Return what rendering must know."""
     return Facts(
         namespace=material.observed.namespace,
         uid=material.observed.uid,
@@ -128,7 +128,7 @@ def facts_of(material: Material) -> Facts:
 
 
 def waiting_for(material: Material) -> tuple[str, str]:
-    """What is still missing: one word and one sentence; both empty when everything is there.
+    """Return what is still missing: one word and one sentence; both empty when everything is there.
 
     Raises:
         RobotOffloadError: waiting cannot help.
@@ -151,7 +151,7 @@ def waiting_for(material: Material) -> tuple[str, str]:
 
 
 def told(material: Material, output: Path, place: str, files: Mapping[str, bytes]) -> list[str]:
-    """What to say when it is done."""
+    """Return what to say when it is done."""
     name = material.observed.name
     lines = [f"{output}: the bundle of {name}, generation {material.observed.generation}, {len(files) + 1} files"]
     if PRIVATE_KEY in files and material.secrets is not None:
@@ -193,7 +193,7 @@ async def _gather(api: KubeApi, where: str, name: str) -> Material:
 
 
 def secrets_of(secret: Manifest | None) -> BundleSecrets | None:
-    """What the robot proves itself with; None: it is not complete yet."""
+    """Return what the robot proves itself with; None: it is not complete yet."""
     data: Mapping[str, str] = (secret or {}).get("data") or {}
     if not all(data.get(key) for key in KEYS):
         return None
@@ -201,14 +201,14 @@ def secrets_of(secret: Manifest | None) -> BundleSecrets | None:
 
 
 def revocation_pending(manifest: Mapping[str, Any], cloud: Manifest | None) -> bool:
-    """Returns whether a revocation was asked for that the Secret of the cloud's certificate does not answer yet."""
+    """Return whether a revocation was asked for that the Secret of the cloud's certificate does not answer yet."""
     asked = (manifest["metadata"].get("annotations") or {}).get(REVOKE, "")
     answered = ((cloud or {}).get("metadata", {}).get("annotations") or {}).get(REVOKED, "")
     return bool(asked) and asked != answered
 
 
 def trusted_by(cloud: Manifest | None, secrets: BundleSecrets) -> bool:
-    """Returns whether the cloud accepts a robot's certificate: the Secret of its own holds the authority for robots.
+    """Return whether the cloud accepts a robot's certificate: the Secret of its own holds the authority for robots.
 
     While certificates are being replaced, the authority is new for a moment and the robot's certificate is not.
     """
@@ -221,7 +221,7 @@ def trusted_by(cloud: Manifest | None, secrets: BundleSecrets) -> bool:
 
 
 def _progress() -> AbstractContextManager[Callable[[str], None]]:
-    """Shows what is waited for: a moving line on a terminal, else one line for each new thing."""
+    """Show what is waited for: a moving line on a terminal, else one line for each new thing."""
     if sys.stderr.isatty():
         return _Spinner()
     said: list[str] = []

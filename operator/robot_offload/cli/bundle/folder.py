@@ -36,7 +36,7 @@ class Mark:
     files: tuple[str, ...]
 
     def text(self) -> str:
-        """As it is written."""
+        """Return the text as it is written."""
         values = {
             "namespace": self.namespace,
             "name": self.name,
@@ -48,7 +48,7 @@ class Mark:
 
 
 def read_mark(text: str) -> Mark | None:
-    """A mark; None when the text is none."""
+    """Return a mark; None when the text is none."""
     try:
         values: Any = json.loads(text)
         return Mark(
@@ -63,7 +63,7 @@ def read_mark(text: str) -> Mark | None:
 
 
 def refusal(folder: Path, entries: Iterable[str], present: Mark | None, wanted: Mark) -> str:
-    """Why a folder must not be written into; empty when it may.
+    """Return why a folder must not be written into; empty when it may.
 
     Args:
         folder: where to.
@@ -86,7 +86,7 @@ def refusal(folder: Path, entries: Iterable[str], present: Mark | None, wanted: 
 
 
 def write(folder: Path, files: Mapping[str, bytes], private: Iterable[str], mark: Mark, *, force: bool) -> None:
-    """Writes a bundle. Each file is complete or absent at any moment; the mark comes last.
+    """Write a bundle. Each file is complete or absent at any moment; the mark comes last.
 
     Args:
         folder: where to; made if need be.
@@ -120,7 +120,7 @@ def _write(folder: Path, files: Mapping[str, bytes], private: frozenset[str], ma
 
 
 def _replace(file: Path, content: bytes, mode: int) -> None:
-    """Writes a file under its final mode from the first byte on, and puts it into place at once."""
+    """Write a file under its final mode from the first byte on, and put it into place at once."""
     file.parent.mkdir(parents=True, exist_ok=True)
     new = file.with_name(f".{file.name}.new")
     new.unlink(missing_ok=True)
@@ -132,6 +132,6 @@ def _replace(file: Path, content: bytes, mode: int) -> None:
 
 
 def _inside(name: str) -> bool:
-    """Whether a path stays in its folder: the mark is a file that anybody may have edited."""
+    """Return whether a path stays in its folder: the mark is a file that anybody may have edited."""
     path = Path(name)
     return not path.is_absolute() and ".." not in path.parts and name != MARK

@@ -47,7 +47,7 @@ class Finding:
 
 
 def kubernetes_version(version: Mapping[str, Any]) -> Finding:
-    """Whether the API server is new enough; `version` is what its `/version` says."""
+    """Return whether the API server is new enough; `version` is what its `/version` says."""
     numbers = [re.match(r"\d+", str(version.get(part, ""))) for part in ("major", "minor")]
     told = str(version.get("gitVersion") or "")
     if None in numbers:
@@ -60,7 +60,7 @@ def kubernetes_version(version: Mapping[str, Any]) -> Finding:
 
 
 def definition(live: Mapping[str, Any] | None, wanted: Mapping[str, Any]) -> Finding:
-    """Whether the cluster has the custom resource definition of this version.
+    """Return whether the cluster has the custom resource definition of this version.
 
     Args:
         live: the definition in the cluster; None: there is none.
@@ -79,13 +79,13 @@ def definition(live: Mapping[str, Any] | None, wanted: Mapping[str, Any]) -> Fin
 
 
 def _schemas(crd: Mapping[str, Any]) -> dict[str, Any]:
-    """The schema of each version; other parts are completed by the API server."""
+    """Return the schema of each version; other parts are completed by the API server."""
     versions = (crd.get("spec") or {}).get("versions") or ()
     return {version["name"]: _filled(version.get("schema") or {}) for version in versions}
 
 
 def _filled(value: Any) -> Any:
-    """Without empty mappings, which the API server drops."""
+    """Return it without empty mappings, which the API server drops."""
     if isinstance(value, Mapping):
         return {key: _filled(part) for key, part in value.items() if part != {}}
     return [_filled(part) for part in value] if isinstance(value, list | tuple) else value
@@ -94,7 +94,7 @@ def _filled(value: Any) -> Any:
 def operator_alive(
     deployments: Sequence[Mapping[str, Any]], leases: Sequence[Mapping[str, Any]], now: datetime.datetime
 ) -> Iterator[Finding]:
-    """Whether an operator runs, and only one leads.
+    """Yield whether an operator runs, and only one leads.
 
     Args:
         deployments: those of the operator in all namespaces.
@@ -141,7 +141,7 @@ CLOCK_STEP: Final = "Start a time service on both (chrony or systemd-timesyncd);
 
 
 def clocks(live: Live, now: datetime.datetime) -> Finding:
-    """Whether the clocks of the cloud agent's node and of this machine agree, as far as one look can tell."""
+    """Return whether the clocks of the cloud agent's node and of this machine agree, as far as one look can tell."""
     written = time_of(live.state.written) if live.state is not None else None
     if written is None:
         return Finding("Clocks", "unknown", f"the cloud agent could not be asked: {live.problem or 'it tells no time'}")
@@ -155,7 +155,7 @@ def clocks(live: Live, now: datetime.datetime) -> Finding:
 
 
 def addresses(offload: RobotOffload, observed: Observed) -> Finding:
-    """Whether the robot's addresses are known."""
+    """Return whether the robot's addresses are known."""
     missing = transport.missing_purposes(offload, observed.endpoints)
     if missing:
         return Finding(
@@ -170,7 +170,7 @@ def addresses(offload: RobotOffload, observed: Observed) -> Finding:
 
 
 def images(offload: RobotOffload) -> Iterator[Finding]:
-    """Images that may change under their name: robot and cloud would run different programs."""
+    """Yield images that may change under their name: robot and cloud would run different programs."""
     moving = [node for node in offload.spec.cloud_nodes if node.image and _moving(node.image)]
     for node in moving:
         yield Finding(
@@ -191,7 +191,7 @@ def _moving(image: str) -> bool:
 
 
 def certificate(end: datetime.datetime | None, observed: Observed, now: datetime.datetime) -> Finding:
-    """Whether the robot's certificate lasts; `end` None: it cannot be read."""
+    """Return whether the robot's certificate lasts; `end` None: it cannot be read."""
     step = f"kubectl offload bundle {observed.name} -n {observed.namespace} -o DIR, then copy it to the robot."
     if end is None:
         return Finding("Certificate", "unknown", "the robot's certificate cannot be read", step)
@@ -204,7 +204,7 @@ def certificate(end: datetime.datetime | None, observed: Observed, now: datetime
 
 
 def conditions(observed: Observed) -> Iterator[Finding]:
-    """What the operator has found, in short; `explain` says more."""
+    """Yield what the operator has found, in short; `explain` says more."""
     step = f"kubectl offload explain {observed.name} -n {observed.namespace}"
     if not observed.conditions:
         yield Finding("Status", "error", "the operator has not looked at it yet", step)
@@ -218,7 +218,7 @@ def conditions(observed: Observed) -> Iterator[Finding]:
 
 
 def reachable(address: str, problem: str) -> Finding:
-    """Whether a TCP address of the cloud answers from here; `problem` empty: it does."""
+    """Return whether a TCP address of the cloud answers from here; `problem` empty: it does."""
     if problem:
         step = "A firewall between here and there, or a load balancer without a ready pod; on the robot this counts."
         return Finding("Network", "warning", f"TCP {address} does not answer from here: {problem}", step)

@@ -28,7 +28,7 @@ MARKS: Final = {"ok": "ok     ", "warning": "WARNING", "error": "ERROR  ", "unkn
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("doctor", epilog=example_text(EXAMPLES))(doctor)
 
 
@@ -68,7 +68,7 @@ def doctor(
 
 
 def lines(findings: Sequence[Finding]) -> Iterator[str]:
-    """The findings as text, and the sum."""
+    """Yield the findings as text, and the sum."""
     width = max((len(finding.check) for finding in findings), default=0)
     for finding in findings:
         yield f"{MARKS[finding.level]} {finding.check:<{width}}  {finding.message}"

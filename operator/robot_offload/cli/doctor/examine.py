@@ -37,7 +37,7 @@ Question = Callable[[], Awaitable[list[Finding]]]
 
 
 async def examine_cluster(api: KubeApi) -> list[Finding]:
-    """What does not depend on a single RobotOffload. The first answer decides whether there are any others."""
+    """Return what does not depend on a single RobotOffload. The first answer decides whether there are any others."""
 
     async def version() -> list[Finding]:
         return [checkup.kubernetes_version(await read_page(api, "/version") or {})]
@@ -60,7 +60,7 @@ async def examine_cluster(api: KubeApi) -> list[Finding]:
 async def examine_one(
     api: KubeApi, hurry: KubeApi, namespace: str, name: str
 ) -> tuple[list[Finding], RobotOffload | None]:
-    """One RobotOffload; and it itself, when it is valid.
+    """Return one RobotOffload; and it itself, when it is valid.
 
     Raises:
         InputError: there is none of this name.
@@ -89,7 +89,7 @@ async def examine_one(
 
 
 async def _network(observed: Observed) -> list[Finding]:
-    """Whether the TCP addresses answer; UDP that does not answer means nothing."""
+    """Return whether the TCP addresses answer; UDP that does not answer means nothing."""
     wanted = [endpoint for endpoint in observed.endpoints if endpoint.protocol == "TCP"]
     problems = await asyncio.gather(
         *(asyncio.to_thread(machine.tcp_problem, endpoint.host, endpoint.port) for endpoint in wanted)
@@ -98,7 +98,7 @@ async def _network(observed: Observed) -> list[Finding]:
 
 
 async def _answered(name: str, question: Question, level: checkup.Level = "unknown") -> list[Finding]:
-    """The findings of a question; one finding with the reason where the API server does not answer it."""
+    """Return the findings of a question; one finding with the reason where the API server does not answer it."""
     try:
         return await question()
     except KubeError as error:

@@ -52,7 +52,7 @@ class Graph:
 
 
 def ask(topics: Sequence[str], python: str | None = None) -> Graph:
-    """Looks who publishes `topics` in the ROS domain of this shell; takes some seconds.
+    """Look who publishes `topics` in the ROS domain of this shell; take some seconds.
 
     Args:
         topics: full names.
@@ -72,7 +72,7 @@ def ask(topics: Sequence[str], python: str | None = None) -> Graph:
 
 
 def judge(graph: Graph) -> Iterator[Finding]:
-    """Whether somebody publishes beside the collector. Pure."""
+    """Yield whether somebody publishes beside the collector. Pure."""
     if graph.problem:
         yield Finding(
             "Publishers",

@@ -42,7 +42,7 @@ class Machine:
 
 
 def look(domain_id: int | None = None) -> Machine:
-    """Looks at this machine.
+    """Look at this machine.
 
     Args:
         domain_id: the robot's ROS_DOMAIN_ID, for its ports; None: they are not looked at.
@@ -59,7 +59,7 @@ def look(domain_id: int | None = None) -> Machine:
 
 
 def judge(machine: Machine, offload: RobotOffload | None) -> Iterator[Finding]:
-    """What will bite on this machine. Pure.
+    """Yield what will bite on this machine. Pure.
 
     Args:
         machine: from `look`.
@@ -104,7 +104,7 @@ def _buffer(size: int | None) -> Finding:
 
 
 def _ros(environment: Mapping[str, str], offload: RobotOffload) -> Iterator[Finding]:
-    """The shell's ROS settings against the robot's; a shell without ROS is no robot and nothing is said."""
+    """Yield the shell's ROS settings against the robot's; a shell without ROS is no robot and nothing is said."""
     robot = offload.spec.robot
     if "ROS_DISTRO" not in environment:
         return
@@ -130,7 +130,7 @@ def _ros(environment: Mapping[str, str], offload: RobotOffload) -> Iterator[Find
 
 
 def _ports(busy: tuple[int, ...]) -> Iterator[Finding]:
-    """Ports of the first participants; DDS takes the next ones, so only a row of busy ones is worth a word."""
+    """Yield ports of the first participants; DDS takes the next ones, so only a row of busy ones is worth a word."""
     if len(busy) >= 8:
         yield Finding(
             "Ports",
@@ -143,7 +143,7 @@ def _ports(busy: tuple[int, ...]) -> Iterator[Finding]:
 
 
 def tcp_problem(host: str, port: int, timeout_s: float = 3.0) -> str:
-    """Why a TCP port does not answer from here; empty when it does."""
+    """Return why a TCP port does not answer from here; empty when it does."""
     try:
         socket.create_connection((host, port), timeout_s).close()
     except OSError as error:
@@ -152,7 +152,7 @@ def tcp_problem(host: str, port: int, timeout_s: float = 3.0) -> str:
 
 
 def _busy(domain_id: int) -> Iterator[int]:
-    """Unicast discovery ports of the first ten participants of a domain that cannot be bound."""
+    """Yield unicast discovery ports of the first ten participants of a domain that cannot be bound."""
     for participant in range(10):
         port = DDS_BASE + DDS_GAIN * domain_id + 10 + 2 * participant
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -163,7 +163,7 @@ def _busy(domain_id: int) -> Iterator[int]:
 
 
 def _may_nice() -> bool:
-    """Whether this process may take any priority."""
+    """Return whether this process may take any priority."""
     try:
         lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
         effective = next(line.split()[1] for line in lines if line.startswith("CapEff:"))

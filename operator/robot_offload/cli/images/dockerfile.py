@@ -67,7 +67,7 @@ class Options:
     resource: Path | None = None
 
     def spec(self) -> BuildSpec | OverlaySpec:
-        """The specification.
+        """Return the specification.
 
         Raises:
             InputError: something in it cannot be used.
@@ -86,7 +86,7 @@ class Options:
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("dockerfile", epilog=example_text(EXAMPLES))(with_flags(dockerfile_command))
 
 
@@ -118,7 +118,7 @@ def dockerfile_command(
 
 
 def checked_text(options: Options, spec: BuildSpec | OverlaySpec | None = None) -> str:
-    """The Dockerfile; warnings go to standard error.
+    """Return the Dockerfile; warnings go to standard error.
 
     Raises:
         InputError: the options, or a rule between them, are wrong.
@@ -134,7 +134,7 @@ def checked_text(options: Options, spec: BuildSpec | OverlaySpec | None = None) 
 
 
 def with_flags(function: Callable[..., None]) -> Callable[..., None]:
-    """`function` with the features' options added to its own: it gets them by the names of `by_option`."""
+    """Add the features' options to those of `function`, which gets them by the names of `by_option`."""
     own = inspect.signature(function, eval_str=True)
     parameters = [parameter for parameter in own.parameters.values() if parameter.kind is parameter.KEYWORD_ONLY]
     parameters += [_parameter(flag) for flag in ALL_FLAGS]
@@ -150,7 +150,7 @@ def with_flags(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def by_option(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by option instead of by the name of a parameter."""
+    """Return values by option instead of by the name of a parameter."""
     return {flag.option: given.get(_name(flag)) for flag in ALL_FLAGS}
 
 
@@ -169,7 +169,7 @@ def _parameter(flag: Flag) -> inspect.Parameter:
 
 
 def _block_of_node(file: Path, name: str | None) -> dict[str, Any]:
-    """The `build:` block of a node, with what follows from the rest of its RobotOffload."""
+    """Return the `build:` block of a node, with what follows from the rest of its RobotOffload."""
     spec = load(file).spec
     built = {node.name: node for node in spec.nodes if node.build is not None}
     if not built:
@@ -183,7 +183,7 @@ def _block_of_node(file: Path, name: str | None) -> dict[str, Any]:
 
 
 def _block(file: Path | None) -> Mapping[str, Any]:
-    """The `build:` block of a file, with or without that word; empty without a file."""
+    """Return the `build:` block of a file, with or without that word; empty without a file."""
     if file is None:
         return {}
     try:

@@ -30,7 +30,7 @@ AT_ONCE: Final = 16
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("status", epilog=example_text(EXAMPLES))(status)
 
 
@@ -91,7 +91,7 @@ async def _look(api: KubeApi, hurry: KubeApi, place: str | None, name: str | Non
 
 
 async def _watch(target: Target, place: str | None, name: str | None, console: Console, *, as_json: bool) -> None:
-    """Looks again every two seconds. Without a terminal only what is new is printed."""
+    """Look again every two seconds. Without a terminal only what is new is printed."""
     last = ""
     async with target.api() as api, target.api(HURRY) as hurry:
         with LivePicture(console=console, auto_refresh=False, transient=False) as picture:

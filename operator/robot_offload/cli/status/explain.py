@@ -25,7 +25,7 @@ EXAMPLES = (
 
 
 def add_to(app: typer.Typer) -> None:
-    """Adds the command to `app`."""
+    """Add the command to `app`."""
     app.command("explain", epilog=example_text(EXAMPLES))(explain)
 
 
@@ -37,7 +37,7 @@ def explain(
     context: Context = None,
     kubeconfig: Kubeconfig = None,
 ) -> None:
-    """Tell why a RobotOffload is not Ready, and the next step for each problem.
+    """Show why a RobotOffload is not Ready, and the next step for each problem.
 
     Ends with 0 when it is Ready, with 1 when it is not.
     """
@@ -70,7 +70,7 @@ def explain(
 
 
 def lines(found: Explanation) -> list[str]:
-    """The explanation as text."""
+    """Return the explanation as text."""
     shown = [found.headline]
     for problem in found.problems:
         since = f" for {problem.since}" if problem.since else ""

@@ -22,7 +22,7 @@ _COLOURS = {"True": "green", "False": "red", "Unknown": "yellow"}
 def table(
     offloads: Sequence[Observed], lives: Sequence[Live], now: datetime.datetime, *, namespaces: bool = False
 ) -> Table:
-    """One line for each RobotOffload.
+    """Return one line for each RobotOffload.
 
     Args:
         offloads: what to show.
@@ -53,17 +53,17 @@ def _row(offload: Observed, live: Live, now: datetime.datetime) -> Iterator[Text
 
 
 def placement(offload: Observed, live: Live) -> str:
-    """The side that acts: what the agent says now, else the status."""
+    """Return the side that acts: what the agent says now, else the status."""
     return live.state.site.capitalize() if live.state is not None else offload.placement
 
 
 def placement_reason(offload: Observed, live: Live) -> str:
-    """Why that side acts, one word."""
+    """Return why that side acts, one word."""
     return live.state.reason if live.state is not None else offload.placement_reason
 
 
 def latency(state: AgentState | None) -> str:
-    """The round trip: `12 ms (p99 19 ms)`; a dash while it is not known."""
+    """Return the round trip: `12 ms (p99 19 ms)`; a dash while it is not known."""
     if state is None or not state.connected or state.round_trip_p50_ms is None:
         return UNKNOWN
     median = f"{state.round_trip_p50_ms:.0f} ms"
@@ -89,7 +89,7 @@ def _ready(offload: Observed) -> Text:
 
 
 def details(offload: Observed, live: Live, now: datetime.datetime) -> Group:
-    """Everything about one RobotOffload."""
+    """Return everything about one RobotOffload."""
     parts: list[RenderableType] = [_facts(offload, live, now)]
     if offload.nodes:
         parts += [Text(), _nodes(offload, live)]
@@ -130,7 +130,7 @@ def _facts(offload: Observed, live: Live, now: datetime.datetime) -> Table:
 
 
 def declares(offload: Observed, what: str) -> bool:
-    """Returns whether a node serves or uses such things: `actions`, `services`."""
+    """Return whether a node serves or uses such things: `actions`, `services`."""
     nodes = [node for node in offload.spec.get("nodes") or () if isinstance(node, Mapping)]
     return any(node.get(what) or (node.get("uses") or {}).get(what) for node in nodes)
 
@@ -148,7 +148,7 @@ def _held_by(offload: Observed) -> str:
 
 
 def settings(offload: Observed, state: AgentState | None) -> str:
-    """Which generation of the resource the robot runs."""
+    """Return which generation of the resource the robot runs."""
     running = offload.robot_generation
     if state is not None and state.settings.robot_generation is not None:
         running = state.settings.robot_generation
@@ -195,7 +195,7 @@ def _conditions(offload: Observed, now: datetime.datetime) -> Table:
 
 
 def _texts(*words: str) -> list[Text]:
-    """Words of others as they are: in a plain string brackets would be read as colours."""
+    """Return words of others as they are: in a plain string brackets would be read as colours."""
     return [Text(word) for word in words]
 
 
@@ -207,7 +207,7 @@ def _list(*headings: str) -> Table:
 
 
 def plain(offload: Observed, live: Live) -> dict[str, Any]:
-    """The same for programs."""
+    """Return the same for programs."""
     state = live.state
     return {
         "namespace": offload.namespace,

@@ -45,16 +45,16 @@ class Agent(Feature[OverlaySpec]):
     )
 
     def check(self, spec: OverlaySpec) -> Iterator[Finding]:
-        """It must add something."""
+        """Refuse a layer that adds nothing."""
         if spec.onto is None and not spec.interface_packages:
             yield Finding("onto", "Required", "name the image with the messages (--from) or packages (--interfaces)")
 
     def packages(self, spec: OverlaySpec, stage: Stage) -> tuple[str, ...]:
-        """Packages of messages by their Debian names."""
+        """Return packages of messages by their Debian names."""
         return tuple(f"ros-{spec.distro}-{name.replace('_', '-')}" for name in spec.interface_packages)
 
     def values(self, spec: OverlaySpec) -> Mapping[str, Any]:
-        """Returns what is laid over what."""
+        """Return what is laid over what."""
         return {
             "home": HOME,
             "distro": spec.distro,

@@ -21,5 +21,5 @@ class Apt(Feature[BuildSpec]):
     )
 
     def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
-        """Returns what the user names, where the source is built and where it runs."""
+        """Return what the user names, where the source is built and where it runs."""
         return spec.apt_packages if stage in ("dependencies", "runtime") else ()

@@ -35,7 +35,7 @@ class Base(Feature[BuildSpec]):
     )
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Tells what the table says about the distribution, and that there is exactly one source."""
+        """Report what the table says about the distribution, and that there is exactly one source."""
         if spec.release.warning:
             yield Finding("distro", "Distro", spec.release.warning, "warning")
         given = [name for name in ("git", "workspace", "repos") if getattr(spec, name) is not None]

@@ -26,7 +26,7 @@ class Colcon(Feature[BuildSpec]):
     )
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns what is built, and from which cache."""
+        """Return what is built, and from which cache."""
         return {
             "package": spec.package,
             "packages": (spec.package, *spec.packages),
@@ -39,7 +39,7 @@ class Colcon(Feature[BuildSpec]):
 
 
 def _source_key(spec: BuildSpec) -> str:
-    """Tells sources apart, so that equal package names of two projects never share object files."""
+    """Report sources apart, so that equal package names of two projects never share object files."""
     source = spec.git.url if spec.git else str(spec.workspace or spec.repos)
     text = "\n".join((source, spec.build_image, *spec.cmake_arguments))
     return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -27,7 +27,7 @@ class Entrypoint(Feature[BuildSpec]):
     )
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Yields findings: there is one thing to run, and autostart knows one node."""
+        """Yield findings: there is one thing to run, and autostart knows one node."""
         if (spec.executable is None) == (spec.launch is None):
             found = "none" if spec.executable is None else "both"
             yield Finding("executable", "Required", f"needs either executable or launch, found {found}")
@@ -36,11 +36,11 @@ class Entrypoint(Feature[BuildSpec]):
             yield Finding("autostart", "NotSupported", message)
 
     def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
-        """Process 1."""
+        """Return process 1."""
         return ("tini",) if stage == "runtime" else ()
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns the script, the signal and the command."""
+        """Return the script, the signal and the command."""
         if spec.launch:
             command = ("ros2", "launch", "--noninteractive", spec.package, spec.launch, *spec.arguments)
         else:

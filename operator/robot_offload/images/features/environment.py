@@ -59,7 +59,7 @@ class Environment(Feature[BuildSpec]):
     )
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """No variable twice, none that another field owns, nothing that the distribution does not know."""
+        """Refuse a variable that is set twice, owned by another field, or unknown to the distribution."""
         names = [variable.name for variable in spec.env]
         for index, name in enumerate(names):
             path = f"env[{index}].name"
@@ -82,7 +82,7 @@ class Environment(Feature[BuildSpec]):
                 yield Finding(path, "Invalid", "static peers have no ports; write the host only")
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns all variables in order."""
+        """Return all variables in order."""
         network = spec.environment
         variables = {"ROS_DISTRO": spec.distro, "RMW_IMPLEMENTATION": spec.rmw, **FIXED}
         if spec.node:

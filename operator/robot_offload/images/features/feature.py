@@ -49,17 +49,17 @@ class Feature(Generic[Spec_contra]):
     flags: ClassVar[tuple[Flag, ...]] = ()
 
     def wanted(self, spec: Spec_contra) -> bool:
-        """Returns whether this image has the feature."""
+        """Return whether this image has the feature."""
         return True
 
     def check(self, spec: Spec_contra) -> Iterator[Finding]:
-        """Yields the rules between fields that it needs, checked whether it is wanted or not."""
+        """Yield the rules between fields that it needs, checked whether it is wanted or not."""
         yield from ()
 
     def packages(self, spec: Spec_contra, stage: Stage) -> tuple[str, ...]:
-        """Debian packages that it needs in a stage."""
+        """Return Debian packages that it needs in a stage."""
         return ()
 
     def values(self, spec: Spec_contra) -> Mapping[str, Any]:
-        """Returns what its templates are filled with."""
+        """Return what its templates are filled with."""
         return {}

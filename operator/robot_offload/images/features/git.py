@@ -35,11 +35,11 @@ class Git(Feature[BuildSpec]):
     )
 
     def wanted(self, spec: BuildSpec) -> bool:
-        """Returns whether the source is a git repository."""
+        """Return whether the source is a git repository."""
         return spec.git is not None
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Yields findings: a branch moves, and ssh and tokens need an address of their kind."""
+        """Yield findings: a branch moves, and ssh and tokens need an address of their kind."""
         if spec.git is None:
             return
         if commit(spec.git.ref) is None:
@@ -60,10 +60,10 @@ class Git(Feature[BuildSpec]):
             yield Finding("git.credentials", "WrongCredentials", "SSH is for ssh:// and user@host:path addresses")
 
     def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
-        """Returns ssh, where needed; the official images have only git."""
+        """Return ssh, where needed; the official images have only git."""
         over_ssh = spec.git is not None and spec.git.credentials == "SSH"
         return ("openssh-client",) if over_ssh and stage == "sources" else ()
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns the source."""
+        """Return the source."""
         return {"git": spec.git}

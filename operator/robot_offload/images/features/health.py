@@ -23,10 +23,10 @@ class Health(Feature[BuildSpec]):
     )
 
     def wanted(self, spec: BuildSpec) -> bool:
-        """Returns whether there is one."""
+        """Return whether there is one."""
         return spec.health_check != "None"
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns the helper's question."""
+        """Return the helper's question."""
         command = ("/usr/local/bin/robot-offload-node", "python3", "/usr/local/lib/robot-offload-lifecycle.py")
         return {"command": (*command, spec.health_check.lower())}

@@ -28,11 +28,11 @@ class Labels(Feature[BuildSpec]):
     flags = (LABEL_FLAG,)
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Our own prefix is ours."""
+        """Refuse names with our own prefix."""
         yield from _check(spec.labels)
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns all labels in order; the user's win over those of OCI."""
+        """Return all labels in order; the user's win over those of OCI."""
         labels = {
             "org.opencontainers.image.title": spec.package,
             "org.opencontainers.image.base.name": spec.runtime_image,
@@ -56,11 +56,11 @@ class OverlayLabels(Feature[OverlaySpec]):
     flags = (LABEL_FLAG,)
 
     def check(self, spec: OverlaySpec) -> Iterator[Finding]:
-        """Our own prefix is ours."""
+        """Refuse names with our own prefix."""
         yield from _check(spec.labels)
 
     def values(self, spec: OverlaySpec) -> Mapping[str, Any]:
-        """Returns all labels in order."""
+        """Return all labels in order."""
         labels = {
             "org.opencontainers.image.title": "robot-offload-agent",
             "org.opencontainers.image.base.name": spec.onto or spec.agent_image,

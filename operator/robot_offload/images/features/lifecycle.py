@@ -32,15 +32,15 @@ class Lifecycle(Feature[BuildSpec]):
     )
 
     def wanted(self, spec: BuildSpec) -> bool:
-        """Returns whether the helper is needed."""
+        """Return whether the helper is needed."""
         return spec.autostart or spec.health_check != "None"
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Yields a finding unless the helper knows whom to ask."""
+        """Yield a finding unless the helper knows whom to ask."""
         if self.wanted(spec) and spec.node is None:
             yield Finding("node", "Required", "is missing; autostart and the health check ask a node by its name")
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns the helper's text."""
+        """Return the helper's text."""
         helper = resources.files("robot_offload.images.inside").joinpath("lifecycle.py").read_text(encoding="utf-8")
         return {"helper": helper}

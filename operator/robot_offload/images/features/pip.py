@@ -25,9 +25,9 @@ class Pip(Feature[BuildSpec]):
     )
 
     def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
-        """Returns pip, which the official images do not have."""
+        """Return pip, which the official images do not have."""
         return ("python3-pip",) if spec.pip_packages and stage == "dependencies" else ()
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns the user's packages; rosdep adds its own in the build."""
+        """Return the user's packages; rosdep adds its own in the build."""
         return {"pip_packages": spec.pip_packages}

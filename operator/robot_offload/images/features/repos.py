@@ -19,9 +19,9 @@ class Repos(Feature[BuildSpec]):
     )
 
     def wanted(self, spec: BuildSpec) -> bool:
-        """Returns whether the source is a `.repos` file."""
+        """Return whether the source is a `.repos` file."""
         return spec.repos is not None
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns the file, and where it goes."""
+        """Return the file, and where it goes."""
         return {"copy": (spec.repos.file if spec.repos else "", "/ws/source.repos")}

@@ -20,13 +20,13 @@ class Rmw(Feature[BuildSpec]):
     flags = (Flag("--rmw", "rmw", "ROS middleware, e.g. rmw_cyclonedds_cpp. Default rmw_fastrtps_cpp."),)
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Yields a finding unless the distribution carries it."""
+        """Yield a finding unless the distribution carries it."""
         if spec.rmw not in spec.release.rmw:
             known = ", ".join(spec.release.rmw)
             yield Finding("rmw", "NotSupported", f"{spec.rmw} is not packaged for {spec.distro}; it has {known}")
 
     def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
-        """Its package, where the official image lacks it."""
+        """Return its package, where the official image lacks it."""
         if stage != "runtime" or spec.rmw == DEFAULT:
             return ()
         return (f"ros-{spec.distro}-{spec.rmw.replace('_', '-')}",)

@@ -26,7 +26,7 @@ class Rosdep(Feature[BuildSpec]):
     )
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Returns the packages that count, and what depends on the distribution."""
+        """Return the packages that count, and what depends on the distribution."""
         return {
             "packages": (spec.package, *spec.packages),
             "skip_keys": spec.skip_keys,

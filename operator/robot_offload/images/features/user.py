@@ -17,5 +17,5 @@ class User(Feature[BuildSpec | OverlaySpec]):
     flags = (Flag("--user-id", "userID", "User that the image runs as; not root. Default 1000.", "number", "NUMBER"),)
 
     def values(self, spec: BuildSpec | OverlaySpec) -> Mapping[str, Any]:
-        """Returns the number."""
+        """Return the number."""
         return {"user_id": spec.user_id}

@@ -25,10 +25,10 @@ class Workspace(Feature[BuildSpec]):
     )
 
     def wanted(self, spec: BuildSpec) -> bool:
-        """Returns whether the source is in the build context."""
+        """Return whether the source is in the build context."""
         return spec.workspace is not None
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """From where to where."""
+        """Return the source and target folders."""
         paths = spec.workspace.paths if spec.workspace else ()
         return {"copies": [("./", "/ws/src/") if path == "." else (f"{path}/", f"/ws/src/{path}/") for path in paths]}

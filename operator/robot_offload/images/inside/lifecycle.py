@@ -32,11 +32,11 @@ class Asker:
         self.node = rclpy.create_node(f"robot_offload_lifecycle_{os.getpid()}", start_parameter_services=False)
 
     def left_s(self) -> float:
-        """Seconds until the deadline."""
+        """Return seconds until the deadline."""
         return max(0.0, self.deadline_s - time.monotonic())
 
     def present(self) -> bool:
-        """Returns whether the node shows up in ROS."""
+        """Return whether the node shows up in ROS."""
         while self.left_s() > 0:
             names = [f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces()]
             if self.name in names:
@@ -45,7 +45,7 @@ class Asker:
         return False
 
     def call(self, kind: Any, service: str, request: Any) -> Any:
-        """Returns the answer of one of the node's services, or None."""
+        """Return the answer of one of the node's services, or None."""
         client = self.node.create_client(kind, f"{self.name}/{service}")
         if not client.wait_for_service(timeout_sec=self.left_s()):
             return None
@@ -54,12 +54,12 @@ class Asker:
         return future.result() if future.done() else None
 
     def state(self) -> Any:
-        """Returns the node's lifecycle state, or None."""
+        """Return the node's lifecycle state, or None."""
         answer = self.call(GetState, "get_state", GetState.Request())
         return answer.current_state.id if answer else None
 
     def activate(self) -> bool:
-        """Returns whether the node reached Active, one transition after the other."""
+        """Return whether the node reached Active, one transition after the other."""
         while self.left_s() > 0:
             state = self.state()
             if state == State.PRIMARY_STATE_ACTIVE:
@@ -75,7 +75,7 @@ class Asker:
 
 
 def main() -> int:
-    """Runs one question."""
+    """Run one question."""
     what, name = sys.argv[1], (sys.argv[2] if len(sys.argv) > 2 else os.environ["ROBOT_OFFLOAD_NODE"])
     rclpy.init()
     asker = Asker(name, 60.0 if what == "activate" else 8.0)

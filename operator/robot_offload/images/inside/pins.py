@@ -17,7 +17,7 @@ _VIA = re.compile(r"^\s+#\s+(?:via\s+)?([a-z0-9][a-z0-9._-]*)$", re.MULTILINE)
 
 
 def chosen(requirements: str, roots: Iterable[str]) -> str:
-    """Returns the blocks of `roots` and of everything they need.
+    """Return the blocks of `roots` and of everything they need.
 
     Raises:
         KeyError: a root is not pinned.
@@ -33,7 +33,7 @@ def chosen(requirements: str, roots: Iterable[str]) -> str:
 
 
 def dependencies(text: str, extra: str = "") -> tuple[str, ...]:
-    """Returns what the text of a `pyproject.toml` needs, by name; our own packages have no pins.
+    """Return what the text of a `pyproject.toml` needs, by name; our own packages have no pins.
 
     Args:
         text: of the file.
@@ -51,7 +51,7 @@ def dependencies(text: str, extra: str = "") -> tuple[str, ...]:
 
 
 def main() -> int:
-    """Prints the pins."""
+    """Print the pins."""
     requirements, *roots = sys.argv[1:]
     names: list[str] = []
     try:

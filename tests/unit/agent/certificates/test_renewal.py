@@ -8,7 +8,7 @@ import pytest
 
 from robot_offload_agent.certificates.openssl import Certificate
 from robot_offload_agent.certificates.renewal import (
-    AGAIN_S,
+    RETRY_S,
     Asking,
     Command,
     Drop,
@@ -76,7 +76,7 @@ def test_a_refusal_is_told_and_not_asked_again_for_hours() -> None:
     state, commands = run(*events, refusal, Heard(True, ""), wall_s=DAY_S)
     assert commands == [MakeRequest(), Drop()]
     assert (state.reason, state.message, state.request) == ("AlreadyRenewed", "a copy is in use", "")
-    assert step(state, Heard(True, ""), 10.0 + AGAIN_S, DAY_S)[1] == MakeRequest()
+    assert step(state, Heard(True, ""), 10.0 + RETRY_S, DAY_S)[1] == MakeRequest()
 
 
 def test_a_full_disk_is_told_and_tried_again_later() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from robot_offload_core.data import probe
 from robot_offload_core.data.cloud import CloudDataProcess
-from robot_offload_core.data.probe import PERIOD_S, Probe, Sign
+from robot_offload_core.data.probe import PROBE_PERIOD_S, Probe, Sign
 from robot_offload_core.data.process import DataPlan, DataProcess
 from robot_offload_core.data.robot import OTHERS_AFTER_S, RobotDataProcess
 from robot_offload_core.words.events import SetEgress
@@ -90,7 +90,7 @@ class Pair:
         said: list[bytes] = []
         processes: tuple[DataProcess, DataProcess] = self.robot, self.cloud
         for side, process in zip(self.sides, processes, strict=True):
-            side.time_s += PERIOD_S
+            side.time_s += PROBE_PERIOD_S
             side.crossed.clear()
             process.turn()
         for payload in self.sides[0].crossed:

@@ -15,7 +15,7 @@ from robot_offload_core.data.parameter_values import encode as encode_parameters
 from robot_offload_core.data.probe import Probe, decode, encode
 from robot_offload_core.data.process import DataPlan
 from robot_offload_core.data.robot import RobotDataProcess
-from robot_offload_core.data.states import AGAIN_S, CHANNEL, READ_S, CloudStates, RobotStates, StateProcess
+from robot_offload_core.data.states import CHANNEL, READ_S, SNAPSHOT_RESEND_S, CloudStates, RobotStates, StateProcess
 from robot_offload_core.words.declared import ParameterState, SnapshotState, StateSpec, TopicState
 from robot_offload_core.words.events import SetEgress
 from robot_offload_core.words.holding import Holding
@@ -190,7 +190,7 @@ def test_what_a_standby_says_reaches_nobody(pair: Pair) -> None:
     pair.cloud.published(NAME, message(b"hot"))
     pair.cloud_holds(4)
     pair.robot.published(NAME, message(b"hot"))
-    pair.later(AGAIN_S + 0.1)
+    pair.later(SNAPSHOT_RESEND_S + 0.1)
     pair.cloud_holds(4)
     pair.robot.turn()
     pair.cloud.turn()
@@ -205,7 +205,7 @@ def test_what_was_said_in_an_earlier_stay_is_never_sent_again(pair: Pair) -> Non
     pair.cloud.published(NAME, message(b"new"))
     pair.deliver()
     pair.robot_holds(5, stay=3)
-    pair.later(AGAIN_S + 0.1)
+    pair.later(SNAPSHOT_RESEND_S + 0.1)
     pair.robot.turn()
     pair.deliver()
     assert pair.restored(Site.CLOUD) == [message(b"old")]
@@ -214,11 +214,11 @@ def test_what_was_said_in_an_earlier_stay_is_never_sent_again(pair: Pair) -> Non
 def test_a_standby_that_comes_late_gets_what_was_said_before(pair: Pair) -> None:
     pair.robot.published(NAME, message(b"one"))
     pair.ports[Site.ROBOT].crossed.clear()  # nobody was there
-    pair.later(AGAIN_S + 0.1)
+    pair.later(SNAPSHOT_RESEND_S + 0.1)
     pair.robot.turn()
     pair.deliver()
     assert pair.restored(Site.CLOUD) == [message(b"one")]
-    assert pair.cloud.standing[NAME].aged_s(pair.ports[Site.CLOUD].time_s) >= AGAIN_S + 0.1
+    assert pair.cloud.standing[NAME].aged_s(pair.ports[Site.CLOUD].time_s) >= SNAPSHOT_RESEND_S + 0.1
 
 
 def test_reordered_doubled_and_foreign_snapshots_are_not_restored(pair: Pair) -> None:

@@ -44,7 +44,8 @@ def test_the_round_trip_is_both_ways_without_the_hold_whatever_the_other_clock_s
 def test_an_echo_of_anybody_elses_beat_proves_nothing() -> None:
     link = heard(good_link(NOW_S - BEAT_S), cloud_beat(echo=echo_of(NOW_S - 0.004, incarnation=STRANGER)))
     before = good_link(NOW_S - BEAT_S)
-    assert link == replace(before, heard_s=NOW_S, last_sequence=link.last_sequence, received=before.received + 1)
+    counted = replace(before, last_sequence=link.last_sequence, received=before.received + 1)
+    assert link == replace(counted, heard_s=NOW_S, sent_us=cloud_beat().sent_us)
 
 
 def test_a_beat_without_an_echo_is_heard_and_proves_no_round_trip() -> None:
@@ -69,7 +70,8 @@ def test_the_loop_does_not_grow_younger_backwards_by_an_old_echo() -> None:
 
 def test_another_incarnation_starts_a_new_link() -> None:
     link = heard(good_link(NOW_S - BEAT_S), cloud_beat(incarnation=STRANGER, sequence=7, echo=None))
-    assert link == Link(peer=STRANGER, heard_s=NOW_S, first_sequence=7, last_sequence=7, received=1)
+    sent_us = cloud_beat().sent_us
+    assert link == Link(peer=STRANGER, heard_s=NOW_S, sent_us=sent_us, first_sequence=7, last_sequence=7, received=1)
 
 
 def test_the_window_keeps_the_newest_round_trips_only() -> None:
@@ -105,6 +107,21 @@ def test_a_restarted_pulse_process_does_not_start_a_new_link() -> None:
     link = heard(good_link(NOW_S - BEAT_S), cloud_beat(sequence=0))
     assert link.peer == CLOUD
     assert len(link.window) == len(good_link().window) + 1
+
+
+# -- copies
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.3], ids=["doubled", "over a way that takes 300 ms longer"])
+def test_a_copy_of_the_newest_beat_changes_nothing(late_s: float) -> None:
+    beat = cloud_beat(NOW_S - 0.010, NOW_S - 0.020)
+    link = heard(good_link(NOW_S - BEAT_S), beat)
+    assert heard(link, beat, NOW_S + late_s) is link
+
+
+def test_a_beat_that_was_overtaken_changes_nothing() -> None:
+    link = heard(good_link(NOW_S - BEAT_S), cloud_beat())
+    assert heard(link, cloud_beat(NOW_S - 0.4, NOW_S - 0.41), NOW_S + BEAT_S) is link
 
 
 # -- two clocks

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robot_offload_core.link.links import Link
-from robot_offload_core.link.momentary import WINDOW_S, Glance, Watched, glance, watch
+from robot_offload_core.link.momentary import LOSS_WINDOW_S, Glance, Watched, glance, watch
 
 PERIOD_S = 0.02
 
@@ -46,5 +46,5 @@ def test_a_sender_that_begins_again_is_no_loss() -> None:
 
 def test_what_is_kept_is_bounded_by_the_window() -> None:
     watched = seen(*((number * 0.16, number * 8, number * 8 + 1) for number in range(500)))
-    assert len(watched.seen) <= WINDOW_S / 0.16 + 3
+    assert len(watched.seen) <= LOSS_WINDOW_S / 0.16 + 3
     assert not any(link.window for _, link in watched.seen)

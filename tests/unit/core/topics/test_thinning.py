@@ -1,15 +1,15 @@
 """What is said when a link does not carry all messages of an input."""
 
-from robot_offload_core.topics.thinning import WINDOW_S, Thinning
+from robot_offload_core.topics.thinning import THINNING_WINDOW_S, Thinning
 
 
 def said(offered: int, sent: int, *, connected: bool = True, slowest_s: float = 0.0) -> tuple[str, str] | None:
     one = Thinning(0.0)
     for number in range(offered):
         one.count(1_000_000 if number < sent else 0, sent=number < sent)
-    assert not one.is_due(WINDOW_S - 0.1)
-    assert one.is_due(WINDOW_S)
-    return one.judge("camera", WINDOW_S, connected=connected, slowest_s=slowest_s)
+    assert not one.is_due(THINNING_WINDOW_S - 0.1)
+    assert one.is_due(THINNING_WINDOW_S)
+    return one.judge("camera", THINNING_WINDOW_S, connected=connected, slowest_s=slowest_s)
 
 
 def test_rates_and_bytes_of_a_thinned_topic_are_said() -> None:
@@ -37,7 +37,7 @@ def test_what_is_sent_later_counts_as_sent() -> None:
     for _ in range(20):
         one.count(0, sent=False)
         one.count_later(1000)
-    assert one.judge("camera", WINDOW_S, connected=True) is None
+    assert one.judge("camera", THINNING_WINDOW_S, connected=True) is None
 
 
 def test_a_few_messages_that_a_full_queue_dropped_are_no_thinning() -> None:

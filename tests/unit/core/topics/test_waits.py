@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from robot_offload_core.data.process import DataPlan, InputPlan
 from robot_offload_core.data.robot import RobotDataProcess
-from robot_offload_core.topics.waits import ON_THE_WAY_S, WINDOW_S, Waits
+from robot_offload_core.topics.waits import ON_THE_WAY_S, WAITS_WINDOW_S, Waits
 from robot_offload_core.words import envelope
 from robot_offload_core.words.messages import Heard
 from tests.unit.core.data.test_states import Ports
@@ -33,16 +33,18 @@ def test_a_wait_is_known_whatever_the_publishers_clock_says(ahead_s: float) -> N
 def test_the_shortest_way_is_remembered_for_a_window_at_least_and_two_at_most() -> None:
     waits = Waits()
     way(waits, 0.0)
-    times_s = [step * 0.1 for step in range(1, int(3 * WINDOW_S / 0.1))]
+    times_s = [step * 0.1 for step in range(1, int(3 * WAITS_WINDOW_S / 0.1))]
     known = {now_s: way(waits, now_s, 0.050) for now_s in times_s}
-    assert all(each == pytest.approx(0.050, abs=1e-5) for now_s, each in known.items() if now_s < WINDOW_S)
-    assert all(each < 1e-5 for now_s, each in known.items() if now_s > 2 * WINDOW_S + 0.2), "the way has become longer"
+    assert all(each == pytest.approx(0.050, abs=1e-5) for now_s, each in known.items() if now_s < WAITS_WINDOW_S)
+    assert all(each < 1e-5 for now_s, each in known.items() if now_s > 2 * WAITS_WINDOW_S + 0.2), (
+        "the way has become longer"
+    )
 
 
 def test_after_a_long_silence_nothing_is_known() -> None:
     waits = Waits()
     way(waits, 0.0)
-    assert way(waits, 2 * WINDOW_S + 1.0, 0.3) == 0.0
+    assert way(waits, 2 * WAITS_WINDOW_S + 1.0, 0.3) == 0.0
 
 
 def test_a_message_that_was_on_its_way_when_our_clock_was_set_back_teaches_nothing() -> None:
@@ -76,7 +78,7 @@ def test_a_stamp_of_the_future_makes_the_others_late_for_two_windows_at_most() -
     way(waits, 0.0)
     way(waits, 0.1, ahead_s=1000.0)
     assert way(waits, 0.2) == pytest.approx(1000.0, abs=1.0)
-    times_s = [step * 0.1 for step in range(3, int(2 * WINDOW_S / 0.1) + 5)]
+    times_s = [step * 0.1 for step in range(3, int(2 * WAITS_WINDOW_S / 0.1) + 5)]
     assert [way(waits, now_s) for now_s in times_s][-1] == pytest.approx(0.0, abs=1e-5)
 
 

@@ -1,11 +1,8 @@
-import pytest
-
 from robot_offload_lab.bench.analysis import alarms
 from robot_offload_lab.bench.analysis.alarms import QuietStretch
 from robot_offload_lab.bench.analysis.share import cloud_share, stays
-from robot_offload_lab.bench.groups.alarms import CASE
 from robot_offload_lab.judge.measures import Interval
-from tests.unit.lab.bench.stories import cloud_beat, placed
+from tests.unit.lab.bench.stories import placed
 
 
 def watch(*seen: object, start_s: float = 100.0, end_s: float = 160.0) -> QuietStretch:
@@ -18,29 +15,11 @@ def test_a_sudden_takeover_is_an_alarm_and_a_decision_of_the_latency_rule_is_non
         placed(130, "robot", None, "LatencyTooHigh"), placed(131, "cloud"),
     )  # fmt: skip
     assert [(leave.t_s, leave.sudden) for leave in alarms.leaves(seen)] == [(10.0, True), (30.0, False)]
-    figure, share = alarms.outcome(CASE, "realtime", [seen]).figures
-    assert figure.value == 1
-    assert figure.note.startswith("1 HeartbeatLost; besides, the latency rule moved to the robot 1 times")
-    assert share.value == pytest.approx((60 - 3) / 60 * 100)
 
 
 def test_what_happened_outside_the_watch_is_not_counted():
     seen = watch(placed(80, "cloud"), placed(90, "robot", 91.0), placed(95, "cloud"), placed(170, "robot", 91.0))
     assert alarms.leaves(seen) == ()
-
-
-def test_stretches_of_different_length_are_weighed_by_their_time():
-    good = watch(placed(90, "cloud"), start_s=100.0, end_s=130.0)
-    bad = watch(placed(90, "robot"), start_s=200.0, end_s=210.0)
-    _, share = alarms.outcome(CASE, "normal", [good, bad]).figures
-    assert share.value == pytest.approx(75.0)
-    assert not share.met(share.must)
-
-
-def test_the_distance_of_beats_is_told():
-    seen = watch(placed(90, "cloud"), *(cloud_beat(t_s, 0.08) for t_s in (101.0, 101.02, 101.08)))
-    (part,) = alarms.outcome(CASE, "realtime", [seen]).parts
-    assert (part.count, part.highest) == (2, pytest.approx(60.0))
 
 
 def test_a_stay_that_goes_on_is_open_and_repeated_announcements_do_not_split_it():

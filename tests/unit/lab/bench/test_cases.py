@@ -1,14 +1,13 @@
 import pytest
 
 from robot_offload_core.words.settings import Settings
-from robot_offload_lab.bench.groups import alarms, commanded, cuts, handover, keeping, latency, resources
+from robot_offload_lab.bench.groups import commanded, cuts, handover, keeping, resources, silence
 from robot_offload_lab.bench.resource import BenchCase, offload
 
 CASES = (
-    alarms.CASE,
+    silence.BAD,
     commanded.CASE,
     cuts.CASE,
-    latency.CASE,
     resources.CASE,
     handover.CASE,
     handover.MIRRORED,
@@ -37,5 +36,5 @@ def test_the_tolerance_allows_the_link_of_every_case(case: BenchCase):
 
 
 def test_a_case_is_told_in_words():
-    assert alarms.CASE.describe() == "40ms ± 5ms each way, 3% loss"
+    assert silence.BAD.describe() == "40ms ± 5ms each way, 3% loss"
     assert commanded.CASE.describe() == "5ms each way"

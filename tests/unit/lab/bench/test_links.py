@@ -1,5 +1,8 @@
 """Rows of the table of links: from what was observed, to the file, to the page."""
 
+import csv
+from pathlib import Path
+
 import pytest
 
 from robot_offload.errors import InputError
@@ -50,7 +53,7 @@ def test_takeovers_are_counted_and_those_by_the_beats_apart():
 def test_nothing_that_arrives_is_said_to_be_nothing():
     found = row()
     assert (found.delivered, found.p50_ms) == (0.0, None)
-    assert "| 0 % | nothing |" in links.line(found)
+    assert "compressed,20,40,0.1,0,,,100,0,,0," in links.table([found])
 
 
 def test_rows_are_read_back_and_a_newer_one_takes_the_place_of_the_older(tmp_path):
@@ -63,27 +66,26 @@ def test_rows_are_read_back_and_a_newer_one_takes_the_place_of_the_older(tmp_pat
         link_table.read(tmp_path)
 
 
-def test_the_page_has_a_table_for_each_load_between_its_two_lines(tmp_path):
-    page = tmp_path / link_table.PAGE
-    page.parent.mkdir(parents=True)
-    page.write_text(f"# Before\n{link_table.BEGIN}old\n{link_table.END}after\n")
-    link_table.write_page(tmp_path, [row([arrival(11.0, 0.1)])])
-    text = page.read_text()
-    assert text.startswith("# Before\n")
-    assert text.endswith("after\n")
-    assert "compressed image, 50 kB, 10 Hz (4 Mbit/s)" in text
-    assert "| 20 Mbit/s | 40 ms | 0.1 % | 1 % | 100 / 100 ms | 100 % | never | 0 |" in text
-    assert "old" not in text
-    page.write_text("nothing")
-    with pytest.raises(InputError, match="two lines"):
-        link_table.write_page(tmp_path, [])
+def test_the_file_beside_the_page_has_a_row_for_each_load_and_link(tmp_path):
+    (tmp_path / link_table.TABLE.parent).mkdir(parents=True)
+    path = link_table.write_table(tmp_path, [row([arrival(11.0, 0.1)])])
+    head, *rows = csv.reader(path.read_text().splitlines())
+    assert tuple(head) == links.COLUMNS
+    assert rows == [["compressed", "20", "40", "0.1", "1", "100", "100", "100", "0", "", "0", *map(str, FOUND)]]
 
 
 def test_what_does_not_fit_is_reckoned_where_it_was_not_measured():
-    raw = links.page([row([arrival(11.0, 0.1)], load=LOADS[0], cell=CELL)])
-    assert "| 5 Mbit/s | any | any | reckoned: 7 % at most | | | | |" in raw
-    assert "| 20 Mbit/s | any |" not in raw
-    assert "| 100 Mbit/s | any |" not in raw
+    raw = links.table([row([arrival(11.0, 0.1)], load=LOADS[0], cell=CELL)])
+    assert "raw,5,,,7,,,,,reckoned: at most,,,,\n" in raw
+    assert "raw,20,,," not in raw
+    assert "raw,100,,," not in raw
+
+
+def test_the_published_file_has_the_columns_and_known_loads():
+    published = Path(__file__).parents[4] / "docs" / link_table.TABLE
+    head, *rows = csv.reader(published.read_text().splitlines())
+    assert tuple(head) == links.COLUMNS
+    assert {cells[0] for cells in rows} == {load.name for load in LOADS}
 
 
 def test_only_links_whose_rate_carries_a_load_are_measured_in_full():

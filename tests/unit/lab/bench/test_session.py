@@ -10,16 +10,15 @@ import pytest
 from rich.console import Console
 
 from robot_offload.errors import InputError, RobotOffloadError
-from robot_offload_lab.bench import session
-from robot_offload_lab.bench.plan import QUICK, Order
+from robot_offload_lab.bench import rows, session, table
+from robot_offload_lab.bench.plan import QUICK, Order, changed
 from robot_offload_lab.bench.results import Figure, GroupResult
-from robot_offload_lab.bench.session import BenchSession, Group, Work
-from robot_offload_lab.bench.store import Store
+from robot_offload_lab.bench.rows import FILE
+from robot_offload_lab.bench.session import PAGE, BenchSession, Group
 
 
 def measured(group: str):
     def run(order: Order) -> GroupResult:
-        order.advance(1)
         return GroupResult(group, order.priority, (Figure("x", "X", "none", None, 1, 1.0, "ms"),), (), ())
 
     return run
@@ -39,16 +38,16 @@ def slow(_order: Order) -> GroupResult:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> BenchSession:
-    return BenchSession(Console(file=io.StringIO(), width=200), Store(tmp_path))
+    return BenchSession(Console(file=io.StringIO(), width=200), tmp_path)
 
 
 def run(bench: BenchSession, groups: list[Group], *, resume: bool = False) -> list[str]:
-    order = Order(QUICK, "realtime", bench.store.folder, 1, None, lambda _: None)
+    order = Order(QUICK, "realtime", bench.folder, 1, None)
     return bench.run(groups, ["realtime"], order, resume=resume)
 
 
 def use(monkeypatch: pytest.MonkeyPatch, works: dict[Group, object]) -> None:
-    monkeypatch.setattr(session, "WORK", {group: Work(run, lambda _: 1) for group, run in works.items()})
+    monkeypatch.setattr(session, "WORK", works)
 
 
 @pytest.mark.parametrize("error", [RobotOffloadError("the cloud was not seen"), ZeroDivisionError("division by zero")])
@@ -59,7 +58,7 @@ def test_a_group_that_fails_is_told_and_the_others_are_kept(
     [line] = run(bench, [Group.CUTS, Group.LIFECYCLE])
     assert line.startswith("Sudden cuts, real-time priority: ")
     assert str(error) in line
-    assert [one.outcome.group for one in bench.store.all()] == ["lifecycle"]
+    assert [one["group"] for one in bench.known()] == ["lifecycle"]
 
 
 def test_a_group_that_does_not_end_is_ended_and_the_others_run(bench: BenchSession, monkeypatch: pytest.MonkeyPatch):
@@ -67,20 +66,17 @@ def test_a_group_that_does_not_end_is_ended_and_the_others_run(bench: BenchSessi
     monkeypatch.setattr(session, "LIMITS_S", {"short": 1})
     [line] = run(bench, [Group.CUTS, Group.LIFECYCLE])
     assert "not ended within 1 s" in line
-    assert [one.outcome.group for one in bench.store.all()] == ["lifecycle"]
+    assert [one["group"] for one in bench.known()] == ["lifecycle"]
 
 
-def test_a_group_that_is_asked_for_more_than_its_form_has_may_take_as_much_longer(
+def test_a_group_with_amounts_of_its_own_is_measured_again_although_the_run_goes_on(
     bench: BenchSession, monkeypatch: pytest.MonkeyPatch
 ):
-    def lasting(order: Order) -> GroupResult:
-        time.sleep(1.2)
-        return measured("cuts")(order)
-
-    monkeypatch.setattr(session, "WORK", {Group.CUTS: Work(lasting, lambda amounts: amounts.cuts)})
-    monkeypatch.setattr(session, "LIMITS_S", {"short": 1})
-    more = Order(replace(QUICK, cuts=100 * QUICK.cuts), "realtime", bench.store.folder, 1, None, lambda _: None)
+    use(monkeypatch, {Group.CUTS: measured("cuts")})
+    more = Order(changed(QUICK, ["cuts=100"]), "realtime", bench.folder, 1, None)
     assert bench.run([Group.CUTS], ["realtime"], more, resume=False) == []
+    use(monkeypatch, {Group.CUTS: failing(RobotOffloadError("measured again"))})
+    assert len(bench.run([Group.CUTS], ["realtime"], more, resume=True)) == 1
 
 
 def test_a_run_that_goes_on_leaves_out_what_was_measured_today_in_the_same_form(
@@ -90,7 +86,7 @@ def test_a_run_that_goes_on_leaves_out_what_was_measured_today_in_the_same_form(
     run(bench, [Group.CUTS])
     use(monkeypatch, {Group.CUTS: failing(AssertionError("measured again")), Group.LIFECYCLE: measured("lifecycle")})
     assert run(bench, [Group.CUTS, Group.LIFECYCLE], resume=True) == []
-    assert [one.outcome.group for one in bench.store.all()] == ["cuts", "lifecycle"]
+    assert [one["group"] for one in bench.known()] == ["cuts", "lifecycle"]
     assert len(run(bench, [Group.CUTS])) == 1  # without --resume it is measured again
 
 
@@ -116,29 +112,35 @@ def test_a_folder_of_something_else_is_refused_before_anything_runs(
     bench: BenchSession, monkeypatch: pytest.MonkeyPatch
 ):
     use(monkeypatch, {Group.CUTS: failing(AssertionError("ran"))})
-    (bench.store.folder / "results.json").write_text('{"schema": "other"}')
-    with pytest.raises(InputError, match="give another --out"):
+    (bench.folder / FILE).write_text("a,b\n")
+    with pytest.raises(InputError, match="name another folder"):
         run(bench, [Group.CUTS])
 
 
 def test_every_group_has_work_a_title_and_a_place_on_the_page():
-    from robot_offload_lab.bench import page
-    from robot_offload_lab.bench.table import TITLES
-
-    on_the_page = [group for _, _, groups in page.CHAPTERS for group in groups]
-    assert set(session.WORK) == set(Group) == set(TITLES) == set(on_the_page)
+    assert set(session.WORK) == set(Group) == set(table.TITLES) == set(table.HEADLINES)
 
 
-def test_every_group_counts_its_steps_from_the_amounts():
-    assert all(work.steps(QUICK) > 0 for work in session.WORK.values())
+def test_what_was_measured_is_published_beside_what_was_there(
+    bench: BenchSession, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    docs = tmp_path / "docs"
+    use(monkeypatch, {Group.CUTS: measured("cuts"), Group.LIFECYCLE: measured("lifecycle")})
+    for group in (Group.CUTS, Group.LIFECYCLE):
+        one = replace(bench, folder=tmp_path / group.value, docs=docs)
+        assert run(one, [group]) == []
+        one.show()
+    assert [row["group"] for row in rows.read(docs / FILE)] == ["cuts", "lifecycle"]
+    assert (docs / PAGE).read_text().startswith("# Benchmarks\n")
 
 
-def test_the_pictures_are_drawn_into_the_folder(bench: BenchSession, monkeypatch: pytest.MonkeyPatch):
-    def run_lifecycle(order: Order) -> GroupResult:
-        samples = tuple({"series": "alone", "ms": value} for value in (1.0, 2.0))
-        return GroupResult("lifecycle", order.priority, (), (), samples)
-
-    use(monkeypatch, {Group.LIFECYCLE: run_lifecycle})
-    run(bench, [Group.LIFECYCLE])
-    bench.show()
-    assert (bench.store.folder / "bench-lifecycle-spread.png").read_bytes().startswith(b"\x89PNG")
+def test_a_damaged_file_of_the_docs_is_refused_before_anything_runs(
+    bench: BenchSession, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    use(monkeypatch, {Group.CUTS: failing(AssertionError("ran"))})
+    docs = tmp_path / "docs"
+    docs.mkdir()
+    (docs / FILE).write_text("a,b\n")
+    with pytest.raises(InputError, match="restore the file"):
+        run(replace(bench, docs=docs), [Group.CUTS])
+    assert (docs / FILE).read_text() == "a,b\n"

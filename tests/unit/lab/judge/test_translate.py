@@ -41,6 +41,8 @@ def test_a_message_without_identity_counts_for_the_side_in_charge() -> None:
     first, second = arrivals.stamped(1.0, "odom", 0.9), arrivals.other(2.0)
     assert (first.site, second.site) == ("cloud", "cloud")
     assert (first.sequence, second.sequence) == (1, 2)
+    assert not first.named
+    assert not second.named
 
 
 def test_a_text_that_comes_twice_is_a_duplicate() -> None:

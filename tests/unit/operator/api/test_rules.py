@@ -162,3 +162,21 @@ def test_a_parameter_that_kubectl_may_have_renamed_is_a_warning() -> None:
     found = check(parse_object(changed("spec.nodes.1.run.parameters", pose), "f.yaml").spec)
     misread = [finding for finding in found if finding.reason == "MisreadName"]
     assert [(it.path, it.severity) for it in misread] == [("spec.nodes[1].run.parameters.initial_pose.true", "warning")]
+
+
+@pytest.mark.parametrize(("loss", "reasons"), [("1s", set()), ("1010ms", {"LongSilence"}), ("9999ms", {"LongSilence"})])
+def test_a_loss_that_is_noticed_late_is_a_warning_where_somebody_waits_for_each_message(
+    loss: str, reasons: set[str]
+) -> None:
+    values = changed("spec.switching.lossTimeout", loss)
+    values["spec"]["switching"] |= {"lease": "15s", "maxCommandAge": "1s", "heartbeatPeriod": "30ms"}
+    long = {one.reason for one in check(parse_object(values, "f.yaml", rules=()).spec) if one.reason == "LongSilence"}
+    assert long == reasons
+    del values["spec"]["nodes"][1]["outputs"]
+    assert not [one for one in check(parse_object(values, "f.yaml", rules=()).spec) if one.reason == "LongSilence"]
+
+
+def test_a_specification_that_would_weigh_on_the_api_server_is_refused() -> None:
+    values = changed("spec.nodes.1.run.parameters", {f"p{number}": "x" * 4096 for number in range(70)})
+    with pytest.raises(SpecError, match=r"spec: has 2\d\d\d\d\d bytes, more than 262144; move parameters"):
+        parse_object(values, "f.yaml")

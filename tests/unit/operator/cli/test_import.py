@@ -111,10 +111,3 @@ def test_a_look_that_hangs_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     code, _, problem = run()
     assert code == 1
     assert "did not answer within" in problem
-
-
-def test_advice_without_the_lab_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("robot_offload.cli.lab.entry_points", lambda **_: ())
-    code, _, problem = run("--from", str(SEEN), "--advise")
-    assert code == 2
-    assert "pip install robot-offload-lab" in problem

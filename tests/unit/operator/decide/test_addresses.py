@@ -40,12 +40,36 @@ def test_one_address_of_several_is_not_enough() -> None:
 
 def test_with_all_addresses_the_message_names_them() -> None:
     wanted = offload(transport={"type": "Zenoh"})
-    points = [Endpoint(purpose, "UDP", "2001:db8::7", 7447) for purpose in transport.of(wanted.spec).purposes(wanted)]
+    points = [Endpoint(purpose, "UDP", "203.0.113.7", 7447) for purpose in transport.of(wanted.spec).purposes(wanted)]
     verdict = addresses_ready(wanted, points)
     assert (verdict.truth, verdict.reason) == ("True", "Known")
-    assert "[2001:db8::7]:7447" in verdict.message
+    assert "203.0.113.7:7447" in verdict.message
 
 
 def test_a_transport_without_addresses_needs_none() -> None:
     peers = {"type": "StaticPeers", "staticPeers": {"robot": ["10.0.0.1"], "cloud": ["10.0.0.2"]}}
     assert addresses_ready(offload(transport=peers, cloud={}), ()).reason == "NotNeeded"
+
+
+def test_an_address_on_which_nothing_listens_is_named() -> None:
+    wanted = offload(transport={"type": "Zenoh"})
+    points = [Endpoint(purpose, "UDP", "2001:db8::7", 7447) for purpose in transport.of(wanted.spec).purposes(wanted)]
+    verdict = addresses_ready(wanted, points)
+    assert (verdict.truth, verdict.reason) == ("False", "AddressFamily")
+    assert "[2001:db8::7]:7447" in verdict.message
+
+
+def test_of_both_families_the_one_that_is_heard_is_taken() -> None:
+    wanted = offload(transport={"type": "Zenoh", "expose": {"type": "LoadBalancer"}})
+    ports = {"wheelchair-7-udp": ("pulse", "data"), "wheelchair-7-tcp": ("pulse-fallback", "data-fallback")}
+    ingress = [{"ip": "2001:db8::7"}, {"ip": "203.0.113.7"}]
+    services = [
+        {
+            "metadata": {"name": name},
+            "spec": {"type": "LoadBalancer", "ports": [{"name": port, "port": 7447} for port in names]},
+            "status": {"loadBalancer": {"ingress": ingress}},
+        }
+        for name, names in ports.items()
+    ]
+    found = transport.observed_endpoints(wanted, services, ())
+    assert {point.host for point in found} == {"203.0.113.7"}

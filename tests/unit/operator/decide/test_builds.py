@@ -361,6 +361,16 @@ def test_the_secrets_that_builds_read() -> None:
     assert secrets_of(offload(cloud={"registry": REGISTRY})) == frozenset()
 
 
+def test_what_the_api_server_says_against_the_pod_of_a_build_is_quoted() -> None:
+    world = World()
+    world.turn(built())
+    (job,) = (name for kind, name in world.live if kind.kind == "Job")
+    before = Before(world.live, (), frozenset(), NOW, refusals={job: 'pods "x" is forbidden: exceeded quota: small'})
+    verdict = decide(Parent(built(), FACTS), before, "").verdict
+    assert (verdict.truth, verdict.reason) == ("False", "PodsRefused")
+    assert "exceeded quota: small" in verdict.message
+
+
 def test_a_job_without_a_pod_is_told_after_a_while_with_what_a_build_needs() -> None:
     world = World()
     world.turn(built())

@@ -27,7 +27,7 @@ import robot_offload.%s
 """
 
 
-@pytest.mark.parametrize("module", ["cli.main", "process.main", "process.triggers", "reporter.main"])
+@pytest.mark.parametrize("module", ["cli.main", "handlers", "runtime.triggers", "reporter.main"])
 def test_operator_reporter_and_command_line_start_with_what_is_in_the_image(module: str) -> None:
     command = (sys.executable, "-c", BLOCKED % module)
     done = subprocess.run(command, text=True, capture_output=True, check=False, timeout=120)
@@ -39,7 +39,7 @@ def test_the_operators_pins_hold_nothing_that_draws() -> None:
     roots = pins.dependencies(project, "operator")
     picked = pins.chosen((ROOT / "requirements/all.txt").read_text(encoding="utf-8"), roots)
     names = {line.split("==")[0] for line in picked.splitlines() if "==" in line and not line.startswith(" ")}
-    assert {"kubernetes", "aiohttp", "yarl"} <= names
+    assert {"kopf", "kubernetes", "aiohttp", "yarl"} <= names
     assert not {"matplotlib", "numpy", "pillow", "psutil", "ruff", "pytest", "ros-rclpy", "nicegui"} & names
 
 

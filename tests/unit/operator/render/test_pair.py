@@ -89,3 +89,9 @@ def test_the_highest_domain_has_a_neighbour_too(domain: int) -> None:
     spec = offload.spec.model_copy(update={"robot": offload.spec.robot.model_copy(update={"domain_id": domain})})
     made = pair(offload.model_copy(update={"spec": spec}), replace(PAIRING, host="edge.example"))
     assert agent(dict(made.workstation))["domain_id"] in (domain - 1, domain + 1)
+
+
+@pytest.mark.parametrize("host", ["::1", "2001:db8::7"])
+def test_a_host_on_which_nothing_would_listen_is_refused(host: str) -> None:
+    with pytest.raises(InputError, match="listens on IPv4; name an IPv4 address or a DNS name"):
+        pair(sample("wheelchair"), replace(PAIRING, host=host))

@@ -61,6 +61,7 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     standby.hot_outputs_survive_a_lost_message,
     served.not_too_many_names,
     bandwidth.large_topics_fit_the_link,
+    switching.losses_are_noticed_soon,
 )
 CHECKS: Final[tuple[Check, ...]] = (
     *_FUNCTIONS,
@@ -72,7 +73,7 @@ CLUSTER_CHECKS: Final[tuple[Check, ...]] = (*_FUNCTIONS, *(rule.check() for rule
 
 
 def check(spec: RobotOffloadSpec, rules: Sequence[Check] = CHECKS) -> tuple[Finding, ...]:
-    """Everything that the rules between fields find, in the order of the rules.
+    """Return everything that the rules between fields find, in the order of the rules.
 
     Args:
         spec: what is checked.

@@ -19,7 +19,7 @@ _SIZES: Final = {
 
 
 def large_topics_fit_the_link(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    """Warns of raw images and point clouds, with an estimate for a small sensor."""
+    """Warn of raw images and point clouds, with an estimate for a small sensor."""
     for i, topic in enumerate(spec.topics.to_cloud):
         if topic.type not in _SIZES or topic.jpeg_quality is not None:
             continue

@@ -24,7 +24,7 @@ _LAST_PORT: Final = 65535
 
 
 def _block(block: str, types: tuple[TransportType, ...]) -> Rule:
-    """A block of another type would be ignored, which nobody who writes one expects."""
+    """Return a block of another type would be ignored, which nobody who writes one expects."""
 
     def broken(transport: Any) -> bool:
         return block in transport.model_fields_set and transport.type not in types
@@ -133,7 +133,7 @@ RULES: Final[tuple[Rule, ...]] = (
 
 
 def _discovery_ports(spec: RobotOffloadSpec) -> list[int]:
-    """The ports of the cluster's nodes that discovery servers take, where the first one is given."""
+    """Return the ports of the cluster's nodes that discovery servers take, where the first one is given."""
     ports = spec.transport.expose.node_ports
     first = ports.discovery if ports else None
     return [] if first is None else [first + n for n in range(spec.cloud.discovery_servers)]

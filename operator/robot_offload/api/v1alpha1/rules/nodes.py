@@ -15,12 +15,12 @@ from robot_offload.findings import Finding
 
 
 def milliseconds(duration: str) -> str:
-    """CEL for a duration as a number of milliseconds, whether getMilliseconds() is the total or the part below 1 s."""
+    """Return CEL for a duration in milliseconds, whether getMilliseconds() is the total or the part below 1 s."""
     return f"(duration({duration}).getSeconds() * 1000 + duration({duration}).getMilliseconds() % 1000)"
 
 
 def _moved(node: Node) -> list[str]:
-    """The collected outputs of a node that its own remappings would move."""
+    """Return the collected outputs of a node that its own remappings would move."""
     remap = node.run.remap if node.run is not None else {}
     return [it.topic for it in node.outputs if node.in_cloud and remap.get(it.topic, it.topic) != it.topic]
 

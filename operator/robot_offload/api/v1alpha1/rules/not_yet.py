@@ -35,7 +35,7 @@ class Word:
     example: tuple[str, Any]
 
     def rule(self) -> Rule:
-        """The refusal as a rule of the CRD."""
+        """Return the refusal as a rule of the CRD."""
         message = f"{self.field} is not built yet; {self.meanwhile}"
         return Rule(self.path, REASON, self.unused, self.used, message, self.field)
 
@@ -44,7 +44,7 @@ NOT_YET: Final[dict[str, Word]] = {}
 
 
 def built(word: str) -> bool:
-    """Whether a word, by its key in NOT_YET, does what its description says."""
+    """Return whether a word, by its key in NOT_YET, does what its description says."""
     return word not in NOT_YET
 
 

@@ -42,12 +42,12 @@ class Rule:
     alone: Severity = "error"
 
     def schema(self) -> dict[str, Any]:
-        """The rule as it stands in `x-kubernetes-validations`."""
+        """Return the rule as it stands in `x-kubernetes-validations`."""
         where = {"fieldPath": f".{self.field}"} if self.field else {}
         return {"rule": self.cel, "message": self.message, **where}
 
     def check(self, severity: Severity = "error") -> Check:
-        """The rule as a check of a whole specification."""
+        """Return the rule as a check of a whole specification."""
 
         def judge(spec: RobotOffloadSpec) -> Iterator[Finding]:
             for path, part in parts_at(spec, self.path):
@@ -72,5 +72,5 @@ def parts_at(spec: RobotOffloadSpec, path: str) -> Iterator[tuple[str, Any]]:
 
 
 def _attribute(model: type[Model], name: str) -> str:
-    """The Python name of the field of a model that is called `name` in YAML."""
+    """Return the Python name of the field of a model that is called `name` in YAML."""
     return next(attribute for attribute, field in model.model_fields.items() if field.alias == name)

@@ -308,7 +308,7 @@ def clients_find_their_servers(spec: RobotOffloadSpec) -> Iterator[Finding]:
 
 
 def names_outside_have_one_placement(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    """Calls of Duplicated nodes pass while their side acts, those of Cloud nodes always: one name cannot do both."""
+    """Call of Duplicated nodes pass while their side acts, those of Cloud nodes always: one name cannot do both."""
     served = {it.name for node in spec.nodes for it in node.offered}
     placements: dict[str, Node] = {}
     for path, name, node in _used(spec):

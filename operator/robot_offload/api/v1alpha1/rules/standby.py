@@ -14,7 +14,7 @@ def _hot_on_robot(node: Node) -> bool:
 
 
 def hot_nodes_cost_twice(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    """Warns of nodes that compute always, because they are always active there."""
+    """Warn of nodes that compute always, because they are always active there."""
     for i, node in enumerate(spec.nodes):
         if _hot_on_robot(node):
             yield Finding(
@@ -27,7 +27,7 @@ def hot_nodes_cost_twice(spec: RobotOffloadSpec) -> Iterator[Finding]:
 
 
 def hot_outputs_survive_a_lost_message(spec: RobotOffloadSpec) -> Iterator[Finding]:
-    """Warns of rated best-effort outputs: the robot's replica takes over for a message that is lost on the link."""
+    """Warn of rated best-effort outputs: the robot's replica takes over for a message that is lost on the link."""
     for i, node in enumerate(spec.nodes):
         if not _hot_on_robot(node):
             continue

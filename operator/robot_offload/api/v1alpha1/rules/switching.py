@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Final
 
 from robot_offload.api.v1alpha1.quantities import format_duration as text
+from robot_offload.api.v1alpha1.robotoffload import RobotOffloadSpec
 from robot_offload.api.v1alpha1.rules.nodes import milliseconds
 from robot_offload.api.v1alpha1.rules.rule import Rule
 from robot_offload.api.v1alpha1.switching import HEARTBEATS_MS, LARGEST_AGE_MS, LONGEST_LEASE_MS
+from robot_offload.findings import Finding
 
 _LOOP: Final = (
     "duration(self.latency.robotPeriod) + duration(self.latency.tolerance) - duration(self.latency.cloudPeriod)"
@@ -27,17 +30,37 @@ _LEASE_MS: Final = f"(has(self.lease) ? {milliseconds('self.lease')} : {LONGEST_
 """What is not given, as `api.v1alpha1.switching` works it out. Numbers: the cost of texts has no bound in CEL."""
 
 
+LONG_LOSS_MS: Final = 1_000
+"""In more time a vehicle at walking pace goes further than a metre before its commands come from the robot again."""
+
+
+def losses_are_noticed_soon(spec: RobotOffloadSpec) -> Iterator[Finding]:
+    """Warn of a long time without commands: of outputs with a rate somebody waits for each message."""
+    loss_ms = spec.switching.loss_timeout_ms
+    if loss_ms <= LONG_LOSS_MS:
+        return
+    rated = [output.topic for node, output in spec.collected_outputs if node.duplicated and output.rate_hz]
+    if rated:
+        yield Finding(
+            "spec.switching.lossTimeout",
+            "LongSilence",
+            f"nobody publishes {', '.join(map(repr, rated[:3]))} for {text(int(loss_ms))} when the link breaks; "
+            "what listens needs a shorter time-out of its own, or write a lossTimeout of at most 1s",
+            "warning",
+        )
+
+
 def _loop_ms(switching: Any) -> int:
     return max(0, int(switching.latency.allowed_loop_ms))
 
 
 def _least_lease_ms(switching: Any) -> int:
-    """A shorter lease would end before the robot has noticed a loss: then nobody acts."""
+    """Return a shorter lease would end before the robot has noticed a loss: then nobody acts."""
     return int(switching.loss_timeout_ms + _loop_ms(switching) + 2 * switching.heartbeat_period_ms)
 
 
 def _floor_of_age_ms(switching: Any) -> int:
-    """A smaller limit would drop every message of a link that is still good enough."""
+    """Return a smaller limit would drop every message of a link that is still good enough."""
     return int(_loop_ms(switching) + switching.heartbeat_period_ms)
 
 

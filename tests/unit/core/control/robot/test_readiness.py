@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot_offload_core.control.nodes.rest import RELAY_SILENT_S, Rest
+from robot_offload_core.control.nodes.rest import RELAY_GONE_S, Rest
 from robot_offload_core.control.robot import readiness
 from robot_offload_core.control.robot.placement import Handing, Preparation, RelayReported, Robot
 from robot_offload_core.words.decided import Phase
@@ -90,7 +90,7 @@ def test_a_relay_that_died_holds_nothing_back() -> None:
     rest = Rest(Site.ROBOT, 2.0)
     rest.keeps_active(True, 10.0)
     rest.take(status(busy=True), 10.0)
-    assert not rest.keeps_active(False, 10.1 + RELAY_SILENT_S)
+    assert not rest.keeps_active(False, 10.1 + RELAY_GONE_S)
 
 
 def test_a_side_that_was_called_off_for_its_goals_settles_and_then_sleeps() -> None:

@@ -60,7 +60,7 @@ class World:
             self.ports.time_s = now_s = self.ports.time_s + STEP_S
             self.side.time_s = now_s
             if now_s >= self.probe_s:
-                self.probe_s = now_s + probe.PERIOD_S
+                self.probe_s = now_s + probe.PROBE_PERIOD_S
                 self.side.crossed.clear()
                 self.cloud.turn()
                 for payload in self.side.crossed if probes else ():

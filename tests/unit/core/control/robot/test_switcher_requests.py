@@ -7,11 +7,12 @@ from typing import Any
 
 import pytest
 
-from robot_offload_core.control.robot import switcher
+from robot_offload_core.control.robot import readiness, requests, switcher
 from robot_offload_core.control.robot.placement import (
     IN_CHARGE,
     Answer,
     Event,
+    Handing,
     NodesReported,
     Permit,
     Robot,
@@ -25,7 +26,7 @@ from robot_offload_core.link.links import Link, Offset
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.events import Acting, Tick
 from robot_offload_core.words.messages import Reopen
-from robot_offload_core.words.reasons import Reason
+from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.settings import Mode, Settings
 from robot_offload_core.words.token import Site
 from tests.unit.core.builders import (
@@ -289,6 +290,33 @@ def test_a_source_takes_back_its_own_vetoes_only() -> None:
 def test_a_robot_that_cannot_act_stands_still_rather_than_to_break_a_veto() -> None:
     robot = robot_in(nodes_ready=False, fell_at_s=NOW_S - 60.0, vetoes=(Vetoed("collector", (SECOND,)),))
     assert after(robot).phase is Phase.ROBOT
+
+
+def test_a_second_publisher_ends_a_stay_by_the_activation_deadline_though_the_robot_cannot_act() -> None:
+    deadline_s = robot_in().settings.activation_deadline_s
+    robot = after(robot_in(Phase.CLOUD, nodes_ready=False), Vetoed("collector", (SECOND,)))
+    assert switcher.site(robot) is Site.CLOUD
+    early = requests.limits(robot, NOW_S + deadline_s - 0.01, acting=True)
+    late = requests.limits(robot, NOW_S + deadline_s, acting=True)
+    assert (list(early), list(late)) == ([], [SECOND])
+    robot, commands = switcher.step(replace(robot, forbidden_s=NOW_S - deadline_s), Tick(), NOW_S)
+    assert (robot.phase, robot.decided.reason) == (Phase.TAKEOVER, "SecondPublisher")
+    assert only(commands, Decided).switched
+
+
+def test_the_time_that_a_second_publisher_is_given_ends_with_its_veto() -> None:
+    robot = after(robot_in(Phase.CLOUD), Vetoed("collector", (SECOND,)))
+    assert robot.forbidden_s == NOW_S
+    assert after(robot, Vetoed("data", ())).forbidden_s == NOW_S
+    assert after(robot, Vetoed("collector", ())).forbidden_s is None
+
+
+def test_goals_buy_no_time_for_a_second_publisher() -> None:
+    robot = robot_in(Phase.TO_ROBOT, handing=Handing(served=True, report=None))
+    assert robot.preparation is not None
+    preparation = replace(robot.preparation, patient_until_s=NOW_S + 1.0)
+    for reason, arms in ((Reason.SECOND_PUBLISHER, True), (Reason.POD_STOPPING, False)):
+        assert readiness.may_arm(robot, preparation, Verdict(Site.ROBOT, reason, ""), NOW_S) is arms
 
 
 def test_a_strict_veto_stops_the_driver_whoever_acts() -> None:

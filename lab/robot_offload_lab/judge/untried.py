@@ -1,0 +1,20 @@
+"""What a run without a broken promise does not show, because it was not tried or not measured. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from robot_offload_lab.judge.invariants import OFFLOAD
+
+
+def untried(report: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence for each promise of which a run without a violation shows nothing."""
+    for topic, output in report["outputs"].items():
+        if output["received"] and output["lost"] is None:
+            yield f"{topic}: duplicates, losses and age are not known; its messages carry no number of ours"
+    if report["mode"] == OFFLOAD and not report["placement_share"].get("cloud"):
+        yield "The cloud never acted, so no change of the side was tried"
+    for goal in report["goals"]:
+        if not goal["results"]:
+            yield f"Goal {goal['goal']} had no result when the run ended ({goal['ending']})"

@@ -1,0 +1,41 @@
+"""Nothing of kopf's stays on users' objects: it would tell handlers what has changed, and passes look at what is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import kopf
+
+
+class NoProgress(kopf.ProgressStorage):
+    """Keeps no progress of handlers."""
+
+    def fetch(self, **_: Any) -> None:
+        """Find nothing."""
+
+    def store(self, **_: Any) -> None:
+        """Keep nothing."""
+
+    def purge(self, **_: Any) -> None:
+        """Remove nothing."""
+
+    def touch(self, **_: Any) -> None:
+        """Write nothing."""
+
+    def clear(self, *, essence: kopf.BodyEssence) -> kopf.BodyEssence:
+        """Return what was given: there is nothing of ours in it."""
+        return essence
+
+
+class NoDifference(kopf.DiffBaseStorage):
+    """Keeps no former state of objects, and copies none to compare."""
+
+    def build(self, **_: Any) -> kopf.BodyEssence:
+        """Return nothing to compare."""
+        return kopf.BodyEssence()
+
+    def fetch(self, **_: Any) -> None:
+        """Find nothing."""
+
+    def store(self, **_: Any) -> None:
+        """Keep nothing."""
