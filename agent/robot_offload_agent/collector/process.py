@@ -11,6 +11,7 @@ import select
 import threading
 from typing import Any
 
+from robot_offload_agent.collector import claims
 from robot_offload_agent.errors import StartError
 from robot_offload_agent.ros import context, raw
 from robot_offload_agent.ros.topic_loop import spin_topics
@@ -57,11 +58,14 @@ class CollectorShell:
             settings.max_command_age_s, settings.lease_s, settings.loss_timeout_s, settings.activation_deadline_s,
         )  # fmt: skip
         self.process = CollectorProcess(plan, self, self.memory.load())
+        alone = [o["topic"] for o in configuration.outputs if not o["shared"]]
+        self.claims = claims.claim(configuration["domain_id"], alone)
         self.started_s = now_s()
         context.init(configuration)
         self.node = context.make_node(configuration, NODE_NAME)
         self.publishers: dict[int, Any] = {}
         self.offered: dict[int, Any] = {}
+        self.made_s: dict[int, float] = {}
         self.published: dict[int, str] = {}  # the type, and behind a blank its hash where rmw gives one
         full_name = self.node.get_fully_qualified_name()
         self.rivals = [rivals.Rivals(full_name) for _ in configuration.outputs]
@@ -174,6 +178,7 @@ class CollectorShell:
         with self.lock:
             replaced = self.publishers.get(index)
             self.publishers[index], self.published[index], self.offered[index] = made, wanted, qos
+            self.made_s[index] = now_s()
         if replaced is not None:
             self.node.destroy_publisher(replaced)
 
@@ -192,7 +197,7 @@ class CollectorShell:
         now = now_s()
         for index, output in enumerate(self.configuration.outputs):
             found = [raw.endpoint(info) for info in self.node.get_publishers_info_by_topic(output["topic"])]
-            others = self.rivals[index].look(found, int(index in self.publishers), now)
+            others = self.rivals[index].look(found, int(index in self.publishers), now, self.made_s.get(index, 0.0))
             with self.lock:
                 message = self.process.rival(index, others)
             if message and now - self.started_s < SECOND_PUBLISHER_CHECK_S:

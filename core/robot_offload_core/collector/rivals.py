@@ -1,7 +1,8 @@
 """Who else publishes on the public topics of the collected outputs: in front of the consumers stands nobody but us.
 
 By endpoint, not by the name of its node: a second collector has the same name. Endpoints of a process that was killed
-stay in the graph until their participant's lease is over, so the ones of an earlier collector are given that time.
+stay in the graph until their participant's lease is over, so the ones of an earlier collector are given that time. They
+are all there when we begin to look: one that comes later is of somebody who lives.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ from dataclasses import dataclass, field
 PARTICIPANT_LEASE_S = 25.0
 """Fast DDS forgets a participant that was killed after 20 s."""
 NAME_S = 1.5
-"""How long the name of an endpoint's node may be on its way: discovery on one host."""
+"""How long an endpoint of before our start, or the name of its node, may be on its way: discovery on one host."""
+REPLACED_S = 0.4
+"""How long a publisher of ours may still be seen beside the one that was made in its place."""
 
 
 @dataclass(frozen=True)
@@ -35,28 +38,43 @@ class Rivals:
     Attributes:
         own_node: full name of our own node.
         seen_s: when each endpoint was first seen.
+        late: endpoints that came when neither one of ours nor one of a predecessor was to be expected any more.
+        began_s: the first look; None before it.
     """
 
     own_node: str
     seen_s: dict[bytes, float] = field(default_factory=dict)
+    late: set[bytes] = field(default_factory=set)
+    began_s: float | None = None
 
-    def look(self, found: Iterable[Endpoint], publishers: int, now_s: float) -> list[str]:
+    def look(self, found: Iterable[Endpoint], publishers: int, now_s: float, made_s: float = 0.0) -> list[str]:
         """Return the nodes of the publishers that are not ours, sorted.
 
         Args:
             found: all publishers of the topic.
             publishers: how many of them are ours.
             now_s: the steady clock.
+            made_s: when the newest one of ours was made.
         """
         endpoints = list(found)
-        self.seen_s = {one.identity: self.seen_s.get(one.identity, now_s) for one in endpoints}
+        self._note(endpoints, now_s, made_s)
         others = {one.node for one in endpoints if one.node not in ("", self.own_node)}
         if any(not one.node and now_s - self.seen_s[one.identity] > NAME_S for one in endpoints):
             others.add("a node without a name")
-        lasting = [one for one in endpoints if one.node == self.own_node and self._lasts(one, now_s)]
-        if len(lasting) > publishers:
+        own_name = [one.identity for one in endpoints if one.node == self.own_node]
+        early = [identity for identity in own_name if identity not in self.late]
+        late = [i for i in own_name if i in self.late and now_s - self.seen_s[i] > REPLACED_S]
+        lasting = sum(now_s - self.seen_s[identity] > PARTICIPANT_LEASE_S for identity in early)
+        # Of the early ones at least as many live as we have: the others may be left behind, but not for long.
+        if max(lasting, min(len(early), publishers)) + len(late) > publishers:
             others.add(f"a second {self.own_node}")
         return sorted(others)
 
-    def _lasts(self, one: Endpoint, now_s: float) -> bool:
-        return now_s - self.seen_s[one.identity] > PARTICIPANT_LEASE_S
+    def _note(self, endpoints: list[Endpoint], now_s: float, made_s: float) -> None:
+        """Note which endpoints are new, and whether those come late."""
+        self.began_s = now_s if self.began_s is None else self.began_s
+        new = {one.identity for one in endpoints} - self.seen_s.keys()
+        if now_s - max(self.began_s, made_s) > NAME_S:
+            self.late |= new
+        self.seen_s = {one.identity: self.seen_s.get(one.identity, now_s) for one in endpoints}
+        self.late &= self.seen_s.keys()

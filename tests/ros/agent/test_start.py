@@ -119,6 +119,21 @@ def test_a_second_agent_of_the_identity_on_this_host_is_refused_and_the_first_go
     world.check()
 
 
+def test_a_second_agent_of_another_identity_in_front_of_the_same_consumers_is_refused(
+    build: Callable[..., World],
+) -> None:
+    world = build()
+    world.start_agent("robot")
+    world.start_node("robot")
+    world.passes("robot")
+    folder = str(world.folder / "other")
+    other = world.start_agent("robot", name="other", uid="another", runtime_dir=folder, state_dir=folder)
+    assert other.wait(EXIT_S) == 4
+    assert "/command in domain" in world.processes.log("other-agent")
+    world.passes("robot", 10)
+    world.check()
+
+
 def test_strict_refuses_a_duplicated_node_with_undeclared_topics_and_the_default_warns(
     build: Callable[..., World],
 ) -> None:

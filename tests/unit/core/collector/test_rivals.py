@@ -31,6 +31,38 @@ def test_a_second_collector_that_stays_is_seen_although_it_has_our_name() -> Non
     assert rivals.look([OURS], 1, PARTICIPANT_LEASE_S + 0.6) == []
 
 
+def test_a_second_collector_that_comes_after_our_start_is_seen_at_the_second_look() -> None:
+    rivals = Rivals("/offload_collector")
+    assert rivals.look([OURS], 1, 0.0) == []
+    both = [OURS, Endpoint(b"2", "/offload_collector")]
+    assert rivals.look(both, 1, 10.0) == []
+    assert rivals.look(both, 1, 10.5) == ["a second /offload_collector"]
+
+
+def test_a_publisher_of_ours_that_is_made_anew_is_no_second_one() -> None:
+    rivals = Rivals("/offload_collector")
+    assert rivals.look([OURS], 1, 0.0) == []
+    anew = Endpoint(b"2", "/offload_collector")
+    assert rivals.look([OURS, anew], 1, 10.0, made_s=9.9) == []
+    assert rivals.look([anew], 1, 10.5, made_s=9.9) == []
+
+
+def test_a_publisher_of_ours_that_is_made_late_is_no_second_one_beside_what_an_earlier_collector_left() -> None:
+    rivals = Rivals("/offload_collector")
+    left = Endpoint(b"0", "/offload_collector")
+    assert rivals.look([left], 0, 0.0) == []
+    for now_s in (10.0, 10.5, 15.0):
+        assert rivals.look([left, OURS], 1, now_s, made_s=9.9) == []
+
+
+def test_a_second_collector_stays_seen_when_our_publisher_is_made_anew() -> None:
+    rivals = Rivals("/offload_collector")
+    second, anew = Endpoint(b"2", "/offload_collector"), Endpoint(b"3", "/offload_collector")
+    assert rivals.look([OURS], 1, 0.0) == []
+    assert rivals.look([OURS, second], 1, 10.0) == []
+    assert rivals.look([anew, second], 1, 11.0, made_s=10.9) == ["a second /offload_collector"]
+
+
 def test_one_without_a_name_has_a_moment_to_get_one() -> None:
     rivals = Rivals("/offload_collector")
     nameless = Endpoint(b"3", "")
