@@ -44,6 +44,7 @@ class CloudControlShell(ControlShell):
         self.process = CloudControlProcess(
             settings, configuration.node_specs(), self, self.incarnation, has_relay, configuration.output_specs(),
             tuple(o["node"] for o in configuration.outputs), bool(configuration.states),
+            shape=configuration.shape(),
         )  # fmt: skip
         self.liaison = liaison.Liaison(
             watched=bool(configuration["settings_file"]), signs=bool(configuration["certificate_file"])

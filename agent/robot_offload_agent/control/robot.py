@@ -61,7 +61,7 @@ class RobotControlShell(ControlShell):
             configuration.settings(), present.settings(), present.input_specs(), configuration.node_specs(),
             bool(configuration["inhibit_service"]), self.override.wish(self.since_s), configuration.output_specs(),
             tuple(o["node"] for o in configuration.outputs), configuration["strict"],
-            configuration.relay_plan() is not None, bool(configuration.states),
+            configuration.relay_plan() is not None, bool(configuration.states), configuration.shape(),
         )  # fmt: skip
         self.process = RobotControlProcess(plan, self, self.incarnation, started_us)
         self.report.show_settings(present)

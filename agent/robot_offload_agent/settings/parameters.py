@@ -31,6 +31,7 @@ from robot_offload_agent.settings.topics import (
     output_spec,
 )
 from robot_offload_core.relay.process import RelayPlan
+from robot_offload_core.words import shape
 from robot_offload_core.words.declared import SettingsError, StateSpec
 from robot_offload_core.words.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.words.token import Site
@@ -205,6 +206,11 @@ class Configuration:
     def input_specs(self) -> tuple[InputSpec, ...]:
         """Return the inputs for the health core, which names them by their topics."""
         return tuple(input_spec(i.values) for i in self.inputs)
+
+    def shape(self) -> str:
+        """Return the digest of all that beats number by its place; the two sides must have the same."""
+        required = ((i.name, i["topic"]) for i in self.inputs if i["max_age_ms"] > 0)
+        return shape.shape(required, ((o.name, o["topic"]) for o in self.outputs))
 
     def silent(self, topic: str) -> bool:
         """Return whether a topic is one that nobody outside its side needs, by `silent`."""

@@ -17,7 +17,9 @@ from robot_offload_core.words import envelope
 from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.events import CloudData, SetEgress
 from robot_offload_core.words.messages import DataStatus, Egress, Limits, Reported
+from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words.veil import veil_token
 
 REPORT_PERIOD_S = 0.2
 """Least distance of two reports of the robot; those that come faster are dropped, as one a second is enough."""
@@ -140,8 +142,12 @@ class CloudDataProcess(DataProcess):
         """Give a message the header under which it leaves."""
         echo_us = message.echo_us if message.robot == token.robot else 0
         latched = index in self.last_values
-        message.header = envelope.encode(Envelope(token, self._next_sequence(index, token), echo_us, latched))
+        message.header = self.sealed(Envelope(token, self._next_sequence(index, token), echo_us, latched))
         message.token = token
+
+    def sealed(self, header: Envelope) -> bytes:
+        """Return the bytes of a header of ours, which names the robot by a hash unless that is an older one."""
+        return envelope.encode(replace(header, token=veil_token(header.token)) if self.egress.veils else header)
 
     def _send(self, index: int, message: Kept) -> None:
         name = self.plan.outputs[index].name

@@ -287,11 +287,19 @@ class DataProcess(ABC):
             return
         kind, _, name = channel.partition("/")
         try:
-            opened = envelope.decode(header)
+            opened = self.opened(header)
         except EnvelopeError:
             self.counters["garbage.envelope"] += 1
             return
         self.carried_in(kind, name, opened, header, payload)
+
+    def sealed(self, header: Envelope) -> bytes:
+        """Return the bytes of a header of ours."""
+        return envelope.encode(header)
+
+    def opened(self, header: bytes) -> Envelope:
+        """Read a header of the other side; raise EnvelopeError."""
+        return envelope.decode(header)
 
     def _probe_arrived(self, payload: bytes) -> None:
         try:

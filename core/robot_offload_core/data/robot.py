@@ -15,7 +15,9 @@ from robot_offload_core.words import envelope
 from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.events import DataReported, StateReported
 from robot_offload_core.words.messages import ENVELOPE, OTHERS, PASSED, Carried, CloudTypes, DataStatus, Limits, Orders
+from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words.veil import unveil_token
 
 RESEND_PERIOD_S = 0.5
 """How often latched values are sent again until the cloud shows that it holds them."""
@@ -203,9 +205,14 @@ class RobotDataProcess(DataProcess):
                     else:
                         self.send_input(name, value)
 
+    def opened(self, header: bytes) -> Envelope:
+        """Read a header of the cloud, which names us by a hash; raise EnvelopeError."""
+        read = envelope.decode(header)
+        return replace(read, token=unveil_token(read.token, self.orders.incarnation))
+
     def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
-        """Hand a message of the cloud's replica to the collector, which decides."""
-        del opened
+        """Hand a message of the cloud's replica to the collector, which decides, under our own incarnation."""
+        header = envelope.encode(opened)
         if kind == "out" and name in self.index:
             delivered = self.ports.carry("collector", ENVELOPE, self.index[name], header, payload)
             self.counters[f"{name}.{'arrived' if delivered else 'undelivered'}"] += 1

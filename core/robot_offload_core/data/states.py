@@ -20,7 +20,6 @@ from robot_offload_core.data.robot import RobotDataProcess
 from robot_offload_core.topics import snapshots
 from robot_offload_core.topics.snapshots import Refused, Standing
 from robot_offload_core.topics.waits import Waits
-from robot_offload_core.words import envelope
 from robot_offload_core.words.declared import ParameterState, SnapshotState, StateSpec, TopicState
 from robot_offload_core.words.envelope import Envelope, EnvelopeError
 from robot_offload_core.words.holding import Holding
@@ -233,7 +232,7 @@ class StateProcess(ABC):
     def arrived(self, name: str, header: bytes, payload: bytes) -> None:
         """Take a snapshot of the other side's node."""
         try:
-            opened = envelope.decode(header)
+            opened = self.data.opened(header)
         except EnvelopeError:
             self.data.counters["garbage.envelope"] += 1
             return
@@ -285,7 +284,7 @@ class StateProcess(ABC):
         echo_us = said.echo_us if said.partner in (token.robot, token.cloud) else 0
         with self.data.ports.lock:
             self.sequence += 1
-            header = envelope.encode(Envelope(token, self.sequence, echo_us))
+            header = self.data.sealed(Envelope(token, self.sequence, echo_us))
         sent = self.data.ports.cross(f"{CHANNEL}{name}", header, said.payload)
         self.data.counters[f"state {name}.{'sent' if sent else 'unsent'}"] += 1
 

@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robot_offload_core.words.beats import PERMISSION_BEATS, Beat, CloudReport, Echo, Permission
+from robot_offload_core.words.beats import (
+    PERMISSION_BEATS,
+    PREVIOUS,
+    VERSION,
+    Beat,
+    CloudReport,
+    Echo,
+    Permission,
+    veil,
+)
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site
 
@@ -22,12 +31,13 @@ WAIT_PERIODS = 0.25
 
 @dataclass(frozen=True)
 class Heard:
-    """The newest beat of one sender."""
+    """The newest beat of one sender. `version`: of its form; the sender understands that one for sure."""
 
     incarnation: str
     sequence: int
     sent_us: int
     arrived_s: float
+    version: str = VERSION
 
 
 @dataclass(frozen=True)
@@ -77,7 +87,7 @@ def hear(pulse: Pulse, beat: Beat, arrived_s: float) -> tuple[Pulse, bool]:
     if known is not None and beat.sent_us <= known.sent_us:
         return pulse, False
     others = tuple(h for h in pulse.heard if h is not known)[-(MAX_SENDERS - 1) :]
-    newest = Heard(beat.incarnation, beat.sequence, beat.sent_us, arrived_s)
+    newest = Heard(beat.incarnation, beat.sequence, beat.sent_us, arrived_s, beat.version)
     return replace(pulse, heard=(*others, newest)), True
 
 
@@ -91,6 +101,7 @@ def compose(pulse: Pulse, now_s: float, wall_us: int) -> tuple[Pulse, Beat]:
         and (silent_s is None or silent_s > PERMISSION_BEATS * pulse.beat_period_s)
     ):
         body = replace(body, granted=False, in_charge=False, presence=False)
+    heard = partner(pulse)
     age_us = -1 if silent_s is None else max(0, round(silent_s * 1e6))
     beat = Beat(
         uid=pulse.uid,
@@ -102,7 +113,10 @@ def compose(pulse: Pulse, now_s: float, wall_us: int) -> tuple[Pulse, Beat]:
         control_age_us=age_us,
         echo=_echo(pulse, now_s),
         body=body,
+        version=VERSION if heard is None else heard.version,
     )
+    if pulse.side is Site.CLOUD and beat.version != PREVIOUS:
+        beat = veil(beat)
     return replace(pulse, sequence=pulse.sequence + 1, due_s=_next_due_s(pulse, now_s)), beat
 
 

@@ -131,7 +131,7 @@ class CloudRelay(RelayProcess):
         if self.egress is not None and self.egress.robot != egress.robot:
             self.newest = after.epoch if after is not None else 0
         self.egress = egress
-        self.post.agent = egress.robot
+        self.post.agent, self.post.veils = egress.robot, egress.veils
 
     # -- the shell ----------------------------------------------------------------------------------------------------
 

@@ -76,7 +76,7 @@ class CloudUsed:
         elif token is None or not self.post.courier.peer:
             self._fail(self.number, Failure.REFUSED)
         else:
-            self.post.write(CallWord(Face.PUBLIC, name, self.number, token, False, payload))
+            self.post.write(CallWord(Face.PUBLIC, name, self.number, self.post.named(token), False, payload))
 
     def answered(self, word: CalledWord) -> None:
         """Take the robot relay's answer."""
@@ -105,7 +105,7 @@ class CloudUsed:
             self.near.refuse(name, caller)
         elif self.near.accept(name, caller, goal_id):
             self.tokens[goal_id] = token
-            self.post.write(OfferWord(Face.PUBLIC, name, goal_id, token, False, payload))
+            self.post.write(OfferWord(Face.PUBLIC, name, goal_id, self.post.named(token), False, payload))
 
     def cancel_requested(self, asked: CancelRequested) -> None:
         """Take a replica's cancel."""
@@ -129,7 +129,7 @@ class CloudUsed:
         for key in list(self.calls):
             self._fail(key, Failure.UNKNOWN)
         for goal in self.near.live():
-            self.post.write(ResumeWord(Face.PUBLIC, goal.action, goal.id, self.tokens[goal.id], False))
+            self.post.write(ResumeWord(Face.PUBLIC, goal.action, goal.id, self.post.named(self.tokens[goal.id]), False))
             if goal.cancel:
                 self.post.write(CancelWord(Face.PUBLIC, goal.action, goal.id))
 

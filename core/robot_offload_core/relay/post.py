@@ -9,6 +9,8 @@ from robot_offload_core.relay.goals.courier import Courier
 from robot_offload_core.relay.goals.ports import RelayPorts
 from robot_offload_core.relay.goals.words import Hello, Word, WordError
 from robot_offload_core.words.messages import Letters
+from robot_offload_core.words.token import Token
+from robot_offload_core.words.veil import veil_token
 
 HELLO_S = 0.1
 """How often one relay shows the other that it lives."""
@@ -22,6 +24,7 @@ class Post:
     Attributes:
         agent: incarnation of the control process whose relay is listened to; "" for nobody.
         hello, hello_s: the newest of the other relay, and its arrival.
+        veils: what is written names the robot by the hash of its incarnation (veil.py); in the cloud.
         known_s: since when the other relay has known this one and has been heard without a break; inf: it does not.
     """
 
@@ -29,6 +32,7 @@ class Post:
         self.ports = ports
         self.courier = Courier(incarnation)
         self.agent = ""
+        self.veils = True
         self.hello: Hello | None = None
         self.hello_s = float("-inf")
         self.known_s = float("inf")
@@ -45,6 +49,10 @@ class Post:
         """Write a letter; it is written again until it is acknowledged."""
         for frame in self.courier.write(word, self.ports.now_s()):
             self._cross(frame)
+
+    def named(self, token: Token) -> Token:
+        """Return a token as the cloud writes it."""
+        return veil_token(token) if self.veils else token
 
     def write_once(self, word: Word) -> None:
         """Write a word that may be lost."""

@@ -28,7 +28,9 @@ from robot_offload_core.relay.process import MAX_PAYLOAD, STATUS_S, RelayPlan, R
 from robot_offload_core.relay.robot_requests import RobotRequests
 from robot_offload_core.relay.robot_used import RobotUsed
 from robot_offload_core.words.messages import Letters, RelayOrders, RelayStatus
+from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site, Token, presence
+from robot_offload_core.words.veil import unveil_token
 
 HOLDER_LOOK_S = 0.02
 """How often the holder is looked at while anything is open: the collector's memory wakes no process."""
@@ -226,6 +228,8 @@ class RobotRelay(RelayProcess):
                 self.requests.desk.lost(Site.CLOUD)
                 self.step(state.Replaced(Site.CLOUD))
                 self.used.cloud_relay_met()
+            if isinstance(word, CallWord | OfferWord | ResumeWord) and self.orders is not None:
+                word = replace(word, token=unveil_token(word.token, self.orders.robot))
             if word is not None:
                 self._take(word)
 

@@ -103,6 +103,7 @@ class Egress:
         egress: token and end of the lease; token None closes.
         nodes: (node, lifecycle state) here, for the robot's guardian.
         word: a switch by hand asked for here, `SITE:number`; "" for none.
+        veils: what we say names the robot by the hash of its incarnation (veil.py).
     """
 
     incarnation: str
@@ -110,6 +111,7 @@ class Egress:
     egress: SetEgress
     nodes: tuple[tuple[str, str], ...] = ()
     word: str = ""
+    veils: bool = True
 
 
 @dataclass(frozen=True)

@@ -171,6 +171,11 @@ class Reason(Explained):
     DATA_UNHEARD = (
         "DataUnheard", Kind.LIMIT, "The cloud hears nothing on the data session", "Look at the uplink's throughput"
     )  # fmt: skip
+    CONFIGURATION_DIFFERS = (
+        "ConfigurationDiffers", Kind.LIMIT,
+        "Robot and cloud have other required inputs or outputs, or the same ones in another order",
+        "Make a new bundle for the robot",
+    )  # fmt: skip
     INPUTS_DIFFER = (
         "InputsDiffer", Kind.LIMIT, "Robot and cloud are configured with different inputs",
         "Make a new bundle for the robot",

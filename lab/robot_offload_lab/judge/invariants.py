@@ -39,7 +39,8 @@ GAP_MARGIN_MS = 200.0
 """For what a busy computer adds to the sum of the declared times: scheduling, the middleware, the recorder itself."""
 
 MISTAKES = frozenset({
-    Reason.INPUT_STALE, Reason.INPUTS_DIFFER, Reason.CLOUD_NOT_READY, Reason.TYPES_DIFFER, Reason.SECOND_PUBLISHER,
+    Reason.INPUT_STALE, Reason.CONFIGURATION_DIFFERS, Reason.INPUTS_DIFFER,
+    Reason.CLOUD_NOT_READY, Reason.TYPES_DIFFER, Reason.SECOND_PUBLISHER,
     Reason.UNDECLARED_PUBLISHER, Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER,
 })  # fmt: skip
 """Reasons against the cloud that no link explains."""

@@ -219,11 +219,11 @@ def _replay(run: System, fault: Fault) -> Undo:
     data = run.robot.data
     old = list(run.cloud.data.sent)
     if fault.pick < 0.6:
-        old = [m for m in old if envelope.decode(m[1]).token != run.cloud.data.token] or old
+        old = [m for m in old if envelope.decode(m[2].header).token != run.cloud.data.token] or old
     for number, sent in enumerate(old[-12:]):
         run.world.after(number * fault.duration_s / 12, data.deliver, data.arrived, *sent)
     if old:
-        token = envelope.decode(old[0][1]).token
+        token = envelope.decode(old[0][2].header).token
         run.world.after(fault.duration_s / 2, data.deliver, data.arrived, "effect", b"", token)
     return nothing
 

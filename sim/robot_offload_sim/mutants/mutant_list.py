@@ -666,6 +666,32 @@ MUTANTS: dict[str, Mutant] = {
         "late_copies",
         (Edit("control.robot.switcher", "if not links.is_news(link, beat):", "if False:"),),
     ),
+    "N1": Mutant(
+        "the cloud's beats name the robot",
+        "the_robots_name_stays_with_the_robot",
+        (Edit("pulse.pulse", "        beat = veil(beat)\n", "        pass\n"),),
+    ),
+    "N2": Mutant(
+        "the cloud's envelopes name the robot",
+        "the_robots_name_stays_with_the_robot",
+        (Edit("data.cloud", " if self.egress.veils else header)", " if False else header)"),),
+    ),
+    "N3": Mutant(
+        "an older partner is spoken to in our version",
+        "older_robot",
+        (Edit("pulse.pulse", "version=VERSION if heard is None else heard.version", "version=VERSION"),),
+    ),
+    "N4": Mutant(
+        "lists in another order are compared by place",
+        "lists_in_another_order",
+        (
+            Edit(
+                "control.robot.limits",
+                "if not theirs or not ours or theirs == ours:",
+                "if True:",
+            ),
+        ),
+    ),
     "T1": Mutant(
         "no drift margin",
         "slow_clock_in_the_cloud",

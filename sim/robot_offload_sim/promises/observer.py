@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robot_offload_core.control.robot import placement
-from robot_offload_core.words.beats import Beat, CloudReport, Permission
+from robot_offload_core.words.beats import Beat, CloudReport, Permission, unveil
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.gates import Charge, Gate
@@ -270,6 +270,7 @@ class Observer(Deadlines):
     def cloud_beat(self, beat: Beat, arrived_s: float) -> None:
         """Judge whether a new beat of the cloud that reached the robot's pulse process is good (protocol section 1)."""
         robot = self.run.robot.control.robot
+        beat = unveil(beat, robot.incarnation)
         report, echo = beat.body, beat.echo
         if (
             isinstance(report, CloudReport)

@@ -14,8 +14,10 @@ from robot_offload_core.control.nodes.managed_nodes import Command
 from robot_offload_core.data.cloud import CloudDataProcess
 from robot_offload_core.pulse import pulse
 from robot_offload_core.words.beats import Beat, CloudReport
+from robot_offload_core.words.envelope import encode
 from robot_offload_core.words.messages import Heard, Notes, Speak
 from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words.veil import unveil_token
 from robot_offload_sim.sides.shells import (
     EFFECT_S,
     LOOK_S,
@@ -115,6 +117,7 @@ class CloudControl(Shell):
             publishers=scenario.publishers,
             has_relay=scenario.relay is not None,
             has_state=bool(scenario.states),
+            shape=scenario.shape(Site.CLOUD),
         )
         process.around = self.around
         return process
@@ -227,7 +230,7 @@ class CloudData(DataShell):
 
     def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
         super().__init__(around, host, "data", peers)
-        self.process = CloudDataProcess(around.scenario.data_plan, self)
+        self.process = CloudDataProcess(around.scenario.cloud_plan, self)
         self.sent: deque[tuple[str, bytes, Payload]] = deque(maxlen=SENT_KEPT)
         self.count = 0
         self.since = [Since() for _ in around.scenario.outputs]
@@ -236,7 +239,7 @@ class CloudData(DataShell):
 
     def boot(self) -> None:
         """Start anew: nothing may leave; a new process opens a new session."""
-        self.process = CloudDataProcess(self.around.scenario.data_plan, self)
+        self.process = CloudDataProcess(self.around.scenario.cloud_plan, self)
         self.since = [Since() for _ in self.around.scenario.outputs]
         if self.life > 1:
             self.around.link.data.reopen()
@@ -259,9 +262,10 @@ class CloudData(DataShell):
         """Send over the data session; what leaves is shown."""
         session = self.around.link.data
         if isinstance(payload, Payload):
-            token = decoded(header).token
-            self.around.witness.left_cloud(token)
-            payload = payload._replace(header=header)
+            said = decoded(header)
+            meant = replace(said, token=unveil_token(said.token, self.process.egress.robot))
+            self.around.witness.left_cloud(meant.token)
+            payload = payload._replace(header=encode(meant))
             self.count += 1
             if self.count % SENT_EVERY == 1:
                 self.sent.append((channel, header, payload))

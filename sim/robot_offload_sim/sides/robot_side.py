@@ -124,6 +124,7 @@ class RobotControl(Shell):
             strict=scenario.strict,
             has_relay=scenario.relay is not None,
             has_state=bool(scenario.states),
+            shape=scenario.shape(Site.ROBOT),
         )
         process = WatchedControl(plan, self, incarnation, round(self.host.now_s() * 1e6))
         process.watch = self.around.coverage.robot

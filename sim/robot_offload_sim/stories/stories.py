@@ -27,6 +27,7 @@ from robot_offload_sim.stories import (
     shared,
     states,
     used,
+    versions,
 )
 
 STORIES: dict[str, Callable[[], None]] = {
@@ -54,6 +55,7 @@ STORIES: dict[str, Callable[[], None]] = {
         active_while,
         states,
         garbage,
+        versions,
     )
     for story in module.STORIES
 }

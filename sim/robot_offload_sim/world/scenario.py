@@ -8,6 +8,7 @@ from functools import cached_property
 
 from robot_offload_core.data.process import DataPlan, InputPlan, OutputPlan
 from robot_offload_core.relay.process import RelayPlan
+from robot_offload_core.words import shape
 from robot_offload_core.words.declared import StateSpec
 from robot_offload_core.words.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
 from robot_offload_core.words.token import Site
@@ -53,6 +54,7 @@ class Scenario:
         worlds: what this stretch has besides, see worlds.py.
         best_effort: outputs, by index, of which nothing lost is sent again.
         states: state of nodes that the standby is to know, by name; state_period_s: how often it is published.
+        cloud_inputs: the inputs as the cloud's configuration lists them; (): as the robot's.
     """
 
     settings: Settings
@@ -82,6 +84,8 @@ class Scenario:
     states: dict[str, StateSpec] = field(default_factory=dict)
     state_period_s: float = 0.1
 
+    cloud_inputs: tuple[InputPlan, ...] = ()
+
     @cached_property
     def input_specs(self) -> tuple[InputSpec, ...]:
         """Return the inputs as the core judges them."""
@@ -100,6 +104,17 @@ class Scenario:
             OutputPlan(o.name, o.deadline_s, i in self.mirrored, o.of_cloud, o) for i, o in enumerate(self.outputs)
         )
         return DataPlan(self.inputs, outputs)
+
+    def shape(self, site: Site) -> str:
+        """Return the digest of what is numbered by its place in a side's configuration."""
+        plan = self.cloud_plan if site is Site.CLOUD else self.data_plan
+        required = ((i.name, i.name) for i in plan.inputs if i.max_age_ms > 0)
+        return shape.shape(required, ((o.name, o.name) for o in plan.outputs))
+
+    @cached_property
+    def cloud_plan(self) -> DataPlan:
+        """Return what the cloud's data process needs; its inputs stand in another order where the story says so."""
+        return replace(self.data_plan, inputs=self.cloud_inputs or self.inputs)
 
     @property
     def reaction_s(self) -> float:

@@ -10,7 +10,7 @@ from robot_offload_core.control.nodes import guardians
 from robot_offload_core.control.nodes.rest import Rest
 from robot_offload_core.control.process import ControlPorts, ControlProcess
 from robot_offload_core.link import links
-from robot_offload_core.words.beats import Beat
+from robot_offload_core.words.beats import PREVIOUS, Beat
 from robot_offload_core.words.events import Acting, CloudData, Machine, SetEgress, Tick, Witness, assert_never
 from robot_offload_core.words.messages import DataStatus, Egress, PulseSent, RelayStatus, Speak
 from robot_offload_core.words.replace import replace
@@ -37,21 +37,24 @@ class CloudControlProcess(ControlProcess):
         data_status: its newest report with details. relay_status: newest report of the relay.
         rest: whether this side's nodes stay Active for their goals.
         request: the switch by hand that is offered to the robot; "" for none.
+        veils: the robot served understands words that name it by the hash of its incarnation.
     """
 
     def __init__(
         self, settings: Settings, nodes: tuple[NodeSpec, ...], ports: CloudControlPorts, incarnation: str,
         has_relay: bool = False, outputs: tuple[OutputSpec, ...] = (), publishers: tuple[str, ...] = (),
-        has_state: bool = False,
+        has_state: bool = False, *, shape: str = "",
     ) -> None:  # fmt: skip
         """Begin without a robot; `publishers` is the node of each of `outputs`, "" unknown.
 
-        `has_relay`: services or actions are declared; `has_state`: state.
+        `has_relay`: services or actions are declared; `has_state`: state. `shape`: of our configuration.
         """
         guard = guardians.start(nodes, settings.activation_deadline_s)
         super().__init__(ports, incarnation, guard, outputs, publishers)
         self.ports: CloudControlPorts = ports
         self.settings = settings
+        self.shape = shape
+        self.veils = True
         self.has_relay = has_relay
         self.hands_over = has_relay or has_state
         self.rest = Rest(Site.CLOUD, settings.cancel_deadline_s)
@@ -86,6 +89,7 @@ class CloudControlProcess(ControlProcess):
         del sent
         self.step(lease.RobotBeat(beat, arrived_s))
         if beat.incarnation == self.cloud.robot:
+            self.veils = beat.version != PREVIOUS
             self.link = links.hear(self.link, beat, self.incarnation, arrived_s, wall_us)
 
     def handle(self, message: object) -> None:
@@ -152,7 +156,7 @@ class CloudControlProcess(ControlProcess):
         egress, _, said = commands[:3]
         assert isinstance(egress, SetEgress)
         assert isinstance(said, lease.SetReport)
-        report = said.report
+        report = replace(said.report, shape=self.shape)
         # Ages change with every step and are worth sending once a beat; everything else at once.
         level = (
             report.serves, report.epoch, report.acting, report.ready, report.refused, report.rated, egress, self.request
@@ -160,7 +164,7 @@ class CloudControlProcess(ControlProcess):
         if level != self.told or now_s - self.told_s >= self.settings.beat_period_s:
             self.told, self.told_s = level, now_s
             self.ports.send("pulse", Speak(self.incarnation, report, now_s))
-            words = (self.incarnation, self.cloud.robot, egress, self.node_states(), self.request)
+            words = (self.incarnation, self.cloud.robot, egress, self.node_states(), self.request, self.veils)
             for process in ("data", "relay") if self.has_relay else ("data",):
                 self.ports.send(process, Egress(*words))
         for command in commands:

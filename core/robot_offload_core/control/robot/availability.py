@@ -16,7 +16,9 @@ from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import OutputSpec
 
-NOT_CONCERNED = frozenset({Reason.INPUTS_DIFFER, Reason.INPUT_STALE, Reason.COLLECTOR_FELL_BACK})
+NOT_CONCERNED = frozenset(
+    {Reason.CONFIGURATION_DIFFERS, Reason.INPUTS_DIFFER, Reason.INPUT_STALE, Reason.COLLECTOR_FELL_BACK}
+)
 """Limits of the duplicated nodes. A node with placement Cloud that needs an input shows by its own silence."""
 
 

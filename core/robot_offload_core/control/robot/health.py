@@ -53,6 +53,7 @@ class Circumstances(NamedTuple):
         stall_until_s: silence is not judged before this (our own stall), see limits.cloud_fault.
         starved: our own stalls have followed each other for longer than a lease.
         outputs: from the configuration, as the collector numbers them.
+        shape: of the configuration; "" unknown.
     """
 
     incarnation: str
@@ -63,6 +64,7 @@ class Circumstances(NamedTuple):
     stall_until_s: float = 0.0
     starved: bool = False
     outputs: tuple[OutputSpec, ...] = ()
+    shape: str = ""
 
 
 def is_good(beat: Beat, arrived_s: float, link: Link, frame: Circumstances) -> bool:

@@ -219,6 +219,16 @@ def _collector_fell_back(view: Readings) -> str:
     return "The collector did not hear control for too long and passes only the robot"
 
 
+def _configuration_differs(view: Readings) -> str:
+    theirs, ours = "" if view.report is None else view.report.shape, view.frame.shape
+    if not theirs or not ours or theirs == ours:  # an older cloud says none: then numbers alone can be compared
+        return ""
+    return (
+        "The required inputs or the outputs of the cloud's configuration are not those of the robot's, in the same "
+        "order; make a new bundle for the robot"
+    )
+
+
 def _inputs_differ(view: Readings) -> str:
     required = sum(1 for i in view.frame.inputs if i.max_age_s > 0)
     broken = view.report is not None and len(view.report.input_ages_us) != required
@@ -259,6 +269,7 @@ LIMITS: tuple[Limit, ...] = (
     Limit(Reason.OUTPUT_SILENT, _R, True, _output_silent),
     Limit(Reason.COLLECTOR_SILENT, _S, False, _collector_silent),
     Limit(Reason.COLLECTOR_FELL_BACK, _R, False, _collector_fell_back),
+    Limit(Reason.CONFIGURATION_DIFFERS, _R, False, _configuration_differs),
     Limit(Reason.INPUTS_DIFFER, _R, False, _inputs_differ),
     Limit(Reason.INPUT_STALE, _R, False, _input_stale),
 )

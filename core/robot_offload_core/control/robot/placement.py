@@ -181,6 +181,7 @@ class Robot:
         situation: everything heard besides the link, see Situation.
         nodes_ready: the robot's CORE nodes are Active.
         outputs: from the configuration, as the collector numbers them. slow: what is known of them (slow_outputs.py).
+        shape: of the configuration (shape.py); "" unknown.
         duplicated: the robot has duplicated nodes; without any there is nothing to change over.
         hot: its duplicated CORE nodes are Hot, so it can go on at once. early: see Early.
         robot_while: the outputs, by index, whose `while` is true on the robot.
@@ -217,6 +218,7 @@ class Robot:
     robot_while: tuple[int, ...] = ()
     outputs: tuple[OutputSpec, ...] = ()
     slow: tuple[SlowOutput, ...] = ()
+    shape: str = ""
     clear_s: float | None = None
     vetoes: tuple[Vetoed, ...] = ()
     forbidden_s: float | None = None

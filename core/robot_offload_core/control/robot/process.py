@@ -15,7 +15,7 @@ from robot_offload_core.control.robot.limits import DATA_TIMEOUT_S
 from robot_offload_core.control.robot.placement import CloudBeat, Robot, Wish
 from robot_offload_core.control.robot.settling import meanwhile
 from robot_offload_core.words import slow_outputs
-from robot_offload_core.words.beats import Beat
+from robot_offload_core.words.beats import Beat, unveil
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.events import Acting, Machine, StateReported, Tick, Witness, assert_never
 from robot_offload_core.words.gates import Gate
@@ -81,6 +81,7 @@ class RobotPlan:
         outputs: the collected outputs. publishers: the node that publishes each of them; "" unknown.
         strict: a second or undeclared publisher stops the driver.
         has_relay: services or actions are declared. has_state: state is declared.
+        shape: of the configuration (shape.py); "" unknown.
     """
 
     settings: Settings
@@ -94,6 +95,7 @@ class RobotPlan:
     strict: bool = False
     has_relay: bool = False
     has_state: bool = False
+    shape: str = ""
 
 
 class RobotControlProcess(ControlProcess):
@@ -121,7 +123,7 @@ class RobotControlProcess(ControlProcess):
         self.robot = Robot(
             incarnation, started_us, meanwhile(plan.settings, plan.asked), plan.inputs,
             since_s=started_s, charged_s=started_s, pin=plan.pin, asked=plan.asked,
-            outputs=plan.outputs, slow=slow_outputs.start(plan.outputs),
+            outputs=plan.outputs, slow=slow_outputs.start(plan.outputs), shape=plan.shape,
             handing=placement.Handing(served=plan.has_relay, kept=plan.has_state),
         )  # fmt: skip
         self.settings = plan.asked
@@ -151,7 +153,7 @@ class RobotControlProcess(ControlProcess):
 
     def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None = None) -> None:
         """Take a beat of the cloud, and our own newest."""
-        self.step(CloudBeat(beat, arrived_s, wall_us, sent))
+        self.step(CloudBeat(unveil(beat, self.incarnation), arrived_s, wall_us, sent))
         self.heard = self.robot.link.heard_s == arrived_s
 
     def handle(self, message: object) -> None:

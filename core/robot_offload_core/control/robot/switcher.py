@@ -198,7 +198,7 @@ def frame(robot: Robot, now_s: float) -> Circumstances:
     """Return what the situation is judged against."""
     return Circumstances(
         robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stalls.until_s,
-        stalls.starved(robot, now_s), robot.outputs,
+        stalls.starved(robot, now_s), robot.outputs, robot.shape,
     )  # fmt: skip
 
 

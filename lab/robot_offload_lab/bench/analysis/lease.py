@@ -16,6 +16,7 @@ from typing import Final
 from robot_offload_core.words import beats, envelope
 from robot_offload_core.words.beats import Permission
 from robot_offload_core.words.token import Token
+from robot_offload_core.words.veil import veil_token
 from robot_offload_lab.bench.observed import Departed, Observation, Reached, only
 
 CLOCK_MARGIN_S: Final = 0.001
@@ -72,7 +73,7 @@ def leavings(observations: Sequence[Observation], lease_s: float, begin_s: float
     """
     given: dict[Token, tuple[list[float], list[float]]] = {}
     for grant in grants(observations):
-        arrived, sent = given.setdefault(grant.token, ([], []))
+        arrived, sent = given.setdefault(veil_token(grant.token), ([], []))
         arrived.append(grant.t_s)
         sent.append(max(grant.sent_s, sent[-1] if sent else 0.0))
     found = []

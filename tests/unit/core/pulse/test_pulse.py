@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from robot_offload_core.pulse import pulse
 from robot_offload_core.pulse.pulse import MAX_SENDERS, Heard, Pulse
+from robot_offload_core.words import beats
 from robot_offload_core.words.beats import PERMISSION_BEATS, Beat, CloudReport, Permission
 from robot_offload_core.words.token import Site
 from tests.unit.core.builders import (
@@ -125,7 +126,7 @@ def test_a_withdrawn_grant_is_back_with_the_next_word_of_control() -> None:
 def test_a_report_of_the_cloud_goes_on_and_shows_how_old_it_is() -> None:
     state = replace(speaking(NOW_S - 1.0, acting_report(4)), side=Site.CLOUD)
     beat = composed(state)
-    assert beat.body == acting_report(4)
+    assert beats.unveil(beat, ROBOT).body == acting_report(4)
     assert beat.control_age_us == 1_000_000
 
 
@@ -214,9 +215,34 @@ def test_the_cloud_echoes_the_robot_that_it_serves() -> None:
     state = replace(speaking(body=acting_report(4)), side=Site.CLOUD)
     state, _ = pulse.hear(state, robot_beat(), NOW_S - 0.020)
     state, _ = pulse.hear(state, robot_beat(incarnation=STRANGER), NOW_S - 0.010)
-    echo = composed(state).echo
+    echo = beats.unveil(composed(state), ROBOT).echo
     assert echo is not None
     assert echo.incarnation == ROBOT
+
+
+def test_nothing_that_the_cloud_says_names_a_robot_by_its_incarnation() -> None:
+    state = replace(speaking(body=acting_report(4, refused=STRANGER)), side=Site.CLOUD, incarnation=CLOUD)
+    state, _ = pulse.hear(state, robot_beat(), NOW_S - 0.020)
+    text = beats.encode(composed(state))
+    assert ROBOT not in text
+    assert STRANGER not in text
+
+
+def test_a_partner_of_the_version_before_is_spoken_to_as_it_speaks() -> None:
+    state = replace(speaking(body=acting_report(4, shape="0123abcd")), side=Site.CLOUD, incarnation=CLOUD)
+    state, _ = pulse.hear(state, replace(robot_beat(), version=beats.PREVIOUS), NOW_S - 0.020)
+    said = beats.decode(beats.encode(composed(state)))
+    assert said.version == beats.PREVIOUS
+    assert said.body == acting_report(4)
+    state, _ = pulse.hear(state, robot_beat(NOW_S), NOW_S)
+    assert composed(state).version == beats.VERSION, "it was upgraded"
+
+
+def test_a_stranger_of_the_version_before_does_not_unveil_the_robot_served() -> None:
+    state = replace(speaking(body=acting_report(4)), side=Site.CLOUD, incarnation=CLOUD)
+    state, _ = pulse.hear(state, robot_beat(), NOW_S - 0.020)
+    state, _ = pulse.hear(state, replace(robot_beat(incarnation=STRANGER), version=beats.PREVIOUS), NOW_S - 0.010)
+    assert ROBOT not in beats.encode(composed(state))
 
 
 def test_a_partner_that_was_never_heard_is_not_echoed() -> None:

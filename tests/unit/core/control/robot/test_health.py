@@ -124,6 +124,7 @@ ALWAYS = [
     ("CollectorSilent", told(gate=None)),
     ("CollectorSilent", told(gate_s=None)),
     ("CollectorSilent", silent("gate_s", SETTINGS.lease_s + NUDGE_S)),
+    ("ConfigurationDiffers", lambda was: framed(shape="11111111")(reported(shape="22222222")(was))),
     ("InputsDiffer", reported(input_ages_us=())),
     ("InputsDiffer", reported(input_ages_us=(1_000, 1_000))),
     ("InputStale", reported(input_ages_us=(-1,))),
@@ -219,6 +220,11 @@ def test_our_own_dead_pulse_process_is_not_taken_for_a_dead_link() -> None:
 
 
 # -- inputs
+
+
+@pytest.mark.parametrize(("theirs", "ours"), [("", "11111111"), ("11111111", ""), ("11111111", "11111111")])
+def test_a_configuration_of_the_same_shape_or_of_an_unknown_one_is_no_fault(theirs: str, ours: str) -> None:
+    assert framed(shape=ours)(reported(shape=theirs)(world())).reason() == ""
 
 
 def test_an_input_without_a_limit_is_not_judged_and_has_no_place_in_the_report() -> None:
