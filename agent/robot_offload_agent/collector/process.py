@@ -69,6 +69,7 @@ class CollectorShell:
         self.published: dict[int, str] = {}  # the type, and behind a blank its hash where rmw gives one
         full_name = self.node.get_fully_qualified_name()
         self.rivals = [rivals.Rivals(full_name) for _ in configuration.outputs]
+        self.twins = [rivals.Twins(full_name) for _ in configuration.outputs]
         self.subscriptions = [
             raw.RawSubscription(self.node, o["robot_topic"], o, False, self.robot_handler(i))
             for i, o in enumerate(configuration.outputs)
@@ -202,6 +203,8 @@ class CollectorShell:
                 message = self.process.rival(index, others)
             if message and now - self.started_s < SECOND_PUBLISHER_CHECK_S:
                 self.bus.send("supervisor", Fatal("collector", message))
+            private = [raw.endpoint(info) for info in self.node.get_publishers_info_by_topic(output["robot_topic"])]
+            self.process.twins(index, self.twins[index].look(private, now))
             self.process.note(f"consumers {output.name}", raw.unheard(self.node, output["topic"]))
 
     def robot_handler(self, index: int) -> raw.OnRaw:

@@ -14,7 +14,7 @@ from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.runtime.release import release
 from robot_offload_agent.settings import liaison, robot_report
 from robot_offload_agent.settings.cluster_files import ClusterFiles, wall_text
-from robot_offload_agent.settings.notes import NotesError, decode_robot, encode
+from robot_offload_agent.settings.notes import MAX_VETOES, NotesError, decode_robot, encode
 from robot_offload_agent.settings.offer import offered_limits
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.control.cloud import lease
@@ -24,6 +24,7 @@ from robot_offload_core.control.nodes import replica_parameters
 from robot_offload_core.control.tallies import LinkTally
 from robot_offload_core.link import momentary
 from robot_offload_core.words.messages import Arrived, Limits, Notes, Reported
+from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.token import Site
 
 log = logging.getLogger(__name__)
@@ -128,11 +129,17 @@ class CloudControlShell(ControlShell):
         """Send our notes for the robot, and the limits of the inputs that it has accepted."""
         notes, taken = self.noted = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
         stated = replica_parameters.statements(self.comparison.compared)
-        text = encode(replace(notes, vetoes=self.other_managers, parameters=stated, release=release()))
+        vetoes = (*self.other_managers, *self._twins())[:MAX_VETOES]
+        text = encode(replace(notes, vetoes=vetoes, parameters=stated, release=release()))
         self.bus.send("data", Notes(self.incarnation, text))
         settings = self.process.settings
         limits = offered_limits(self.configuration, taken)
         self.bus.send("data", Limits(settings.max_command_age_s, settings.lease_s, limits))
+
+    def _twins(self) -> tuple[tuple[str, str], ...]:
+        """Return the problems of outputs that several processes here produce."""
+        status = self.process.data_status
+        return tuple(p for p in (status.problems if status is not None else ()) if p[0] == Reason.TWO_REPLICAS)
 
     def write_state(self, now: float) -> None:
         """Write the state file."""

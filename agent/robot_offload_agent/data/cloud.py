@@ -10,7 +10,9 @@ from robot_offload_agent.data.process import DataShell, plan, start
 from robot_offload_agent.errors import StartError
 from robot_offload_agent.ros import raw
 from robot_offload_agent.runtime.bus import Bus
+from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.settings.parameters import Configuration
+from robot_offload_core.collector import rivals
 from robot_offload_core.data.cloud import CloudDataProcess
 
 
@@ -31,6 +33,7 @@ class CloudDataShell(DataShell):
             raw.RawSubscription(self.node, o["cloud_topic"], o, False, raw.stamped(partial(self.leave, index)))
             for index, o in enumerate(configuration.outputs)
         ]
+        self.twins = [rivals.Twins(self.node.get_fully_qualified_name()) for _ in configuration.outputs]
         self.fills: dict[int, Any] = {}
         self.shared = {
             index: raw.RawSubscription(self.node, o["topic"], o, False, partial(self.process.hear_others, index))
@@ -84,6 +87,13 @@ class CloudDataShell(DataShell):
         if index in self.fills:
             self.fills[index].publish(payload)
 
+    def _look_for_twins(self) -> None:
+        """Note several processes that publish the private topic of one output here."""
+        for twins, output in zip(self.twins, self.configuration.outputs, strict=True):
+            topic = output["cloud_topic"]
+            found = [raw.endpoint(info) for info in self.node.get_publishers_info_by_topic(topic)]
+            self.process.note(f"twins {output.name}", rivals.twins_problem(topic, twins.look(found, now_s())))
+
     def _resolve_shared(self) -> None:
         """Subscribe to the public topics of shared outputs, make what fills their private ones."""
         for index, heard in self.shared.items():
@@ -114,6 +124,7 @@ class CloudDataShell(DataShell):
         for subscription in [*self.outputs, *self.watched]:
             resolved.append(subscription.resolve())
             self.process.note(f"output {subscription.spec.name}", subscription.problem)
+        self._look_for_twins()
         self._resolve_shared()
         types = self.input_types()
         for name, spec in self.inputs.items() if self.carried else ():

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from robot_offload_core.collector import gate, results, standby
+from robot_offload_core.collector import gate, results, rivals, standby
 from robot_offload_core.collector.state import Collector
 from robot_offload_core.topics import tallies
 from robot_offload_core.topics.pauses import Pauses
@@ -166,6 +166,11 @@ class CollectorProcess:
             return ""
         self.note(f"public {name}", (Reason.SECOND_PUBLISHER.value, message) if nodes else None)
         return message
+
+    def twins(self, index: int, nodes: list[str]) -> None:
+        """Note which processes publish an output's private topic, when they are several."""
+        _, private = self.ports.topics_of(index)
+        self.note(f"twins {self.plan.outputs[index].name}", rivals.twins_problem(private, nodes))
 
     def compare_types(self) -> None:
         """Note each output whose types differ."""

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from robot_offload_core.words.reasons import Reason
+
 PARTICIPANT_LEASE_S = 25.0
 """Fast DDS forgets a participant that was killed after 20 s."""
 NAME_S = 1.5
@@ -78,3 +80,37 @@ class Rivals:
             self.late |= new
         self.seen_s = {one.identity: self.seen_s.get(one.identity, now_s) for one in endpoints}
         self.late &= self.seen_s.keys()
+
+
+PARTICIPANT_BYTES = 12
+"""The beginning of a DDS GID names its participant: two publishers of one process are one producer."""
+
+
+@dataclass
+class Twins:
+    """Judges the publishers of one private topic, at each look at the graph: one process is to produce an output.
+
+    Whoever was killed and started again is seen twice until the participant's lease of the first one is over.
+
+    Attributes:
+        own_node: full name of our own node, which fills the private topics of shared outputs.
+        seen_s: when each participant was first seen.
+    """
+
+    own_node: str
+    seen_s: dict[bytes, float] = field(default_factory=dict)
+
+    def look(self, found: Iterable[Endpoint], now_s: float) -> list[str]:
+        """Return the nodes of the processes that last, sorted, when they are more than one; nothing otherwise."""
+        nodes = {one.identity[:PARTICIPANT_BYTES]: one.node for one in found if one.node != self.own_node}
+        self.seen_s = {process: self.seen_s.get(process, now_s) for process in nodes}
+        lasting = [nodes[process] for process, seen_s in self.seen_s.items() if now_s - seen_s > PARTICIPANT_LEASE_S]
+        return sorted(lasting) if len(lasting) > 1 else []
+
+
+def twins_problem(topic: str, nodes: list[str]) -> tuple[str, str] | None:
+    """Return the problem, (reason, message), of a private topic with several producers; None for one or none."""
+    if not nodes:
+        return None
+    message = f"{topic} is published by {len(nodes)} processes ({', '.join(nodes)}); end all but one"
+    return Reason.TWO_REPLICAS.value, message

@@ -226,6 +226,10 @@ class Reason(Explained):
         "SecondPublisher", Kind.VETO, "The public topic of an output has a publisher besides the collector",
         "Remap that node's output to the private topic (see the bundle)",
     )  # fmt: skip
+    TWO_REPLICAS = (
+        "TwoReplicas", Kind.VETO, "Two processes of one node publish an output's private topic on the same side",
+        "End all but one: a launch started twice, what a killed launch left behind, an old pod",
+    )  # fmt: skip
     UNDECLARED_PUBLISHER = (
         "UndeclaredPublisher", Kind.VETO, "A duplicated node publishes a topic that no output declares (`strict`)",
         "Declare the topic under outputs, or remap it",
@@ -297,7 +301,14 @@ class Reason(Explained):
 _YIELDING_VETOES = frozenset({Reason.POD_STOPPING})
 """Vetoes for which no robot stands still; for all others that is better than to let the cloud act."""
 
-_HARDENING_VETOES = frozenset({Reason.SECOND_PUBLISHER, Reason.UNDECLARED_PUBLISHER, Reason.SECOND_LIFECYCLE_MANAGER})
+_HARDENING_VETOES = frozenset(
+    {
+        Reason.SECOND_PUBLISHER,
+        Reason.TWO_REPLICAS,
+        Reason.UNDECLARED_PUBLISHER,
+        Reason.SECOND_LIFECYCLE_MANAGER,
+    }
+)
 """Vetoes that are about two at once: "never two" comes before "never none" and before "nothing lost"."""
 
 

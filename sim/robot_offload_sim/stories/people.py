@@ -220,7 +220,27 @@ def second_publisher_unobeyed() -> None:
     stage.until(lambda: stage.site is Site.CLOUD and not stage.driver.inhibited, 8.0, "until it has gone")
 
 
+def two_replicas() -> None:
+    """Two processes of one node in the cloud take it away; with `strict` two on the robot stop the wheels."""
+    twice = [(Reason.TWO_REPLICAS.value, "/robot/cmd_vel is published by 2 processes (/controller, /controller)")]
+    stage = Stage(strict=True)
+    stage.in_cloud()
+    control = stage.robot.control.process
+    collector = stage.robot.collector.process
+    collector.twins(0, ["/controller", "/controller"])
+    stage.always(lambda: stage.phase is Phase.CLOUD and not stage.driver.inhibited, 2.0, "the cloud goes on alone")
+    stage.expect(stage.by_hand(Site.ROBOT), "a person asks for the robot")
+    stage.until_inhibited(2.0, "strict: the wheels stand while the robot acts")
+    collector.twins(0, [])
+    stage.until(lambda: not stage.driver.inhibited, 2.0, "until one of the two is gone")
+    stage.expect(stage.by_hand(Site.CLOUD), "a person asks for the cloud")
+    stage.until(lambda: stage.phase is Phase.CLOUD, 4.0, "the cloud acts")
+    control.veto("cloud", twice)
+    stage.until(lambda: stage.site is Site.ROBOT, RIVAL_S, "two in the cloud take it away")
+
+
 STORIES = (
+    two_replicas,
     second_publisher,
     second_publisher_unobeyed,
     there_and_back,

@@ -42,6 +42,17 @@ def test_a_second_publisher_takes_the_cloud_away_although_the_robot_cannot_act(b
     world.until(lambda: world.driver.inhibited, "the driver is inhibited")
 
 
+def test_two_processes_of_one_node_in_the_cloud_take_it_away(build: Callable[..., World]) -> None:
+    world = build(plain=True)
+    world.start()
+    first = world.nodes["cloud"]
+    world.start_node("cloud")
+    world.until(lambda: (world.site, world.reason) == ("robot", "TwoReplicas"), "the robot is in charge")
+    assert "/offload/cloud/command is published by 2 processes (/remote_walker, /remote_walker)" in world.message
+    first.kill()
+    world.until(lambda: world.site == "cloud", "the cloud acts again when one of the two is gone")
+
+
 def test_a_replica_that_publishes_what_nobody_declared_takes_the_cloud_away_and_stops_the_driver_when_strict(
     build: Callable[..., World],
 ) -> None:

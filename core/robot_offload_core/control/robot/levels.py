@@ -79,7 +79,7 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     armed = robot.preparation is not None and robot.preparation.armed
     gate_told = robot.situation.gate
     outputs_flow, outputs_heard = outputs_flow_now(robot, now_s), outputs_heard_now(robot, now_s)
-    stop = next((v.message for v in requests.reported(robot) if v.stops), "") if robot.vetoes else ""
+    stop = requests.stop(robot) if robot.vetoes else ""
     silent = () if gate_told is None else gate_told.names(_silent(robot, gate_told, now_s), robot.outputs)
     cloud_while = _cloud_while(robot)
     prompt = robot.preparation is not None and robot.preparation.prompt

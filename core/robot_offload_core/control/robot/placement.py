@@ -312,12 +312,15 @@ class Veto:
             that hardens becomes a LIMIT when that has not come about by the activation deadline) or ATTEMPT (the policy
             does not begin a stay; pins and switches by hand wait for it, see readiness.py).
         message: for people.
-        stops: the driver is to be stopped meanwhile, whoever acts (`strict`).
+        stops: the driver is to be stopped meanwhile (`strict`), whoever acts.
+        of_robot: it is about the robot's own replica: it does not forbid the cloud, and stops the driver only while
+            the robot acts.
     """
 
     reason: Reason
     message: str
     stops: bool = False
+    of_robot: bool = False
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ DEADLINE_MARGIN_S = 0.0005
 VETOES = {
     reason.value: reason for reason in (
         Reason.SECOND_PUBLISHER, Reason.UNDECLARED_PUBLISHER, Reason.TYPES_DIFFER, Reason.DUPLICATE_AGENT,
-        Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER,
+        Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER, Reason.TWO_REPLICAS,
     )
 }  # fmt: skip
 """Problems that other processes find and that forbid the cloud, or hinder the policy."""
@@ -210,7 +210,12 @@ class RobotControlProcess(ControlProcess):
     def veto(self, source: str, problems: Iterable[tuple[str, str]]) -> None:
         """Take the problems, (reason, message), of one source: those in VETOES reach the machine."""
         vetoes = tuple(
-            placement.Veto(VETOES[reason], message, stops=self.strict and VETOES[reason].forbids)
+            placement.Veto(
+                VETOES[reason],
+                message,
+                stops=self.strict and VETOES[reason].forbids,
+                of_robot=source == "collector" and reason == Reason.TWO_REPLICAS,
+            )
             for reason, message in problems
             if reason in VETOES and (self.strict or reason != Reason.UNDECLARED_PUBLISHER)
         )

@@ -23,7 +23,14 @@ def pin(robot: Robot, now_s: float) -> Site | None:
 def reported(robot: Robot) -> Iterator[Veto]:
     """Yield what other processes found that forbids the cloud."""
     for vetoed in robot.vetoes:
-        yield from (v for v in vetoed.vetoes if v.reason.forbids)
+        yield from (v for v in vetoed.vetoes if v.reason.forbids and not v.of_robot)
+
+
+def stop(robot: Robot) -> str:
+    """Return why the driver is to be stopped whoever acts; "" when it is not."""
+    acts = IN_CHARGE[robot.phase] is Site.ROBOT
+    found = (veto for vetoed in robot.vetoes for veto in vetoed.vetoes if veto.stops)
+    return next((veto.message for veto in found if acts or not veto.of_robot), "")
 
 
 def forbid(robot: Robot, vetoed: Vetoed, now_s: float) -> Robot:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot_offload_core.collector.rivals import NAME_S, PARTICIPANT_LEASE_S, Endpoint, Rivals
+from robot_offload_core.collector.rivals import NAME_S, PARTICIPANT_LEASE_S, Endpoint, Rivals, Twins
 
 OURS = Endpoint(b"1", "/offload_collector")
 
@@ -69,3 +69,28 @@ def test_one_without_a_name_has_a_moment_to_get_one() -> None:
     assert rivals.look([nameless], 0, 0.0) == []
     assert rivals.look([nameless], 0, NAME_S) == []
     assert rivals.look([nameless], 0, NAME_S + 0.1) == ["a node without a name"]
+
+
+FIRST, SECOND = (Endpoint(bytes(11) + bytes([n]) + b"end1", "/walker") for n in (1, 2))
+
+
+def test_two_lasting_processes_of_one_node_on_a_private_topic_are_two_replicas() -> None:
+    twins = Twins("/offload_collector")
+    assert twins.look([FIRST, SECOND], 0.0) == []
+    assert twins.look([FIRST, SECOND], PARTICIPANT_LEASE_S + 0.1) == ["/walker", "/walker"]
+    assert twins.look([SECOND], PARTICIPANT_LEASE_S + 0.2) == []
+
+
+def test_a_node_that_was_killed_and_started_again_is_no_second_replica() -> None:
+    twins = Twins("/offload_collector")
+    assert twins.look([FIRST], 0.0) == []
+    assert twins.look([FIRST, SECOND], 100.0) == []
+    assert twins.look([FIRST, SECOND], 100.0 + PARTICIPANT_LEASE_S) == []
+    assert twins.look([SECOND], 101.0 + PARTICIPANT_LEASE_S) == []
+
+
+def test_what_we_fill_in_and_a_second_publisher_of_one_process_are_no_second_replica() -> None:
+    twins = Twins("/offload_collector")
+    ours, again = Endpoint(bytes(16), "/offload_collector"), Endpoint(FIRST.identity[:12] + b"end2", "/walker")
+    for now_s in (0.0, PARTICIPANT_LEASE_S + 0.1):
+        assert twins.look([ours, FIRST, again], now_s) == []

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from robot_offload_core.control.nodes import managed_nodes
+from robot_offload_core.control.robot import requests
 from robot_offload_core.control.robot.availability import Available
 from robot_offload_core.control.robot.process import LEVELS_PER_LEASE, RobotControlProcess, RobotPlan
 from robot_offload_core.words.beats import Beat
@@ -86,6 +87,17 @@ def test_a_second_publisher_is_a_veto_and_with_strict_stops_the_driver() -> None
         assert [(v.reason.value, v.stops) for v in vetoed.vetoes] == [("SecondPublisher", strict)]
         process.veto("collector", [])
         assert process.robot.vetoes == ()
+
+
+def test_two_replicas_in_the_cloud_forbid_it_and_two_on_the_robot_stop_only_the_robot_that_acts() -> None:
+    problem = [("TwoReplicas", "/offload/command is published by 2 processes (/walker, /walker)")]
+    for source, forbids in (("cloud", True), ("collector", False)):
+        process, _ = control(strict=True)
+        process.veto(source, problem)
+        assert bool(list(requests.reported(process.robot))) is forbids
+        assert requests.stop(process.robot) == problem[0][1]
+        in_cloud = replace(process.robot, phase=Phase.CLOUD)
+        assert bool(requests.stop(in_cloud)) is forbids
 
 
 def test_an_undeclared_publisher_is_a_veto_only_when_that_is_wanted() -> None:
