@@ -74,6 +74,8 @@ RESENT = FOLLOW | {"onSwitch": "Resend"}
 TF = {"topic": "/tf", "frames": [{"parent": "map", "child": "odom"}]}
 _HOT = {key: value for key, value in _SPEC["nodes"][1].items() if key != "standby"}
 _PLANNER = _SPEC["nodes"][2]
+POOL = _PLANNER | {"lifecycle": False, "services": [PLAN], "replicas": 2}
+"""A node whose calls several pods share."""
 
 _SERVED: tuple[Example, ...] = (
     *_of("spec.nodes[]", "Required", (_ACTION, [FOLLOW]), (_ACTION, [RESENT, {**FOLLOW, "name": "/spin"}])),
@@ -100,6 +102,14 @@ _SERVED: tuple[Example, ...] = (
         ("spec.nodes.0.uses", {"actions": [FOLLOW]}),
     ),
     *_of("spec.nodes[]", "OneReplica", *(("spec.nodes.2.services", [PLAN | {"mode": it}]) for it in ("Both", "Race"))),
+    *_of("spec.nodes[]", "OneActs", (f"{_CONTROLLER}.replicas", 2), ("spec.nodes.0.replicas", 1)),
+    *_of("spec.nodes[]", "OnePublisher", ("spec.nodes.2", POOL | {"outputs": [{"topic": "/plan"}]})),
+    *_of("spec.nodes[]", "GoalsNotShared", ("spec.nodes.2", POOL | {"actions": [FOLLOW]})),
+    *_of("spec.nodes[]", "OneLifecycle", ("spec.nodes.2", POOL | {"lifecycle": True})),
+    *_of("spec.nodes[]", "NothingShared", ("spec.nodes.2", POOL | {"services": []})),
+    *_of("spec.nodes[]", "NoProgram", ("spec.nodes.2", {key: it for key, it in POOL.items() if key != "run"})),
+    *_of("spec.nodes[]", "TooLong", ("spec.nodes.2", POOL | {"services": [PLAN | {"name": f"/{'a' * 160}"}]})),
+    *_of("spec.nodes[]", "OutOfRange", ("spec.nodes.2", POOL | {"maxReplicas": 1}), ("spec.nodes.2.maxReplicas", 2)),
     *_of("spec.nodes[]", "NoReplica", ("spec.nodes.2.state", [{"snapshot": True}]),
          ("spec.nodes.2.actions", [RESENT]),
          ("spec.nodes.0.state", [{"parameters": {}}])),
@@ -403,6 +413,9 @@ KEPT: tuple[tuple[str, Any], ...] = (
     (f"{_LATENCY}.cloudPeriod", "79ms"),
     ("spec.switching.holdDown", {"initial": "30s"}),
     ("spec.scale", {"idleTimeout": "0s"}),
+    ("spec.nodes.2", POOL),
+    ("spec.nodes.2", POOL | {"replicas": 1, "maxReplicas": 32}),
+    ("spec.nodes.2", POOL | {"services": [PLAN | {"name": f"/{'a' * 159}"}]}),
     ("spec.replicas", 0),
 )
 """Changes after which the sample is still right."""

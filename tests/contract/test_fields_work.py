@@ -59,6 +59,7 @@ CONDITION = {"topic": "/a", "within": "50ms"}
 CARRIED = {"topics.toCloud.0": {"name": "/a"}, "topics.toCloud.1": {"name": "/b"}}
 FRAME = {"parent": "map", "child": "odom"}
 CALL = {"name": "/a", "type": "a/srv/A"}
+POOL = {"name": "p", "placement": "Cloud", "lifecycle": False, "run": BY_PACKAGE, "image": "a", "services": [CALL]}
 GOAL = {"name": "/a", "type": "a/action/A"}
 FOLLOW = GOAL | {"onSwitch": "Resend"}
 HELD = GOAL | {"onSwitch": "Hold"}
@@ -171,6 +172,8 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     "nodes[].placement": ({}, "nodes.2.placement", "Cloud", "Duplicated"),
     "nodes[].core": ({}, "nodes.1.core", True, False),
     "nodes[].lifecycle": ({}, "nodes.2.lifecycle", True, False),
+    "nodes[].replicas": ({"nodes.2": POOL}, "nodes.2.replicas", 2, 3),
+    "nodes[].maxReplicas": ({"nodes.2": POOL | {"replicas": 1}}, "nodes.2.maxReplicas", 3, 4),
     "nodes[].standby.robot": ({}, "nodes.1.standby.robot", "Warm", "Hot"),
     "nodes[].standby.cloud": ({}, "nodes.1.standby.cloud", "Warm", "Cold"),
     "nodes[].run.command": ({}, f"{RUN}.command", ["a"], ["b"]),

@@ -35,12 +35,14 @@ class Owner(Protocol):
     """The shell that entities belong to.
 
     Attributes:
-        process: takes what arrives; exists when the loop runs.
         node, loop: of the process.
         inherited: answers the callers of a predecessor.
     """
 
-    process: RelayProcess
+    @property
+    def process(self) -> RelayProcess:
+        """Return what takes what arrives; it exists when the loop runs."""
+
     node: Node
     loop: Loop
     inherited: Inherited

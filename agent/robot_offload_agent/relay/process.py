@@ -70,7 +70,6 @@ class RelayShell:
         self.action_servers: dict[tuple[Face, str], ActionServer] = {}
         self.service_clients: dict[tuple[Face, str], ServiceClient] = {}
         self.action_clients: dict[tuple[Face, str], ActionClient] = {}
-        self.calls: dict[int, ServiceClient] = {}
         self.look_due_s, self.hurried_s = 0.0, now_s() + HURRIED_S
         self.succeeds = False
 
@@ -79,11 +78,11 @@ class RelayShell:
     def build(self, plan: RelayPlan) -> None:
         """Make the entities; raise StartError naming a type that is missing."""
         public, side = self.side == "robot", self.side
-        for name, kind, of_cloud in [(s.name, s.type, s.of_cloud) for s in plan.services]:
+        for service in plan.services:
             if public:
-                self._serve_service(Face.PUBLIC, name, name, kind)
-            if not (public and of_cloud):
-                self._call_service(Face.GROUP, name, private_name(side, name), kind)
+                self._serve_service(Face.PUBLIC, service.name, service.name, service.type)
+            if not service.pooled and not (public and service.of_cloud):
+                self._call_service(Face.GROUP, service.name, private_name(side, service.name), service.type)
         for name, kind, of_cloud in [(a.name, a.type, a.of_cloud) for a in plan.actions]:
             if public:
                 self._serve_action(Face.PUBLIC, name, name, kind)
@@ -209,13 +208,11 @@ class RelayShell:
 
     def call(self, face: Face, service: str, key: int, payload: bytes) -> None:
         """Call a service."""
-        client = self.calls[key] = self.service_clients[face, service]
-        self.tried(service, partial(client.call, key, payload))
+        self.tried(service, partial(self.service_clients[face, service].call, key, payload))
 
     def forget_call(self, key: int) -> None:
         """Drop a call."""
-        client = self.calls.pop(key, None)
-        if client is not None:
+        for client in self.service_clients.values():
             client.forget(key)
 
     # -- as a server ---------------------------------------------------------------------------------------------------

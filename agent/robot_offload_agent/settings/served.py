@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -21,6 +22,8 @@ from robot_offload_core.words.declared import (
 from robot_offload_core.words.settings import Settings
 from robot_offload_core.words.token import Site
 
+_MEMBER = re.compile(r"/offload/cloud/(?P<member>pod_[a-z0-9_]+)(?P<name>/.+)")
+"""Only pods of pools have names that begin so: names of the group that are public may not begin with /offload."""
 Spec = ServiceSpec | ActionSpec | UsedService | UsedAction
 _SERVICE = r"[a-z][a-z0-9_]*/srv/[A-Z][A-Za-z0-9]*"
 _ACTION = r"[a-z][a-z0-9_]*/action/[A-Z][A-Za-z0-9]*"
@@ -39,6 +42,7 @@ SERVICE: dict[str, Parameter] = {
     **_SERVED,
     "type": Parameter(None, "interface type", pattern=_SERVICE),
     "mode": Parameter("Holder", "who executes a call", choices=tuple(m.value for m in ServiceMode)),
+    "pooled": Parameter(False, "its node has several pods, each of which serves it under a name of its own"),
 }
 ACTION: dict[str, Parameter] = {
     **_SERVED,
@@ -75,6 +79,12 @@ _WORDS: dict[str, Callable[[Any], Any]] = {"mode": ServiceMode, "on_switch": OnS
 def private_name(side: str, name: str) -> str:
     """Return the name by which a side's group serves or uses a public name."""
     return f"/offload/{side}{name}"
+
+
+def member_in(full: str, name: str) -> str | None:
+    """Return the pod of a pool that serves a public name under a private one; None for another name."""
+    found = _MEMBER.fullmatch(full)
+    return found["member"] if found is not None and found["name"] == name else None
 
 
 def relay_plan(declared: Mapping[str, Sequence[tuple[str, Mapping[str, Any]]]], settings: Settings) -> RelayPlan:

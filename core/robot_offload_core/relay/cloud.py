@@ -34,6 +34,7 @@ from robot_offload_core.relay.goals.words import (
     ResumeWord,
     Word,
 )
+from robot_offload_core.relay.pools import Pools
 from robot_offload_core.relay.post import Post
 from robot_offload_core.relay.process import MAX_PAYLOAD, STATUS_S, RelayPlan, RelayProcess, status_problems
 from robot_offload_core.words.declared import ActionSpec, ServiceSpec, UsedAction, UsedService
@@ -65,6 +66,7 @@ class CloudRelay(RelayProcess):
         inherited: actions whose server may execute what a predecessor of this relay began, until the robot's relay or
             a cancel of all goals has settled that, from inherited_s on. sweeping: until when such a cancel may act.
         calls: at servers here. used: calls and goals of the replicas here at used names.
+        pools: shares the calls at nodes with several pods.
     """
 
     def __init__(self, plan: RelayPlan, ports: CloudRelayPorts, incarnation: str) -> None:
@@ -89,6 +91,7 @@ class CloudRelay(RelayProcess):
         self.sweeping: dict[str, float] = {}
         self._of_cloud = {spec.name for spec in served if spec.of_cloud}
         self.used = CloudUsed(plan, ports, self.post, self.acts_under, self.counters)
+        self.pools = Pools(plan.services, ports, self.counters)
 
     # -- who may ------------------------------------------------------------------------------------------------------
 
@@ -140,7 +143,8 @@ class CloudRelay(RelayProcess):
         """Return when `turn` has something to do."""
         runs = [self._runs_until_s(run) for run in self.own.runs.values() if not run.cancel]
         inherited = [self._inherited_until_s(action) for action in self.inherited & self.own.seen.keys()]
-        return min([self.post.due_s(), self.status_due_s, self.own.due_s(), self.used.due_s(), *runs, *inherited])
+        parts = (part.due_s() for part in (self.post, self.own, self.used, self.pools))
+        return min([self.status_due_s, *parts, *runs, *inherited])
 
     def turn(self) -> None:
         """Do what is due."""
@@ -149,6 +153,7 @@ class CloudRelay(RelayProcess):
         self._cancel_inherited(now_s)
         self.own.turn()
         self.used.turn()
+        self.pools.turn()
         self.post.turn(self._hello())
         self._report(now_s)
 
@@ -160,6 +165,7 @@ class CloudRelay(RelayProcess):
             word, met = self.post.take(message.data)
             if met:
                 self.calls.clear()
+                self.pools.forget()
                 self._unname()
                 self.used.robot_relay_met()
             if word is not None:
@@ -168,7 +174,7 @@ class CloudRelay(RelayProcess):
     def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
         """Take the servers in the graph."""
         seen = {name: endpoints for face, name, endpoints in servers if face is Face.GROUP}
-        self.services = seen
+        self.services = {n: endpoints for n, endpoints in seen.items() if n not in self.pools.services}
         actions = {spec.name for spec in self.plan.actions}
         self.own.servers_seen({name: endpoints for name, endpoints in seen.items() if name in actions})
 
@@ -214,13 +220,22 @@ class CloudRelay(RelayProcess):
 
     def _call(self, word: CallWord) -> None:
         admitted = self._admits_word(word.service, word.token, standby=word.standby)
-        if not admitted or word.service not in self.services or word.service not in self._of:
+        if not admitted or not self._begin_call(word):
             self.counters["calls.not_holder"] += 1
             self.post.write(CalledWord(Face.GROUP, word.key, CallVerdict.NOT_HOLDER, b""))
             return
-        self.number += 1
         self.calls[self.number] = Pending(self.post.courier.peer, word.key, word.service in self._of_cloud)
+
+    def _begin_call(self, word: CallWord) -> bool:
+        """Call a server here under the next number; return False when there is none."""
+        if word.service in self.pools.services:
+            self.number += 1
+            return self.pools.call(word.service, self.number, word.payload)
+        if word.service not in self.services or word.service not in self._of:
+            return False
+        self.number += 1
         self.ports.call(Face.GROUP, word.service, self.number, word.payload)
+        return True
 
     def _outcome(self, outcome: Outcome) -> None:
         """Report what a server did; without a lease too: no answer and no result is an effect."""
@@ -264,6 +279,7 @@ class CloudRelay(RelayProcess):
 
     def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
         """Take an answer and pass it on to the relay that asked."""
+        self.pools.answered(key)
         pending = self.calls.pop(key, None)
         if pending is None or pending.peer != self.post.courier.peer:
             return
@@ -353,7 +369,8 @@ class CloudRelay(RelayProcess):
     def _up(self) -> tuple[str, ...]:
         nodes = dict(self.egress.nodes) if self.egress is not None else {}
         active = State.ACTIVE.value
-        return tuple(sorted(n for n in self.services if nodes.get(self._of.get(n, ""), active) == active))
+        names = {*self.services, *self.pools.up()}
+        return tuple(sorted(n for n in names if nodes.get(self._of.get(n, ""), active) == active))
 
     def _hello(self) -> Hello:
         agent = self.egress.incarnation if self.egress is not None else ""

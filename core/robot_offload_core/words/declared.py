@@ -118,6 +118,7 @@ class ServiceSpec:
         core: its node is CORE.
         of_cloud: its node has no replica on the robot and acts by presence (placement Cloud).
         hot: sides on which its node stays Active in standby.
+        pooled: its node has several pods, and each serves it under a name of its own.
     """
 
     name: str
@@ -128,6 +129,7 @@ class ServiceSpec:
     core: bool = False
     of_cloud: bool = False
     hot: tuple[Site, ...] = ()
+    pooled: bool = False
 
     def check(self) -> None:
         """Raise SettingsError naming the first value that cannot work."""
@@ -136,6 +138,8 @@ class ServiceSpec:
         _check_positive("timeout_s", self.timeout_s)
         if self.of_cloud and self.mode in (ServiceMode.BOTH, ServiceMode.RACE):
             raise SettingsError(f"mode: must be Holder or Idempotent, there is one replica and no {self.mode.value}")
+        if self.pooled and not self.of_cloud:
+            raise SettingsError("pooled: must be false, only a node that runs in the cloud alone has several pods")
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from robot_offload.decide.ownership import (
     key_of,
     owner_described,
 )
+from robot_offload.decide.scaling import followed
 from robot_offload.kube.port import Manifest
 
 
@@ -151,6 +152,8 @@ def plan(
         names.add(key)
         stamp = stamped(manifest, uid)
         there = live.get(key)
+        if there is not None:
+            stamp = followed(stamp, there)
         if there is not None and belongs(there, uid):
             added.append(additions(manifest, there))
         if there is None:

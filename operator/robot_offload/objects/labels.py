@@ -13,6 +13,8 @@ INSTANCE: Final = "app.kubernetes.io/instance"
 COMPONENT: Final = "app.kubernetes.io/component"
 MANAGED_BY: Final = "app.kubernetes.io/managed-by"
 NODE: Final = "robotoffload.dev/node"
+MOST_PODS: Final = "robotoffload.dev/max-replicas"
+"""Annotation of a Deployment that an autoscaler may scale: to how many pods at most."""
 MANAGER: Final = "robot-offload"
 
 

@@ -8,8 +8,7 @@ from typing import Any, Final
 from robot_offload.api.v1alpha1 import CloudSide, RobotOffload, Toleration
 from robot_offload.kube.kinds import DEPLOYMENT
 from robot_offload.kube.port import Manifest
-from robot_offload.objects import hashes
-from robot_offload.objects.labels import labels
+from robot_offload.objects import hashes, labels
 from robot_offload.objects.parent import Parent, Part
 from robot_offload.objects.pod_spec import laid_over
 
@@ -62,7 +61,7 @@ def pod_template(
         spec["imagePullSecrets"] = [{"name": name} for name in pull_secrets]
     return {
         "metadata": {
-            "labels": {**labels(parent.offload, part.component), **part.own},
+            "labels": {**labels.labels(parent.offload, part.component), **part.own},
             "annotations": {hashes.ANNOTATION: read},
         },
         "spec": laid_over(spec, parent.facts.pod_spec, cloud.pod_spec, own or {}),
@@ -116,18 +115,32 @@ def literal(text: str) -> str:
     return text.replace("$", "$$")
 
 
-def deployment(parent: Parent, part: Part, template: Manifest, *, replicas: int = 1) -> Manifest:
-    """Return a Deployment of one pod at most: the old one is gone before the new one starts, never two at a time."""
+def deployment(parent: Parent, part: Part, template: Manifest, *, replicas: int = 1, most: int = 0) -> Manifest:
+    """Return a Deployment.
+
+    Args:
+        parent: whose it is.
+        part: which part it is.
+        template: of its pods.
+        replicas: how many pods.
+        most: 0: one pod at most, the old one is gone before the new one starts, never two at a time. Else the pods are
+            a pool and may overlap; an autoscaler may ask for so many.
+    """
+    strategy: Manifest = {"type": "Recreate"}
+    if most:
+        # Written out: what the API server fills in would stay when the node is no pool any more, and be refused.
+        strategy = {"type": "RollingUpdate", "rollingUpdate": {"maxSurge": "25%", "maxUnavailable": "25%"}}
     body = {
         "replicas": replicas,
         "revisionHistoryLimit": 2,
         # A pod that dies again and again within these seconds is not said to be available in between.
         "minReadySeconds": 3,
-        "strategy": {"type": "Recreate"},
+        "strategy": strategy,
         "selector": {"matchLabels": parent.selector(part)},
         "template": template,
     }
-    return parent.child(DEPLOYMENT, part, {"spec": body})
+    annotations = {labels.MOST_PODS: str(most)} if most > max(replicas, 1) else None
+    return parent.child(DEPLOYMENT, part, {"spec": body}, annotations)
 
 
 def ros_environment(offload: RobotOffload) -> dict[str, str]:

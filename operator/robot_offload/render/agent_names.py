@@ -71,6 +71,7 @@ def _service(node: Node, service: Service) -> dict[str, Any]:
         "type": service.type,
         "mode": service.mode,
         "timeout_ms": float(service.timeout_ms),
+        "pooled": node.most_pods > 0,
         **_server(node),
     }
 

@@ -1,4 +1,4 @@
-"""The replicas of the application's nodes in the cloud: one Deployment of one pod per node."""
+"""The replicas of the application's nodes in the cloud: one Deployment per node, of one pod or of a pool."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_offload.objects.facts import Facts
 from robot_offload.objects.hashes import config_hash
 from robot_offload.objects.names import AGENT, PARAMETERS, child_name, node_child
 from robot_offload.objects.parent import Parent, Part
-from robot_offload.render import dds_profile, handover
+from robot_offload.render import dds_profile, handover, pool
 from robot_offload.render.parameter_files import RenamedFile, renamed_files
 from robot_offload.render.ros_names import command
 
@@ -42,22 +42,22 @@ def replicas(spec: RobotOffloadSpec, node: Node, facts: Facts) -> int:
     if node.duplicated and node.standby.cloud == "Cold":
         usable = spec.switching.pin != "Robot" and spec.switching.mode == "Auto"
         return int(facts.robot_connected and usable)
-    return 1
+    return node.replicas or 1
 
 
 def _deployment(parent: Parent, node: Node, image: str, files: Mapping[str, RenamedFile]) -> Manifest:
     name = node_child(parent.name, node.name)
     part = Part(name, "node", {labels.NODE: name})
     volumes, mounts, params_file = _parameter_file(parent, node, files)
-    extra: Manifest = {"lifecycle": handover.pre_stop()} if node.duplicated else {}
+    extra: Manifest = {}
+    if node.duplicated or node.most_pods:
+        extra["lifecycle"] = pool.pre_stop() if node.most_pods else handover.pre_stop()
     if node.image_pull_policy is not None:
         extra["imagePullPolicy"] = node.image_pull_policy
     container = pod.container(
         CONTAINER,
         image,
-        [pod.literal(word) for word in command(parent.spec, node, "cloud", params_file=params_file)]
-        if node.run
-        else (),
+        _args(parent, node, params_file),
         environment=_environment(parent, node),
         mounts=[*mounts, *dds_profile.mounts(parent.offload)],
         resources={
@@ -75,17 +75,18 @@ def _deployment(parent: Parent, node: Node, image: str, files: Mapping[str, Rena
         part,
         [container],
         read=config_hash(_read_at_start(node, parent.facts)),
-        grace_s=handover.GRACE_S,
+        grace_s=pool.grace_s(node) if node.most_pods else handover.GRACE_S,
         volumes=[*volumes, *dds_profile.volumes(parent.offload)],
         extra=placed,
         own=node.pod_spec,
     )
-    return pod.deployment(parent, part, template, replicas=replicas(parent.spec, node, parent.facts))
+    count = replicas(parent.spec, node, parent.facts)
+    return pod.deployment(parent, part, template, replicas=count, most=node.most_pods)
 
 
 def _args(parent: Parent, node: Node, params_file: str | None) -> list[str]:
     words = command(parent.spec, node, "cloud", params_file=params_file) if node.run else ()
-    return [pod.literal(word) for word in words]
+    return [pod.literal(word) for word in (pool.named(words) if node.most_pods else words)]
 
 
 def _environment(parent: Parent, node: Node) -> dict[str, str | Manifest]:
@@ -96,6 +97,8 @@ def _environment(parent: Parent, node: Node) -> dict[str, str | Manifest]:
     }
     if node.duplicated:
         own[handover.URL_VARIABLE] = handover.url(child_name(parent.name, AGENT), parent.uid)
+    if node.most_pods:
+        own |= pool.environment(node, child_name(parent.name, AGENT), parent.uid)
     # What decides where the node belongs is ours; everything else, such as HOME, a user may set.
     fixed = {name: value for name, value in own.items() if name not in ("HOME", "ROS_LOG_DIR")}
     return {**own, **{one.name: _value(one) for one in node.env}, **fixed}

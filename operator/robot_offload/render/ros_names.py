@@ -20,9 +20,19 @@ ACTION_PARTS: Final = ("send_goal", "cancel_goal", "get_result", "feedback", "st
 """The hidden services and topics of an action: rclpy and rclcpp make the same five."""
 
 
+THIS_POD: Final = "pod_this"
+"""Stands for the pod's own name in the private names of a node with several pods, until the pod starts."""
+
+
 def private_topic(side: Side, topic: str) -> str:
     """Return where the replica of one side has what goes through the agent: `/cmd_vel` -> `/offload/robot/cmd_vel`."""
     return f"/offload/{side}{topic}"
+
+
+def served_name(node: Node, side: Side, name: str) -> str:
+    """Return where a node has a name that goes through the agent; a service of several pods has one name in each."""
+    pooled = node.most_pods > 0 and side == "cloud" and any(it.name == name for it in node.services)
+    return private_topic(side, f"/{THIS_POD}{name}" if pooled else name)
 
 
 def replica_name(node: Node, side: Side) -> str:
@@ -104,9 +114,9 @@ def remappings(spec: RobotOffloadSpec, node: Node, side: Side) -> dict[str, str]
         if full in actions:
             rules |= _hidden_rules(source, private_topic(side, full))
         else:
-            rules[source] = private_topic(side, full) if full in plain else target
+            rules[source] = served_name(node, side, full) if full in plain else target
     for name in plain:
-        rules.setdefault(name, private_topic(side, name))
+        rules.setdefault(name, served_name(node, side, name))
     for name in actions:
         rules = _hidden_rules(name, private_topic(side, name)) | rules
     return rules

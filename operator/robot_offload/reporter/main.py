@@ -22,6 +22,7 @@ from robot_offload.kube.retry import RetryPolicy
 from robot_offload.reporter import mirror
 from robot_offload.reporter.handover import WAIT_S, Handovers
 from robot_offload.reporter.leases import WRITE_WITHIN_S, ClusterLease, Leases
+from robot_offload.reporter.leaving import Leaving
 from robot_offload.reporter.metrics import Counts
 from robot_offload.reporter.offered import OfferedSettings
 from robot_offload.reporter.server import application
@@ -83,12 +84,15 @@ class Reporter:
         self._mirror = mirror.Mirror()
         self._counts = Counts()
         self._handovers = Handovers(settings.handover_file, lambda: self._sight, time.monotonic)
+        self._leaving = Leaving(settings.handover_file.parent, lambda: self._sight, time.monotonic)
         self._streams = Streams(lambda: self._sight, self._counts, time.monotonic)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Work until `stop` is set; then end the handover that is under way and report the last state."""
         proof = self._settings.handover_proof
-        app = application(lambda: self._sight, self._counts, self._handovers, proof, self._streams, time.monotonic)
+        app = application(
+            lambda: self._sight, self._counts, self._handovers, self._leaving, proof, self._streams, time.monotonic
+        )
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=WAIT_S)
         await runner.setup()
         site = web.TCPSite(runner, None, self._settings.port)

@@ -10,6 +10,7 @@ from aiohttp import web
 
 from robot_offload.api.agent_state import Sight, silence
 from robot_offload.reporter.handover import Handovers, Outcome
+from robot_offload.reporter.leaving import MEMBER, Leaving
 from robot_offload.reporter.metrics import Counts, exposition
 from robot_offload.reporter.stream import Streams
 
@@ -21,6 +22,7 @@ def application(
     sight: Callable[[], Sight],
     counts: Counts,
     handovers: Handovers,
+    leaving: Leaving,
     proof: str,
     streams: Streams,
     now: Callable[[], float],
@@ -31,6 +33,7 @@ def application(
         sight: the agent's state as last seen.
         counts: what is counted here.
         handovers: what asks the agent.
+        leaving: what asks the agent for a pod of a pool that is to end.
         proof: the word that whoever asks for a handover must know.
         streams: who follows the state.
         now: the steady clock in seconds.
@@ -52,8 +55,41 @@ def application(
     async def metrics(_: web.Request) -> web.Response:
         return web.Response(body=exposition(sight(), counts, now()), headers={"Content-Type": METRICS_TYPE})
 
+    app = web.Application()
+    app.add_routes(
+        [
+            web.get("/healthz", healthz),
+            web.get("/readyz", readyz),
+            web.get("/state", state),
+            web.get("/stream", streams.serve, allow_head=False),
+            web.get("/metrics", metrics),
+            *_asked_by_pods(counts, handovers, leaving, proof),
+        ]
+    )
+    app.on_shutdown.append(streams.close)
+    return app
+
+
+def _asked_by_pods(counts: Counts, handovers: Handovers, leaving: Leaving, proof: str) -> list[web.RouteDef]:
+    """Return what pods ask for before they stop."""
+
+    def known(request: web.Request) -> bool:
+        return hmac.compare_digest(request.match_info["proof"].encode(), proof.encode())
+
+    async def leave(request: web.Request) -> web.Response:
+        member = request.match_info["member"]
+        if not known(request):
+            return web.json_response({"message": "only pods of this RobotOffload may ask to leave"}, status=403)
+        if not MEMBER.fullmatch(member):
+            return web.json_response({"message": "this is not a name that pods of pools have"}, status=400)
+        try:
+            outcome = await leaving.leave(member)
+        except OSError as error:
+            return web.json_response({"message": f"the agent cannot be asked: {error.strerror}"}, status=500)
+        return web.json_response({"reason": outcome.value}, status=STATUS[outcome])
+
     async def handover(request: web.Request) -> web.Response:
-        if not hmac.compare_digest(request.match_info["proof"].encode(), proof.encode()):
+        if not known(request):
             return web.json_response({"message": "only pods of this RobotOffload may ask for a handover"}, status=403)
         counts.handovers += 1
         try:
@@ -63,19 +99,7 @@ def application(
         body = {"handover": answer.id, "reason": answer.outcome.value, "message": answer.message}
         return web.json_response(body, status=STATUS[answer.outcome])
 
-    app = web.Application()
-    app.add_routes(
-        [
-            web.get("/healthz", healthz),
-            web.get("/readyz", readyz),
-            web.get("/state", state),
-            web.get("/stream", streams.serve, allow_head=False),
-            web.get("/metrics", metrics),
-            web.post("/handover/{proof}", handover),
-        ]
-    )
-    app.on_shutdown.append(streams.close)
-    return app
+    return [web.post("/handover/{proof}", handover), web.post("/leave/{proof}/{member}", leave)]
 
 
 def not_ready(sight: Sight, now_s: float) -> str:

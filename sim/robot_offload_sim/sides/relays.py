@@ -114,6 +114,10 @@ class RelayShell(Shell):
         else:
             self.servers.call(self, service, payload, partial(self._then, "call_answered", key))
 
+    def call_member(self, service: str, member: str, key: int, payload: bytes) -> None:
+        """Call a service at one pod; the simulated nodes have one pod each."""
+        self.call(Face.GROUP, service, key, payload)
+
     def forget_call(self, key: int) -> None:
         """Answer that nobody wants are left out by the core."""
 

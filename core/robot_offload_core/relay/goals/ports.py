@@ -144,4 +144,7 @@ class RobotRelayPorts(RelayPorts, Protocol):
 
 
 class CloudRelayPorts(RelayPorts, Protocol):
-    """What the shell of the cloud's relay does: nothing besides."""
+    """What the shell of the cloud's relay does besides."""
+
+    def call_member(self, service: str, member: str, key: int, payload: bytes) -> None:
+        """Call a service at one pod of a pool; the answer comes as that of `call`."""

@@ -215,6 +215,8 @@ class Standby(Model):
     )
 
 
+MOST_PODS: Final = 32
+"""Of one node."""
 RESERVED_VARIABLES: Final = (
     "ROS_DOMAIN_ID",
     "RMW_IMPLEMENTATION",
@@ -347,6 +349,18 @@ class Node(Model):
         json_schema_extra=map_list("name"),
     )
     uses: Uses = Field(default_factory=Uses, description="The services and actions that it calls.")
+    replicas: Annotated[int, Field(ge=1, le=MOST_PODS)] | None = Field(
+        default=None,
+        description="How many pods share the calls of its services, from 1 to 32: a call goes to the one with the "
+        "fewest open calls. Only for nodes with placement Cloud, lifecycle false, and services alone. Default: one "
+        "pod, which is replaced and never joined by another.",
+    )
+    max_replicas: Annotated[int, Field(ge=1, le=MOST_PODS)] | None = Field(
+        default=None,
+        description="To how many pods an autoscaler (HorizontalPodAutoscaler, KEDA) may scale the node's Deployment, "
+        "from 1 to 32; below replicas it is never scaled but to none while the robot is away. Default: replicas, the "
+        "number is fixed.",
+    )
     state: tuple[State, ...] = Field(
         default=(),
         max_length=8,
@@ -358,6 +372,11 @@ class Node(Model):
     def offered(self) -> tuple[Service | Action, ...]:
         """The services and actions that it offers."""
         return (*self.services, *self.actions)
+
+    @property
+    def most_pods(self) -> int:
+        """The largest number of pods that share its calls; 0: it has one pod that shares none."""
+        return max(self.replicas or 0, self.max_replicas or 0)
 
     @property
     def called(self) -> tuple[UsedService | UsedAction, ...]:

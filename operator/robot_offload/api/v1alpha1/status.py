@@ -125,8 +125,8 @@ class NodeStatus(Model):
 
     name: Word = Field(description="The node's name, as in spec.nodes.")
     workload: Word = Field(default="", description="The Deployment that runs it.")
-    replicas: int = Field(default=0, ge=0, description="How many pods are wanted: 0 or 1.")
-    ready: bool = Field(default=False, description="Whether its pod is ready.")
+    replicas: int = Field(default=0, ge=0, description="How many pods are wanted.")
+    ready: bool = Field(default=False, description="Whether all its pods are ready.")
     message: Sentence = Field(default="", description="What is wrong with it, when something is.")
     image: Annotated[str, Field(max_length=1024)] = Field(
         default="", description="The image that its Deployment runs; one that was built in the cluster by its digest."

@@ -18,6 +18,7 @@ from robot_offload.api import agent_state
 from robot_offload.api.agent_state import Sight, look
 from robot_offload.reporter import stream
 from robot_offload.reporter.handover import Handovers
+from robot_offload.reporter.leaving import Leaving
 from robot_offload.reporter.metrics import Counts
 from robot_offload.reporter.server import application
 from robot_offload.reporter.stream import MAX_CLIENTS, Streams
@@ -48,7 +49,8 @@ class Served:
 async def serving() -> AsyncIterator[tuple[Served, aiohttp.ClientSession]]:
     served = Served()
     handovers = Handovers(Path("handover"), lambda: served.sight, time.monotonic)
-    app = application(lambda: served.sight, served.counts, handovers, "proof", served.streams, time.monotonic)
+    leaving = Leaving(Path(), lambda: served.sight, time.monotonic)
+    app = application(lambda: served.sight, served.counts, handovers, leaving, "proof", served.streams, time.monotonic)
     runner = web.AppRunner(app, access_log=None)
     await runner.setup()
     site = web.TCPSite(runner, "127.0.0.1", 0)

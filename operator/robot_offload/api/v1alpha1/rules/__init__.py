@@ -16,6 +16,7 @@ from robot_offload.api.v1alpha1.rules import (
     connection,
     nodes,
     not_yet,
+    pools,
     resources,
     served,
     standby,
@@ -31,6 +32,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *resources.RULES,
     *nodes.RULES,
     *served.RULES,
+    *pools.RULES,
     *switching.RULES,
     *not_yet.RULES,
 )
@@ -60,6 +62,7 @@ _FUNCTIONS: Final[tuple[Check, ...]] = (
     standby.hot_nodes_cost_twice,
     standby.hot_outputs_survive_a_lost_message,
     served.not_too_many_names,
+    pools.pools_serve_the_robot,
     bandwidth.large_topics_fit_the_link,
     switching.losses_are_noticed_soon,
 )

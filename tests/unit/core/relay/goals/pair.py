@@ -68,7 +68,7 @@ class Side:
     """The shell of one relay.
 
     Attributes:
-        offered, cancelled, results_asked, calls: what servers got, in order.
+        offered, cancelled, results_asked, calls: what servers got, in order. members: of pools, who got the calls.
         auto: a server here accepts each offer at once.
         accepted, cancels, results, feedback, answers, failures: what clients got.
     """
@@ -82,6 +82,7 @@ class Side:
         self.cancelled: list[bytes] = []
         self.results_asked: list[bytes] = []
         self.calls: list[tuple[Face, str, int, bytes]] = []
+        self.members: list[str] = []
         self.accepted: list[tuple[bytes, bool]] = []
         self.cancels: list[tuple[CancelCode, tuple[GoalEntry, ...]]] = []
         self.results: list[tuple[bytes, GoalStatus, bytes]] = []
@@ -140,6 +141,10 @@ class Side:
 
     def call(self, face: Face, service: str, key: int, payload: bytes) -> None:
         self.calls.append((face, service, key, payload))
+
+    def call_member(self, service: str, member: str, key: int, payload: bytes) -> None:
+        self.calls.append((Face.GROUP, service, key, payload))
+        self.members.append(member)
 
     def forget_call(self, key: int) -> None:
         pass
