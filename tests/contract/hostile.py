@@ -103,7 +103,7 @@ HOSTILE: tuple[Hostile, ...] = (
     Hostile("gpu-shared", *_resources(limits={"nvidia.com/gpu": 2}, requests={"nvidia.com/gpu": 1}), "same number"),
     Hostile("huge-pages-request", *_resources(requests={"hugepages-2Mi": "4Mi"}), "the same number under limits"),
     Hostile("quantity-negative", *_resources(limits={"cpu": -1}), "is not a quantity"),
-    Hostile("unknown-resource", *_resources(limits={"gpu": 1}), "no resource of a container", False),
+    Hostile("unknown-resource", *_resources(limits={"gpu": 1}), "not a resource of a container", False),
     Hostile("build-request-over-limit", *_built(resources={"limits": {"cpu": 1}, "requests": {"cpu": 2}}), "its limit"),
     Hostile("selector-key-long-name", "spec.cloud.nodeSelector", {"a" * 64: "b"}, "name of a label", False),
     Hostile("selector-key-brackets", "spec.cloud.nodeSelector", {"a b": "b"}, "name of a label", False),

@@ -220,7 +220,7 @@ def test_a_pin_changes_the_resource_for_two_tabs_and_one_with_an_end_names_it(
     for each in (tab, other):
         open_robot(each)
     tab.page.get_by_role("button", name="Pin to the robot").click()
-    tab.says("held on the robot until somebody lets go")
+    tab.says("held on the robot until it is taken back")
     eventually(lambda: fleet.roff(ONE)["spec"]["switching"].get("pin") == "Robot", "the pin")
     for each in (tab, other):
         button = each.page.get_by_role("button", name="Pin to the robot")

@@ -70,7 +70,7 @@ def test_a_pin_ends_with_nobody_looking_and_nobody_writes_the_specification(plac
     annotate(place, later("Cloud", -60))
     annotate(place, "when I am back")
     eventually(
-        lambda: "'when I am back' is no end of a pin" in place.condition("SpecValid")["message"],
+        lambda: "'when I am back' is not a valid end of a pin" in place.condition("SpecValid")["message"],
         "the sentence about what is no end",
         lambda: place.condition("SpecValid"),
     )

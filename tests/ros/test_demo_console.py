@@ -70,7 +70,7 @@ def test_a_demo_is_seen_while_it_runs_and_its_recording_afterwards(chromium: Bro
         pin = tab.page.get_by_role("button", name="Pin to the robot")
         tab.until(pin.is_enabled, "the button")
         pin.click()
-        tab.says("held on the robot until somebody lets go")
+        tab.says("held on the robot until it is taken back")
         tab.says("PinnedToRobot")  # the robot's own word: the wish has gone through both agents
         tab.page.get_by_role("button", name="Let the rule decide").click()
         tab.says("the rule decides again")

@@ -50,7 +50,7 @@ class LinkCause(Explained):
     NO_SESSION = "NoSession", "A session does not come about, for a cause that is not known", "Read the message"
     UNKNOWN_NAME = "UnknownName", "The cloud's name cannot be looked up", "Check the name, and the robot's DNS"
     NO_ANSWER = (
-        "NoAnswer", "Nobody answers at the cloud's address", "Check the address, the ports and the firewalls on the way"
+        "NoAnswer", "The cloud's address does not answer", "Check the address, the ports and the firewalls on the way"
     )  # fmt: skip
     UDP_BLOCKED = (
         "UdpBlocked", "Only TLS over TCP gets through; the link works with it", "Open the UDP ports on the way"

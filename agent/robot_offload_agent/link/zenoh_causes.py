@@ -99,7 +99,7 @@ def explain(found: Found, settings: ZenohSettings, where: str) -> str:
 def _at_the_robot(found: Found, settings: ZenohSettings) -> str:
     why = {
         LinkCause.UNKNOWN_NAME: "its name cannot be looked up here; check the name and this robot's DNS",
-        LinkCause.NO_ANSWER: "nobody answers there; check the address, the ports and the firewalls on the way",
+        LinkCause.NO_ANSWER: "the address does not answer; check it, the ports and the firewalls on the way",
         LinkCause.CERTIFICATE_REFUSED: f"the cloud refuses this robot's certificate {settings.certificate}: revoked, "
         "ended, or made for another cloud; write the bundle again",
         LinkCause.WRONG_AUTHORITY: f"who answers there does not have a certificate of {settings.ca}: another robot's "

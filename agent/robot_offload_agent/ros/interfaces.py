@@ -69,7 +69,7 @@ def interface(name: str, kind: str) -> Any:
     """
     match = _NAME.fullmatch(name)
     if match is None or match[2] != kind:
-        raise StartError(f"{name!r:.100} is no interface type of kind {kind}; write PACKAGE/{kind}/TYPE")
+        raise StartError(f"{name!r:.100} is not an interface type of kind {kind}; write PACKAGE/{kind}/TYPE")
     package, _, short = match.groups()
     try:
         return getattr(importlib.import_module(f"{package}.{kind}"), short)

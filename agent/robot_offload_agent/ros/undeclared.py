@@ -108,7 +108,7 @@ class Declared:
             return ""
         lines = _lines(actions, services, ", onSwitch: Abort")
         return (
-            f"Duplicated node {node} serves {_listed([*actions, *services])}, which nobody declared: only the replica "
+            f"Duplicated node {node} serves {_listed([*actions, *services])}, which is not declared: only the replica "
             f"of this side answers, and refuses while the other side acts. Add to the node: {lines}; or list it under "
             "switching.silent"
         )

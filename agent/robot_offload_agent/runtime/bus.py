@@ -222,9 +222,7 @@ class Bus:
             except (ValueError, KeyError, TypeError, RecursionError, OSError) as error:
                 self.garbage += 1
                 if self.garbage == 1:
-                    log.warning(
-                        "Dropped a datagram that is no message of ours, further ones are only counted: %s", error
-                    )
+                    log.warning("Dropped a datagram that is not one of ours, further ones are only counted: %s", error)
                 continue
             finally:
                 for file in files:

@@ -53,13 +53,13 @@ GENERAL: dict[str, Parameter] = {
         64, "largest size of the black box in state_dir, MiB; 0: none. In the cloud at most 8", low=0, high=65536
     ),
     "generation": Parameter(0, "generation of the resource that this file was made from; 0: none", low=0, high=2**53),
-    "state_file": Parameter("", "file to which the cloud's agent tells its state (JSON); empty: none"),
+    "state_file": Parameter("", "file to which the cloud's agent writes its state (JSON); empty: none"),
     "settings_file": Parameter("", "parameter file watched in the cloud for settings to push; empty: none"),
     "handover_file": Parameter("", "file watched in the cloud: its text asks the robot to take over; empty: none"),
     "certificate_file": Parameter(
         "", "file watched in the cloud: the answer to the robot's request for a certificate; empty: none is signed"
     ),
-    "realtime": Parameter(False, "run under SCHED_FIFO (needs the privilege; a warning tells when it is missing)"),
+    "realtime": Parameter(False, "run under SCHED_FIFO (needs the privilege; a warning is logged when it is missing)"),
     "mode": Parameter(
         "Auto", "Auto switches; Observe only says what it would do", choices=tuple(m.value for m in Mode)
     ),
@@ -273,7 +273,7 @@ def block(found: Any, where: str) -> dict[str, Any]:
         assert isinstance(tree, dict)
     except (TypeError, KeyError, AssertionError) as error:
         raise ConfigurationError(
-            f"{where}: no `/**: ros__parameters:` block, this is no agent configuration"
+            f"{where}: no `/**: ros__parameters:` block, this is not an agent configuration"
         ) from error
     return tree
 

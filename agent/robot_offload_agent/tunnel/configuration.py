@@ -88,7 +88,7 @@ def parse(document: Any) -> TunnelConfiguration:
         ConfigurationError: what it says cannot work.
     """
     if not isinstance(document, Mapping):
-        raise ConfigurationError("the file is no mapping of keys to values")
+        raise ConfigurationError("the file is not a mapping of keys to values")
     known = {field.name for field in fields(TunnelConfiguration)}
     if unknown := [str(key) for key in document if key not in known]:
         raise ConfigurationError(f"{', '.join(unknown)}: unknown; known are {', '.join(sorted(known))}")
@@ -116,7 +116,7 @@ def _address(name: str, value: Any) -> Address:
     host, _, port = str(value).rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not isinstance(value, str) or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ConfigurationError(f"{name}: {value!r} is no HOST:PORT with a port from 1 to 65535")
+        raise ConfigurationError(f"{name}: {value!r} is not a valid HOST:PORT with a port from 1 to 65535")
     return Address(host, int(port))
 
 

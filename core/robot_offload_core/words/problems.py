@@ -102,11 +102,11 @@ class Problem(Explained):
         "Add the frame to `frames`",
     )  # fmt: skip
     UNDECLARED_SERVER = (
-        "UndeclaredServer", "A duplicated node serves what nobody declared: clients reach their own side's replica",
+        "UndeclaredServer", "A duplicated node serves what is not declared: clients reach their own side's replica",
         "Add the line of the message to the node, or list the name under `switching.silent`",
     )  # fmt: skip
     UNDECLARED_CALL = (
-        "UndeclaredCall", "A duplicated node calls a server outside the group, and nobody declared that",
+        "UndeclaredCall", "A duplicated node calls a server outside the group, which is not declared",
         "Add the line of the message to the node, or list the name under `switching.silent`",
     )  # fmt: skip
     NODE_UNSEEN = (
@@ -146,4 +146,4 @@ class Problem(Explained):
         "ForeignUid", "A beat of another RobotOffload arrived and was ignored", "Separate the two in domain or address"
     )  # fmt: skip
     BAD_VERSION = "BadVersion", "A beat of another version arrived and was ignored", "Run one version on both sides"
-    BAD_FORM = "BadForm", "Something that is no beat arrived and was ignored", "See who else sends to this port"
+    BAD_FORM = "BadForm", "A message that is not a heartbeat arrived and was ignored", "See who else sends to this port"

@@ -235,7 +235,7 @@ class Reason(Explained):
         "Declare the topic under outputs, or remap it",
     )  # fmt: skip
     SECOND_LIFECYCLE_MANAGER = (
-        "SecondLifecycleManager", Kind.VETO, "Somebody else changes the lifecycle states of the managed nodes",
+        "SecondLifecycleManager", Kind.VETO, "Another program changes the lifecycle states of the managed nodes",
         "Take the duplicated nodes out of the other lifecycle manager's list",
     )  # fmt: skip
     CLOCK_OFFSET = (

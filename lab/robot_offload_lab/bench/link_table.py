@@ -161,7 +161,8 @@ def main(
     load: Annotated[list[str] | None, typer.Option(help="Load to measure; more than once. Default: all.")] = None,
     seconds: Annotated[float, typer.Option(min=2, help="Seconds of each observation.")] = 10.0,
     limit: Annotated[
-        float, typer.Option(min=30, metavar="SECONDS", help="Begin no other link after so long; --resume goes on.")
+        float,
+        typer.Option(min=30, metavar="SECONDS", help="Seconds after which no other link is begun; --resume goes on."),
     ] = 240.0,
     resume: Annotated[bool, typer.Option("--resume", help="Skip what this folder has from today.")] = False,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of links.json and logs.")] = Path("out/bench"),

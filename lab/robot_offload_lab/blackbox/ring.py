@@ -27,7 +27,7 @@ def lines(place: Path) -> list[str]:
         raise InputError(f"{place}: {error.strerror}") from error
     if not any(isinstance(blackbox.parse(line), Header) for line in found):
         raise InputError(
-            f"{place} is no black box: give a file box-NUMBER.log, or its folder (STATE_DIR/blackbox on the robot)"
+            f"{place} is not a black box: give a file box-NUMBER.log, or its folder (STATE_DIR/blackbox on the robot)"
         )
     return found
 

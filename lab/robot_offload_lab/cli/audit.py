@@ -57,7 +57,7 @@ def export(place: Place) -> None:
 def _lines(place: Path) -> list[str]:
     files = sorted(place.glob("audit-*.log")) if place.is_dir() else [place]
     if not files:
-        raise InputError(f"{place}: is no audit trail; name the folder `audit` of a robot's state")
+        raise InputError(f"{place}: is not an audit trail; name the folder `audit` of a robot's state")
     try:
         texts = [file.read_text(encoding="ascii", errors="replace") for file in files]
     except OSError as error:

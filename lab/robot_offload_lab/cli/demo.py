@@ -248,7 +248,7 @@ def _found(spec: Path | None, example: str = "") -> Path:
 
 def _duration_s(given: float | None) -> float | None:
     if given is not None and not (math.isfinite(given) and given > 0):
-        raise InputError(f"--duration: {given:g} s is no duration; write for example --duration 20")
+        raise InputError(f"--duration: {given:g} s is not a valid duration; write for example --duration 20")
     return given
 
 

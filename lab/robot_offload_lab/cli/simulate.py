@@ -61,7 +61,7 @@ LossTimeout = Annotated[
     _option(
         "loss-timeout",
         "TIME",
-        "Silence after which nobody stays in the cloud. By default 90ms, or three medians of a slower recording.",
+        "Silence that ends a stay in the cloud. By default 90ms, or three medians of a slower recording.",
     ),
 ]
 WeightsText = Annotated[

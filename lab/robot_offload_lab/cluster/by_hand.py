@@ -106,7 +106,9 @@ def link(words: Sequence[str]) -> dict[str, Any]:
         elif key in NUMERIC and value.replace(".", "", 1).isdigit():
             found[key] = float(value)
         else:
-            raise ClusterError(f"{word!r} is no setting of a wire: use {', '.join(NUMERIC)} with a number, or cut=both")
+            raise ClusterError(
+                f"{word!r} is not a setting of a wire: use {', '.join(NUMERIC)} with a number, or cut=both"
+            )
     return found
 
 

@@ -24,7 +24,7 @@ def named(name: str) -> Path:
         ClusterError: The name is no plain word.
     """
     if not re.fullmatch(r"[a-z0-9][a-z0-9-]{0,30}", name):
-        raise ClusterError(f"{name!r} is no name of a cluster: use up to 31 of a-z, 0-9 and -")
+        raise ClusterError(f"{name!r} is not a valid name of a cluster: use up to 31 of a-z, 0-9 and -")
     return all_named() / name
 
 

@@ -187,7 +187,7 @@ def _mark(layout: Layout, by_hand: Path | None) -> None:
 def _prepare_state() -> None:
     STATE.mkdir(mode=0o700, exist_ok=True)
     if STATE.is_symlink() or STATE.stat().st_uid != os.getuid():
-        raise ClusterError(f"{STATE} belongs to somebody else. Next: remove it")
+        raise ClusterError(f"{STATE} has another owner. Next: remove it")
 
 
 @contextmanager

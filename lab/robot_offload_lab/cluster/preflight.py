@@ -30,7 +30,7 @@ BRIDGE_FILTER = Path("/proc/sys/net/bridge/bridge-nf-call-iptables")
 def preflight() -> str | None:
     """Return why nodes cannot run on this machine, and the next step; None when they can."""
     if not sys.platform.startswith("linux"):
-        return "Nodes are made of Linux namespaces, and this is no Linux. Next: use a Linux machine."
+        return "Nodes are made of Linux namespaces, and this is not Linux. Next: use a Linux machine."
     if os.geteuid() != 0:
         return "Nodes are made of namespaces and control groups, for which one must be root. Next: run it with sudo."
     lacking = sorted({package for program, package in PACKAGES.items() if shutil.which(program) is None})

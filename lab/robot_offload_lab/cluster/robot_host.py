@@ -59,7 +59,7 @@ class RobotHost(ABC):
 
     def __init__(self, layout: Layout, name: str, index: int, **bonds: Unpack[Bonds]) -> None:
         if not re.fullmatch(r"[a-z0-9][a-z0-9-]{0,19}", name):
-            raise ClusterError(f"{name!r} is no name of a machine: use up to 20 of a-z, 0-9 and -")
+            raise ClusterError(f"{name!r} is not a valid name of a machine: use up to 20 of a-z, 0-9 and -")
         self.name = name
         self.index = index
         self.address = ""

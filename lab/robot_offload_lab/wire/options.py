@@ -36,7 +36,9 @@ def parse_ms(option: str, text: str) -> float:
     """
     match = re.fullmatch(rf"{_NUMBER}\s*(ms|s)", text.strip())
     if not match:
-        raise OptionError(f"{option}: {text!r} is no time; write a number with its unit, for example 10ms or 0.5s")
+        raise OptionError(
+            f"{option}: {text!r} is not a valid time; write a number with its unit, for example 10ms or 0.5s"
+        )
     return float(match[1]) * _MS_PER_UNIT[match[2]]
 
 
@@ -49,7 +51,7 @@ def parse_loss(option: str, text: str) -> float:
     match = re.fullmatch(rf"{_NUMBER}\s*(%?)", text.strip())
     share = float(match[1]) / (100 if match[2] else 1) if match else -1.0
     if not 0 <= share <= 1:
-        raise OptionError(f"{option}: {text!r} is no share of packets; write for example 3% or 0.03")
+        raise OptionError(f"{option}: {text!r} is not a valid share of packets; write for example 3% or 0.03")
     return share
 
 
@@ -62,7 +64,7 @@ def parse_rate(option: str, text: str) -> float:
     match = re.fullmatch(rf"{_NUMBER}\s*([kmg]bit)(/s)?", text.strip().lower())
     rate_kbit_s = float(match[1]) * _KBIT_PER_UNIT[match[2]] if match else 0.0
     if rate_kbit_s <= 0:
-        raise OptionError(f"{option}: {text!r} is no rate; write for example 20mbit or 512kbit")
+        raise OptionError(f"{option}: {text!r} is not a valid rate; write for example 20mbit or 512kbit")
     return rate_kbit_s
 
 
@@ -92,7 +94,7 @@ def parse_slow(option: str, text: str) -> SchedulePart:
 def _parse_phase(option: str, text: str, example: str) -> tuple[float, float]:
     match = re.fullmatch(rf"{_NUMBER}s?\s*/\s*{_NUMBER}s?", text.strip())
     if not match:
-        raise OptionError(f"{option}: {text!r} is no phase; write for example {example}")
+        raise OptionError(f"{option}: {text!r} is not a valid phase; write for example {example}")
     length_s, period_s = float(match[1]), float(match[2])
     if not 0 < length_s < period_s:
         raise OptionError(
@@ -191,7 +193,7 @@ class Address:
         """
         host, _, port = text.rpartition(":")
         if not host or not port.isdecimal() or int(port) > 65535:
-            raise WireError(f"{text!r} is no address; write for example 127.0.0.1:7447")
+            raise WireError(f"{text!r} is not a valid address; write for example 127.0.0.1:7447")
         return cls(host.removeprefix("[").removesuffix("]"), int(port))
 
     def __str__(self) -> str:
@@ -262,7 +264,7 @@ class WireConfig:
         try:
             raw = json.loads(text)
         except json.JSONDecodeError as error:
-            raise WireError(f"the wire's configuration is no JSON: {error}") from error
+            raise WireError(f"the wire's configuration is not JSON: {error}") from error
         fields = _object(raw, cls, "the configuration")
         fields["forwards"] = tuple(
             Forward(**_object(forward, Forward, "a forward")) for forward in _list(fields.get("forwards", []))

@@ -32,7 +32,7 @@ MAX_TOPICS: Final = 64
 """Those that carried the most."""
 DIRECTIONS: Final = ("to_cloud", "to_robot")
 UNREADABLE: Final = "Unreadable"
-"""Stands in place of a reason that is no single word."""
+"""Stands in place of a reason that is not a single word."""
 _REASON: Final = re.compile(r"[A-Za-z]{1,64}")
 _SERIAL: Final = re.compile(r"[0-9a-f]{0,40}")
 _TIME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ")
@@ -212,16 +212,16 @@ def _object(text: str) -> dict[str, Any]:
     try:
         values = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise StateError(f"the agent's state is no JSON: {error}") from error
+        raise StateError(f"the agent's state is not JSON: {error}") from error
     if not isinstance(values, dict):
-        raise StateError("the agent's state is no JSON object")
+        raise StateError("the agent's state is not a JSON object")
     return values
 
 
 def _part(values: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     part = values.get(name) or {}
     if not isinstance(part, Mapping):
-        raise StateError(f"{name} of the agent's state is no mapping")
+        raise StateError(f"{name} of the agent's state is not a mapping")
     return part
 
 
@@ -292,7 +292,7 @@ def _number(values: Mapping[str, Any], name: str) -> float | None:
 def _nodes(values: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     nodes = values.get("nodes") or []
     if not isinstance(nodes, list) or not all(isinstance(node, Mapping) for node in nodes):
-        raise StateError("nodes of the agent's state is no list of mappings")
+        raise StateError("nodes of the agent's state is not a list of mappings")
     if len(nodes) > MAX_NODES:
         raise StateError(f"the agent's state names {len(nodes)} nodes; {MAX_NODES} at most can be declared")
     return tuple((_word(node, "name"), _word(node, "state")) for node in nodes)
@@ -301,7 +301,7 @@ def _nodes(values: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 def _counts(values: Mapping[str, Any], field: str, name: str, count: str) -> tuple[tuple[str, int], ...]:
     listed = values.get(field) or []
     if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
-        raise StateError(f"{field} of the agent's state is no list of mappings")
+        raise StateError(f"{field} of the agent's state is not a list of mappings")
     return tuple((_word(entry, name), _of(entry, count, int, 0)) for entry in listed[:MAX_TOPICS])
 
 

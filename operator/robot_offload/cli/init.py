@@ -88,7 +88,9 @@ def init(
 def _require(given: dict[str, object]) -> None:
     missing = [option for option, value in given.items() if not value]
     if missing:
-        raise InputError(f"init: {', '.join(missing)} is missing, and this is no terminal to ask at; see init --help")
+        raise InputError(
+            f"init: {', '.join(missing)} is missing, and this is not a terminal to ask at; see init --help"
+        )
 
 
 def _ask(option: str) -> str:
@@ -100,5 +102,5 @@ def _ask(option: str) -> str:
 def _domain() -> int:
     text = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not text.isdecimal():
-        raise InputError(f"ROS_DOMAIN_ID is {text[:20]!r}, which is no number; give --domain-id")
+        raise InputError(f"ROS_DOMAIN_ID is {text[:20]!r}, which is not a number; give --domain-id")
     return int(text)

@@ -21,7 +21,7 @@ class Program(LazyCommands):
         ),
         Entry("init", "init", "Write a first RobotOffload: asks five questions, or takes the answers as options."),
         Entry("import", "survey", "Look at the running ROS graph and propose a RobotOffload for it."),
-        Entry("validate", "validate", "Check RobotOffload files and tell every problem."),
+        Entry("validate", "validate", "Check RobotOffload files and report every problem."),
         Entry("crd", "crd", "Print the CustomResourceDefinition of RobotOffload."),
         Entry("status", "status.command", "Show which side acts, why, the latency, and how robot and nodes are."),
         Entry(
@@ -30,7 +30,7 @@ class Program(LazyCommands):
             "Show all robots in the browser: which side acts and why, live and scrolled back; with RECORDING a "
             "finished run.",
         ),
-        Entry("explain", "status.explain", "Tell why a RobotOffload is not Ready, and the next step for each problem."),
+        Entry("explain", "status.explain", "Show why a RobotOffload is not Ready, and the next step for each problem."),
         Entry(
             "bundle",
             "bundle.command",

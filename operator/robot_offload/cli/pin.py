@@ -23,7 +23,7 @@ EXAMPLES = (
     "kubectl offload pin wheelchair-7 auto -n ward",
 )
 LONGEST_MS: Final = 30 * 24 * 3_600_000
-"""Of a pin with an end: thirty days. Whoever wants more means until somebody lets go."""
+"""Of a pin with an end: thirty days. Whoever wants more means until it is taken back."""
 
 
 class Side(StrEnum):
@@ -48,7 +48,7 @@ def pin(
         typer.Option(
             "--for",
             metavar="DURATION",
-            help="How long the pin holds, from 1s to 720h, e.g. 10m. Default: until somebody lets go.",
+            help="How long the pin holds, from 1s to 720h, e.g. 10m. Default: until it is taken back.",
         ),
     ] = None,
     namespace: Namespace = None,
@@ -84,7 +84,7 @@ def end(side: str, lasting: str | None, now: datetime.datetime) -> str | None:
 
     Args:
         side: Auto, Robot or Cloud.
-        lasting: how long it holds, as it was given; None: until somebody lets go.
+        lasting: how long it holds, as it was given; None: until it is taken back.
         now: the present.
 
     Raises:

@@ -59,7 +59,7 @@ def validate(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")] = False,
 ) -> None:
-    """Check RobotOffload files and tell every problem.
+    """Check RobotOffload files and report every problem.
 
     Each problem is one line, `file: field: what to do`. Ends with 0 when all files can be used (warnings are only
     told) and with 2 when one cannot. Nothing is sent to a cluster.

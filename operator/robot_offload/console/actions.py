@@ -27,7 +27,7 @@ class Want(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """A wish of a person; `for_s`: how long a pin lasts, None: until somebody lets go."""
+    """A wish of a person; `for_s`: how long a pin lasts, None: until it is taken back."""
 
     want: Want
     for_s: float | None = None
@@ -91,5 +91,5 @@ def useless(action: Action, observed: Observed | None) -> str:
 
 def _lasting(for_s: float | None) -> str:
     if for_s is None:
-        return "until somebody lets go"
+        return "until it is taken back"
     return f"for {for_s / 60:.0f} min" if for_s >= 60 else f"for {for_s:.0f} s"

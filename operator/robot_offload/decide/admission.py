@@ -84,7 +84,7 @@ def finding(raw: Manifest, offload: RobotOffload, name: str, policy: InForce | N
         return Finding(
             "metadata",
             "NotAdmitted",
-            f"the admission policy {name} or its binding is missing, so nobody has judged whether the writer may ask "
+            f"the admission policy {name} or its binding is missing, so it was not checked whether the writer may ask "
             "for the Secrets, ConfigMaps, issuers, addresses or nodes that it names; helm upgrade makes the policy",
         )
     metadata = raw["metadata"]

@@ -96,7 +96,7 @@ def config_current(
             "come back after its next loss of the link. Write its bundle again; with expose.host it dials a name",
         )
     if not connected:
-        return unknown("NotConnected", "Nobody can tell which settings the robot runs until it is connected")
+        return unknown("NotConnected", "The robot's settings are not known until it is connected")
     if state is None or (state.settings.robot_generation is None and state.settings.accepted is None):
         return unknown("NotReported", "The robot has not said yet which settings it runs")
     settings = state.settings

@@ -54,7 +54,7 @@ def verdict(secrets: Mapping[Role, Manifest | None]) -> Verdict:
             return no(
                 "WaitingForIssuer",
                 f"cert-manager has not written {', '.join(missing)} of the {role}'s certificate yet; "
-                "look at its Certificate and the issuer (the issuer must tell its own authority: ca.crt)",
+                "look at its Certificate and the issuer (the issuer must give its own authority: ca.crt)",
             )
     return yes("IssuedByIssuer", "The certificates come from the named issuer, which renews them")
 

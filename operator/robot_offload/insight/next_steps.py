@@ -70,7 +70,7 @@ WORKLOADS: Final[dict[str, Advice]] = {
     "ImagePullFailing": Advice(
         "An image cannot be pulled: its name is wrong, it does not exist, or the registry wants a login.",
         "Correct spec.nodes[].image, or name a login in spec.cloud.imagePullSecrets; kubectl describe pod -n "
-        "{namespace} -l app.kubernetes.io/instance={name} tells the registry's answer.",
+        "{namespace} -l app.kubernetes.io/instance={name} shows the registry's answer.",
     ),
     "CrashLoop": Advice(
         "A container ends again and again.",
@@ -126,10 +126,10 @@ ROBOT: Final[dict[str, Advice]] = {
         "The robot's agent has gone; the robot acts alone.",
         "On the robot: journalctl -u robot-offload-agent, and robot-offload doctor for ports and limits.",
     ),
-    "LeaseExpired": Advice("The cloud agent has stopped reporting; nobody knows about the robot.", AGENT_LOG),
+    "LeaseExpired": Advice("The cloud agent has stopped reporting; the robot's state is not known.", AGENT_LOG),
     "NotConnected": Advice("The robot is not connected, so only it knows.", "See condition Connected."),
     "Unreadable": Advice(
-        "The robot gave a reason that is no single word, so it is not shown.",
+        "The robot gave a reason that is not a single word, so it is not shown.",
         "Look at the agent's log on the robot: journalctl -u robot-offload-agent",
     ),
     "NotReported": Advice("The agents have not said yet.", "Wait some seconds; then: " + AGENT_LOG),
@@ -167,7 +167,7 @@ CERTIFICATES: Final[dict[str, Advice]] = {
         "kubectl offload revoke {name} -n {namespace} when in doubt; then " + BUNDLE,
     ),
     "NoProof": Advice(
-        "Somebody asks for a robot's certificate who does not have the robot's key.",
+        "A certificate is requested without the robot's key.",
         "See who may write Leases in {namespace}: kubectl auth can-i patch leases -n {namespace} --as USER",
     ),
     "RequestUnreadable": Advice(
@@ -208,7 +208,7 @@ CLUSTER: Final[dict[str, Advice]] = {
         "Whoever has the rights to what it names runs the command in the message.",
     ),
     "NameTaken": Advice(
-        "An object with the name of one of ours exists and belongs to somebody else; it is left alone.",
+        "An object with the name of one of ours exists and has another owner; it is left alone.",
         "The message names it: delete or rename it, or give the RobotOffload another name.",
     ),
     "Contested": Advice(
@@ -235,10 +235,10 @@ CLUSTER: Final[dict[str, Advice]] = {
         "Wait; if it stays, kubectl get it with -o yaml and look at its finalizers.",
     ),
     "Conflict": Advice(
-        "Somebody else owns an object, or a field of one, that we need.",
+        "An object, or a field of one, that is needed has another owner.",
         "The message names it; rename or delete the other object, or stop what changes it.",
     ),
-    "AlreadyExists": Advice("An object of this name belongs to somebody else.", "Rename it, or rename {name}."),
+    "AlreadyExists": Advice("An object of this name has another owner.", "Rename it, or rename {name}."),
     "Forbidden": Advice("The operator's role does not allow something.", "helm upgrade the chart: its role fits it."),
     "Invalid": Advice(
         "The API server does not accept an object.",

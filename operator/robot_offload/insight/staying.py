@@ -40,7 +40,7 @@ def staying(stay: Stay, offload: Observed | None) -> Iterator[str]:
     if offload is not None:
         yield from _wanted(offload)
     if not stay.connected:
-        yield "No agent of the robot is heard, so nobody can hand over."
+        yield "No agent of the robot is heard, so no handover is possible."
         return
     if stay.reason or stay.message:
         yield f"The robot's rule says {stay.reason}: {stay.message or 'it gives no sentence'}."

@@ -127,7 +127,7 @@ FALSE_ALARMS: Final = Family(
 SILENCE: Final = Family(
     f"{_ROBOT}nobody_in_charge_seconds",
     "counter",
-    "Time without a good beat of the cloud before the robot took over: the most that nobody was in charge.",
+    "Time without a good beat of the cloud before the robot took over: the longest time without an active side.",
     ("side",),
 )
 GAP: Final = Family(

@@ -63,7 +63,7 @@ def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
         raise InputError(f"the environment lacks {', '.join(missing)}; the operator's Deployment sets them")
     port = environment.get("PORT") or "8080"
     if not port.isdecimal() or int(port) > 65535:
-        raise InputError(f"PORT: {port!r} is no port; write a number from 0 (any free one) to 65535")
+        raise InputError(f"PORT: {port!r} is not a valid port; write a number from 0 (any free one) to 65535")
     return ReporterSettings(
         namespace=environment["NAMESPACE"],
         lease=environment["LEASE_NAME"],

@@ -59,13 +59,13 @@ def _add_topic(topic: TopicSeen, world: World, sketch: Sketch, nodes: dict[str, 
         if len(inside) > 1:
             nodes[inside[0]].lists["outputs"][-1].note += f"; {plain(', '.join(inside[1:]))} publishes it too"
     elif inside:
-        why = "for its own side only" if subscribers else "nobody hears it now; an output if a tool on the robot does"
+        why = "for its own side only" if subscribers else "not subscribed to now; an output if a tool on the robot does"
         sketch.silent.append(Entry({"name": topic.name}, f"{why}; {figures(topic)}"))
     elif outside and any(it in world.moved for it in subscribers):
         sketch.to_cloud.append(_input(topic, [it for it in subscribers if it in world.moved]))
     elif not publishers and any(it in world.moved for it in subscribers):
         who = ", ".join(it for it in subscribers if it in world.moved)
-        sketch.left_out.append(f"{plain(topic.name)} is heard by {plain(who)} and published by nobody at the moment.")
+        sketch.left_out.append(f"{plain(topic.name)} is heard by {plain(who)} and not published at the moment.")
 
 
 def _output(topic: TopicSeen, node: NodeSketch, outside: list[str], hearers: list[str]) -> Entry:
@@ -171,7 +171,7 @@ def _add_names(kind: str, world: World, nodes: dict[str, NodeSketch]) -> None:
 
 def _offer(kind: str, name: str, type_name: str, node: NodeSketch, clients: list[str]) -> Entry:
     value: dict[str, Any] = {"name": name, "type": type_name}
-    who = f"called by {plain(', '.join(clients))}" if clients else "nobody calls it now"
+    who = f"called by {plain(', '.join(clients))}" if clients else "not called now"
     if kind == "services":
         return Entry(value, f"{who}; mode Idempotent for queries, Both for what both replicas must do")
     if node.placement == "Duplicated":

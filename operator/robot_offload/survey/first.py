@@ -99,7 +99,7 @@ def _output(text: str) -> Entry:
             value["rate"] = int(number) if number.is_integer() else number
         except ValueError:
             raise InputError(
-                f"{text}: {rate!r} is no rate; write messages per second, e.g. /cmd_vel:{kind}:20"
+                f"{text}: {rate!r} is not a valid rate; write messages per second, e.g. /cmd_vel:{kind}:20"
             ) from None
     note = (
         "with a rate its silence counts as failure; while: for outputs that pause"

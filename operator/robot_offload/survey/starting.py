@@ -48,7 +48,7 @@ def add_to(sketch: NodeSketch, world: World, node: NodeSeen) -> None:
     if rest:
         shown = ", ".join(f"{plain(it)}: {plain(str(node.parameters[it]))}" for it in rest[:12])
         more = f" and {len(rest) - 12} more" if len(rest) > 12 else ""
-        sketch.notes.append(f"parameters, defaults as far as the command line tells: {shown}{more}")
+        sketch.notes.append(f"parameters, defaults as far as the command line shows: {shown}{more}")
     if node.problem:
         sketch.notes.append(plain(node.problem))
 

@@ -154,7 +154,7 @@ def _routes(path: str, entries: Sequence[Mapping[str, Any]], names: Sequence[str
         yield from _unknown(f"{path}[{index}]", entry, {"src", "dst"})
         for name in (entry.get("src"), *(entry.get("dst") or ())):
             if name not in names:
-                yield f"{path}[{index}]: {name!r} is no participant"
+                yield f"{path}[{index}]: {name!r} is not a participant"
     both_ways = {(entry.get("src"), target) for entry in entries for target in entry.get("dst") or ()}
     if any((target, source) in both_ways for source, target in both_ways):
         yield f"{path}: a topic would cross both ways; whoever publishes it on one side is heard on the other"
@@ -196,4 +196,4 @@ def _address(path: str, entry: Mapping[str, Any]) -> Iterator[str]:
     if not 0 < int(entry.get("port", 0)) < 65536:
         yield f"{path}.port: {entry.get('port')!r} is not a port"
     if entry.get("ip") in ("0.0.0.0", "::"):  # noqa: S104 - refused here
-        yield f"{path}.ip: is what the router connects to; nobody can connect to {entry['ip']}"
+        yield f"{path}.ip: is what the router connects to; no connection is possible to {entry['ip']}"

@@ -92,7 +92,9 @@ def cloud_fault(
 
 def _stalled(view: Readings, acting: bool) -> Verdict | None:
     if view.frame.starved:
-        message = "The robot's own control process gets its CPU in slices and cannot tell silence from its own pauses"
+        message = (
+            "The robot's own control process gets its CPU in slices and cannot distinguish silence from its own pauses"
+        )
         return Verdict(Site.ROBOT, Reason.CONTROL_STARVED, message)
     if acting and view.silent(view.situation.good_s, view.frame.settings.lease_s):
         message = "The robot's own control process stood still for longer than a lease, the cloud has stopped"

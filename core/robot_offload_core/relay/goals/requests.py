@@ -42,7 +42,7 @@ class Failure(str, Enum):
 
 
 SENTENCES = {
-    Failure.UNKNOWN: "nobody knows whether the call was executed: the side that had it went away; look, then ask again",
+    Failure.UNKNOWN: "it is not known whether the call was executed: its side went away; look, then ask again",
     Failure.TIMEOUT: "no side answered in time; look whether the service's node is Active",
     Failure.TOO_MANY: "too many calls wait for a side that can execute them; call less often",
     Failure.TOO_LARGE: "the request is larger than 1 MiB; send less at once",

@@ -78,7 +78,7 @@ class BuildFields(Model):
     skip_keys: tuple[RosdepKey, ...] = Field(
         default=(),
         max_length=MAX_LISTED,
-        description="rosdep keys that are left out, because nobody needs them here. Default: none.",
+        description="rosdep keys that are left out, because they are not needed here. Default: none.",
     )
     apt_packages: tuple[AptPackage, ...] = Field(
         default=(),

@@ -48,7 +48,7 @@ def _check_parameter(name: str, value: Any) -> None:
         _check_parameters(value)
     elif isinstance(value, tuple | list):
         if not value:
-            raise ValueError(f"{name} is an empty list; ROS 2 cannot tell its type, leave the parameter out")
+            raise ValueError(f"{name} is an empty list; ROS 2 cannot know its type, leave the parameter out")
         if not all(isinstance(item, _SCALARS) for item in value):
             raise ValueError(f"{name} is a list of lists, mappings or nothing; ROS 2 takes lists of plain values")
         if len({type(item) for item in value}) > 1:
@@ -333,7 +333,7 @@ class Node(Model):
     outputs: tuple[Output, ...] = Field(
         default=(),
         max_length=16,
-        description="The topics it publishes that somebody else consumes, at most 16. Default: none.",
+        description="The topics it publishes for other nodes, at most 16. Default: none.",
         json_schema_extra=map_list("topic"),
     )
     services: tuple[Service, ...] = Field(

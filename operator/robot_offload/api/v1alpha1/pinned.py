@@ -117,13 +117,13 @@ def held(offload: RobotOffload, side: str) -> RobotOffload:
 
 
 def findings(offload: RobotOffload) -> Iterator[Finding]:
-    """Yield what is wrong with the end of a pin; such a pin holds until somebody lets go."""
+    """Yield what is wrong with the end of a pin; such a pin holds until it is taken back."""
     text = offload.metadata.annotations.get(PINNED_UNTIL, "")
     if text and read(text) is None:
         yield Finding(
             f'metadata.annotations["{PINNED_UNTIL}"]',
             "NoEnd",
-            f"{text[:60]!r} is no end of a pin, so a pin holds until somebody lets go; write a side and a time, "
+            f"{text[:60]!r} is not a valid end of a pin, so the pin holds on; write a side and a time, "
             "such as Robot 2026-11-23T12:10:00Z",
             "warning",
         )

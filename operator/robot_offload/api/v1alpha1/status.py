@@ -92,7 +92,7 @@ class PinStatus(Model):
     side: Literal["Auto", "Robot", "Cloud"] = Field(
         default="Auto", description="The side that is held: Robot or Cloud; Auto: the policy decides."
     )
-    until: Timestamp | None = Field(default=None, description="When that ends; none: when somebody lets go.")
+    until: Timestamp | None = Field(default=None, description="When that ends; none: when it is taken back.")
     ended: Word = Field(
         default="",
         description="The side and the end of a pin that counts no more, though it stands in the specification.",

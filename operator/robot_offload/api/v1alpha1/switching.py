@@ -160,7 +160,7 @@ class Switching(Model):
     silent: tuple[TopicGlob, ...] = Field(
         default=(),
         max_length=64,
-        description="Topics of duplicated nodes that nobody outside their side needs, so that the agents do not warn "
+        description="Topics of duplicated nodes that are not needed outside their side, so that the agents do not warn "
         "of them, e.g. [local_costmap/**]. At most 64. Default: none.",
     )
     strict: bool = Field(

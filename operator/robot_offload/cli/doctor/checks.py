@@ -51,7 +51,7 @@ def kubernetes_version(version: Mapping[str, Any]) -> Finding:
     numbers = [re.match(r"\d+", str(version.get(part, ""))) for part in ("major", "minor")]
     told = str(version.get("gitVersion") or "")
     if None in numbers:
-        return Finding("KubernetesVersion", "unknown", f"the API server tells no version ({told or 'nothing'})")
+        return Finding("KubernetesVersion", "unknown", f"the API server gives no version ({told or 'nothing'})")
     found = tuple(int(number.group()) for number in numbers if number)
     if found < LEAST_KUBERNETES:
         least = ".".join(map(str, LEAST_KUBERNETES))
@@ -144,7 +144,7 @@ def clocks(live: Live, now: datetime.datetime) -> Finding:
     """Return whether the clocks of the cloud agent's node and of this machine agree, as far as one look can tell."""
     written = time_of(live.state.written) if live.state is not None else None
     if written is None:
-        return Finding("Clocks", "unknown", f"the cloud agent could not be asked: {live.problem or 'it tells no time'}")
+        return Finding("Clocks", "unknown", f"the cloud agent could not be asked: {live.problem or 'it gives no time'}")
     offset_s = (now - written).total_seconds()
     if abs(offset_s - 0.5) > CLOCKS_DIFFER_S:
         ahead = "behind" if offset_s > 0 else "ahead of"

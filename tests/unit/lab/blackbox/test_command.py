@@ -187,4 +187,4 @@ def test_bad_words_are_answered_with_the_next_step(folder: Path, words: tuple[st
 
 def test_a_folder_without_a_box_is_said_to_be_none(tmp_path: Path) -> None:
     done = run("replay", tmp_path)
-    assert "is no black box" in str(done.exception) + done.output
+    assert "is not a black box" in str(done.exception) + done.output

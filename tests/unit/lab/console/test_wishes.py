@@ -27,7 +27,7 @@ def test_each_wish_is_an_offer_of_a_newer_generation_and_a_change_of_what_pages_
     wishes = Wishes(MANIFEST, str(tmp_path / "settings.yaml"), seen.append)
     assert offered(tmp_path / "settings.yaml") == {"generation": 1}
     said = wishes.act(Action(Want.PIN_ROBOT), connected=True)
-    assert said == "talker: held on the robot until somebody lets go; generation 2"
+    assert said == "talker: held on the robot until it is taken back; generation 2"
     assert offered(tmp_path / "settings.yaml") == {"generation": 2, "pin": "Robot"}
     assert seen[-1]["spec"]["switching"] == {"lossTimeout": "80ms", "pin": "Robot"}
     assert seen[-1]["metadata"]["generation"] == 2

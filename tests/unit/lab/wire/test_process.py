@@ -112,7 +112,7 @@ def test_a_taken_port_is_told_and_nothing_is_left(tmp_path: Path) -> None:
 
 def test_a_wrong_option_is_told_before_anything_starts() -> None:
     emulated = wire("udp", 9, delay="soon")
-    with pytest.raises(WireError, match="--delay: 'soon' is no time"):
+    with pytest.raises(WireError, match="--delay: 'soon' is not a valid time"):
         emulated.start()
     assert emulated.pid is None
 

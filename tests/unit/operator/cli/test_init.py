@@ -61,7 +61,7 @@ def test_json_is_the_same_without_comments() -> None:
         ((), "--name, --node, --publishes is missing"),
         (("--name", "Walker 1", "--node", "n", "--publishes", "/a"), "is not a Kubernetes name"),
         (("--name", "w", "--node", "/n", "--publishes", "a"), "must start with a slash"),
-        (("--name", "w", "--node", "n", "--publishes", "/a:std_msgs/msg/String:fast"), "'fast' is no rate"),
+        (("--name", "w", "--node", "n", "--publishes", "/a:std_msgs/msg/String:fast"), "'fast' is not a valid rate"),
         (("--name", "w", "--node", "n", "--publishes", "/a:b/msg/C:nan"), "finite"),
         (("--name", "w", "--node", "n", "--publishes", "/a", "--hears", "/a"), "crosses by itself"),
     ],

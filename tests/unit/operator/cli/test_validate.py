@@ -61,7 +61,7 @@ def test_an_end_of_a_pin_that_is_none_is_a_warning(tmp_path: Path) -> None:
     done = run("validate", file)
     assert done.returncode == 0
     assert "warning: metadata.annotations" in done.stderr
-    assert "'soon' is no end of a pin" in done.stderr
+    assert "'soon' is not a valid end of a pin" in done.stderr
 
 
 def test_json_tells_the_same_to_scripts(good: Path, bad: Path) -> None:

@@ -38,4 +38,4 @@ def test_when_the_cloud_acts_nothing_has_to_be_explained() -> None:
 
 def test_a_robot_that_is_not_heard_is_said_so() -> None:
     said = list(staying(Stay("unknown", "", "", False), offload()))
-    assert said == ["No agent of the robot is heard, so nobody can hand over."]
+    assert said == ["No agent of the robot is heard, so no handover is possible."]

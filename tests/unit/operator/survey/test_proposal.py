@@ -237,7 +237,7 @@ def test_parameters_that_were_given_are_written_and_the_others_listed() -> None:
     assert run.command == ("python3", "/home/robot/controller.py")
     assert run.parameters == {"a.b": 1.0, "d": "x"}
     assert run.doubles == ("a.b",)
-    assert "parameters, defaults as far as the command line tells: c: 2, e: 5" in written_text
+    assert "parameters, defaults as far as the command line shows: c: 2, e: 5" in written_text
 
 
 def test_services_and_actions_are_internal_served_used_or_mixed() -> None:

@@ -184,7 +184,7 @@ def strangers_are_kept_out(spec: RobotOffloadSpec) -> Iterator[Finding]:
         yield Finding(
             "spec.transport.type",
             "NobodyIsKeptOut",
-            f"{spec.transport.type} neither encrypts nor asks who somebody is: whoever reaches the network with domain "
+            f"{spec.transport.type} neither encrypts nor authenticates: whoever reaches the network with domain "
             f"{spec.robot.domain_id} can drive this robot, another robot with this domain too; give each robot a "
             "network (VPN) or at least a domain of its own, or write type: Zenoh",
             "warning",

@@ -102,7 +102,7 @@ def names_are_unique(spec: RobotOffloadSpec) -> Iterator[Finding]:
     yield from repeated(
         outputs,
         "DuplicateOutput",
-        "is an output of two nodes, so nobody could tell whose messages shall pass; give one another topic",
+        "is an output of two nodes, so it is not known whose messages pass; give one another topic",
     )
 
 
@@ -220,7 +220,7 @@ def _doubles(path: str, run: Run) -> Iterator[Finding]:
     for i, name in enumerate(run.doubles):
         if name not in known:
             yield Finding(
-                f"{path}.doubles[{i}]", "NoParameter", f"{name!r} is no parameter here; correct it", "warning"
+                f"{path}.doubles[{i}]", "NoParameter", f"{name!r} is not a parameter here; correct it", "warning"
             )
 
 

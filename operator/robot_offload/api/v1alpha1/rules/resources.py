@@ -84,6 +84,6 @@ def _unknown(path: str, found: Any) -> Iterator[Finding]:
                 yield Finding(
                     f"{path}.{field}",
                     "NotSupported",
-                    f"{name!r} is no resource of a container; write cpu, memory, ephemeral-storage, "
+                    f"{name!r} is not a resource of a container; write cpu, memory, ephemeral-storage, "
                     "hugepages-<size> or the name of a device, such as nvidia.com/gpu",
                 )

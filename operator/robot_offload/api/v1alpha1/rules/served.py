@@ -72,8 +72,8 @@ RULES: Final[tuple[Rule, ...]] = (
         "(!self.lifecycle || (has(self.standby) && (self.standby.robot == 'Hot' || self.standby.cloud == 'Hot'))) && "
         f"!{_HAS_USES})",
         lambda node: any(it.mirror for it in node.actions) and not (node.duplicated and _hot(node) and not node.called),
-        "mirror needs a replica that is Hot and calls nobody: its calls would reach the robot twice; write standby Hot "
-        "and no uses, or remove mirror",
+        "mirror needs a replica that is Hot and calls no server: its calls would reach the robot twice; write standby "
+        "Hot and no uses, or remove mirror",
         "actions",
     ),
     Rule(
@@ -90,7 +90,7 @@ RULES: Final[tuple[Rule, ...]] = (
         "self.placement != 'Cloud' || !has(self.services) || "
         "self.services.all(s, s.mode == 'Holder' || s.mode == 'Idempotent')",
         lambda node: node.placement == "Cloud" and any(it.mode in ("Both", "Race") for it in node.services),
-        "a node with placement Cloud has one replica, so nobody could execute a call a second time; write mode Holder "
+        "a node with placement Cloud has one replica, so a call cannot be executed a second time; write mode Holder "
         "or Idempotent",
         "services",
     ),
@@ -332,7 +332,7 @@ def conditions_name_actions_of_the_group(spec: RobotOffloadSpec) -> Iterator[Fin
                     yield Finding(
                         f"spec.nodes[{i}].outputs[{j}].while.actions",
                         "UnknownAction",
-                        f"{name!r} is no action of a Duplicated node; list it under the actions of the node that "
+                        f"{name!r} is not an action of a Duplicated node; list it under the actions of the node that "
                         "offers it",
                     )
 
