@@ -128,7 +128,7 @@ def account(control_plane: ControlPlane) -> str:
     """The token of an operator with the rights that the chart gives it, and no others."""
     templates = ("--show-only", "templates/serviceaccount.yaml", "--show-only", "templates/rbac.yaml")
     kubectl = control_plane.kubectl(HOME)
-    kubectl.apply(*rendered(control_plane.helm(HOME), {}, *templates))
+    kubectl.apply(*rendered(control_plane.helm(HOME), {"certManager.enabled": True}, *templates))
     return kubectl("create", "token", OPERATOR, "--duration=24h").strip()
 
 

@@ -110,7 +110,7 @@ class Observer:
         Also finds whoever else has the name of a child that is missing.
         """
         asked = [key for key in keys if key not in seen.fresh]
-        found = await asyncio.gather(*(self._api.get(kind, self._namespace, name) for kind, name in asked))
+        found = await asyncio.gather(*map(self._confirmed, asked))
         for key, manifest in zip(asked, found, strict=True):
             seen.fresh.add(key)
             if manifest is None:
@@ -118,6 +118,16 @@ class Observer:
                 self._store.drop(key[0], self._namespace, key[1])
             else:
                 seen.live[key] = manifest
+
+    async def _confirmed(self, key: Key) -> Manifest | None:
+        """Return an object; None: there is none, or it is cert-manager's and out of reach: applying it says so."""
+        kind, name = key
+        try:
+            return await self._api.get(kind, self._namespace, name)
+        except ForbiddenError:
+            if kind == CERTIFICATE:
+                return None
+            raise
 
     async def pods(self) -> tuple[Manifest, ...]:
         """Return the pods of the children: only worth reading when a workload is not as it should be."""

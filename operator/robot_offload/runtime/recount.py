@@ -25,7 +25,7 @@ Place: TypeAlias = str | None
 GRACE_S: Final = 1.0
 """What a list has and the watch has not brought is read after this time: most of it is on its way."""
 _AGAIN_S: Final = 0.2
-_PAUSE_S: Final = 1.0
+_PAUSE_S: Final = 2.0
 _log = structlog.get_logger("robot_offload.runtime.recount")
 
 
@@ -78,7 +78,7 @@ class Recount:
         return sorted({watched.kind.kind for watched, place in self._all if (watched, place) not in self._open})
 
     def opened(self, path: str) -> None:
-        """Note that a stream begins: what was listed before it has been handed over.
+        """Note that a stream is asked for: what was listed before it has been handed over.
 
         Args:
             path: of the collection in the API server.

@@ -38,7 +38,7 @@ def session(
     Args:
         credentials: which API server, and as whom.
         guard: is called before each request; what it raises keeps the request from being sent.
-        opened: is called with the path of a collection when a stream of it begins.
+        opened: is called with the path of a collection whenever a stream of it is asked for.
     """
 
     async def between(request: aiohttp.ClientRequest, send: aiohttp.ClientHandlerType) -> aiohttp.ClientResponse:
@@ -46,10 +46,9 @@ def session(
         guard(cast("Verb", _WRITES.get(request.method, "watch" if watch else "list")))
         if path.endswith("/secrets"):
             request.headers["Accept"] = METADATA if watch else METADATA_LIST
-        answer = await send(request)
-        if watch and answer.ok:
-            opened(path)
-        return answer
+        if watch:
+            opened(path)  # also where nothing answers: a silent stream is one that may have swallowed events
+        return await send(request)
 
     http = aiohttp.ClientSession(
         connector=aiohttp.TCPConnector(limit=0, ssl=credentials.tls),
