@@ -29,8 +29,8 @@ setup(
     python_requires=">=3.10",
     # rclpy and the standard message packages come from the ROS installation.
     install_requires=[f"robot-offload-core=={VERSION}", "eclipse-zenoh>=1.10,<2", "pyyaml>=5.4"],
-    # jpeg: for inputs with `jpegQuality`; Ubuntu's python3-pil will do as well. record: for recordings (MCAP).
-    extras_require={"jpeg": ["pillow>=9"], "record": ["mcap>=1.2"]},
+    # record: for recordings (MCAP).
+    extras_require={"record": ["mcap>=1.2"]},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed"]},
     data_files=[

@@ -41,7 +41,6 @@ def _of(path: str, reason: str, *changes: tuple[str, Any]) -> tuple[Example, ...
 
 
 _INPUTS = "spec.topics.toCloud[]"
-_IMAGE = "sensor_msgs/msg/Image"
 _TRANSPORT, _EXPOSE, _SWITCHING = "spec.transport", "spec.transport.expose", "spec.switching"
 _LATENCY = "spec.switching.latency"
 _TOLERATION = "spec.cloud.tolerations[]"
@@ -158,9 +157,6 @@ _SERVED: tuple[Example, ...] = (
     *_of("spec.nodes[]", "NothingDeclared", (_CONTROLLER, {**_HOT, "lifecycle": False, "outputs": []})),
     *_of(_INPUTS, "OutOfRange", ("spec.topics.toCloud.0.minRate", 21), ("spec.topics.toCloud.0.minRate", 3)),
     *_of(_INPUTS, "Contradiction", ("spec.topics.toCloud.0", {"name": "/scan", "latched": True, "latest": True})),
-    *_of(_INPUTS, "NotAnImage", ("spec.topics.toCloud.0.jpegQuality", 80)),
-    *_of(_INPUTS, "Contradiction",
-         ("spec.topics.toCloud.0", {"name": "/map", "type": _IMAGE, "latched": True, "jpegQuality": 80})),
     *_of(_SWITCHING, "TooShort", ("spec.switching.prepareDeadline", "249ms")),
 )  # fmt: skip
 """About services, actions and state."""
@@ -351,7 +347,6 @@ _KEPT_WORDS: tuple[tuple[str, str, Any], ...] = (
     ("minRate", "spec.topics.toCloud.0.minRate", 20),
     ("priority", "spec.topics.toCloud.0.priority", "Low"),
     ("latest", "spec.topics.toCloud.0.latest", True),
-    ("jpegQuality", "spec.topics.toCloud.0", {"name": "/image", "type": _IMAGE, "jpegQuality": 95}),
     ("prepareDeadline", "spec.switching.prepareDeadline", "250ms"),
     ("cancelDeadline", "spec.switching.cancelDeadline", "10ms"),
     ("settleFor", "spec.switching.settleFor", "0s"),

@@ -222,7 +222,7 @@ def with_every_word() -> RobotOffload:
     values = changed("spec.nodes.1", EVERY_WORD)
     values["spec"]["switching"] |= {"silent": ["local_costmap/**"], "maxMessageSize": "1Mi", "settleFor": "3s"}
     values["spec"]["topics"]["toCloud"][0] |= {
-        "minRate": 2, "priority": "High", "latest": True, "type": "sensor_msgs/msg/Image", "jpegQuality": 80,
+        "minRate": 2, "priority": "High", "latest": True, "type": "sensor_msgs/msg/Image",
     }  # fmt: skip
     return parse_object(values, "f.yaml", rules=())
 
@@ -252,7 +252,6 @@ def test_the_agent_reads_what_moves_with_the_execution(side: Side) -> None:
     assert (settings_.preparing_s, settings_.settle_for_s, settings_.max_message_size) == (5.0, 3.0, 1 << 20)
     scan = configuration.input_specs()[0]
     assert (scan.min_rate_hz, scan.max_rate_hz, scan.priority.value, scan.latest) == (2.0, 20.0, "High", True)
-    assert configuration.inputs[0]["jpeg_quality"] == 80
     assert configuration["silent"] == ["local_costmap/**"]
 
 

@@ -298,7 +298,6 @@ CHANGES: dict[str, tuple[dict[str, Any], str, Any, Any]] = {
     "topics.toCloud[].minRate": ({}, f"{SCAN}.minRate", None, 5),
     "topics.toCloud[].priority": ({}, f"{SCAN}.priority", "Normal", "High"),
     "topics.toCloud[].latest": ({}, f"{SCAN}.latest", False, True),
-    "topics.toCloud[].jpegQuality": ({f"{SCAN}.type": "sensor_msgs/msg/Image"}, f"{SCAN}.jpegQuality", None, 80),
     "switching.prepareDeadline": ({}, "switching.prepareDeadline", None, "5s"),
     "switching.cancelDeadline": ({}, "switching.cancelDeadline", "2s", "3s"),
     "switching.settleFor": ({}, "switching.settleFor", "10s", "3s"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from robot_offload_agent.data import jpeg
 from robot_offload_agent.data.process import DataShell, plan, start
 from robot_offload_agent.errors import StartError
 from robot_offload_agent.ros import raw
@@ -24,8 +23,6 @@ class CloudDataShell(DataShell):
     def __init__(self, configuration: Configuration, bus: Bus) -> None:
         super().__init__(configuration, bus)
         self.process = CloudDataProcess(plan(configuration, {}), self)
-        if any(i["jpeg_quality"] for i in configuration.inputs):
-            jpeg.pillow()
         self.declared_types = {i.name: i["type"] for i in configuration.inputs if i["type"] != "auto"}
         self.publishers: dict[str, Any] = {}
         self.inputs = {i.name: i for i in configuration.inputs}
@@ -45,19 +42,6 @@ class CloudDataShell(DataShell):
             for i in (() if self.carried else configuration.inputs)
             if i["max_age_ms"] > 0
         ]
-
-    def on_message(self, channel: str, header: bytes, payload: bytes) -> None:
-        """Take a message from the link; of images that crossed as JPEG the nodes get the plain ones."""
-        if payload[:4] == jpeg.MAGIC and channel.startswith("in/"):
-            try:
-                size, payload = len(payload), jpeg.unpack(payload)
-            except (jpeg.JpegError, StartError) as error:
-                self.process.counters["garbage.jpeg"] += 1
-                if self.process.counters["garbage.jpeg"] == 1:
-                    self.warn(f"Left out an image ({error}), further ones are only counted")
-                return
-            self.process.counters[f"{channel.partition('/')[2]}.bytes"] += size - len(payload)
-        super().on_message(channel, header, payload)
 
     def leave(self, index: int, payload: bytes, published_s: float | None) -> None:
         """Take a message of a replica, on the ROS thread."""

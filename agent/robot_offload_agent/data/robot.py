@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any
 
-from robot_offload_agent.data import jpeg
 from robot_offload_agent.data.process import DataShell, plan, start
 from robot_offload_agent.ros import raw
 from robot_offload_agent.runtime.bus import Bus
 from robot_offload_agent.settings import offer, store
 from robot_offload_agent.settings.parameters import Configuration, Named
 from robot_offload_core.data.robot import RobotDataProcess
-from robot_offload_core.words.problems import Problem
 
 
 class RobotDataShell(DataShell):
@@ -25,7 +21,6 @@ class RobotDataShell(DataShell):
         super().__init__(configuration, bus)
         rates_hz = {name: rate_hz for name, _, rate_hz in offer.input_limits(store.in_force(configuration))}
         self.process = RobotDataProcess(plan(configuration, rates_hz), self)
-        self.process.packers = {i.name: self._packer(i) for i in configuration.inputs if i["jpeg_quality"]}
         self.inputs = [
             raw.RawSubscription(self.node, i["topic"], i, i["latched"], raw.stamped(partial(self.forward, i)))
             for i in (configuration.inputs if self.carried else ())
@@ -43,22 +38,6 @@ class RobotDataShell(DataShell):
         self.look_who_is_heard()
         publishers = self.node.count_publishers(spec["topic"]) if spec["latched"] else 1
         self.process.forward(spec.name, payload, publishers, published_s)
-
-    def _packer(self, spec: Named) -> Callable[[Any], Any]:
-        """Return what makes JPEG of an input's images, on the ROS thread; raise StartError without Pillow."""
-        jpeg.pillow()
-        name, quality, topic = spec.name, spec["jpeg_quality"], spec["topic"]
-        message = (
-            f"Images of {topic} cross as they are: only rgb8, bgr8 and mono8 without gaps between rows become JPEG"
-        )
-        problem = Problem.NOT_COMPRESSED.value, message
-
-        def pack(payload: Any) -> Any:
-            packed = jpeg.pack(bytes(payload), quality)
-            self.process.note(f"jpeg {name}", problem if packed[:4] != jpeg.MAGIC else None)
-            return packed
-
-        return pack
 
     def on_room(self, channel: str) -> None:
         """Send what waits of an input."""

@@ -53,7 +53,6 @@ INPUT: dict[str, Parameter] = {
     "min_rate_hz": Parameter(0.0, "the topic is thinned to this rate at most, Hz; 0: never", low=0, high=10000),
     "priority": Parameter("Normal", "what goes first on a narrow link", choices=tuple(p.value for p in Priority)),
     "latest": Parameter(False, "a newer message replaces one that waits to be sent"),
-    "jpeg_quality": Parameter(0, "raw images cross as JPEG of this quality, 1 to 95; 0: as they are", low=0, high=95),
     "latched": Parameter(False, "keep the last message and give it to every new session"),
     "reliability": Parameter("auto", "QoS", choices=QOS_WORDS["reliability"]),
     "durability": Parameter("auto", "QoS", choices=QOS_WORDS["durability"]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 from robot_offload_core.data import probe
@@ -39,7 +39,6 @@ class RobotDataProcess(DataProcess):
     Attributes:
         sequence, sent_s: of each input. least_s: least distance of two messages of it.
         waiting: newest refused message of each input with `latest`: since when, its header, its payload.
-        packers: of inputs whose messages cross in another form than they came, what makes that form.
         hurries: control must know at once which outputs are to speak (`while`).
         told: what the last report to control said, without what changes all the time.
         told_types: the cloud's types as the collector last heard them.
@@ -61,7 +60,6 @@ class RobotDataProcess(DataProcess):
         self.paces = Paces((i.name, Pace(1 / i.min_rate_hz if i.min_rate_hz else 0.0, i.priority)) for i in plan.inputs)
         self.latest = {i.name for i in plan.inputs if i.latest}
         self.waiting: dict[str, tuple[float, bytes, Any]] = {}
-        self.packers: dict[str, Callable[[Any], Any]] = {}
         self.told: tuple[object, ...] = ()
         self.told_types: tuple[tuple[str, str], ...] | None = None
         self.hurries = any(o.spec is not None and o.spec.while_ is not None for o in plan.outputs)
@@ -95,8 +93,7 @@ class RobotDataProcess(DataProcess):
             with self.ports.lock:
                 values = [v for v in self.latched[name] if v != payload]
                 self.latched[name] = [*values, payload][-min(MAX_LATCHED, max(1, publishers)) :]
-        packer = self.packers.get(name)
-        self.send_input(name, payload if packer is None else packer(payload), waited_s)
+        self.send_input(name, payload, waited_s)
 
     def send_input(self, name: str, payload: Any, waited_s: float = 0.0) -> None:
         """Send with a header that lets the cloud bound the message's age; it waited so long for us already."""

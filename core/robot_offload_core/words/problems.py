@@ -73,10 +73,6 @@ class Problem(Explained):
         "MinRateMissed", "The link carries fewer messages of an input than its `minRate`",
         "Publish it smaller or compressed, thin other topics, or lower `minRate`",
     )  # fmt: skip
-    NOT_COMPRESSED = (
-        "NotCompressed", "Images of an input with `jpegQuality` cross as they are: JPEG cannot hold their encoding",
-        "Publish rgb8, bgr8 or mono8, or remove `jpegQuality`",
-    )  # fmt: skip
     SNAPSHOT_REFUSED = (
         "SnapshotRefused", "A snapshot of a node's state was refused; the replica keeps what it had",
         "Read the reason in the message; publish with the same `robot_offload_state` on both sides",

@@ -256,7 +256,6 @@ def _input(topic: TopicToCloud) -> dict[str, Any]:
         "min_rate_hz": float(topic.min_rate_hz or 0.0),
         "priority": topic.priority,
         "latest": topic.latest,
-        "jpeg_quality": topic.jpeg_quality or 0,
         "latched": topic.latched,
         **_qos(topic.qos),
     }

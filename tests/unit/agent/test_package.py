@@ -36,7 +36,7 @@ def test_the_manifest_is_of_an_ament_python_package_and_names_what_is_imported(m
                 imported.add(node.module.partition(".")[0])
             elif isinstance(node, ast.Import):
                 imported |= {alias.name.partition(".")[0] for alias in node.names}
-    others = imported - set(sys.stdlib_module_names) - {NAME, "zenoh", "PIL"}  # PIL: an extra
+    others = imported - set(sys.stdlib_module_names) - {NAME, "zenoh"}
     assert {name.replace("yaml", "python3-yaml") for name in others} == needed
 
 

@@ -70,13 +70,6 @@ class TopicToCloud(Model):
         description="Whether only the newest message waits when the link has no room, and is sent as soon as there is "
         "some, as for camera images. Not for latched topics. Default false.",
     )
-    jpeg_quality: int | None = Field(
-        default=None,
-        ge=1,
-        le=95,
-        description="The quality with which raw images cross as JPEG, from 1 to 95, e.g. 80; the nodes on both sides "
-        "see plain images. Only for type sensor_msgs/msg/Image, which must be written. Default: as they are.",
-    )
     qos: QualityOfService | None = Field(
         default=None, description="Quality of service, where it shall differ from the publisher's."
     )

@@ -21,7 +21,7 @@ _SIZES: Final = {
 def large_topics_fit_the_link(spec: RobotOffloadSpec) -> Iterator[Finding]:
     """Warn of raw images and point clouds, with an estimate for a small sensor."""
     for i, topic in enumerate(spec.topics.to_cloud):
-        if topic.type not in _SIZES or topic.jpeg_quality is not None:
+        if topic.type not in _SIZES:
             continue
         size, what = _SIZES[topic.type]
         rate_hz = topic.max_rate_hz or USUAL_RATE_HZ
@@ -32,6 +32,6 @@ def large_topics_fit_the_link(spec: RobotOffloadSpec) -> Iterator[Finding]:
             f"spec.topics.toCloud[{i}]",
             "MuchForALink",
             f"{topic.name!r} carries raw data: messages {what} at {rate_hz:g} Hz are {mbit_s:.0f} Mbit/s; declare the "
-            "compressed topic of its image or point cloud transport, for images jpegQuality, or set maxRate",
+            "compressed topic of its image or point cloud transport, or set maxRate",
             "warning",
         )

@@ -229,22 +229,6 @@ RULES: Final[tuple[Rule, ...]] = (
         "latched",
     ),
     Rule(
-        "spec.topics.toCloud[]",
-        "NotAnImage",
-        "!has(self.jpegQuality) || (has(self.type) && self.type == 'sensor_msgs/msg/Image')",
-        lambda it: it.jpeg_quality is not None and it.type != "sensor_msgs/msg/Image",
-        "jpegQuality is for raw images; write type: sensor_msgs/msg/Image, or remove it",
-        "jpegQuality",
-    ),
-    Rule(
-        "spec.topics.toCloud[]",
-        "Contradiction",
-        "!self.latched || !has(self.jpegQuality)",
-        lambda it: it.latched and it.jpeg_quality is not None,
-        "both sides compare the bytes of a latched topic, and JPEG changes them; leave jpegQuality out",
-        "jpegQuality",
-    ),
-    Rule(
         "spec.switching",
         "TooShort",
         "!has(self.prepareDeadline) || duration(self.prepareDeadline) >= duration(self.activationDeadline)",
