@@ -8,6 +8,7 @@ import pytest
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameters import parse
+from robot_offload_agent.settings.served import member_in
 from robot_offload_core.words.declared import (
     Accept,
     ActionSpec,
@@ -71,3 +72,19 @@ def test_each_kind_of_name_is_read() -> None:
 def test_what_cannot_work_is_named(different: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         parse(given(**{**ACTION, **different}))
+
+
+@pytest.mark.parametrize(
+    ("full", "member"),
+    [
+        ("/offload/cloud/pod_wheelchair_planner_5d9f8_x2x9z/make_plan", "pod_wheelchair_planner_5d9f8_x2x9z"),
+        ("/offload/cloud/pod_a/make_plan/other", None),
+        ("/offload/cloud/pod_a/pod_b/make_plan", None),
+        ("/offload/cloud/make_plan", None),
+        ("/offload/robot/pod_a/make_plan", None),
+        ("/offload/cloud/pod_/make_plan", None),
+        ("/offload/cloud/pod_../make_plan", None),
+    ],
+)
+def test_a_pod_of_a_pool_is_known_by_the_private_name_that_it_serves(full: str, member: str | None) -> None:
+    assert member_in(full, "/make_plan") == member
