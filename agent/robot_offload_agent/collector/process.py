@@ -26,7 +26,7 @@ from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.collector import rivals
 from robot_offload_core.collector.process import CollectorPlan, CollectorProcess
 from robot_offload_core.collector.state import Collector
-from robot_offload_core.words.messages import Fatal, HolderChanged
+from robot_offload_core.words.messages import Fatal, HolderChanged, Unheard
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +34,7 @@ NODE_NAME = "offload_collector"
 RESOLVE_FIRST_S = 0.05
 RESOLVE_PERIOD_S = 0.5
 """How often the graph is looked at: often until everything is subscribed, because no message passes before."""
+MISSED_PERIOD_S = 0.1
 SECOND_PUBLISHER_CHECK_S = rivals.NAME_S
 """A second publisher found by then stops the start."""
 
@@ -61,6 +62,7 @@ class CollectorShell:
         alone = [o["topic"] for o in configuration.outputs if not o["shared"]]
         self.claims = claims.claim(configuration["domain_id"], alone)
         self.started_s = now_s()
+        self.missed_due_s = 0.0
         context.init(configuration)
         self.node = context.make_node(configuration, NODE_NAME)
         self.publishers: dict[int, Any] = {}
@@ -243,6 +245,14 @@ class CollectorShell:
                 losses.report(self.bus, self.process)
                 self.process.report(only_news=True)
                 due_s = self.process.turn_due_s()
+            self.miss_control()
+
+    def miss_control(self) -> None:
+        """Report to the supervisor, ten times a second, for how long control has not been heard."""
+        state, now = self.process.state, now_s()
+        if state.fell_back and state.gate_s is not None and now >= self.missed_due_s:
+            self.missed_due_s = now + MISSED_PERIOD_S
+            self.bus.send("supervisor", Unheard("control", now - state.gate_s))
 
 
 def run(configuration: Configuration) -> None:

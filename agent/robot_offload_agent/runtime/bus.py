@@ -56,6 +56,7 @@ from robot_offload_core.words.messages import (
     Reported,
     SetGate,
     Speak,
+    Unheard,
 )
 
 log = logging.getLogger(__name__)
@@ -77,7 +78,7 @@ KINDS: dict[str, type] = {
     cls.__name__: cls
     for cls in (
         Speak, Arrived, Heard, PulseStatus, Orders, Egress, DataStatus, CollectorStatus, CloudTypes, Notes, Limits,
-        HolderChanged, RelayOrders, RelayStatus, Fatal, Alive, Lives, Reported,
+        HolderChanged, RelayOrders, RelayStatus, Fatal, Alive, Unheard, Lives, Reported,
         PulseSent, SetGate, Reopen,
     )
 }  # fmt: skip

@@ -30,6 +30,9 @@ START_PATIENCE_S = 30.0
 HUNG_S = 6.0
 """A process without a sign of life for so long hangs: 12 signs are missing. A busy machine holds one up for less."""
 
+ENDING = (signal.SIGINT, signal.SIGTERM)
+"""What ends a process; blocked between the fork and the handlers of the child, so that none is lost."""
+
 Run = Callable[[], None]
 
 
@@ -100,6 +103,7 @@ def run_child(child: Child, prefix: str, folder: Path, name: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C reaches all; the supervisor ends us in order
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     with contextlib.suppress(OSError):
         Path("/proc/self/comm").write_text(f"{prefix}-{child.name}"[:15])
     _held = _named(f"{name}/{child.name}")  # for as long as this process lives

@@ -26,12 +26,12 @@ from typing import Any, TextIO
 
 from robot_offload_agent.errors import AlreadyRunningError, ConfigurationError
 from robot_offload_agent.runtime.bus import Bus
-from robot_offload_agent.runtime.child import Child, describe, run_child
+from robot_offload_agent.runtime.child import ENDING, Child, describe, run_child
 from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.runtime.folder import prepare
 from robot_offload_agent.runtime.identity import Holder, answer, end_holder, take
 from robot_offload_agent.runtime.systemd import Systemd
-from robot_offload_core.words.messages import Alive, Fatal, Lives
+from robot_offload_core.words.messages import Alive, Fatal, Lives, Unheard
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +42,8 @@ IDLE_S = 0.5
 START_S = 15.0
 """In this time a process in its first life may end the agent with a message; later that would end a working robot."""
 LIVES_PERIOD_S = 1.0
+UNHEARD_S = 1.4
+"""Silence of a process after which it is taken for hanging when another one misses its words as well: two witnesses."""
 STRAY_PATIENCE_S = 3.0
 """How long the end of a killed process may take; one that waits for a broken disk does not end."""
 
@@ -193,8 +195,11 @@ class Supervisor:
     def _fork(self, child: Child) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
+        # A child that is told to end before it has its own handlers would keep that to itself: see run_child.
+        signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         pid = os.fork()
         if pid:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
             child.begin(pid, self.awake_s)
             path = self.folder / f"{child.name}.pid"
             try:
@@ -223,16 +228,30 @@ class Supervisor:
     def _end_hanging(self) -> None:
         for child in self.children:
             if child.pid and child.silent_s(self.awake_s) > 0:
-                log.error("Process %s hangs (no sign of life for %g s), ending it", child.name, child.hung_s)
-                child.give_up(self.awake_s)
-                os.kill(child.pid, signal.SIGKILL)
+                self._end(child, child.hung_s)
+
+    def _end(self, child: Child, silent_s: float) -> None:
+        log.error("Process %s hangs (no sign of life for %g s), ending it", child.name, silent_s)
+        child.give_up(self.awake_s)
+        os.kill(child.pid, signal.SIGKILL)
+
+    def _end_unheard(self, names: set[str]) -> None:
+        """End those that another process has missed for so long, if they have shown us no life either."""
+        for child in self.children:
+            known = child.pid and not child.given_up and child.signed_s is not None
+            if known and child.name in names and child.silent_s(self.awake_s) + child.hung_s >= UNHEARD_S:
+                self._end(child, UNHEARD_S)
 
     def _read(self, bus: Bus) -> None:
+        unheard = set()
         while (message := bus.receive()) is not None:
             if isinstance(message, Alive):
                 self._sign(message)
+            elif isinstance(message, Unheard):
+                unheard |= {message.process} if message.silent_s >= UNHEARD_S else set()
             elif isinstance(message, Fatal) and not self.stopping:
                 self._fail(message)
+        self._end_unheard(unheard)
 
     def _sign(self, message: Alive) -> None:
         for child in self.children:

@@ -201,6 +201,14 @@ class Fatal:
 
 
 @dataclass(frozen=True)
+class Unheard:
+    """collector -> supervisor, ten times a second while it lasts: nothing has come from a process for `silent_s`."""
+
+    process: str
+    silent_s: float
+
+
+@dataclass(frozen=True)
 class Alive:
     """any -> supervisor, twice a second: all threads work; the sign of the slowest one is `age_s` old."""
 

@@ -43,7 +43,7 @@ def test_a_second_publisher_takes_the_cloud_away_although_the_robot_cannot_act(b
 
 
 def test_two_processes_of_one_node_in_the_cloud_take_it_away(build: Callable[..., World]) -> None:
-    world = build(plain=True)
+    world = build(both={"node.walker.lifecycle": False}, plain=True)
     world.start()
     first = world.nodes["cloud"]
     world.start_node("cloud")

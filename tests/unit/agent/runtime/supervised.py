@@ -4,7 +4,8 @@
 
 WHAT: `sleep` stays and gives signs of life; `hang` gives one and stays; `half` has a thread that hangs; `die` ends at
 once; `break` ends at once for a broken invariant; `deaf` stays and ignores SIGTERM; `error` fails with a message for
-a person; `late` dies once and fails with a message in its second life; `control` writes down what the supervisor says
+a person; `miss` stays and says all the time that `one` has not been heard;
+`late` dies once and fails with a message in its second life; `control` writes down what the supervisor says
 of the others.
 """
 
@@ -24,6 +25,7 @@ from robot_offload_agent.runtime.bus import Bus
 from robot_offload_agent.runtime.child import Child
 from robot_offload_agent.runtime.supervisor import Supervisor
 from robot_offload_core.words.checks import require
+from robot_offload_core.words.messages import Unheard
 
 PATIENT_S = 60.0
 HUNG_S = {"one": float(os.environ.get("ONE_HUNG_S", PATIENT_S))}
@@ -42,9 +44,11 @@ def behave(folder: Path, name: str, what: str) -> None:
     bus = Bus(folder, name)
     beacon = Beacon(bus, "main", *(["other"] if what == "half" else []))
     beacon.sign("main")
-    while what in ("sleep", "deaf", "hang", "half", "control"):
+    while what in ("sleep", "deaf", "hang", "half", "control", "miss"):
         if what != "hang":
             beacon.sign("main")
+        if what == "miss":
+            bus.send("supervisor", Unheard("one", 10.0))
         while (message := bus.receive()) is not None:
             (folder / f"{name}.heard").write_text(str(message))
         time.sleep(0.1)

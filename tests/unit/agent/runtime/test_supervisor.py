@@ -246,6 +246,21 @@ def test_a_child_that_hangs_is_killed_and_started_again_and_the_others_are_left_
     assert family.pid("control") == other
 
 
+def test_a_child_that_another_one_misses_is_ended_sooner_if_it_shows_no_life(family: Family) -> None:
+    family.start("one=hang", "two=miss")
+    assert until(lambda: family.lives("one") >= 2)
+    assert "Process one hangs (no sign of life for 1.4 s), ending it" in family.log
+    assert family.lives("two") == 1
+
+
+def test_a_child_that_lives_is_left_alone_although_another_one_misses_it(family: Family) -> None:
+    family.start("one=sleep", "two=miss")
+    assert until(lambda: family.lives("one") and family.lives("two"))
+    time.sleep(3.0)
+    assert "Process one hangs" not in family.log
+    assert family.lives("one") == 1
+
+
 def test_deaths_for_a_broken_invariant_are_counted_beyond_the_life_of_the_process(family: Family) -> None:
     family.start("one=break", "two=die", "control=control")
     pattern = r"\('one', (\d+), 0, \1\), \('two', [1-9]\d*, 0, 0\), \('control', 0, 0, 0\)"
