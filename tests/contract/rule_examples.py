@@ -77,7 +77,6 @@ POOL = _PLANNER | {"lifecycle": False, "services": [PLAN], "replicas": 2}
 """A node whose calls several pods share."""
 
 _SERVED: tuple[Example, ...] = (
-    *_of("spec.nodes[]", "Required", (_ACTION, [FOLLOW]), (_ACTION, [RESENT, {**FOLLOW, "name": "/spin"}])),
     *_of(
         "spec.nodes[].actions[]",
         "Contradiction",

@@ -10,6 +10,7 @@ from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameter import TOPIC, Parameter
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words.declared import (
+    WITHOUT_LIMIT_S,
     Accept,
     ActionSpec,
     OnSwitch,
@@ -51,7 +52,9 @@ ACTION: dict[str, Parameter] = {
         None, "what becomes of a running goal at a switch", choices=tuple(o.value for o in OnSwitch)
     ),
     "accept": Parameter("Relay", "who answers a client that sends a goal", choices=tuple(a.value for a in Accept)),
-    "hold_for_ms": Parameter(10000.0, "longest wait of a commanded switch for a goal's end, ms", low=1, high=3.6e6),
+    "hold_for_ms": Parameter(
+        0.0, "longest wait of a planned switch for a Hold goal's end, ms; 0: no limit", low=0, high=3.6e6
+    ),
     "result_timeout_ms": Parameter(900000.0, "how long a result is kept for its client, ms", low=1, high=8.64e7),
     "mirror": Parameter(False, "live goals are offered to the Hot standby too"),
 }
@@ -110,7 +113,9 @@ def _spec(group: str, name: str, values: Mapping[str, Any]) -> Spec:
     prefix = f"parameter {SERVED[group][0]}.{name}"
     given: dict[str, Any] = {}
     for key, value in values.items():
-        if key.endswith("_ms"):
+        if key == "hold_for_ms" and not value:
+            given["hold_for_s"] = WITHOUT_LIMIT_S
+        elif key.endswith("_ms"):
             given[f"{key[:-3]}_s"] = value / 1e3
         elif key == "hot":
             given[key] = _sides(prefix, value)

@@ -37,15 +37,26 @@ class ServiceMode(str, Enum):
     """Both sides; the first answer wins."""
 
 
-class OnSwitch(str, Enum):
-    """What becomes of a goal that is being executed when the other side begins to act. A user chooses: no default."""
+WITHOUT_LIMIT_S = 1e9
+"""A wait that no limit ends: thirty years."""
 
+
+class OnSwitch(str, Enum):
+    """What becomes of a goal that is being executed when the other side begins to act."""
+
+    RESEND_ON_LOSS = "ResendOnLoss"
+    """A planned switch waits for the end of the goal; after a loss the other side gets it, parts may run twice."""
     RESEND = "Resend"
-    """The other side gets the goal too, so parts of it may be executed twice."""
+    """The other side gets the goal at each change, so parts of it may be executed twice."""
     HOLD = "Hold"
-    """A commanded change waits for the end of the goal, at most `hold_for_s`; a loss ends it ABORTED."""
+    """A planned switch waits for the end of the goal, at most `hold_for_s`; a loss ends it ABORTED."""
     ABORT = "Abort"
     """The goal ends ABORTED and its client decides."""
+
+    @property
+    def resends(self) -> bool:
+        """The other side gets the goal when it begins to act."""
+        return self in (OnSwitch.RESEND, OnSwitch.RESEND_ON_LOSS)
 
 
 class Accept(str, Enum):
@@ -166,7 +177,7 @@ class ActionSpec:
     on_switch: OnSwitch
     node: str = ""
     accept: Accept = Accept.RELAY
-    hold_for_s: float = 10.0
+    hold_for_s: float = WITHOUT_LIMIT_S
     timeout_s: float = 2.0
     result_timeout_s: float = 900.0
     mirror: bool = False

@@ -265,8 +265,8 @@ class RelayStatus:
     Attributes:
         candidate: token of the preparation that `pending` is about; None for none (and always in the cloud).
         pending: what the candidate still lacks, (reason, message); empty: as far as goals and requests go it is ready.
-        hold: an action with a goal that a commanded change waits for (`onSwitch: Hold`), "" for none.
-        hold_for_s: how long a change waits for that goal.
+        hold: an action with a goal that a planned switch waits for, "" for none.
+        hold_for_s: how long it waits for that goal.
         holder: who holds, as the relay last saw (in the cloud: CLOUD while it may act).
         busy: this side's nodes still have goals or requests to end: they are not to be deactivated yet.
         executing: actions that this side executes, by public name.

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 _GOALS: Final = {
+    "ResendOnLoss": "make a planned switch wait for their end; after a loss they go on with the other side's replica",
     "Resend": "go on with the replica of the other side",
     "Hold": "make a planned change wait for their end; after a loss they end aborted",
     "Abort": "end aborted",
@@ -32,7 +33,7 @@ def handover(spec: Mapping[str, Any]) -> Iterator[str]:
         for output in node.get("outputs") or ():
             yield from _output(output)
         for action in node.get("actions") or ():
-            rule = str(action.get("onSwitch", ""))
+            rule = str(action.get("onSwitch") or "ResendOnLoss")
             yield f"At a change of sides, goals of {action.get('name')} {_GOALS.get(rule, '')} ({rule})."
         for service in node.get("services") or ():
             rule = str(service.get("mode") or "Holder")

@@ -11,6 +11,7 @@ from robot_offload.api.v1alpha1.served import SNAPSHOT_MAX_AGE_MS, SNAPSHOT_MAX_
 
 NONE: Final = ["none"]
 CLOUD_ENDS: Final = "Abort"
+DEFAULT_ON_SWITCH: Final = "ResendOnLoss"
 """What becomes of a goal at a Cloud node when the cloud is away: nobody else could go on with it."""
 
 
@@ -80,9 +81,9 @@ def _action(node: Node, action: Action) -> dict[str, Any]:
     return {
         "name": action.name,
         "type": action.type,
-        "on_switch": CLOUD_ENDS if action.on_switch is None else action.on_switch,
+        "on_switch": action.on_switch or (DEFAULT_ON_SWITCH if node.duplicated else CLOUD_ENDS),
         "accept": action.accept,
-        "hold_for_ms": float(action.held_for_ms),
+        "hold_for_ms": float(action.hold_for_ms or 0),
         "timeout_ms": float(action.timeout_ms),
         "result_timeout_ms": float(action.result_timeout_ms),
         "mirror": action.mirror,

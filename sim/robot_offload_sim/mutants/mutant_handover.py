@@ -224,13 +224,23 @@ HANDOVER: dict[str, Mutant] = {
             ),
         ),
     ),
+    "N56": Mutant(
+        "a planned switch waits for no `ResendOnLoss` goal",
+        "planned_switch_costs_no_goal",
+        (Edit("relay.goals.attempts", "if starves or spec.on_switch is OnSwitch.RESEND_ON_LOSS", "if starves"),),
+    ),
+    "N57": Mutant(
+        "a goal begins anew at each change, however often",
+        "long_goal_between_short_outages",
+        (Edit("relay.goals.attempts", "MOST_MOVES = 2", "MOST_MOVES = 1000"),),
+    ),
     "N26": Mutant(
         "`Abort` goals executed on the other side",
         "goals_that_must_not_be_repeated",
         (
             Edit(
                 "relay.goals.machine",
-                "elif offered and work.spec(goal).on_switch is not OnSwitch.RESEND:",
+                "elif offered and not work.spec(goal).on_switch.resends:",
                 "elif False:",
             ),
         ),
@@ -252,8 +262,8 @@ HANDOVER: dict[str, Mutant] = {
         (
             Edit(
                 "control.robot.readiness",
-                "impatient = wish.reason.urgent and now_s >= preparation.patient_until_s",
-                "impatient = False",
+                "(wish.reason.urgent and now_s >= preparation.patient_until_s)",
+                "False",
             ),
         ),
     ),

@@ -9,7 +9,7 @@ from typing import Any
 from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalEntry, GoalStatus
 from robot_offload_core.relay.goals.wire_ids import NO_GOAL
 from robot_offload_core.relay.process import RelayPlan
-from robot_offload_core.words.declared import OnSwitch, ServiceMode
+from robot_offload_core.words.declared import ServiceMode
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.relays import RelayShell, RobotRelayShell
@@ -311,4 +311,4 @@ class Clients:
 
     def resends(self, action: str) -> bool:
         """Return whether goals of an action may be executed twice."""
-        return self.actions[action].on_switch is OnSwitch.RESEND
+        return self.actions[action].on_switch.resends

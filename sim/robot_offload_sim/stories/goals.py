@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from robot_offload_core.relay.goals.ports import GoalStatus
+from robot_offload_core.words.declared import OnSwitch
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.goal_stage import DOCK, FOLLOW, RELAY, SPIN, GoalStage
@@ -177,6 +178,44 @@ def change_waits_for_hold() -> None:
     late = stage.goal(DOCK)
     stage.to(ROBOT)
     stage.ends(late, ABORTED)
+
+
+def planned_switch_costs_no_goal() -> None:
+    """`onSwitch: ResendOnLoss`: a planned switch waits for the goal's end, after a loss the robot has the goal."""
+    follow = replace(RELAY.actions[0], on_switch=OnSwitch.RESEND_ON_LOSS)
+    stage = GoalStage(relay=replace(RELAY, actions=(follow, *RELAY.actions[1:])))
+    stage.on_robot()
+    goal = stage.goal()
+    stage.pin(None)
+    stage.always(lambda: stage.holder is ROBOT, 20.0, "the switch waits without limit")
+    stage.let_end()
+    stage.ends(goal, SUCCEEDED)
+    stage.until(lambda: stage.holder is CLOUD, 8.0, "the switch follows")
+    for site in Site:
+        stage.traits(site).takes_s = float("inf")
+    late = stage.goal()
+    stage.lose_cloud()
+    stage.until(lambda: bool(stage.copies(ROBOT, late)), 3.0, "the robot has the goal")
+    stage.let_end()
+    stage.ends(late, SUCCEEDED)
+
+
+def long_goal_between_short_outages() -> None:
+    """A `Resend` goal that outages made begin anew keeps the robot: no switch makes it begin anew for ever."""
+    stage = GoalStage()
+    stage.in_cloud()
+    goal = stage.goal()
+    for _ in range(2):
+        join = stage.lose_cloud()
+        stage.run(1.0)
+        join()
+        stage.run(12.0)
+    began = stage.began(ROBOT, goal) + stage.began(CLOUD, goal)
+    stage.always(lambda: stage.holder is ROBOT, 20.0, "the goal keeps its side")
+    stage.expect(began == stage.began(ROBOT, goal) + stage.began(CLOUD, goal), "it does not begin anew")
+    stage.let_end()
+    stage.ends(goal, SUCCEEDED)
+    stage.until(lambda: stage.holder is CLOUD, 40.0, "the cloud is used again")
 
 
 def one_goal_at_a_time() -> None:
@@ -375,7 +414,8 @@ def cancelled_by_somebody_else() -> None:
 STORIES = (
     goal_over_twenty_changes, copy_before_the_change, goal_that_the_candidate_rejects, pin_does_not_wait_for_ever,
     goal_after_a_loss, goal_that_ends_in_the_change, abort_when_deactivated, nodes_rest_after_their_goals,
-    cancel_in_a_change, goals_that_must_not_be_repeated, change_waits_for_hold, one_goal_at_a_time, preempted_copies,
+    cancel_in_a_change, goals_that_must_not_be_repeated, change_waits_for_hold, planned_switch_costs_no_goal,
+    long_goal_between_short_outages, one_goal_at_a_time, preempted_copies,
     copy_ends_first, forgotten_goal, no_answer_to_an_offer, late_acceptance, robots_relay_dies,
     change_without_a_relay, clouds_relay_dies, goal_between_arming_and_flip, lost_letters,
     late_report_of_the_collector, many_goals_at_once, cancelled_by_somebody_else,

@@ -116,9 +116,9 @@ def may_arm(robot: Robot, preparation: Preparation, wish: Verdict, now_s: float)
 
 
 def hold(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, bool]:
-    """Return whether a change waits for a goal that must not be interrupted, at most its `holdFor` (`onSwitch: Hold`).
+    """Return whether a planned switch waits for a goal that must not be interrupted.
 
-    Not for a pin, a veto, a switch by hand, nor when a side cannot act.
+    It waits at most as long as the relay states. Pins, vetoes, switches by hand and a side that cannot act do not wait.
     """
     report, held_s = robot.handing.report, robot.handing.held_s
     goal = report is not None and report.hold != ""

@@ -21,9 +21,12 @@ from robot_offload_core.relay.goals.state import (
     Why,
 )
 from robot_offload_core.relay.goals.work import Work
-from robot_offload_core.words.declared import OnSwitch
+from robot_offload_core.words.declared import WITHOUT_LIMIT_S, ActionSpec, OnSwitch
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site, Token
+
+MOST_MOVES = 2
+"""Changes of the side that a `Resend` goal begins anew for; then a planned switch waits for its end."""
 
 
 def settle(work: Work) -> None:
@@ -139,7 +142,7 @@ def _is_copied(work: Work, goal: Goal) -> bool:
     return (
         candidate is not None
         and candidate[0] is not work.holding.site
-        and spec.on_switch is OnSwitch.RESEND
+        and spec.on_switch.resends
         and spec.core
         and not goal.cancel
     )
@@ -221,7 +224,7 @@ def pending(ledger: Ledger, view: View) -> tuple[str, ...]:
     lacking = []
     for goal in ledger.goals.values():
         spec = ledger.actions[goal.action]
-        copied = goal.ended_s is None and not goal.cancel and spec.core and spec.on_switch is OnSwitch.RESEND
+        copied = goal.ended_s is None and not goal.cancel and spec.core and spec.on_switch.resends
         if not copied:
             continue
         copy = _copy_at(goal, site, token)
@@ -243,14 +246,24 @@ def waiting(ledger: Ledger, view: View, now_s: float) -> tuple[str, ...]:
 
 
 def held(ledger: Ledger) -> tuple[str, float]:
-    """Return an action with a `Hold` goal that runs and the longest `holdFor`, seconds; ("", 0) when there is none."""
-    found = [
-        ledger.actions[goal.action]
-        for goal in ledger.goals.values()
-        if goal.ended_s is None and ledger.actions[goal.action].on_switch is OnSwitch.HOLD
-    ]
-    longest = max(found, key=lambda spec: spec.hold_for_s, default=None)
-    return (longest.name, longest.hold_for_s) if longest is not None else ("", 0.0)
+    """Return an action with a goal that a planned switch waits for, and how long, seconds; ("", 0): none."""
+    found = [(_held_for_s(goal, ledger.actions[goal.action]), goal.action) for goal in ledger.goals.values()]
+    longest_s, action = max(found, default=(0.0, ""))
+    return (action, longest_s) if longest_s > 0 else ("", 0.0)
+
+
+def _held_for_s(goal: Goal, spec: ActionSpec) -> float:
+    """Return how long a planned switch waits for a goal.
+
+    A goal that began anew MOST_MOVES times keeps its side, whatever was declared: changes that are more frequent than
+    the goal is long would starve it.
+    """
+    if goal.ended_s is not None or spec.of_cloud:
+        return 0.0
+    if spec.on_switch is OnSwitch.HOLD:
+        return spec.hold_for_s
+    starves = spec.on_switch is OnSwitch.RESEND and goal.moves >= MOST_MOVES
+    return WITHOUT_LIMIT_S if starves or spec.on_switch is OnSwitch.RESEND_ON_LOSS else 0.0
 
 
 # -- the others -------------------------------------------------------------------------------------------------------

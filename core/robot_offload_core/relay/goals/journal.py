@@ -251,13 +251,13 @@ def _goal(goal: Goal) -> dict[str, Any]:
     return {
         "id": goal.id.hex(), "a": goal.action, "o": goal.order, "t": goal.stamp_ns, "c": goal.caller.hex(),
         "s": int(goal.status), "w": goal.why.value if goal.why else "", "e": goal.ended_s, "x": goal.cancel,
-        "r": [caller.hex() for caller in goal.waiting], "n": [goal.need_s, goal.able_s, goal.moved],
+        "r": [caller.hex() for caller in goal.waiting], "n": [goal.need_s, goal.able_s, goal.moved, goal.moves],
         "l": [_attempt(attempt) for attempt in goal.attempts],
     }  # fmt: skip
 
 
 def _goal_of(words: dict[str, Any]) -> Goal:
-    need_s, able_s, moved = words["n"]
+    need_s, able_s, moved, *moves = words["n"]  # without the last: written by an earlier version
     return Goal(
         bytes.fromhex(words["id"]), str(words["a"]), b"", int(words["o"]), int(words["t"]),
         caller=bytes.fromhex(words["c"]), status=GoalStatus(words["s"]),
@@ -265,6 +265,7 @@ def _goal_of(words: dict[str, Any]) -> Goal:
         cancel=bool(words["x"]), waiting=tuple(bytes.fromhex(caller) for caller in words["r"]),
         attempts=tuple(_attempt_of(attempt) for attempt in words["l"]),
         need_s=float(need_s), able_s=None if able_s is None else float(able_s), moved=bool(moved),
+        moves=int(moves[0]) if moves else 0,
     )  # fmt: skip
 
 

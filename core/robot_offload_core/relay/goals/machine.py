@@ -37,7 +37,7 @@ from robot_offload_core.relay.goals.state import (
 from robot_offload_core.relay.goals.wire_ids import NO_GOAL
 from robot_offload_core.relay.goals.work import Work
 from robot_offload_core.words.checks import require
-from robot_offload_core.words.declared import Accept, ActionSpec, OnSwitch
+from robot_offload_core.words.declared import Accept, ActionSpec
 from robot_offload_core.words.events import assert_never
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.replace import replace
@@ -119,10 +119,11 @@ def _notice_change(work: Work) -> None:
         offered = any(a.phase is not AttemptPhase.REFUSED for a in goal.attempts)
         if goal.cancel:
             work.end(goal, GoalStatus.CANCELED, why=Why.CANCELED)
-        elif offered and work.spec(goal).on_switch is not OnSwitch.RESEND:
+        elif offered and not work.spec(goal).on_switch.resends:
             work.end(goal, GoalStatus.ABORTED, why=Why.HOLDER_CHANGED)
         else:
-            work.put(replace(goal, need_s=work.now_s, able_s=None, moved=True, retry_s=0.0))
+            moves = goal.moves + offered
+            work.put(replace(goal, need_s=work.now_s, able_s=None, moved=True, moves=moves, retry_s=0.0))
 
 
 def _replaced(work: Work, site: Site | None) -> None:
@@ -269,7 +270,7 @@ def _of_earlier_stay(work: Work, attempt: Attempt, event: Ended) -> bool:
 def _early(work: Work, goal: Goal) -> bool:
     """Return whether an end that nobody asked for is an effect of the change: within `timeout` after it (rule 3)."""
     spec = work.spec(goal)
-    return goal.moved and spec.on_switch is OnSwitch.RESEND and work.now_s < work.offers_until_s(goal)
+    return goal.moved and spec.on_switch.resends and work.now_s < work.offers_until_s(goal)
 
 
 def _gone(work: Work, event: Gone) -> None:
@@ -288,7 +289,7 @@ def _need_another(work: Work, goal: Goal, why: Why) -> None:
     """Offer another copy, or end the goal: the holder's came to nothing through no fault of the goal (rule 10)."""
     if goal.cancel:
         work.end(goal, GoalStatus.CANCELED, why=Why.CANCELED)
-    elif work.spec(goal).on_switch is OnSwitch.RESEND:
+    elif work.spec(goal).on_switch.resends:
         work.put(replace(goal, need_s=work.now_s, able_s=None, moved=True, retry_s=0.0))
     else:
         work.end(goal, GoalStatus.ABORTED, why=why)

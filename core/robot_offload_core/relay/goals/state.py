@@ -97,6 +97,7 @@ class Goal:
         attempts: all that may still run, and the newest of each side.
         need_s: since when the holder lacks a copy. able_s: since when it has been able to take one.
         moved: the need began with a change of the holder or a forgotten copy, so a refusal is no last word.
+        moves: changes of the holder that made the goal begin anew.
         retry_s, copy_retry_s: not offered to the holder, to the candidate, before.
     """
 
@@ -116,6 +117,7 @@ class Goal:
     need_s: float = 0.0
     able_s: float | None = None
     moved: bool = False
+    moves: int = 0
     retry_s: float = 0.0
     copy_retry_s: float = 0.0
 

@@ -10,7 +10,6 @@ from robot_offload.api.v1alpha1.model import Model, map_list
 from robot_offload.api.v1alpha1.names import ActionName, ActionType, NodePath, ServiceName, ServiceType, TopicName
 from robot_offload.api.v1alpha1.quantities import Duration, Size, UpTo, Within
 
-HOLD_FOR_MS: Final = 10_000
 SNAPSHOT_MAX_AGE_MS: Final = 500
 SNAPSHOT_MAX_SIZE: Final = 1024 * 1024
 """Bytes."""
@@ -39,12 +38,14 @@ class Action(Model):
 
     name: ActionName = Field(description="The full name under which clients know it, e.g. /follow_path.")
     type: ActionType = Field(description="Its type, e.g. nav2_msgs/action/FollowPath.")
-    on_switch: Literal["Resend", "Hold", "Abort"] | None = Field(
+    on_switch: Literal["ResendOnLoss", "Resend", "Hold", "Abort"] | None = Field(
         default=None,
-        description="What becomes of a running goal when the other side begins to act; there is no default. Resend: "
-        "the other side gets the goal too, so parts may be executed twice (for goals that name a target, not a "
-        "distance). Hold: a commanded change waits for the goal's end, a loss aborts it. Abort: the goal ends "
-        "aborted and its client decides.",
+        description="What becomes of a running goal when the other side begins to act. ResendOnLoss: a planned switch "
+        "waits for the goal's end; after a loss the other side gets the goal, so parts may be executed twice. Resend: "
+        "the other side gets the goal at each change (for goals that name a target, not a distance); a goal that "
+        "began anew twice keeps its side. Hold: a planned switch waits for the goal's end, a loss aborts it. Abort: "
+        "the goal ends aborted and its client decides. Default ResendOnLoss; of a node with placement Cloud a goal "
+        "runs whoever acts.",
     )
     accept: Literal["Relay", "Holder"] = Field(
         default="Relay",
@@ -53,8 +54,8 @@ class Action(Model):
     )
     hold_for_ms: Annotated[Duration, Within("100ms", "10m")] | None = Field(
         default=None,
-        description="With onSwitch Hold: the longest wait of a change for the goal's end, from 100ms to 10m. "
-        "Default 10s.",
+        description="With onSwitch Hold: the longest wait of a planned switch for the goal's end, from 100ms to 10m; "
+        "then the goal ends aborted. Default: no limit.",
     )
     timeout_ms: Annotated[Duration, _TIMEOUT] = Field(
         default=2_000,
@@ -69,11 +70,6 @@ class Action(Model):
         description="Whether live goals run on the Hot replica of the other side too, so that it takes over in the "
         "middle of them. Only with onSwitch Resend. Default false.",
     )
-
-    @property
-    def held_for_ms(self) -> int:
-        """The longest wait of a commanded change for the end of a goal, milliseconds."""
-        return HOLD_FOR_MS if self.hold_for_ms is None else self.hold_for_ms
 
 
 class UsedService(Model):

@@ -22,12 +22,6 @@ _HAS_USES: Final = (
     "(has(self.uses) && ((has(self.uses.services) && size(self.uses.services) > 0) || "
     "(has(self.uses.actions) && size(self.uses.actions) > 0)))"
 )
-_THREE: Final = (
-    "an action says in onSwitch what becomes of a running goal when the other side begins to act. Resend: the other "
-    "side gets the goal too, parts may be executed twice (driving to a place). Hold: a planned change waits for the "
-    "goal's end, a loss aborts it (a short movement). Abort: the goal ends aborted and its client decides (docking, "
-    "arms, lifts)"
-)
 
 
 def _hot(node: Node) -> bool:
@@ -39,15 +33,6 @@ def _kinds(state: Any) -> int:
 
 
 RULES: Final[tuple[Rule, ...]] = (
-    Rule(
-        "spec.nodes[]",
-        "Required",
-        "self.placement != 'Duplicated' || !has(self.actions) || self.actions.all(a, has(a.onSwitch))",
-        lambda node: node.duplicated and any(it.on_switch is None for it in node.actions),
-        _THREE,
-        "actions",
-        lambda node: ", ".join(it.name for it in node.actions if it.on_switch is None),
-    ),
     Rule(
         "spec.nodes[].actions[]",
         "Contradiction",
