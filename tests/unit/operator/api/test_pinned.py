@@ -79,5 +79,5 @@ def test_an_end_that_is_none_is_a_warning_with_what_to_write() -> None:
 
     assert found(None) == found(END) == []
     (said,) = found("soon")
-    assert said.startswith("warning metadata.annotations[\"robotoffload.dev/pinned-until\"]: 'soon' is no end")
+    assert said.startswith("warning metadata.annotations[\"robotoffload.dev/pinned-until\"]: 'soon' is not a valid end")
     assert "write a side and a time, such as Robot 2026-11-23T12:10:00Z" in said
