@@ -216,7 +216,9 @@ def test_without_an_address_the_bundle_waits_and_then_says_why(place: Place, run
     assert "Waiting (AddressPending)" in done.stderr
     assert not (tmp_path / "out").exists()
     assert "offload explain" not in done.stderr.partition("Next:")[2]
-    assert place.wait_condition("Ready", "False", "AddressPending")["message"].startswith("AddressesReady: ")
+    message = place.wait_condition("AddressesReady", "False", "AddressPending")["message"]
+    assert "load balancer" in message
+    assert place.condition("Ready")["status"] == "False"
     explained = run("explain", "walker")
     assert explained.exit_code == 1
     assert "AddressPending" in explained.stdout
