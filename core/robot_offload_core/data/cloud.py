@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from robot_offload_core.data import probe
 from robot_offload_core.data.probe import Probe
 from robot_offload_core.data.process import MAX_REPORT, DataPlan, DataPorts, DataProcess, others_of
+from robot_offload_core.fence import lease
 from robot_offload_core.topics import mirror, tallies
 from robot_offload_core.topics.mirror import Mirror
 from robot_offload_core.topics.shared import Loop
@@ -121,17 +122,17 @@ class CloudDataProcess(DataProcess):
             self.counters[f"{output.name}.waited"] += 1
             return
         egress, heard = self.egress.egress, self.heard
-        token, end_s = egress.token, egress.lease_end_s
-        if output.of_cloud:
-            token, end_s = egress.presence, egress.presence_end_s
-            if output.mirrored and self.plan.carried:  # there is no other side that its neighbours could hear instead
-                self._say(index, payload)
+        if output.of_cloud and output.mirrored and self.plan.carried:  # no other side could be heard instead
+            self._say(index, payload)
         message = Kept(payload, heard.incarnation if heard else "", heard.echo_us(waited_s) if heard else 0)
         with self.ports.lock:
             self.kept[index] = message
-            if token is not None and self.ports.now_s() < end_s:
+            token = lease.leaves(egress, self.ports.now_s(), of_cloud=output.of_cloud)
+            if token is not None:
                 self._seal(index, message, token)
-        if message.token is None or self.ports.now_s() >= end_s:  # also when stopped between the first look and here
+        if (
+            token is None or lease.leaves(egress, self.ports.now_s(), of_cloud=output.of_cloud) is None
+        ):  # also when stopped between the first look and here
             self.counters[f"{output.name}.held_back"] += 1
             return
         self._send(index, message)
@@ -173,10 +174,11 @@ class CloudDataProcess(DataProcess):
         under the same sequence, by which it passes once. What Hot replicas said before leaves for the first time: the
         collector judges its age, a latched message has none.
         """
-        token, end_s = self.egress.egress.token, self.egress.egress.lease_end_s
+        egress = self.egress.egress
         for index, message in tuple(self.kept.items()):
             output = self.plan.outputs[index]
-            if token is None or output.of_cloud or self.ports.now_s() >= end_s:
+            token = lease.leaves(egress, self.ports.now_s())
+            if token is None or output.of_cloud:
                 continue
             with self.ports.lock:
                 if message.token != token and index in self.hot and not output.rated:

@@ -17,6 +17,7 @@ from robot_offload_core.data import parameter_values
 from robot_offload_core.data.cloud import CloudDataProcess
 from robot_offload_core.data.process import DataProcess
 from robot_offload_core.data.robot import RobotDataProcess
+from robot_offload_core.fence import lease
 from robot_offload_core.topics import snapshots
 from robot_offload_core.topics.snapshots import Refused, Standing
 from robot_offload_core.topics.waits import Waits
@@ -367,8 +368,7 @@ class CloudStates(StateProcess):
     def holding(self) -> Token | None:
         """See StateProcess."""
         egress = self.data.egress.egress
-        acts = egress.in_charge and self.data.ports.now_s() < egress.lease_end_s
-        return egress.token if acts else None
+        return lease.leaves(egress, self.data.ports.now_s()) if egress.in_charge else None
 
     def stay(self) -> object:
         """See StateProcess."""

@@ -61,14 +61,14 @@ class Leave:
 
     Attributes:
         token: of the outputs of duplicated nodes; None: nothing.
-        end_s: until when.
-        in_charge: the cloud is in charge under that token.
+        lease_end_s: until when.
+        in_charge: False while the cloud only gets ready: then consumers there do not hear it yet.
         presence: token of the outputs of nodes with placement Cloud; None: nothing.
         presence_end_s: until when.
     """
 
-    token: Token | None = None
-    end_s: float = 0.0
+    token: Token | None
+    lease_end_s: float
     in_charge: bool = False
     presence: Token | None = None
     presence_end_s: float = 0.0
@@ -120,5 +120,5 @@ def leave(lease: Lease, now_s: float) -> Leave:
 
 def leaves(held: Leave, now_s: float, *, of_cloud: bool = False) -> Token | None:
     """Return the token under which a message leaves at this moment; None: it does not."""
-    token, end_s = (held.presence, held.presence_end_s) if of_cloud else (held.token, held.end_s)
+    token, end_s = (held.presence, held.presence_end_s) if of_cloud else (held.token, held.lease_end_s)
     return token if now_s < end_s else None

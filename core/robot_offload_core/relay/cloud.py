@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite
 
+from robot_offload_core.fence import lease
 from robot_offload_core.relay.cloud_used import CloudUsed
 from robot_offload_core.relay.goals.executor import (
     CANCEL_AGAIN_S,
@@ -98,12 +99,12 @@ class CloudRelay(RelayProcess):
     def admits(self, token: Token) -> bool:
         """Return whether something may begin under a token: exactly the one that this side may act under, now."""
         egress = self.egress.egress if self.egress is not None else None
-        return egress is not None and egress.token == token and self.ports.now_s() < egress.lease_end_s
+        return egress is not None and lease.leaves(egress, self.ports.now_s()) == token
 
     def admits_present(self, token: Token) -> bool:
         """Return whether a node with placement Cloud may begin something under a token: exactly that of presence."""
         egress = self.egress.egress if self.egress is not None else None
-        return egress is not None and egress.presence == token and self.ports.now_s() < egress.presence_end_s
+        return egress is not None and lease.leaves(egress, self.ports.now_s(), of_cloud=True) == token
 
     def _admits_word(self, name: str, token: Token, *, standby: bool) -> bool:
         if name in self._of_cloud:
@@ -294,11 +295,7 @@ class CloudRelay(RelayProcess):
     def acts_under(self, spec: UsedService | UsedAction) -> Token | None:
         """Return the token under which the node of a used name may act now; None while it stands by."""
         egress = self.egress.egress if self.egress is not None else None
-        if egress is None:
-            return None
-        if spec.of_cloud:
-            return egress.presence if self.ports.now_s() < egress.presence_end_s else None
-        return egress.token if egress.token is not None and self.admits(egress.token) else None
+        return None if egress is None else lease.leaves(egress, self.ports.now_s(), of_cloud=spec.of_cloud)
 
     def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
         """Take a replica's call at a used name."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NoReturn, Protocol
 
-from robot_offload_core.words.token import Site, Token
+from robot_offload_core.fence.lease import Leave
+from robot_offload_core.words.token import Site
 
 
 def assert_never(unexpected: NoReturn) -> NoReturn:
@@ -107,19 +108,5 @@ class CloudData:
 
 
 @dataclass(frozen=True)
-class SetEgress:
-    """To the data process: what may leave, until when.
-
-    Attributes:
-        token: of the duplicated nodes' outputs; None closes.
-        lease_end_s: until when.
-        in_charge: False while this side only gets ready: then consumers here do not hear it yet.
-        presence: token of the outputs of nodes with placement Cloud; None closes.
-        presence_end_s: until when.
-    """
-
-    token: Token | None
-    lease_end_s: float
-    in_charge: bool = False
-    presence: Token | None = None
-    presence_end_s: float = 0.0
+class SetEgress(Leave):
+    """To the data process: what may leave, until when."""

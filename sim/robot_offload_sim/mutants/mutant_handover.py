@@ -56,8 +56,8 @@ HANDOVER: dict[str, Mutant] = {
         (
             Edit(
                 "relay.cloud",
-                "egress.token == token and self.ports.now_s() < egress.lease_end_s",
-                "egress.token in (token, None)",
+                "return egress is not None and lease.leaves(egress, self.ports.now_s()) == token",
+                "return egress is not None and egress.token in (token, None)",
             ),
         ),
     ),

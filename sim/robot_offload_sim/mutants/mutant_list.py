@@ -1081,18 +1081,7 @@ MUTANTS: dict[str, Mutant] = {
     "X1": Mutant(
         "the egress does not look at the lease",
         "cloud_ends_by_itself",
-        (
-            Edit(
-                "data.cloud",
-                "if token is not None and self.ports.now_s() < end_s:",
-                "if token is not None:",
-            ),
-            Edit(
-                "data.cloud",
-                "if message.token is None or self.ports.now_s() >= end_s:  # also",
-                "if message.token is None:  # also",
-            ),
-        ),
+        (Edit("fence.lease", "return token if now_s < end_s else None", "return token"),),
     ),
     "G20": Mutant(
         "a node without a lifecycle is taken for alive",
@@ -1199,7 +1188,7 @@ MUTANTS: dict[str, Mutant] = {
     "R4": Mutant(
         "results leave under the charge",
         "results_whoever_is_in_charge",
-        (Edit("data.cloud", "token, end_s = egress.presence, egress.presence_end_s", "pass"),),
+        (Edit("fence.lease", "(held.presence, held.presence_end_s) if of_cloud else ", ""),),
     ),
     "R5": Mutant(
         "presence lasts from the arrival of a grant",

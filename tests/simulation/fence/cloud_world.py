@@ -105,7 +105,9 @@ class CloudWorld:
         end_s = max(leased.end_s - 1, NOW) if leased.end_s else 0.0
         void_s = leased.void_before_s - 1 if leased.void_before_s > NOW - self.bounds.lease else 0.0
         leased = replace(leased, end_s=end_s, void_before_s=void_s)
-        egress = frozenset(replace(held, end_s=held.end_s - 1) for held in cloud.egress if held.end_s > NOW - 1)
+        egress = frozenset(
+            replace(held, lease_end_s=held.lease_end_s - 1) for held in cloud.egress if held.lease_end_s > NOW - 1
+        )
         return Cloud(cloud.number, leased, egress)
 
     def _leased(self, cloud: Cloud, after: Lease) -> Cloud:
@@ -139,4 +141,4 @@ class CloudWorld:
 
 def _covers(one: Leave, other: Leave) -> bool:
     """Return whether whoever believes in one may do all that the other allows."""
-    return one.token == other.token and one.end_s >= other.end_s and one.in_charge >= other.in_charge
+    return one.token == other.token and one.lease_end_s >= other.lease_end_s and one.in_charge >= other.in_charge
