@@ -1,7 +1,7 @@
 """What the collector has reached, in a file of the runtime folder: for its next life, and for whoever asks who holds.
 
-The file is one line of words with a checksum in front. Another process may read while the collector writes, so a reader
-takes what is whole only.
+The fence writes the record and reads it. Another process may read while the collector writes, so a reader takes what is
+whole only.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import logging
 import mmap
 import os
-import zlib
 from pathlib import Path
 
 from robot_offload_core.collector.state import Collector
+from robot_offload_core.fence import memory
 from robot_offload_core.words.gates import Charge
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.token import Site, Token
@@ -45,16 +45,14 @@ class Memory:
 
     def save(self, state: Collector) -> None:
         """Write who passes now."""
-        if state.charge is None:
-            return
-        token = state.charge.token
-        words = [state.charge.site.value, token.robot, str(token.epoch), token.cloud or "-"]
-        text = " ".join([*words, str(state.started_us), str(int(state.fell_back)), str(state.stay)])
-        self.map[:] = f"{zlib.crc32(text.encode()):08x} {text}".encode().ljust(MEMORY_BYTES, b"\0")
+        written = memory.write(state.fence, state.stay)
+        if written is not None:
+            self.map[:] = written.ljust(MEMORY_BYTES, b"\0")
 
     def load(self) -> tuple[Charge, int, bool, int] | None:
         """Return (charge, started_us, fell_back, stay); None when nothing whole is there."""
-        return _read(self.map)
+        found = memory.read(self.map[:])
+        return None if found is None else (found.charge, found.started_us, found.fell_back, found.stay)
 
 
 class HolderView:
@@ -74,22 +72,9 @@ class HolderView:
             except (OSError, ValueError):  # not there, or not allocated yet
                 return self.last
         for _ in range(READS):
-            found = _read(self.map)
+            found = memory.read(self.map[:])
             if found is not None:
-                charge, _, fell_back, stay = found
-                self.last = Holding(Site.ROBOT if fell_back else charge.site, stay, charge.token)
+                site = Site.ROBOT if found.fell_back else found.charge.site
+                self.last = Holding(site, found.stay, found.charge.token)
                 break
         return self.last
-
-
-def _read(memory: mmap.mmap) -> tuple[Charge, int, bool, int] | None:
-    checksum, _, text = memory[:].rstrip(b"\0").partition(b" ")
-    words = text.decode("ascii", "replace").split(" ")
-    if len(words) != 7 or f"{zlib.crc32(text):08x}".encode() != checksum:
-        return None
-    site, robot, epoch, cloud, started_us, fell_back, stay = words
-    try:
-        token = Token(robot, int(epoch), "" if cloud == "-" else cloud)
-        return Charge(Site(site), token), int(started_us), bool(int(fell_back)), int(stay)
-    except ValueError:
-        return None

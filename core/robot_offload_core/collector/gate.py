@@ -17,6 +17,7 @@ import math
 
 from robot_offload_core.collector import active_while, standby
 from robot_offload_core.collector.state import Collector, OutputState
+from robot_offload_core.fence import gate as fence
 from robot_offload_core.words import slow_outputs
 from robot_offload_core.words.checks import require
 from robot_offload_core.words.envelope import Envelope
@@ -40,7 +41,8 @@ def start(
 ) -> Collector:  # fmt: skip
     """Return a collector that passes the robot until control speaks."""
     states = tuple(OutputState(spec) for spec in outputs)
-    return Collector(max_age_s, gate_timeout_s, states, loss_timeout_s=loss_timeout_s, activation_s=activation_s)
+    closed = fence.start(len(states), max_age_s, gate_timeout_s)
+    return Collector(closed, states, loss_timeout_s=loss_timeout_s, activation_s=activation_s)
 
 
 def set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
@@ -75,28 +77,29 @@ def _change_over_idle(collector: Collector, now_s: float) -> Collector:
     following = collector.next
     if following is None or any(_awaited(collector, o, following.site) for o in collector.outputs):
         return collector
-    return _enter(collector, following, None, now_s)
+    return _took(collector, fence.take_over(collector.fence, now_s), now_s)
 
 
 def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
     if gate.started_us < collector.started_us:
         return collector
-    same_control = gate.started_us == collector.started_us
-    said_s = now_s if gate.said_s is None else min(gate.said_s, now_s)
-    collector = replace(
-        collector, started_us=gate.started_us, gate_s=said_s, presence=gate.presence, prompt=gate.prompt,
-        outputs=standby.note(active_while.note(collector.outputs, gate, now_s), gate),
-    )  # fmt: skip
-    ours, theirs = collector.charge, gate.current
-    if ours is None or not same_control:
-        return _enter(collector, theirs, gate.next, now_s)
-    if theirs.token.epoch < ours.token.epoch:
-        return collector  # already changed over to what control still calls next
-    if theirs.token.epoch == ours.token.epoch:
-        if collector.fell_back and ours.site is Site.CLOUD:
-            return collector  # robot messages have passed since: only a new epoch may follow
-        return _arm(replace(collector, fell_back=False), gate.next)
-    return _enter(collector, theirs, gate.next, now_s)
+    said_s = now_s if gate.said_s is None else gate.said_s
+    word = fence.Word(gate.started_us, gate.current, gate.next, said_s, gate.presence)
+    outputs = standby.note(active_while.note(collector.outputs, gate, now_s), gate)
+    collector = replace(collector, prompt=gate.prompt, outputs=outputs)
+    return _took(collector, fence.order(collector.fence, word, now_s), now_s)
+
+
+def _took(collector: Collector, after: fence.Gate, now_s: float) -> Collector:
+    """Return the collector with the fence's next state; note when another side or epoch is in charge."""
+    ours, theirs = collector.fence.charge, after.charge
+    if theirs != ours or after.next != collector.fence.next:
+        outputs = tuple(o if o.next_ready_s is None else replace(o, next_ready_s=None) for o in collector.outputs)
+        collector = replace(collector, outputs=outputs)
+    if theirs == ours or theirs is None:
+        return replace(collector, fence=after)
+    stays = ours is not None and ours.site is theirs.site
+    return replace(collector, fence=after, flipped_s=now_s, acts_s=collector.acts_s if stays else now_s)
 
 
 def limit(
@@ -107,10 +110,8 @@ def limit(
     activation_s: float = 0.0,
 ) -> Collector:
     """Take limits that were changed at run time; safe at any moment, they only bound what is refused or lost."""
-    return replace(
-        collector, max_age_s=max_age_s, gate_timeout_s=gate_timeout_s, loss_timeout_s=loss_timeout_s,
-        activation_s=activation_s,
-    )  # fmt: skip
+    limited = fence.limit(collector.fence, max_age_s, gate_timeout_s)
+    return replace(collector, fence=limited, loss_timeout_s=loss_timeout_s, activation_s=activation_s)
 
 
 def turn(collector: Collector, now_s: float) -> Collector:
@@ -123,19 +124,18 @@ def turn(collector: Collector, now_s: float) -> Collector:
 
 
 def tick(collector: Collector, now_s: float) -> Collector:
-    """Return falls back to the robot when control has been silent for too long."""
-    spoken_s = collector.resumed_s if collector.gate_s is None else collector.gate_s
-    if collector.fell_back or spoken_s is None or now_s - spoken_s <= collector.gate_timeout_s:
+    """Fall back to the robot when control has been silent for too long."""
+    ticked = fence.tick(collector.fence, now_s)
+    if ticked is collector.fence:
         return collector
-    after = replace(collector, fell_back=True, next=None)
+    after = replace(collector, fence=ticked)
     check(collector, after, "silence")
     return after
 
 
 def site(collector: Collector) -> Site:
     """Return the side that passes: the robot also before control has spoken and after falling back."""
-    charge = collector.charge
-    return Site.ROBOT if charge is None or collector.fell_back else charge.site
+    return fence.site(collector.fence)
 
 
 def count_stay(before: Collector, after: Collector) -> Collector:
@@ -151,59 +151,47 @@ def resume(
     For the cloud it passes nothing before control has spoken, and nothing sent before `now_s`: the predecessor may have
     passed it. Silence counts from now: a restart of ours is nobody's silence.
     """
-    return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s, stay=stay)
+    resumed = fence.resume(collector.fence, charge, started_us, fell_back, now_s)
+    return replace(collector, fence=resumed, stay=stay)
 
 
-def offer_robot(collector: Collector, index: int, sequence: int, now_s: float) -> tuple[Collector, Passage]:
+def offer_robot(
+    collector: Collector, index: int, sequence: int, now_s: float, known: fence.Known = fence.EVERYTHING
+) -> tuple[Collector, Passage]:
     """Take a message of the robot's replica on output `index`; `sequence` grows with each of its messages."""
     collector = tick(collector, now_s)
-    passes = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
+    judged, ruling = fence.robot(collector.fence, index, now_s, known)
     hot = Site.ROBOT in collector.outputs[index].spec.hot
-    collector = _output(collector, index, robot_s=now_s, standby_s=now_s if hot else None, standby_new=not passes)
-    if passes:
-        return _output(collector, index, last_sequence=sequence), Passage(Ruling.ROBOT_IN_CHARGE)
-    if collector.next is None or collector.next.site is not Site.ROBOT:
-        return collector, Passage(Ruling.CLOUD_IN_CHARGE)
-    return _offer_next(collector, index, sequence, now_s, now_s)
+    collector = replace(
+        _output(
+            collector, index, robot_s=now_s, standby_s=now_s if hot else None, standby_new=not ruling.passes
+        ), fence=judged,
+    )  # fmt: skip
+    if ruling is fence.Ruling.NOT_ALL_READY:
+        return _offer_next(collector, index, sequence, now_s, known)
+    return collector, Passage(Ruling.of(ruling))
 
 
-def offer_cloud(collector: Collector, index: int, envelope: Envelope, now_s: float) -> tuple[Collector, Passage]:
+def offer_cloud(
+    collector: Collector, index: int, envelope: Envelope, now_s: float, known: fence.Known = fence.EVERYTHING
+) -> tuple[Collector, Passage]:
     """Take a message of the cloud's replica for output `index`."""
     collector = standby.hear(tick(collector, now_s), index, envelope, now_s)
-    if collector.fell_back or collector.charge is None or collector.gate_s is None:
-        return collector, Passage(Ruling.CONTROL_SILENT)
     state = collector.outputs[index]
     latched = envelope.latched and state.spec.latched  # the last value of a topic that speaks seldom
-    if not 0 <= envelope.age_s(now_s) <= (math.inf if latched else collector.max_age_s):  # less: an echo of nobody here
-        return collector, Passage(Ruling.STALE)
-    if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s and not latched:
-        return collector, Passage(Ruling.BEFORE_RESTART)
-    if collector.charge.site is Site.CLOUD and envelope.token == collector.charge.token:
-        if envelope.sequence <= state.last_sequence:
-            return collector, Passage(Ruling.REORDERED)
-        heard = _output(
-            collector, index, cloud_s=now_s, last_sequence=envelope.sequence,
-            standby_new=state.standby_new or state.spec.latched,
-        )  # fmt: skip
-        return heard, Passage(Ruling.CURRENT)
-    following = collector.next
-    if following is not None and following.site is Site.CLOUD and envelope.token == following.token:
-        if envelope.sequence <= state.next_sequence:
-            return collector, Passage(Ruling.REORDERED)
-        collector = _output(collector, index, cloud_s=now_s)
-        return _offer_next(collector, index, envelope.sequence, now_s if latched else envelope.echo_us / 1e6, now_s)
-    return collector, Passage(Ruling.FOREIGN_TOKEN)
+    judged, ruling = fence.cloud(collector.fence, index, envelope, now_s, known, lasts=latched)
+    if judged is not collector.fence:
+        collector = replace(collector, fence=judged)
+    if ruling is fence.Ruling.NOT_ALL_READY:
+        return _offer_next(_output(collector, index, cloud_s=now_s), index, envelope.sequence, now_s, known)
+    if ruling.passes:
+        collector = _output(collector, index, cloud_s=now_s, standby_new=state.standby_new or state.spec.latched)
+    return collector, Passage(Ruling.of(ruling))
 
 
 def admits_effect(collector: Collector, token: Token, now_s: float) -> Passage:
     """Return whether an effect that is not collected (a request through the agents) is the active side's."""
-    collector = tick(collector, now_s)
-    charge = collector.charge
-    if collector.fell_back or charge is None or collector.gate_s is None:
-        return Passage(Ruling.CONTROL_SILENT)
-    if charge.site is not Site.CLOUD or charge.token != token:
-        return Passage(Ruling.FOREIGN_TOKEN)
-    return Passage(Ruling.CURRENT)
+    return Passage(Ruling.of(fence.effect(collector.fence, token, now_s)))
 
 
 def report(collector: Collector, now_s: float) -> GateReport:
@@ -261,31 +249,31 @@ def next_deadline_s(collector: Collector, now_s: float) -> float:
 
 
 def _offer_next(
-    collector: Collector, index: int, sequence: int, born_s: float, now_s: float
+    collector: Collector, index: int, event: object, now_s: float, known: fence.Known
 ) -> tuple[Collector, Passage]:
     """Take a valid message of the side that is to take over: change over once all rated outputs of it flow.
 
     The newest messages of its other outputs pass with it, as long as they are no older than any message may be: else
     their consumers would wait for the old side's and the new side's period together.
     """
-    collector = _output(collector, index, next_ready_s=now_s, next_sequence=sequence, next_born_s=born_s)
+    collector = _output(collector, index, next_ready_s=now_s)
     assert collector.next is not None
     side = collector.next.site
     if not all(_flows(collector, o, side, now_s) for o in collector.outputs):
         return collector, Passage(Ruling.NOT_ALL_READY)
-    ready = {
-        i
-        for i, o in enumerate(collector.outputs)
-        if i != index and o.next_ready_s is not None and now_s - o.next_born_s <= collector.max_age_s
-    }
     before = collector
-    collector = _output(_enter(collector, collector.next, None, now_s), index, standby_new=False)
-    check(before, collector, sequence)
+    changed, passes = fence.release(fence.take_over(collector.fence, now_s), index, now_s, known)
+    assert passes, "a message that is held is young enough at this very moment"
+    ready = set()
+    for other in range(len(collector.outputs)):
+        changed, passes = fence.release(changed, other, now_s)
+        ready |= {other} if passes else set()
+    collector = _output(_took(collector, changed, now_s), index, standby_new=False)
+    check(before, collector, event)
     collector, kept = standby.release(before, collector, now_s)
     for other in ready:
         collector = _output(collector, other, standby_new=False)
-    also = tuple(sorted(ready | set(kept)))
-    return _output(collector, index, last_sequence=sequence), Passage(Ruling.CHANGED_OVER, also)
+    return collector, Passage(Ruling.CHANGED_OVER, tuple(sorted(ready | set(kept))))
 
 
 def _flows(collector: Collector, output: OutputState, side: Site, now_s: float) -> bool:
@@ -298,30 +286,6 @@ def _awaited(collector: Collector, output: OutputState, side: Site) -> bool:
     """Return whether a changeover to a side waits for an output: for no slow one while nobody acts, or nobody may."""
     held = not (collector.prompt and slow_outputs.is_slow(output.spec, collector.activation_s))
     return held and active_while.awaited(output, side)
-
-
-def _enter(collector: Collector, charge: Charge, following: Charge | None, now_s: float) -> Collector:
-    outputs = tuple(
-        replace(o, last_sequence=o.next_sequence if charge == collector.next else -1, next_sequence=-1,
-                next_ready_s=None)
-        for o in collector.outputs
-    )  # fmt: skip
-    stays = collector.charge is not None and collector.charge.site is charge.site
-    acts_s = collector.acts_s if stays else now_s
-    collector = replace(
-        collector, charge=charge, outputs=outputs, fell_back=False, flipped_s=now_s, acts_s=acts_s, next=None
-    )
-    return _arm(collector, following)
-
-
-def _arm(collector: Collector, following: Charge | None) -> Collector:
-    if following == collector.next:
-        return collector
-    assert collector.charge is not None
-    if following is not None and following.token.epoch <= collector.charge.token.epoch:
-        following = None  # only what is newer may follow
-    outputs = tuple(replace(o, next_ready_s=None, next_sequence=-1) for o in collector.outputs)
-    return replace(collector, next=following, outputs=outputs)
 
 
 def _output(collector: Collector, index: int, **changes: float | bool | None) -> Collector:

@@ -7,6 +7,7 @@ that stood still from the consumers: so the age is judged per message, and contr
 from __future__ import annotations
 
 from robot_offload_core.collector.state import Collector, OutputState
+from robot_offload_core.fence import gate as fence
 from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.gates import Passage, Ruling
 from robot_offload_core.words.replace import replace
@@ -22,18 +23,12 @@ def offer(collector: Collector, index: int, envelope: Envelope, now_s: float) ->
         now_s: on the robot's steady clock.
     """
     state = collector.outputs[index]
-    if collector.gate_s is None or now_s - collector.gate_s > collector.gate_timeout_s:
-        return collector, Passage(Ruling.CONTROL_SILENT)
-    if collector.presence is None or envelope.token != collector.presence:
-        return collector, Passage(Ruling.FOREIGN_TOKEN)
-    if not 0 <= envelope.age_s(now_s) <= (state.spec.max_age_s or collector.max_age_s):
-        return _heard(collector, index, replace(state, stale=True)), Passage(Ruling.STALE)
-    if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s:
-        return collector, Passage(Ruling.BEFORE_RESTART)
-    if state.present is not None and state.present[0] == envelope.token and envelope.sequence <= state.present[1]:
-        return collector, Passage(Ruling.REORDERED)
-    heard = replace(state, cloud_s=now_s, stale=False, present=(envelope.token, envelope.sequence))
-    return _heard(collector, index, heard), Passage(Ruling.PRESENT)
+    judged, ruling = fence.result(collector.fence, index, envelope, now_s, state.spec.max_age_s or collector.max_age_s)
+    if ruling is fence.Ruling.STALE:
+        collector = _heard(collector, index, replace(state, stale=True))
+    if ruling.passes:
+        collector = replace(_heard(collector, index, replace(state, cloud_s=now_s, stale=False)), fence=judged)
+    return collector, Passage(Ruling.of(ruling))
 
 
 def _heard(collector: Collector, index: int, state: OutputState) -> Collector:

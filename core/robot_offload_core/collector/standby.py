@@ -9,6 +9,7 @@ import math
 from typing import TYPE_CHECKING
 
 from robot_offload_core.collector import lateness
+from robot_offload_core.fence import gate as fence
 from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.replace import replace
@@ -98,6 +99,7 @@ def release(before: Collector, after: Collector, now_s: float) -> tuple[Collecto
     if not (_cloud_passes(before) and not _cloud_passes(after)):
         return after, ()
     passing = tuple(i for i, o in enumerate(after.outputs) if _releases(after, o, now_s))
+    passing = tuple(i for i in passing if fence.robot(after.fence, i, now_s)[1].passes)
     outputs = tuple(replace(o, standby_new=False) if i in passing else o for i, o in enumerate(after.outputs))
     return replace(after, outputs=outputs), passing
 

@@ -130,9 +130,8 @@ class CloudDataProcess(DataProcess):
             token = lease.leaves(egress, self.ports.now_s(), of_cloud=output.of_cloud)
             if token is not None:
                 self._seal(index, message, token)
-        if (
-            token is None or lease.leaves(egress, self.ports.now_s(), of_cloud=output.of_cloud) is None
-        ):  # also when stopped between the first look and here
+                token = lease.leaves(egress, self.ports.now_s(), of_cloud=output.of_cloud)  # if we stood still
+        if token is None:
             self.counters[f"{output.name}.held_back"] += 1
             return
         self._send(index, message)

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robot_offload_core.fence import gate as fence
 from robot_offload_core.words.reasons import Explained
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words.token import Token
 
-
-@dataclass(frozen=True)
-class Charge:
-    """One stay in charge: a site and the token it acts under."""
-
-    site: Site
-    token: Token
+Charge = fence.Charge
+"""One stay in charge; the word is the fence's."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +60,23 @@ class Ruling(Explained):
     BEFORE_RESTART = "BeforeRestart", "The message was sent before this collector started"
     REORDERED = "Reordered", "A newer message of the same output was heard before"
     FOREIGN_TOKEN = "ForeignToken", "The message carries another token than the side in charge"
+    SECOND_PUBLISHER = "SecondPublisher", "The public topic has another publisher"
+    TWO_REPLICAS = "TwoReplicas", "Two producers speak on the private topic of the side"
+    TYPES_DIFFER = "TypesDiffer", "The message is of another type than the consumers get"
 
     @property
     def passes(self) -> bool:
         """The message reaches the consumers."""
         return self in _PASSES
 
+    @staticmethod
+    def of(ruling: fence.Ruling) -> Ruling:
+        """Return the word for what the fence has ruled."""
+        return _RULINGS[ruling.value]
+
 
 _PASSES = frozenset({Ruling.ROBOT_IN_CHARGE, Ruling.CURRENT, Ruling.PRESENT, Ruling.CHANGED_OVER, Ruling.RELEASED})
+_RULINGS = {word.value: word for word in Ruling}
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ HOT: dict[str, Mutant] = {
     ),
     "A3": Mutant(
         "messages that do not pass any more teach nothing", "late_message_after_a_takeover",
-        (Edit("collector.gate", "collector = standby.hear(tick(collector, now_s), index, envelope, now_s)\n    if collector.fell_back or", "collector = tick(collector, now_s)\n    if collector.charge is not None and envelope.token == collector.charge.token:\n        collector = standby.hear(collector, index, envelope, now_s)\n    if collector.fell_back or"),),
+        (Edit("collector.gate", "collector = standby.hear(tick(collector, now_s), index, envelope, now_s)\n    state", "collector = tick(collector, now_s)\n    if collector.charge is not None and envelope.token == collector.charge.token:\n        collector = standby.hear(collector, index, envelope, now_s)\n    state"),),
     ),
     "A4": Mutant(
         "a margin without a hundred messages", "hot_robot_before_it_has_learned",
@@ -36,7 +36,7 @@ HOT: dict[str, Mutant] = {
     ),
     "A8": Mutant(
         "what is kept passes again", "newest_messages_of_topics_that_speak_seldom",
-        (Edit("collector.gate", "standby_new=not passes)", "standby_new=True)"),),
+        (Edit("collector.gate", "standby_new=not ruling.passes", "standby_new=True"),),
     ),
     "A9": Mutant(
         "a latched message has an age", "newest_messages_of_topics_that_speak_seldom",

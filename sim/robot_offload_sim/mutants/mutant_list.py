@@ -185,33 +185,21 @@ MUTANTS: dict[str, Mutant] = {
     "C1": Mutant(
         "no BeforeRestart",
         "restarted_collector",
-        (
-            Edit(
-                "collector.gate",
-                "if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s and not latched:",
-                "if False:",
-            ),
-        ),
+        (Edit("fence.gate", "if _before_restart(gate, header) and not lasts:", "if False:"),),
     ),
     "C2": Mutant(
         "negative age passes",
         "impossible_echo",
-        (
-            Edit(
-                "collector.gate",
-                "if not 0 <= envelope.age_s(now_s) <=",
-                "if not envelope.age_s(now_s) <=",
-            ),
-        ),
+        (Edit("fence.freshness", "return 0 <= age_s <= most_s", "return age_s <= most_s"),),
     ),
     "C3": Mutant(
         "sequence starts anew at a changeover",
         "doubled_messages",
         (
             Edit(
-                "collector.gate",
-                "last_sequence=o.next_sequence if charge == collector.next else -1",
-                "last_sequence=-1",
+                "fence.gate",
+                "return tuple(-1 if held is None else held.sequence for held in gate.held)",
+                "return (-1,) * len(gate.held)",
             ),
         ),
     ),
@@ -220,8 +208,8 @@ MUTANTS: dict[str, Mutant] = {
         "fallback",
         (
             Edit(
-                "collector.gate",
-                "        if collector.fell_back and ours.site is Site.CLOUD:\n            return collector  # robot messages have passed since: only a new epoch may follow\n",
+                "fence.gate",
+                "    if gate.fell_back and ours.site is Site.CLOUD:\n        return gate  # the robot has passed since: only a newer epoch may follow\n",
                 "",
             ),
         ),
@@ -231,16 +219,19 @@ MUTANTS: dict[str, Mutant] = {
         "fallback",
         (
             Edit(
-                "collector.gate",
-                "    if collector.fell_back or charge is None or collector.gate_s is None:\n        return Passage",
-                "    if charge is None or collector.gate_s is None:\n        return Passage",
+                "fence.gate",
+                "    if gate.fell_back or gate.charge is None or gate.said_s is None:\n        return Ruling",
+                "    if gate.charge is None or gate.said_s is None:\n        return Ruling",
             ),
         ),
     ),
     "C7": Mutant(
         "earlier control heard",
         "earlier_control",
-        (Edit("collector.gate", "    if gate.started_us < collector.started_us:\n        return collector\n", ""),),
+        (
+            Edit("fence.gate", "    if word.started_us < gate.started_us:\n        return gate\n", ""),
+            Edit("collector.gate", "    if gate.started_us < collector.started_us:\n        return collector\n", ""),
+        ),
     ),
     "C9": Mutant(
         "one rated output that flows is enough",
@@ -256,26 +247,26 @@ MUTANTS: dict[str, Mutant] = {
     "C10": Mutant(
         "Hot robot passes while the cloud acts",
         "hot_robot_is_held_back",
-        (
-            Edit(
-                "collector.gate",
-                "return collector, Passage(Ruling.CLOUD_IN_CHARGE)",
-                "return collector, Passage(Ruling.ROBOT_IN_CHARGE)",
-            ),
-        ),
+        (Edit("fence.gate", "return gate, Ruling.CLOUD_IN_CHARGE", "return gate, Ruling.ROBOT_IN_CHARGE"),),
     ),
     "C11": Mutant(
         "held messages of any age",
         "held_too_long",
-        (Edit("collector.gate", " and now_s - o.next_born_s <= collector.max_age_s\n", "\n"),),
+        (
+            Edit(
+                "fence.gate",
+                "_fault(known) is None and fresh(now_s - held.born_s, gate.max_age_s)",
+                "_fault(known) is None",
+            ),
+        ),
     ),
     "C12": Mutant(
         "repeats of the next side",
         "repeated_next",
         (
             Edit(
-                "collector.gate",
-                "        if envelope.sequence <= state.next_sequence:\n            return collector, Passage(Ruling.REORDERED)\n",
+                "fence.gate",
+                "        if held is not None and header.sequence <= held.sequence:\n            return gate, Ruling.REORDERED\n",
                 "",
             ),
         ),
@@ -285,44 +276,32 @@ MUTANTS: dict[str, Mutant] = {
         "resumed_without_control",
         (
             Edit(
-                "collector.gate",
-                "    if collector.fell_back or collector.charge is None or collector.gate_s is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    state",
-                "    if collector.fell_back or collector.charge is None:\n        return collector, Passage(Ruling.CONTROL_SILENT)\n    state",
+                "fence.gate",
+                "    if gate.fell_back or gate.charge is None or gate.said_s is None:\n        return gate, Ruling",
+                "    if gate.fell_back or gate.charge is None:\n        return gate, Ruling",
             ),
         ),
     ),
     "C14": Mutant(
         "fallback forgotten at restart",
         "fallback_outlives_the_collector",
-        (
-            Edit(
-                "collector.gate",
-                "fell_back=fell_back, resumed_s=now_s, stay=stay",
-                "fell_back=False, resumed_s=now_s, stay=stay",
-            ),
-        ),
+        (Edit("fence.gate", "fell_back=fell_back, resumed_s=now_s)", "fell_back=False, resumed_s=now_s)"),),
     ),
     "C15": Mutant(
         "resumed collector waits for control for ever",
         "resumed_without_control",
         (
             Edit(
-                "collector.gate",
-                "spoken_s = collector.resumed_s if collector.gate_s is None else collector.gate_s",
-                "spoken_s = collector.gate_s",
+                "fence.gate",
+                "spoken_s = gate.resumed_s if gate.said_s is None else gate.said_s",
+                "spoken_s = gate.said_s",
             ),
         ),
     ),
     "C16": Mutant(
         "gate timeout doubled",
         "fallback",
-        (
-            Edit(
-                "collector.gate",
-                "now_s - spoken_s <= collector.gate_timeout_s:",
-                "now_s - spoken_s <= 2 * collector.gate_timeout_s:",
-            ),
-        ),
+        (Edit("fence.gate", "now_s - spoken_s <= gate.silence_s:", "now_s - spoken_s <= 2 * gate.silence_s:"),),
     ),
     "S1": Mutant(
         "clear without the lease",
@@ -978,10 +957,10 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "collector.gate",
-                "    return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s, stay=stay)",
+                "    return replace(collector, fence=resumed, stay=stay)",
                 "    outputs = tuple(replace(o, robot_s=now_s) for o in collector.outputs)\n"
                 "    collector = replace(collector, outputs=outputs)\n"
-                "    return replace(collector, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s, stay=stay)",
+                "    return replace(collector, fence=resumed, stay=stay)",
             ),
         ),
     ),
@@ -1161,29 +1140,17 @@ MUTANTS: dict[str, Mutant] = {
     "R1": Mutant(
         "results of any age pass",
         "results_of_a_slow_link",
-        (
-            Edit(
-                "collector.results",
-                "if not 0 <= envelope.age_s(now_s) <= (state.spec.max_age_s or collector.max_age_s):",
-                "if False:",
-            ),
-        ),
+        (Edit("fence.gate", "if not fresh(header.age_s(now_s), max_age_s):", "if False:"),),
     ),
     "R2": Mutant(
         "results pass under any token",
         "results_of_two_robots_lives",
-        (
-            Edit(
-                "collector.results",
-                "if collector.presence is None or envelope.token != collector.presence:",
-                "if False:",
-            ),
-        ),
+        (Edit("fence.gate", "if gate.presence is None or header.token != gate.presence:", "if False:"),),
     ),
     "R3": Mutant(
         "results pass twice and in any order",
         "results_that_come_twice",
-        (Edit("collector.results", "envelope.sequence <= state.present[1]:", "False:"),),
+        (Edit("fence.gate", "header.sequence <= newest[1]:", "False:"),),
     ),
     "R4": Mutant(
         "results leave under the charge",
@@ -1214,13 +1181,7 @@ MUTANTS: dict[str, Mutant] = {
     "R8": Mutant(
         "results older than this collector pass",
         "results_that_come_twice",
-        (
-            Edit(
-                "collector.results",
-                "if collector.resumed_s is not None and envelope.echo_us / 1e6 < collector.resumed_s:",
-                "if False:",
-            ),
-        ),
+        (Edit("fence.gate", "if _before_restart(gate, header):", "if False:"),),
     ),
     "R9": Mutant(
         "a changeover waits for results",
@@ -1608,9 +1569,9 @@ EQUIVALENT: dict[str, Equivalent] = {
         "whatever clears the fallback sets what is next anew, and a fallen-back collector passes no cloud message",
         (
             Edit(
-                "collector.gate",
-                "after = replace(collector, fell_back=True, next=None)",
-                "after = replace(collector, fell_back=True)",
+                "fence.gate",
+                "return replace(gate, fell_back=True, next=None, held=_nothing(gate))",
+                "return replace(gate, fell_back=True, held=_nothing(gate))",
             ),
         ),
     ),

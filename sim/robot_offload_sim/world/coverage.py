@@ -301,11 +301,11 @@ def _robot_beat(cloud: lease.Cloud, beat: Beat, now_s: float) -> tuple[str, str]
 
 def _cloud_message(collector: Collector, index: int, envelope: Envelope, now_s: float) -> tuple[str, str]:
     fresh = envelope.age_s(now_s) <= collector.max_age_s
-    output, charge, following = collector.outputs[index], collector.charge, collector.next
+    charge, following, held = collector.charge, collector.next, collector.fence.held[index]
     if charge is not None and envelope.token == charge.token:
-        known, last = "current", output.last_sequence
+        known, last = "current", collector.fence.passed[index]
     elif following is not None and envelope.token == following.token:
-        known, last = "next", output.next_sequence
+        known, last = "next", -1 if held is None else held.sequence
     else:
         return "cloud message: foreign", "foreign but fresh" if fresh else ""
     if not fresh:
